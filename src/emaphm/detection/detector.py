@@ -277,7 +277,7 @@ class Detector:
                 f"{'; '.join(one.name for one in self.manoeuvres)}); teach it healthy recordings of this one"
             )
         for k in known:
-            load = cycle.cut(self.manoeuvres[k].command.size).load
+            load = cycle.along(self.manoeuvres[k].command, self.settings.rows_tolerance).load
             for place, at in enumerate(self.manoeuvres[k].loads):
                 if same_load(load, at.load, largest, self.settings):
                     return k, place
