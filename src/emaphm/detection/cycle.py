@@ -1,5 +1,6 @@
 """A recording as the detector sees it: one cycle of a manoeuvre, its channels less what a model explains."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -140,6 +141,27 @@ def cycle_of(recording: Recording, channels: Sequence[str], actuator: Actuator |
     return Cycle(
         np.stack(signals, axis=1), recording["command_rad"], load, recording.interval_s, recording.source
     )
+
+
+def check_each_once(cycles: Sequence[Cycle]) -> None:
+    """Refuse cycles that are the same, row by row: a cycle given twice would count as two.
+
+    Raises
+    ------
+    RecordingError
+        Two are the same.
+    """
+    first: dict[bytes, Cycle] = {}
+    for cycle in cycles:
+        content = hashlib.sha256()
+        for values in (cycle.signals, cycle.command, cycle.load):
+            content.update(np.ascontiguousarray(values).tobytes())
+        same = first.setdefault(content.digest(), cycle)
+        if same is not cycle:
+            raise RecordingError(
+                f"{cycle.source}: the same, row by row, as {same.source}; give each cycle once, or, if these "
+                "are simulations, with the noise of their sensors"
+            )
 
 
 def rms(values: Array) -> float:

@@ -10,7 +10,7 @@ from emaphm.arrays import Array
 from emaphm.detection.cycle import Cycle, rms, with_nearest
 from emaphm.detection.drift import drifting_loads
 from emaphm.detection.features import features_of
-from emaphm.detection.level import Level, learn_level
+from emaphm.detection.level import Level, learn_levels
 from emaphm.detection.segments import Segment, segments_of
 from emaphm.detection.settings import DetectorSettings
 from emaphm.errors import RecordingError
@@ -71,7 +71,7 @@ class Manoeuvre:
     loads
         Its loads.
     levels
-        Scatter and thresholds of one cycle, and of the mean of a run where all runs have several.
+        Scatter and thresholds of one cycle, and of means at the numbers of cycles that enough runs have.
     drifting
         Places of the loads at which healthy runs drift in the order in which they were given.
     """
@@ -149,8 +149,7 @@ def learn_manoeuvre(
         HealthyAtLoad(load[rows], np.nanmean(signals[at == k], axis=0), features[at == k].mean(axis=0))
         for k, load in enumerate(profiles)
     )
-    fewest = min(int(np.sum((runs == run) & (at == load))) for run, load in set(zip(runs, at, strict=True)))
-    levels = tuple(learn_level(features, runs, at, count, settings) for count in dict.fromkeys((1, fewest)))
+    levels = learn_levels(features, runs, at, settings)
     drifting = drifting_loads(features, runs, at, levels[0], settings)
     return Manoeuvre(command, first.interval_s, segments, scales, loads, levels, drifting)
 
