@@ -156,6 +156,29 @@ def test_what_is_no_such_file_is_refused(
     )
 
 
+def test_what_would_be_judged_wrongly_without_a_word_is_refused(
+    example: ModuleType, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = small(data, tmp_path / "normal.parquet", runs=3, loads=(20, 40))
+    code, out, err = ask(example, capsys, "--healthy", few, "--judge", data / "backlash1.parquet", "--json")
+    assert (code, out) == (2, "")
+    assert "normal: 3 healthy runs of profile 'trap' at 20 kgf, at least 4 are needed" in err
+    few = small(data, tmp_path / "normal.parquet", runs=5, loads=(40,))
+    code, out, err = ask(example, capsys, "--healthy", few, "--judge", data / "backlash1.parquet", "--json")
+    assert (code, out) == (2, "")
+    assert "normal: 5 healthy runs of profile 'trap', at least 6 are needed" in err
+    whole = data / "normal.parquet"
+    code, out, err = ask(example, capsys, "--healthy", whole, "--judge", few, "--json")
+    assert (code, out) == (2, "")
+    assert "two files have the same name" in err
+    turned = tmp_path / "turned.parquet"
+    frame = pl.read_parquet(whole)
+    frame.with_columns(-pl.col("set_point"), -pl.col("position_error")).write_parquet(turned)
+    code, out, err = ask(example, capsys, "--healthy", turned, "--judge", turned, "--json")
+    assert (code, out) == (2, "")
+    assert "set_point and load have opposite signs" in err
+
+
 def test_a_damaged_cycle_is_left_out_and_named(
     example: ModuleType, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

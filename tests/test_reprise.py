@@ -78,7 +78,12 @@ WRONG = {
     "no column condition": "date,frequency_hz,rms_A\n2017-10-02,1.0,2.5\n",
     "give dates as": "date,condition,frequency_hz,rms_A\nsoon,normal,1.0,2.5\n",
     "no sinusoid of 1 Hz": "date,condition,frequency_hz,rms_A\n2017-10-02,normal,2.0,2.5\n",
-    "1 tests; more than 4": "date,condition,frequency_hz,rms_A\n2017-10-02,normal,1.0,2.5\n",
+    "row 2 of column 'rms_A' is empty": (
+        "date,condition,frequency_hz,rms_A\n2017-10-02,normal,1.0,2.5\n2017-10-02,normal,1.0,\n"
+    ),
+    "1 of 1 tests are of the condition 'normal' first": (
+        "date,condition,frequency_hz,rms_A\n2017-10-02,normal,1.0,2.5\n"
+    ),
 }
 
 
@@ -93,3 +98,39 @@ def test_what_is_no_such_table_is_refused(
     assert message in err
     assert len(err.splitlines()) == 1
     assert ask(example, capsys, tmp_path / "none.csv")[0] == 2
+
+
+def test_the_limit_is_what_a_drive_gives_and_no_single_period(
+    example: ModuleType, frame: pl.DataFrame, judged: dict[str, Any]
+) -> None:
+    healthy = frame.filter(pl.col("date") <= example.date(2017, 6, 21))
+    fast = healthy.filter(pl.col("frequency_hz") == 4.0)["rms_A"].to_list()
+    # Of 404 periods, 1 % is four.
+    assert sorted(fast)[-6] <= judged["fails_at_A"] <= sorted(fast)[-4]
+    wrong = pl.int_range(pl.len()) == frame["frequency_hz"].index_of(4.0)
+    spoilt = frame.with_columns(rms_A=pl.when(wrong).then(400.0).otherwise(pl.col("rms_A")))
+    assert example.most_current(spoilt, example.date(2017, 6, 21), 1.0) < max(fast)
+
+
+def test_what_says_nothing_of_the_healthy_state_is_refused(example: ModuleType, frame: pl.DataFrame) -> None:
+    error = example.RecordingError
+    with pytest.raises(error, match="200 periods of the condition 'no_lubricant', where 100 are usual"):
+        example.judge(frame.with_columns(pl.col("condition").str.replace("_[0-9]$", "")))
+    with pytest.raises(error, match="0 of 16 tests are of the condition 'normal' first"):
+        example.judge(frame.with_columns(condition="worn_" + pl.col("condition")))
+    with pytest.raises(error, match="no sinusoid above 1 Hz on the healthy days"):
+        example.judge(frame.filter(pl.col("frequency_hz") == 1.0))
+    for level in (2.0, -1.0, float("nan")):
+        with pytest.raises(error, match=r"where 2\.5 A are healthy; give more with --fails-at"):
+            example.judge(frame, fails_at=level)
+
+
+@pytest.mark.parametrize("day", [(2017, 4, 18), (2017, 5, 23)])
+def test_without_a_healthy_day_the_next_condition_is_still_judged(
+    example: ModuleType, frame: pl.DataFrame, day: tuple[int, int, int]
+) -> None:
+    run = example.judge(frame.filter(pl.col("date") != example.date(*day))).to_dict()
+    assert next(one["date"] for one in run["tests"] if one["bound_A"] is not None) == "2017-07-31"
+    # As the page says of these days.
+    assert run["first_alarm"] == "2017-10-09"
+    assert [one["holds_jam"] for one in run["tests"][-3:]] == [True] * 3

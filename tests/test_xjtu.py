@@ -69,7 +69,12 @@ def test_what_is_no_such_table_is_refused(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "table.csv"
+    header = "hours,friction_torque_upper,friction_torque_lower\n"
+    later = header + "".join(f"{1000 + 35 * k},0.4,0.5\n" for k in range(30))
+    minutes = header + "".join(f"{60 * 35 * k},0.4,0.5\n" for k in range(30))
     for content, message in (
+        (later, "hours begin at 1000; count them from 0"),
+        (minutes, "30 readings at 30 speeds, less than two a speed"),
         ("hours,friction_torque_upper\n0,1\n", "no column friction_torque_lower"),
         ("hours,friction_torque_upper,friction_torque_lower\n0,1,1\n", "give more than 8 rows"),
         ("hours,friction_torque_upper,friction_torque_lower\n0,x,1\n", "cannot be read"),

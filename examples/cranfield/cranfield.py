@@ -11,6 +11,7 @@ Actuators", IEEE Transactions on Instrumentation and Measurement 67(9), 2018. Co
 import argparse
 import json
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,10 +84,8 @@ def main() -> int:
         healthy = read(arguments.healthy)
         # The healthy file itself is always judged, by runs left out.
         others = [path for path in arguments.judge if path.resolve() != arguments.healthy.resolve()]
-        if len({path.stem for path in others}) < len(others):
-            raise RecordingError(
-                "two files to judge have the same name; rename one, as names tell sets apart"
-            )
+        if len({path.stem for path in (arguments.healthy, *others)}) < 1 + len(others):
+            raise RecordingError("two files have the same name; rename one, as names tell sets apart")
         sets = {path.stem: read(path) for path in others}
         judged, left_out = judge_all(arguments.healthy.stem, healthy, sets)
     except EmaphmError as error:
@@ -163,6 +162,7 @@ def judge_all(
     healthy_name: str, healthy: dict[Run, list[Recording]], sets: dict[str, dict[Run, list[Recording]]]
 ) -> tuple[dict[str, Judged], list[LeftOut]]:
     """Return each set as the healthy runs judge it, the healthy one first, by runs left out."""
+    check_healthy(healthy_name, healthy)
     recordings = [one for cycles in healthy.values() for one in cycles]
     groups = [run for run, cycles in healthy.items() for _ in cycles]
     left_out = list(judged_left_out(recordings, groups))
@@ -172,6 +172,34 @@ def judge_all(
     for name, runs in sets.items():
         judged[name] = judge_set(known_runs(name, runs, healthy, detector), detector, currents)
     return judged, left_out
+
+
+def check_healthy(name: str, healthy: dict[Run, list[Recording]]) -> None:
+    """Refuse healthy runs too few to leave one out, or whose current falls as the load rises.
+
+    Raises
+    ------
+    RecordingError
+        They are so.
+    """
+    at_loads, of_profiles = Counter(run[:2] for run in healthy), Counter(run[0] for run in healthy)
+    counts = [
+        (f"profile '{profile}' at {load / KGF:g} kgf", found, DETECTOR.fewest_runs_of_load)
+        for (profile, load), found in at_loads.items()
+    ]
+    counts += [(f"profile '{one}'", found, DETECTOR.fewest_runs) for one, found in of_profiles.items()]
+    for what, found, fewest in counts:
+        if found <= fewest:
+            raise RecordingError(
+                f"{name}: {found} healthy runs of {what}, at least {fewest + 1} are needed: each is judged "
+                "without itself; record more, or leave these out"
+            )
+    pairs = [(one, run[1]) for run, cycles in stroke_currents(healthy).items() for one in cycles]
+    if current_per_load([one for one, _ in pairs], [load for _, load in pairs]) <= 0:
+        raise RecordingError(
+            f"{name}: the current of down-strokes falls as the load rises: set_point and load have opposite "
+            "signs; turn that of one"
+        )
 
 
 def judge_healthy(healthy: dict[Run, list[Recording]], left_out: list[LeftOut]) -> Judged:

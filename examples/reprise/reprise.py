@@ -37,8 +37,17 @@ FILE = DATA / "reprise" / "phase_current_features_5mm.csv"
 
 NEEDED = ("date", "condition", "frequency_hz", "rms_A")
 
-BASELINE = 4
-"""First tests, which say what healthy is: few, so that many are judged; all with normal lubricant."""
+HEALTHY = "normal"
+"""Condition of the first tests, which say what healthy is: those up to the first of another condition."""
+
+FEWEST_HEALTHY = 3
+"""Of them: from two, the prediction bound of the alarm is 39 standard deviations wide."""
+
+EXCEEDED = 0.01
+"""Share of a sinusoid's periods that exceed the most current the drive gives: those may be errors."""
+
+MOST_PERIODS = 1.5
+"""Of the usual number in a test; with more, two tests of a day have the same condition."""
 
 FALSE_ALARM = 0.01
 """Probability that an ordinary test alarms."""
@@ -177,6 +186,8 @@ def read(path: Path) -> pl.DataFrame:
     missing = [name for name in NEEDED if name not in frame.columns]
     if missing:
         raise RecordingError(f"{path}: no column {', '.join(missing)}; give the table of REPRISE's features")
+    for name in NEEDED:
+        _check_filled(path, frame[name])
     try:
         return frame.with_columns(
             pl.col("date").cast(pl.String).str.to_date("%Y-%m-%d"),
@@ -185,6 +196,17 @@ def read(path: Path) -> pl.DataFrame:
         ).sort("date", maintain_order=True)
     except pl.exceptions.PolarsError as error:
         raise RecordingError(f"{path}: {str(error).splitlines()[0]}; give dates as 2017-10-02") from None
+
+
+def _check_filled(path: Path, column: pl.Series) -> None:
+    empty = column.is_null()
+    if column.dtype.is_float():
+        empty = empty | ~column.is_finite().fill_null(value=False)
+    if empty.any():
+        raise RecordingError(
+            f"{path}: row {int(empty.arg_true()[0]) + 1} of column '{column.name}' is empty or not a finite "
+            "number; correct it, or take the row out (rows count from 1, the header not included)"
+        )
 
 
 def tests_of(frame: pl.DataFrame, frequency: float) -> list[Test]:
@@ -196,20 +218,31 @@ def tests_of(frame: pl.DataFrame, frequency: float) -> list[Test]:
             f"no sinusoid of {frequency:g} Hz; there are {', '.join(f'{x:g}' for x in known)}"
         )
     found: list[Test] = []
+    usual = float(np.median(rows.group_by("date", "condition").len()["len"].to_numpy()))
     for (day, condition), periods in rows.group_by("date", "condition", maintain_order=True):
         assert isinstance(day, date)  # noqa: S101 - for the type checker
+        if len(periods) > MOST_PERIODS * usual:
+            raise RecordingError(
+                f"{day}: {len(periods)} periods of the condition '{condition}', where {usual:g} are usual; "
+                "give two tests of a day different conditions"
+            )
         rms = float(np.median(periods["rms_A"].to_numpy()))
-        if not np.isfinite(rms):
-            raise RecordingError(f"{day}: the current is not finite; take that day's rows out")
         of_day = sum(one.day == day for one in found)
         first = found[0].day if found else day
         hours = DAY * (day - first).days + APART * of_day
         found.append(Test(day, str(condition), hours, rms, DEAD_SENSOR[0] <= day <= DEAD_SENSOR[1]))
-    if len(found) <= BASELINE:
-        raise RecordingError(
-            f"{len(found)} tests; more than {BASELINE} are needed, the first for what is healthy"
-        )
     return found
+
+
+def healthy_number(tests: list[Test]) -> int:
+    """Return how many tests, the first ones, say what healthy is."""
+    number = next((k for k, one in enumerate(tests) if one.condition != HEALTHY), len(tests))
+    if number < FEWEST_HEALTHY or number == len(tests):
+        raise RecordingError(
+            f"{number} of {len(tests)} tests are of the condition '{HEALTHY}' first; give at least "
+            f"{FEWEST_HEALTHY}, which say what is healthy, and a test after them"
+        )
+    return number
 
 
 def judge(frame: pl.DataFrame, frequency: float = 1.0, fails_at: float | None = None, seed: int = 0) -> Run:
@@ -221,12 +254,17 @@ def judge(frame: pl.DataFrame, frequency: float = 1.0, fails_at: float | None = 
     from scipy.stats import t as student
 
     tests = tests_of(frame, frequency)
-    healthy = float(np.mean([one.rms for one in tests[:BASELINE]]))
+    first = healthy_number(tests)
+    ordinary = [one.rms for one in tests[:first]]
+    healthy = float(np.mean(ordinary))
     if fails_at is None:
-        fails_at = most_current(frame, tests[BASELINE - 1].day)
-    ordinary = [one.rms for one in tests[:BASELINE]]
-    judged = [Judged(one, None, alarm=False, prognosis=None) for one in tests[:BASELINE]]
-    for i in range(BASELINE, len(tests)):
+        fails_at = most_current(frame, tests[first - 1].day, frequency)
+    if not fails_at > healthy:
+        raise RecordingError(
+            f"it fails at {fails_at:g} A, where {healthy:.3g} A are healthy; give more with --fails-at"
+        )
+    judged = [Judged(one, None, alarm=False, prognosis=None) for one in tests[:first]]
+    for i in range(first, len(tests)):
         one, n = tests[i], len(ordinary)
         deviation = float(np.std(ordinary, ddof=1))
         of_one = np.hypot(deviation, PHASES_DIFFER * one.rms if one.two_phases else 0.0)
@@ -253,13 +291,25 @@ def judge(frame: pl.DataFrame, frequency: float = 1.0, fails_at: float | None = 
     return Run(tuple(judged), healthy, fails_at, frequency)
 
 
-def most_current(frame: pl.DataFrame, until: date) -> float:
-    """Return the largest RMS current [A] of one period, of any frequency, on the days up to `until`.
+def most_current(frame: pl.DataFrame, until: date, frequency: float) -> float:
+    """Return the most RMS current [A] of a period, of any frequency, on the days up to `until`.
 
     The most that the drive was seen to give when it was healthy: an actuator whose friction takes all of it
-    in a slow motion has nothing left to move a load.
+    in a slow motion has nothing left to move a load. Of a frequency, `EXCEEDED` of its periods have more.
+
+    Raises
+    ------
+    RecordingError
+        No sinusoid is faster than `frequency` [Hz]: how much the drive can give was not seen.
     """
-    return float(np.max(frame.filter(pl.col("date") <= until)["rms_A"].to_numpy()))
+    healthy = frame.filter(pl.col("date") <= until)
+    if not (healthy["frequency_hz"] > frequency).any():
+        raise RecordingError(
+            f"no sinusoid above {frequency:g} Hz on the healthy days, to see the most that the drive gives; "
+            "state the current at which it fails with --fails-at"
+        )
+    each = healthy.group_by("frequency_hz").agg(pl.col("rms_A").quantile(1 - EXCEEDED, "linear"))
+    return float(np.max(each["rms_A"].to_numpy()))
 
 
 def reading(test: Test, share: float) -> Reading:
@@ -329,6 +379,7 @@ def draw(run: Run) -> "Figure":
     style_axis(current, f"RMS current at {run.frequency:g} Hz, grey: no lubricant", "", "A")
     legend_beside_title(current, columns=5)
     top = 60.0
+    first = len(run.judged) - len(run.monitored)
     for k, one in zip(x, run.judged, strict=True):
         if one.prognosis is None or one.interval90 is None:
             continue
@@ -340,10 +391,10 @@ def draw(run: Run) -> "Figure":
             linewidth=5,
             alpha=0.35,
             solid_capstyle="butt",
-            label="90 %" if k == BASELINE else "",
+            label="90 %" if k == first else "",
         )
         median = min(one.prognosis.median / DAY, top)
-        rul.plot(k, median, "o", color=BLUE, markersize=4, label="median" if k == BASELINE else "")
+        rul.plot(k, median, "o", color=BLUE, markersize=4, label="median" if k == first else "")
     truth = [min(one.to_jam, top) for one in run.judged]
     rul.plot(x, truth, "k_", markersize=14, label="days to 13 October, after which it jammed")
     rul.set_ylim(-1, top * 1.03)

@@ -145,7 +145,19 @@ def read(path: Path) -> tuple[Array, dict[str, Array]]:
         ) from None
     if len(table) <= FEWEST or not np.all(np.isfinite(table)) or not np.all(np.diff(table[:, 0]) > 0):
         raise RecordingError(f"{path}: give more than {FEWEST} rows of numbers, by rising hours")
-    return table[:, 0], {name: table[:, i + 1] for i, name in enumerate(SCREWS)}
+    hours = table[:, 0]
+    if hours[0] != 0:
+        raise RecordingError(
+            f"{path}: hours begin at {hours[0]:g}; count them from 0, when the screws were new: the speeds "
+            "follow from them, and the limit from the first torque"
+        )
+    speeds = np.unique(speed_number(hours)).size
+    if len(hours) < 2 * speeds:
+        raise RecordingError(
+            f"{path}: {len(hours)} readings at {speeds} speeds, less than two a speed; give hours: a speed "
+            f"lasts {HOURS_A_SPEED:g} of them"
+        )
+    return hours, {name: table[:, i + 1] for i, name in enumerate(SCREWS)}
 
 
 def speed_number(hours: Array) -> Array:

@@ -140,6 +140,12 @@ def test_left_out_runs_are_judged_without_themselves() -> None:
     assert len(judged["odd"].cycles) == 2
 
 
+def test_too_few_runs_to_leave_one_out_are_counted_as_they_are() -> None:
+    recordings, _ = runs(HEALTHY, 5, seed=27)
+    with pytest.raises(RecordingError, match=r"4 healthy runs .*counted without run a, which is left out"):
+        list(judged_left_out(recordings, "abcde"))
+
+
 def test_saved_and_loaded_it_says_the_same(detector: Detector, tmp_path: Path) -> None:
     taught = detector.with_seeded({"friction": runs(WORN, 2, seed=15)[0]})
     taught.save(tmp_path / "detector.json")

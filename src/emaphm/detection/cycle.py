@@ -1,5 +1,6 @@
 """A recording as the detector sees it: one cycle of a manoeuvre, its channels less what a model explains."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
+from emaphm.detection.row_offset import row_offset
 from emaphm.errors import RecordingError
 from emaphm.estimation.replay import replay
 from emaphm.recording import Recording
@@ -38,10 +40,28 @@ class Cycle:
     interval_s: float
     source: str
 
-    def cut(self, rows: int) -> "Cycle":
-        """Return the cycle with that many rows: without its last ones, or with the last repeated."""
-        keep = np.minimum(np.arange(rows), self.command.size - 1)
-        return Cycle(self.signals[keep], self.command[keep], self.load[keep], self.interval_s, self.source)
+    def along(self, command: Array, most_share: float) -> "Cycle":
+        """Return the cycle at the rows of `command` (rows,), with its own command where that one is.
+
+        Loggers do not begin every cycle at the same row: one that lacks its first is not taken for one that
+        lags. In rows that it lacks, its signals are NaN, and its command and load those of the nearest row.
+
+        Parameters
+        ----------
+        most_share
+            By which share of the rows it may begin earlier or later.
+        """
+        most = max(1, int(most_share * command.size))
+        rows = np.arange(command.size) - row_offset(self.command, command, most)
+        keep = np.clip(rows, 0, self.command.size - 1)
+        signals = np.where((rows == keep)[:, np.newaxis], self.signals[keep], np.nan)
+        return Cycle(signals, self.command[keep], self.load[keep], self.interval_s, self.source)
+
+
+def with_nearest(residuals: Array) -> Array:
+    """Return residuals (rows, channels) whose rows of NaN, at the ends, are the nearest other row."""
+    known = np.flatnonzero(~np.isnan(residuals[:, 0]))
+    return residuals[np.clip(np.arange(len(residuals)), known[0], known[-1])]
 
 
 def common_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
@@ -121,6 +141,27 @@ def cycle_of(recording: Recording, channels: Sequence[str], actuator: Actuator |
     return Cycle(
         np.stack(signals, axis=1), recording["command_rad"], load, recording.interval_s, recording.source
     )
+
+
+def check_each_once(cycles: Sequence[Cycle]) -> None:
+    """Refuse cycles that are the same, row by row: a cycle given twice would count as two.
+
+    Raises
+    ------
+    RecordingError
+        Two are the same.
+    """
+    first: dict[bytes, Cycle] = {}
+    for cycle in cycles:
+        content = hashlib.sha256()
+        for values in (cycle.signals, cycle.command, cycle.load):
+            content.update(np.ascontiguousarray(values).tobytes())
+        same = first.setdefault(content.digest(), cycle)
+        if same is not cycle:
+            raise RecordingError(
+                f"{cycle.source}: the same, row by row, as {same.source}; give each cycle once, or, if these "
+                "are simulations, with the noise of their sensors"
+            )
 
 
 def rms(values: Array) -> float:

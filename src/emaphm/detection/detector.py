@@ -10,7 +10,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
-from emaphm.detection.cycle import Cycle, common_channels, cycle_of
+from emaphm.detection.cycle import Cycle, check_each_once, common_channels, cycle_of
 from emaphm.detection.features import feature_names
 from emaphm.detection.level import Level
 from emaphm.detection.manoeuvre import (
@@ -79,7 +79,8 @@ class Detector:
         Raises
         ------
         RecordingError
-            Too few runs, no channel in common, or a recording cannot be meant for the actuator.
+            Too few runs, no channel in common, a recording is given twice, or cannot be meant for the
+            actuator.
         MethodError
             `groups` has another length, a rate is impossible, or scikit-learn is not installed.
         """
@@ -111,6 +112,7 @@ class Detector:
                 f"a rate of false alarms of {settings.false_alarm_rate:g} is impossible; give one between "
                 "0 and 1, e.g. 0.01"
             )
+        check_each_once(cycles)
         largest = max(float(np.abs(one.load).max()) for one in cycles)
         manoeuvres = []
         rest = list(range(len(cycles)))
@@ -159,7 +161,8 @@ class Detector:
         Raises
         ------
         RecordingError
-            The manoeuvre or the load was never seen healthy, cycles differ in them, or a channel is missing.
+            The manoeuvre or the load was never seen healthy, cycles differ in them, one is given twice, or a
+            channel is missing.
         """
         given = [recordings] if isinstance(recordings, Recording) else list(recordings)
         return self.judge_cycles([cycle_of(one, self.channels, self.actuator) for one in given])
@@ -168,6 +171,7 @@ class Detector:
         """Judge cycles that were prepared before, together; errors as in `judge`."""
         if not cycles:
             raise RecordingError("no recording to judge; give one cycle at least")
+        check_each_once(cycles)
         places = [self._place(one) for one in cycles]
         for cycle, place in zip(cycles, places, strict=True):
             if place != places[0]:
@@ -182,6 +186,7 @@ class Detector:
         return DetectorResult(
             recording=cycles[0].source,
             cycles=len(cycles),
+            level_cycles=level.cycles,
             manoeuvre=f"{manoeuvre.name}, {at.name}",
             t2=float(level.scatter.t2(deviation)[0]),
             q=float(level.scatter.q(deviation)[0]),
@@ -256,9 +261,7 @@ class Detector:
         lines = [f"Looks at {', '.join(self.channels)}{', less the model' if self.actuator else ''}."]
         for one in self.manoeuvres:
             lines.append(f"{one.name}: {', '.join(load.name for load in one.loads)}.")
-            for level in one.levels:
-                what = "single cycles" if level.cycles == 1 else f"means of {level.cycles} cycles or more"
-                lines.append(f"  {what}: {self.shown(level)}.")
+            lines += [f"  {level.name}: {self.shown(level)}." for level in one.levels]
             if one.drifting:
                 lines.append(f"  Note: {drift_note([one.loads[place] for place in one.drifting])}.")
         if self.seeded:
@@ -277,7 +280,7 @@ class Detector:
                 f"{'; '.join(one.name for one in self.manoeuvres)}); teach it healthy recordings of this one"
             )
         for k in known:
-            load = cycle.cut(self.manoeuvres[k].command.size).load
+            load = cycle.along(self.manoeuvres[k].command, self.settings.rows_tolerance).load
             for place, at in enumerate(self.manoeuvres[k].loads):
                 if same_load(load, at.load, largest, self.settings):
                     return k, place

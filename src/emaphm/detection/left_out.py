@@ -8,6 +8,7 @@ from emaphm.detection.cycle import common_channels, cycle_of
 from emaphm.detection.detector import Detector
 from emaphm.detection.result import DetectorResult
 from emaphm.detection.settings import DETECTOR, DetectorSettings
+from emaphm.errors import RecordingError
 from emaphm.recording import Recording
 
 
@@ -48,9 +49,12 @@ def judged_left_out(
     for group in dict.fromkeys(groups):
         inside = [k for k, one in enumerate(groups) if one == group]
         others = [k for k, one in enumerate(groups) if one != group]
-        detector = Detector.of_cycles(
-            [cycles[k] for k in others], [groups[k] for k in others], channels, actuator, settings
-        )
+        try:
+            detector = Detector.of_cycles(
+                [cycles[k] for k in others], [groups[k] for k in others], channels, actuator, settings
+            )
+        except RecordingError as error:
+            raise RecordingError(f"{error} (counted without run {group}, which is left out)") from None
         yield LeftOut(
             group,
             tuple(detector.judge_cycles([cycles[k]]) for k in inside),

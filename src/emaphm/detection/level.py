@@ -37,11 +37,40 @@ class Level:
     alarms: int
     runs: int
 
+    @property
+    def name(self) -> str:
+        """What is judged, in words."""
+        return level_name(self.cycles)
+
     def exceeds(self, deviations: Array) -> NDArray[np.bool_]:
         """Return whether each of `deviations` (n, p) exceeds a threshold: (n,)."""
         return (self.scatter.t2(deviations) > self.t2_threshold) | (
             self.scatter.q(deviations) > self.q_threshold
         )
+
+
+def level_name(cycles: int) -> str:
+    """Return what the level of that number of cycles judges, in words."""
+    return "single cycles" if cycles == 1 else f"means of {cycles} cycles or more"
+
+
+def learn_levels(
+    features: Array, runs: Labels, loads: Labels, settings: DetectorSettings
+) -> tuple[Level, ...]:
+    """Return the level of single cycles, then those of means at numbers of cycles that enough runs have.
+
+    Each is learned from the runs that have so many: a short run takes no level from the others. A number that
+    is not twice that of the level before has none of its own. Arguments as in `learn_level`.
+    """
+    _, of, counts = np.unique(
+        np.stack([runs, loads], axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    levels = [learn_level(features, runs, loads, 1, settings)]
+    for cycles in np.unique(counts).tolist():
+        taken = (counts >= cycles)[of]
+        if cycles >= 2 * levels[-1].cycles and _enough(runs, loads, taken, settings):
+            levels.append(learn_level(features[taken], runs[taken], loads[taken], cycles, settings))
+    return tuple(levels)
 
 
 def learn_level(
@@ -81,6 +110,18 @@ def learn_level(
     scatter = _scatter(features, runs, loads, cycles, settings)
     energy = float(np.mean(np.concatenate(energies)))
     return Level(cycles, scatter, float(thresholds[0]), float(thresholds[1]), energy, alarms, order.size)
+
+
+def _enough(runs: Labels, loads: Labels, taken: NDArray[np.bool_], settings: DetectorSettings) -> bool:
+    """Return whether those `taken` (n,) are of enough runs for a level of their own.
+
+    Of as many as a manoeuvre and each of its loads need, and of half of all: the wide threshold of a few
+    runs hides more than the mean of their cycles shows.
+    """
+    at_loads = [np.unique(runs[taken & (loads == load)]).size for load in np.unique(loads)]
+    found = np.unique(runs[taken]).size
+    half = 2 * found >= np.unique(runs).size
+    return half and found >= settings.fewest_runs and min(at_loads) >= settings.fewest_runs_of_load
 
 
 def _scatter(

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.detection.cycle import Cycle, rms
+from emaphm.detection.cycle import Cycle, rms, with_nearest
 from emaphm.detection.drift import drifting_loads
 from emaphm.detection.features import features_of
-from emaphm.detection.level import Level, learn_level
+from emaphm.detection.level import Level, learn_levels
 from emaphm.detection.segments import Segment, segments_of
 from emaphm.detection.settings import DetectorSettings
 from emaphm.errors import RecordingError
@@ -71,7 +71,7 @@ class Manoeuvre:
     loads
         Its loads.
     levels
-        Scatter and thresholds of one cycle, and of the mean of a run where all runs have several.
+        Scatter and thresholds of one cycle, and of means at the numbers of cycles that enough runs have.
     drifting
         Places of the loads at which healthy runs drift in the order in which they were given.
     """
@@ -96,8 +96,9 @@ class Manoeuvre:
 
     def deviations(self, cycles: Sequence[Cycle], at: HealthyAtLoad, settings: DetectorSettings) -> Array:
         """Return the features of `cycles` less the healthy ones at that load, (cycles, features)."""
-        signals = np.stack([one.cut(self.command.size).signals for one in cycles])
-        return features_of(signals - at.mean, self.segments, self.scales, settings) - at.centre
+        signals = [one.along(self.command, settings.rows_tolerance).signals for one in cycles]
+        residuals = np.stack([with_nearest(one - at.mean) for one in signals])
+        return features_of(residuals, self.segments, self.scales, settings) - at.centre
 
 
 def command_difference(command: Array, interval_s: float, cycle: Cycle, settings: DetectorSettings) -> str:
@@ -107,7 +108,7 @@ def command_difference(command: Array, interval_s: float, cycle: Cycle, settings
     if abs(cycle.command.size / command.size - 1) > settings.rows_tolerance:
         return f"{cycle.command.size} rows, not {command.size}"
     size = float(np.ptp(command)) or float(np.abs(command).max())
-    difference = rms(cycle.cut(command.size).command - command) / size
+    difference = rms(cycle.along(command, settings.rows_tolerance).command - command) / size
     if difference > settings.command_tolerance:
         return f"its command differs by {100 * difference:.3g} % of the range"
     return ""
@@ -127,27 +128,30 @@ def learn_manoeuvre(
         There are too few runs, of the manoeuvre or of one of its loads.
     """
     first = cycles[0]
-    signals = np.stack([one.cut(first.command.size).signals for one in cycles])
+    aligned = [one.along(first.command, settings.rows_tolerance) for one in cycles]
     numbers = {group: k for k, group in enumerate(dict.fromkeys(groups))}
     runs = np.array([numbers[group] for group in groups])
-    profiles, at = _loads(cycles, first.command.size, largest_load, settings)
+    profiles, at = _loads(aligned, largest_load, settings)
     _check_runs(cycles, runs, at, settings)
+    signals = np.stack([one.signals for one in aligned])
+    rows = _rows_of_several(signals, runs, at)
+    signals, command = signals[:, rows], first.command[rows]
     residuals = np.empty_like(signals)
     for k in range(len(signals)):
-        residuals[k] = signals[k] - signals[(at == at[k]) & (runs != runs[k])].mean(axis=0)
-    sizes = np.abs(signals).max(axis=(0, 1))
+        others = signals[(at == at[k]) & (runs != runs[k])]
+        residuals[k] = with_nearest(signals[k] - np.nanmean(others, axis=0))
+    sizes = np.nanmax(np.abs(signals), axis=(0, 1))
     scales = np.sqrt(np.mean(residuals**2, axis=(0, 1)))
     scales = np.maximum(scales, np.where(sizes > 0, LEAST_SCALE * sizes, 1.0))
-    segments = segments_of(first.command, settings)
+    segments = segments_of(command, settings)
     features = features_of(residuals, segments, scales, settings)
     loads = tuple(
-        HealthyAtLoad(load, signals[at == k].mean(axis=0), features[at == k].mean(axis=0))
+        HealthyAtLoad(load[rows], np.nanmean(signals[at == k], axis=0), features[at == k].mean(axis=0))
         for k, load in enumerate(profiles)
     )
-    fewest = min(int(np.sum((runs == run) & (at == load))) for run, load in set(zip(runs, at, strict=True)))
-    levels = tuple(learn_level(features, runs, at, count, settings) for count in dict.fromkeys((1, fewest)))
+    levels = learn_levels(features, runs, at, settings)
     drifting = drifting_loads(features, runs, at, levels[0], settings)
-    return Manoeuvre(first.command, first.interval_s, segments, scales, loads, levels, drifting)
+    return Manoeuvre(command, first.interval_s, segments, scales, loads, levels, drifting)
 
 
 def same_load(one: Array, other: Array, largest: float, settings: DetectorSettings) -> bool:
@@ -159,19 +163,26 @@ def same_load(one: Array, other: Array, largest: float, settings: DetectorSettin
     return bool(rms(one - other) <= max(settings.load_tolerance * largest, LOAD_NOISE * noise))
 
 
-def _loads(
-    cycles: Sequence[Cycle], rows: int, largest: float, settings: DetectorSettings
-) -> tuple[list[Array], Groups]:
+def _loads(cycles: Sequence[Cycle], largest: float, settings: DetectorSettings) -> tuple[list[Array], Groups]:
     """Return the different loads, (rows,) each, and which of them each cycle has, (cycles,)."""
     profiles: list[Array] = []
     at = []
     for cycle in cycles:
-        load = cycle.cut(rows).load
-        known = [k for k, one in enumerate(profiles) if same_load(load, one, largest, settings)]
+        known = [k for k, one in enumerate(profiles) if same_load(cycle.load, one, largest, settings)]
         if not known:
-            profiles.append(load)
+            profiles.append(cycle.load)
         at.append(known[0] if known else len(profiles) - 1)
     return profiles, np.array(at)
+
+
+def _rows_of_several(signals: Array, runs: Groups, at: Groups) -> NDArray[np.bool_]:
+    """Return which rows of `signals` (cycles, rows, channels) two runs or more have at each load, (rows,)."""
+    known = ~np.isnan(signals[:, :, 0])
+    rows = np.ones(signals.shape[1], dtype=bool)
+    for load in np.unique(at):
+        having = [known[(at == load) & (runs == run)].any(axis=0) for run in np.unique(runs[at == load])]
+        rows &= np.sum(having, axis=0) >= 2
+    return rows
 
 
 def _check_runs(cycles: Sequence[Cycle], runs: Groups, at: Groups, settings: DetectorSettings) -> None:

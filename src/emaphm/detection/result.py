@@ -4,6 +4,7 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from emaphm.detection.level import level_name
 from emaphm.recording.schema import SCHEMA
 from emaphm.text_table import format_table
 
@@ -41,6 +42,10 @@ class DetectorResult:
 
     Attributes
     ----------
+    cycles
+        How many were judged together.
+    level_cycles
+        Whose scatter judged them: 1, that of single cycles; else that of means of so many cycles or more.
     t2, q, t2_threshold, q_threshold
         The statistics and what a healthy one exceeds with the rate of false alarms in one of the two.
     contributions
@@ -55,6 +60,7 @@ class DetectorResult:
 
     recording: str
     cycles: int
+    level_cycles: int
     manoeuvre: str
     t2: float
     q: float
@@ -95,11 +101,13 @@ class DetectorResult:
         """The verdict in one sentence, without a full stop."""
         t2, q = self.t2 / self.t2_threshold, self.q / self.q_threshold
         if self.like_healthy:
-            return f"like healthy (T² {t2:.2g}, Q {q:.2g} × threshold)"
+            return f"like healthy (T² {t2:.2g}, Q {q:.2g} × threshold{self._coarse})"
         size = f"Q {q:.2g} × threshold" if q >= t2 else f"T² {t2:.2g} × threshold"
         channel, stroke, share = self._most()
         place = f"in the {stroke}" if stroke == "hold" else f"on the {stroke}"
-        text = f"not like healthy ({size}), mostly {_short(channel)} {place} ({100 * share:.0f} %)"
+        text = (
+            f"not like healthy ({size}{self._coarse}), mostly {_short(channel)} {place} ({100 * share:.0f} %)"
+        )
         if self.nearest is None:
             return text
         if self.nearest.alike:
@@ -111,6 +119,7 @@ class DetectorResult:
         return {
             "recording": self.recording,
             "cycles": self.cycles,
+            "level_cycles": self.level_cycles,
             "manoeuvre": self.manoeuvre,
             "like_healthy": self.like_healthy,
             "sentence": self.sentence,
@@ -160,9 +169,15 @@ class DetectorResult:
         lines = [f"{self.recording}: {self.sentence}."]
         if not self.like_healthy:
             lines.append(format_table(["channel", "segment", "feature", f"share of {statistic}"], rows))
-        return "\n".join(
-            [*lines, f"Thresholds for {100 * self.false_alarm_rate:g} % of false alarms. {self.shown}."]
-        )
+        rate = f"{100 * self.false_alarm_rate:g} % of false alarms, of {level_name(self.level_cycles)}"
+        return "\n".join([*lines, f"Thresholds for {rate}. {self.shown}."])
+
+    @property
+    def _coarse(self) -> str:
+        """Return that a mean was judged by the wider scatter of single cycles, or nothing."""
+        if self.cycles == 1 or self.level_cycles > 1:
+            return ""
+        return f", {self.cycles} cycles by the scatter of single ones"
 
     def _by_q(self) -> bool:
         return self.q / self.q_threshold >= self.t2 / self.t2_threshold

@@ -35,7 +35,8 @@ class DetectorSettings:
     load_tolerance
         Largest rms difference of two loads that count as one, as a share of the largest load learned.
     rows_tolerance
-        Largest relative difference in rows, and in sample rate, of cycles of one manoeuvre.
+        Largest relative difference in rows, and in sample rate, of cycles of one manoeuvre, and the share of
+        its rows by which they may begin earlier or later.
     drift_directions, drift_significance
         Principal directions in which healthy runs are tested for a drift with their order, and the
         significance of all tests together.

@@ -1,0 +1,75 @@
+"""By what the mean of a run is judged: by the scatter of means of healthy runs that are as long."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from emaphm.detection import Detector
+from emaphm.errors import RecordingError
+from emaphm.recording import Recording
+
+from .rig import Rig, runs
+
+HEALTHY = Rig(run_scatter=0.0)
+STIFF_UP = Rig(extra_up=0.03, run_scatter=0.0)
+
+
+def learned(lengths: Sequence[int], seed: int = 0) -> Detector:
+    """Return a detector learned from runs of those numbers of cycles."""
+    every, groups = runs(HEALTHY, len(lengths), seed, cycles=max(lengths))
+    kept = [k for k in range(len(every)) if k % max(lengths) < lengths[groups[k]]]
+    return Detector.learn([every[k] for k in kept], groups=[groups[k] for k in kept])
+
+
+def detected(detector: Detector, cycles: int = 5) -> float:
+    """Return the share of 40 stiff runs that the detector finds."""
+    stiff, _ = runs(STIFF_UP, 40, seed=1, cycles=cycles)
+    each = [stiff[k : k + cycles] for k in range(0, len(stiff), cycles)]
+    return float(np.mean([not detector.judge(one).like_healthy for one in each]))
+
+
+def numbers(detector: Detector) -> list[tuple[int, int]]:
+    """Return the cycles of each level, and the runs it was learned from."""
+    return [(one.cycles, one.runs) for one in detector.manoeuvres[0].levels]
+
+
+def test_a_short_healthy_run_takes_no_sensitivity_from_the_others() -> None:
+    even, uneven = learned([5] * 20), learned([5] * 7 + [1] + [5] * 12)
+    assert numbers(even) == [(1, 20), (5, 20)]
+    assert numbers(uneven) == [(1, 20), (5, 19)]
+    # Of 40 runs, the share has a standard error of 0.08 at most.
+    assert detected(uneven) == pytest.approx(detected(even), abs=0.1)
+    assert detected(uneven) > detected(learned([1] * 20)) + 0.3
+
+
+def test_a_level_needs_half_of_the_runs_and_twice_the_cycles_of_the_one_before() -> None:
+    assert numbers(learned([2] * 3 + [3] * 6 + [4] * 9)) == [(1, 18), (2, 18), (4, 9)]
+    assert numbers(learned([1] * 7 + [5] * 6)) == [(1, 13)]
+    assert numbers(learned([1] * 6 + [5] * 7)) == [(1, 13), (5, 7)]
+    assert numbers(learned([1] * 4 + [5] * 4)) == [(1, 8)]
+
+
+def test_a_result_says_which_level_judged_it() -> None:
+    detector = learned([5] * 10)
+    five, _ = runs(HEALTHY, 1, seed=3, cycles=5)
+    whole, part, single = detector.judge(five), detector.judge(five[:4]), detector.judge(five[0])
+    assert [one.level_cycles for one in (whole, part, single)] == [5, 1, 1]
+    assert "4 cycles by the scatter of single ones" in part.sentence
+    assert "scatter of single ones" not in whole.sentence + single.sentence
+    assert "false alarms, of means of 5 cycles or more." in str(whole)
+    assert part.to_dict()["level_cycles"] == 1
+
+
+def copied(recording: Recording) -> Recording:
+    return Recording(dict(recording.channels), "instant", "copy.csv")
+
+
+def test_a_cycle_given_twice_is_refused() -> None:
+    healthy, groups = runs(HEALTHY, 8, seed=4, cycles=2)
+    message = r"copy\.csv: the same, row by row, as rig; give each cycle once"
+    with pytest.raises(RecordingError, match=message):
+        Detector.learn([*healthy, copied(healthy[3])], groups=[*groups, "again"])
+    detector = Detector.learn(healthy, groups=groups)
+    with pytest.raises(RecordingError, match=message):
+        detector.judge([healthy[0], copied(healthy[0])])
