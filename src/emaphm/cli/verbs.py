@@ -152,7 +152,11 @@ def diagnose(
     ] = None,
     posterior: Annotated[
         bool,
-        Parameter(negative="", help="Sample the posterior too, some seconds: for estimates at a bound."),
+        Parameter(
+            negative="",
+            help="Sample the posterior too, for estimates at a bound: 5 to 20 times as long as the search, "
+            "minutes where a recording has thousands of rows.",
+        ),
     ] = False,
     estimator: Annotated[
         Path | None,
