@@ -96,7 +96,7 @@ def diagnose(
     seed, workers
         The same seed gives the same bits, whatever the number of threads.
     posterior
-        Whether to sample the posterior as well, by 60,000 to 100,000 simulations, at most some 260,000, where
+        Whether to sample the posterior as well, by 60,000 to 130,000 simulations, at most some 260,000, where
         a search takes 2,000 to 4,000: see `emaphm.estimation.posterior.mcmc`. Values and verdicts stay those
         of the search.
     starts

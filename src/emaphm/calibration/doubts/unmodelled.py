@@ -66,7 +66,7 @@ def _of_few_manoeuvres(fit: UnitFit) -> Iterator[str]:
     count = fit.uncertainty.manoeuvres
     if scatter or count > FEW:
         return
-    left = {}
+    left = dict[str, float]()
     for term, residual in zip(fit.joint.terms, _residuals(fit), strict=True):
         problem = term.objective.problem
         relative = _relative(residual, problem.recorded)
