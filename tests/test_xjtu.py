@@ -70,10 +70,10 @@ def test_what_is_no_such_table_is_refused(
 ) -> None:
     path = tmp_path / "table.csv"
     header = "hours,friction_torque_upper,friction_torque_lower\n"
-    later = header + "".join(f"{1000 + 35 * k},0.4,0.5\n" for k in range(30))
+    before = header + "".join(f"{35 * k - 70},0.4,0.5\n" for k in range(30))
     minutes = header + "".join(f"{60 * 35 * k},0.4,0.5\n" for k in range(30))
     for content, message in (
-        (later, "hours begin at 1000; count them from 0"),
+        (before, "hours from -70; count them from 0"),
         (minutes, "30 readings at 30 speeds, less than two a speed"),
         ("hours,friction_torque_upper\n0,1\n", "no column friction_torque_lower"),
         ("hours,friction_torque_upper,friction_torque_lower\n0,1,1\n", "give more than 8 rows"),
@@ -88,3 +88,15 @@ def test_what_is_no_such_table_is_refused(
         error = capsys.readouterr().err
         assert message in error
         assert len(error.splitlines()) == 1
+
+
+def test_a_table_that_begins_later_is_judged_with_a_note(
+    example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "table.csv"
+    rows = [f"{35 * k},{0.4 - 0.002 * k},{0.5 - 0.002 * k}" for k in range(1, 30)]
+    path.write_text("hours,friction_torque_upper,friction_torque_lower\n" + "\n".join(rows) + "\n")
+    hours, torques = example.read(path)
+    assert hours[0] == 35.0
+    assert torques["lower"].size == 29
+    assert "hours begin at 35; the speeds follow from hours since new" in capsys.readouterr().err

@@ -146,11 +146,11 @@ def read(path: Path) -> tuple[Array, dict[str, Array]]:
     if len(table) <= FEWEST or not np.all(np.isfinite(table)) or not np.all(np.diff(table[:, 0]) > 0):
         raise RecordingError(f"{path}: give more than {FEWEST} rows of numbers, by rising hours")
     hours = table[:, 0]
-    if hours[0] != 0:
-        raise RecordingError(
-            f"{path}: hours begin at {hours[0]:g}; count them from 0, when the screws were new: the speeds "
-            "follow from them, and the limit from the first torque"
-        )
+    if hours[0] < 0:
+        raise RecordingError(f"{path}: hours from {hours[0]:g}; count them from 0, when the screws were new")
+    if hours[0] > 0:
+        note = "the speeds follow from hours since new, and the limit is a share of the first torque given"
+        print(f"xjtu: {path}: hours begin at {hours[0]:g}; {note}", file=sys.stderr)
     speeds = np.unique(speed_number(hours)).size
     if len(hours) < 2 * speeds:
         raise RecordingError(
