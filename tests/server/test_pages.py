@@ -1,6 +1,7 @@
 """What the pages show is what the history holds, in the order that is asked for."""
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING
 
@@ -71,6 +72,14 @@ def test_a_page_of_a_unit_has_all_that_is_known_of_it(client: "TestClient") -> N
     for part in ("SN-0002", "flight 8.csv", "suspected", "slow to respond", "backlash degraded", "Fan chart"):
         assert part in text
     assert "friction is degraded" in client.get("/units/2").text
+
+
+def test_a_unit_that_failed_has_no_remaining_life(client: "TestClient", state: "ServerState") -> None:
+    kept = state.history.prognoses()["SN-0002"]
+    document = {**kept.document, "failed_at_hours": 160.0}
+    state.history.keep_prognosis("SN-0002", replace(kept, document=document, at="2099-01-02T00:00:00Z"))
+    assert client.get("/?search=0002").text.count("failed at 160") == 1
+    assert "none: failed at 160" in client.get("/units/3").text
 
 
 def test_a_diagnosis_names_its_verdicts_and_its_residual(client: "TestClient") -> None:

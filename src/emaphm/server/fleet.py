@@ -30,8 +30,9 @@ class FleetRow:
     """A unit: its last flight, its last diagnosis, and its prognosis, null where there is none yet.
 
     Hours are flight hours [h]; `rul_low`, `rul_high` the ends of the 90 % interval, null beyond what is
-    forecast; `alarms` are those that were raised and not cleared; `advice` is good for `advice_in` hours from
-    the prognosis on, at `advice_at`; `current` says whether the prognosis covers all that was added.
+    forecast; `failed_at` when the unit failed, null while it is in service; `alarms` are those that were
+    raised and not cleared; `advice` is good for `advice_in` hours from the prognosis on, at `advice_at`;
+    `current` says whether the prognosis covers all that was added.
     """
 
     id: int
@@ -59,6 +60,7 @@ class FleetRow:
     rul_low: float | None
     rul_high: float | None
     fails_first: str | None
+    failed_at: float | None
     current: bool
 
     @property
@@ -251,6 +253,7 @@ def _forecast(prognosis: KeptPrognosis | None) -> dict[str, Any]:
         "rul_low": low,
         "rul_high": high,
         "fails_first": document.get("requirement"),
+        "failed_at": document.get("failed_at_hours"),
     }
 
 
