@@ -59,7 +59,7 @@ def learn_levels(
 ) -> tuple[Level, ...]:
     """Return the level of single cycles, then those of means at numbers of cycles that enough runs have.
 
-    Each is learned from the runs that have so many: a short run takes no level from the others. A number that
+    Each is learned from the runs that have as many: a short run takes no level from the others. A number that
     is not twice that of the level before has none of its own. Arguments as in `learn_level`.
     """
     _, of, counts = np.unique(

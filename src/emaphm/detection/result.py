@@ -45,7 +45,7 @@ class DetectorResult:
     cycles
         How many were judged together.
     level_cycles
-        Whose scatter judged them: 1, that of single cycles; else that of means of so many cycles or more.
+        Whose scatter judged them: 1, that of single cycles; else that of means of as many cycles.
     t2, q, t2_threshold, q_threshold
         The statistics and what a healthy one exceeds with the rate of false alarms in one of the two.
     contributions
