@@ -23,6 +23,7 @@ from typing import Any
 
 from emaphm.errors import ExecutionError, OutputError
 from emaphm.execution.tasks import Outcome, Task
+from emaphm.output_files import OTHERWISE
 
 PATIENCE_S = 60.0
 """Longest wait for another process that is writing."""
@@ -32,7 +33,6 @@ REMEDIES = {
     "unable to open": "create the folder and make it writable, or give another place",
     "locked": "another process writes there; try again when that has ended",
 }
-OTHERWISE = "free space there, or give another place"
 """What to do, by what SQLite says in its own words."""
 
 TABLES = """\

@@ -131,8 +131,11 @@ def estimator_at(path: str | Path, digest: str | None = None) -> Estimator:
         found = resolved.stat()
     except (OSError, ValueError):
         return Estimator.load(resolved)  # which says what is wrong
-    estimator, held = _read(resolved.absolute(), found.st_mtime_ns, found.st_size)
-    if digest is not None and held != digest:
+    of_file = resolved.absolute(), found.st_mtime_ns, found.st_size
+    if digest is None:
+        return _read(*of_file)
+    estimator, held = _read_with_digest(*of_file)
+    if held != digest:
         raise MethodError(
             f"{path}: has changed since the work began; put the same file there and start again"
         )
@@ -140,7 +143,12 @@ def estimator_at(path: str | Path, digest: str | None = None) -> Estimator:
 
 
 @lru_cache(maxsize=4)
-def _read(path: Path, _changed: int, _size: int) -> tuple[Estimator, str]:
+def _read(path: Path, _changed: int, _size: int) -> Estimator:
+    return Estimator.load(path)
+
+
+@lru_cache(maxsize=4)
+def _read_with_digest(path: Path, _changed: int, _size: int) -> tuple[Estimator, str]:
     """Return the estimator and the digest of its file, empty where that was replaced meanwhile."""
     before = content_digest(path)
     estimator = Estimator.load(path)
