@@ -2,7 +2,6 @@
 
 from emaphm.output_files import check_writable
 from emaphm.recording.acquisition import acquire, full_scales
-from emaphm.recording.conditioning.condition import cleaned
 from emaphm.recording.equivalent_current import (
     equivalent_current,
     sinusoidal_equivalent_current,
@@ -25,7 +24,6 @@ __all__ = [
     "acquire",
     "check_plausible",
     "check_writable",
-    "cleaned",
     "equivalent_current",
     "full_scales",
     "held",
