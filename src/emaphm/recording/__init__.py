@@ -1,6 +1,5 @@
 """What was measured: the schema, reading, writing, checks, equivalent current, acquisition."""
 
-from emaphm.output_files import check_writable
 from emaphm.recording.acquisition import acquire, full_scales
 from emaphm.recording.equivalent_current import (
     equivalent_current,
@@ -23,7 +22,6 @@ __all__ = [
     "Recording",
     "acquire",
     "check_plausible",
-    "check_writable",
     "equivalent_current",
     "full_scales",
     "held",
