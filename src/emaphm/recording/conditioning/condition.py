@@ -1,8 +1,8 @@
 """What is done to the rows of one recording before it is one; each step adds a note."""
 
 from collections.abc import Collection, Mapping
-from typing import Literal
 
+from emaphm.actuator.channels import Sampling
 from emaphm.actuator.reading import Reading
 from emaphm.arrays import Array
 from emaphm.recording.checks import check
@@ -16,7 +16,7 @@ def conditioned(
     constants: Collection[str],
     delays: Mapping[str, float],
     reading: Reading,
-    sampling: Literal["mean", "instant"],
+    sampling: Sampling,
     names: Mapping[str, str],
     source: str,
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
