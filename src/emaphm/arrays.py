@@ -1,4 +1,4 @@
-"""The types of arrays, and the runs of a flag."""
+"""The types of arrays, their root mean square, and the runs of a flag."""
 
 from typing import TypeAlias
 
@@ -31,6 +31,11 @@ def floats(values: ArrayLike) -> Array:
     if kind == "M":
         raise TypeError("of dates; give seconds, such as (t - t[0]) / np.timedelta64(1, 's')")
     raise TypeError("complex; give real numbers")
+
+
+def root_mean_square(values: Array) -> float:
+    """Return the root of the mean square of `values`, of any shape."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def runs(true: Flags) -> list[tuple[int, int]]:

@@ -1,11 +1,10 @@
 """A rig in software: an actuator is driven through a manoeuvre and recorded as a real one would be."""
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Command, Faults, Load
+from emaphm.actuator.channels import Sampling
 from emaphm.actuator.sensors import IDEAL
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, RecordingError, SignalError
@@ -36,7 +35,7 @@ def simulate(
     noise: float = 0.0,
     adc_bits: int | None = None,
     controller_noise: float = 0.0,
-    sampling: Literal["mean", "instant"] = "mean",
+    sampling: Sampling = "mean",
     seed: int = 0,
 ) -> Recording:
     """Return the recording of `actuator` following `command` from rest at 0, every signal included.

@@ -15,7 +15,6 @@ from emaphm.errors import MethodError, RecordingError
 from emaphm.estimation.inverse_dynamics import (
     InverseDynamicsResult,
     controller_check,
-    controller_contradicts,
     inverse_dynamics,
 )
 from emaphm.estimation.inverse_dynamics.filtering import (
@@ -232,7 +231,7 @@ def test_described_errors_of_the_sensors_are_undone(plain: Recording) -> None:
     check_gains(recording, described)
     # Undescribed, they are taken for parameters and for another controller.
     assert inverse_dynamics(recording, ACTUATOR, list(SPRING)).values["inertia"] > 1.03 * INERTIA
-    assert controller_contradicts(recording, ACTUATOR)
+    assert controller_check(recording, ACTUATOR).contradicts
 
 
 def test_the_magnitude_of_a_current_shows_no_torque(plain: Recording) -> None:
@@ -538,7 +537,7 @@ def test_the_controller_at_work_is_recognised(plain: Recording) -> None:
 
 @pytest.mark.parametrize("gains", [{"position_gain": 36.0}, {"speed_gain": 20.0}])
 def test_gains_that_contradict_a_recording_are_noticed(plain: Recording, gains: dict[str, float]) -> None:
-    assert controller_contradicts(plain, with_lumped_parameters(ACTUATOR, gains))
+    assert controller_check(plain, with_lumped_parameters(ACTUATOR, gains)).contradicts
 
 
 def test_a_deviating_gain_has_the_unit_of_the_coordinates(plain: Recording) -> None:
@@ -551,8 +550,8 @@ def test_a_deviating_gain_has_the_unit_of_the_coordinates(plain: Recording) -> N
 def test_faults_that_are_no_gain_do_not_contradict_the_controller() -> None:
     actuator = Actuator.thesis()
     for faults in (Faults(), Faults(friction=0.8), Faults(backlash=0.8), Faults(short_a=0.5)):
-        assert not controller_contradicts(simulate(actuator, Chirp(), faults=faults), actuator)
-    assert controller_contradicts(simulate(actuator, Chirp(), faults=Faults(gain=0.25)), actuator)
+        assert not controller_check(simulate(actuator, Chirp(), faults=faults), actuator).contradicts
+    assert controller_check(simulate(actuator, Chirp(), faults=Faults(gain=0.25)), actuator).contradicts
 
 
 @pytest.mark.parametrize("feedforward", [0.0, 0.5])

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Actuator, Chirp, Command
+from emaphm.actuator.channels import Sampling
 from emaphm.arrays import Array
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.after_jumps import JUMP_ROWS, rows_after_jumps
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
-from emaphm.simulation.engine.inputs import Sampling
 
 PMSM = Actuator.pmsm()
 

@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from emaphm.errors import HistoryUnavailableError, PrognosisError
+from emaphm.errors import HistoryFormError, HistoryUnavailableError, PrognosisError
 from emaphm.history import Finding, History
+from emaphm.history.storage.schema import VERSION
 from emaphm.monitoring.outlook import NoPrognosisError, Outlook
 from emaphm.monitoring.settings import WATCH
 from emaphm.prognosis import Evidence, learnt_prior, prognose
+from emaphm.prognosis.keeping import update_prognosis
 
 from .stand_in import ROOMY, THESIS, fly
 
@@ -55,6 +57,15 @@ def test_a_life_that_ends_is_raised_once_and_cleared_by_a_replacement(history: H
     outlook.ask("S1")
     outlook.step()
     assert [one.state for one in history.events()] == ["raised", "cleared"]
+
+
+def test_none_is_kept_in_a_history_that_a_newer_version_has_changed_meanwhile(history: History) -> None:
+    fly(history, [0.0])
+    with history.database.writing() as connection:
+        connection.execute(VERSION.update().values(version_num="0099"))
+    with pytest.raises(HistoryFormError, match="update emaphm"):
+        update_prognosis(history, history.unit("S1"))
+    assert not history.prognoses()
 
 
 def test_what_was_due_when_the_watcher_ended_is_due_again(history: History) -> None:

@@ -80,8 +80,22 @@ def test_the_files_are_those_that_a_result_depends_on() -> None:
         "study/record.py",
         "study/task.py",
     }
-    left_out = ("plotting/", "report/", "cli/", "recording/io/", "study/analysis/", "execution/")
+    left_out = (
+        "plotting/",
+        "report/",
+        "cli/",
+        "recording/io/",
+        "study/analysis/",
+        "execution/",
+        "actuator/toml/",
+    )
     assert not [name for name in names if name.startswith(left_out)]
+
+
+def test_a_file_that_was_moved_is_not_passed_over() -> None:
+    for names, left_out in ((("actuator",), ("actuator/toml.py",)), (("actuators",), ())):
+        with pytest.raises(FileNotFoundError, match=r"no actuator.*; correct the list"):
+            deciding_files(ROOT, names, left_out)
 
 
 def test_libraries_count(monkeypatch: pytest.MonkeyPatch) -> None:

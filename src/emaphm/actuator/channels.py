@@ -1,6 +1,6 @@
 """Where a rig stores its channels, and how what it stores becomes a channel in its SI unit."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
     Field,
@@ -18,6 +18,11 @@ from emaphm.actuator.quantity import quantity
 OF_THE_LOGGER = "manual of the logger"
 
 Name = Annotated[str, Field(min_length=1)]
+
+Sampling = Literal["mean", "instant"]
+"""What a row is: the mean over its interval, or the value at its start."""
+
+SAMPLINGS: tuple[Sampling, ...] = get_args(Sampling)
 
 
 class ChannelEntry(Section):
@@ -106,7 +111,7 @@ OWN_NAME = ChannelEntry()
 class Channels(Section):
     """Where a rig stores the channels, and how its rows were sampled."""
 
-    sampling: Literal["mean", "instant"] = Field(
+    sampling: Sampling = Field(
         default="mean", description="rows are means over the sample interval, or values at its start"
     )
     time_s: ChannelEntry = OWN_NAME

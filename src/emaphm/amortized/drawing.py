@@ -46,20 +46,18 @@ SHORTS = slice(2, 5)
 PHASE, GAIN = NAMES.index("eccentricity_phase"), NAMES.index("gain")
 
 
-def draw(
-    space: ParameterSpace, count: int, rng: np.random.Generator, settings: PriorSettings = PRIOR
-) -> Array:
+def draw(space: ParameterSpace, count: int, rng: np.random.Generator) -> Array:
     """Return `count` points (count, d) of `space`, drawn from the prior."""
     even = rng.random((count, len(NAMES)))
     kind = rng.random(count)
-    heavy = kind > 1 - settings.heavy_share
-    slight = ~heavy & (kind > settings.any_share)
+    heavy = kind > 1 - PRIOR.heavy_share
+    slight = ~heavy & (kind > PRIOR.any_share)
     faults = even.copy()
-    faults[:, SHORTS] *= settings.any_short
-    low, high = settings.heavy_short
+    faults[:, SHORTS] *= PRIOR.any_short
+    low, high = PRIOR.heavy_short
     faults[heavy, SHORTS] = low + (high - low) * even[heavy, SHORTS]
-    faults[slight] = _slight(even[slight], rng, settings)
-    below = rng.random(count) < settings.low_friction
+    faults[slight] = _slight(even[slight], rng)
+    below = rng.random(count) < PRIOR.low_friction
     faults[below, 0] *= space.limits("friction")[0]
     points = space.points(faults)
     nuisances = space.nuisances
@@ -68,15 +66,15 @@ def draw(
     return np.asarray(points)
 
 
-def _slight(even: Array, rng: np.random.Generator, settings: PriorSettings) -> Array:
+def _slight(even: Array, rng: np.random.Generator) -> Array:
     """Return faults (n, 8), most of them near healthy, the others as in `even`."""
-    low, high = settings.slight
+    low, high = PRIOR.slight
     size = low + (high - low) * rng.random((len(even), 1))
     near = size * rng.normal(size=even.shape)
     near[:, GAIN] = HEALTHY.gain + near[:, GAIN]
     others = np.arange(len(NAMES)) != GAIN
     near[:, others] = np.abs(near[:, others])
-    whole = rng.random(even.shape) < settings.whole
+    whole = rng.random(even.shape) < PRIOR.whole
     # A direction is neither small nor large.
     whole[:, PHASE] = False
     return np.asarray(np.where(whole, np.clip(near, 0.0, 1.0), even))

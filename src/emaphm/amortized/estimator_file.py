@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.channels import Sampling
 from emaphm.actuator.parameters import LARGEST, SMALLEST
 from emaphm.amortized.doubt.comparison import doubt_feature_count
 from emaphm.amortized.doubt.doubt import Doubt
@@ -70,7 +71,7 @@ class _Setup(BaseModel):
     actuator: dict[str, Any]
     rows: Annotated[int, Field(ge=2, le=MOST_ROWS)]
     interval_s: Annotated[float, Field(ge=SMALLEST, le=LARGEST)]
-    sampling: Literal["mean", "instant"]
+    sampling: Sampling
     channels: Annotated[list[str], Field(min_length=1, max_length=16)]
     noise: Annotated[float, Field(ge=0, le=LARGEST)]
     adc_bits: Annotated[int, Field(ge=4, le=24)] | None

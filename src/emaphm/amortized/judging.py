@@ -11,8 +11,9 @@ import numpy as np
 
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.arrays import Array
+from emaphm.diagnosis.verdict import Z95
 from emaphm.estimation.space.parameter_space import ParameterSpace
-from emaphm.quantiles import chi_squared_quantile, normal_quantile
+from emaphm.quantiles import chi_squared_quantile
 
 RANK_SAMPLES, RANK_BINS = 255, 16
 """Samples of each posterior that the truth is ranked among, and bins that the ranks are counted in: 16 ranks
@@ -20,8 +21,6 @@ each."""
 
 MOST_ERROR = 10.0
 """Median error [%] beyond which an estimator is poor: 16,384 simulations make one that errs by 2 %."""
-
-Z95 = float(normal_quantile(0.975))
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,7 +123,6 @@ def select_laws(
     candidates: Sequence[Law],
     fit_settings: FitSettings,
     on_progress: Progress | None = None,
-    settings: LawSelectionSettings = LAW_SELECTION,
 ) -> LawChoice:
     """Return the laws among `candidates` that lower the error in recordings left out.
 
@@ -135,7 +134,7 @@ def select_laws(
         There is one recording only, so that none can be left out.
     """
     check_held_out(rows)
-    trial = _Trials(rows, base, fit_settings, settings)
+    trial = _Trials(rows, base, fit_settings)
     began = time.perf_counter()
     current = trial.cross_validated(trial.described(actuator, free))
     trials = [trial.record(NO_LAW, (), current, began, chosen=True)]
@@ -173,15 +172,8 @@ def check_held_out(rows: Sequence[CampaignRow]) -> None:
 class _Trials:
     """What all fits of a selection share; counts the simulations."""
 
-    def __init__(
-        self,
-        rows: Sequence[CampaignRow],
-        base: JointEstimate,
-        fit_settings: FitSettings,
-        settings: LawSelectionSettings,
-    ) -> None:
-        self.rows, self.base = rows, base
-        self.fit_settings, self.settings = fit_settings, settings
+    def __init__(self, rows: Sequence[CampaignRow], base: JointEstimate, fit_settings: FitSettings) -> None:
+        self.rows, self.base, self.fit_settings = rows, base, fit_settings
         self.speed = typical_motor_speed(base.joint)
         self.runs = 0
 
@@ -203,13 +195,13 @@ class _Trials:
         begin = np.zeros(joint.box.lower.size)
         begin[:first] = current.point[:first]
         begin[len(free) :] = current.point[first:]
-        starts = np.tile(begin, (1 + self.settings.starts, 1))
+        starts = np.tile(begin, (1 + LAW_SELECTION.starts, 1))
         reach = np.minimum(joint.unit.widest[first:], 1.0)
         seed = child_seed(self.fit_settings.seed, "starts of a law", law.name)
-        starts[1:, first : len(free)] = space_filling(self.settings.starts, -reach, reach, seed)
+        starts[1:, first : len(free)] = space_filling(LAW_SELECTION.starts, -reach, reach, seed)
         joint, point = settle(joint, descend(joint, starts, joint.box, DESCENT).best)
         fitted = _Fit(actuator, free, joint, point, _log_errors(joint, point))
-        if np.mean(current.training - fitted.training) < self.settings.least_gain:
+        if np.mean(current.training - fitted.training) < LAW_SELECTION.least_gain:
             return self._counted(fitted)
         return self.cross_validated(fitted)
 
@@ -234,7 +226,7 @@ class _Trials:
         """Return the fit with the error of each recording where it was left out."""
         count = len(fitted.joint.terms)
         held_out = np.empty(count)
-        for left_out in folds(count, self.settings.most_folds, self.fit_settings.seed):
+        for left_out in folds(count, LAW_SELECTION.most_folds, self.fit_settings.seed):
             kept = [r for r in range(count) if r not in left_out]
             training, start = subset(fitted.joint, fitted.point, kept)
             shared = descend(training, start[np.newaxis], training.box, DESCENT).best[: training.shared]
@@ -253,7 +245,7 @@ class _Trials:
             return 0.0
         gains = before.held_out - after.held_out
         mean, error = float(gains.mean()), float(gains.std(ddof=1)) / len(gains) ** 0.5
-        return mean if mean > max(error, self.settings.least_gain) else 0.0
+        return mean if mean > max(error, LAW_SELECTION.least_gain) else 0.0
 
     def record(
         self, name: str, given: tuple[str, ...], fitted: _Fit, began: float, *, chosen: bool = False

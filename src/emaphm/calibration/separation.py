@@ -9,6 +9,7 @@ from emaphm.actuator import Actuator, Chirp, Command, Ramp, Sine
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.calibration.unit_fit import UnitFit
+from emaphm.diagnosis.identifiability import UNRECORDED_NOISE
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.joint.objective import JointObjective
@@ -22,9 +23,6 @@ from emaphm.estimation.uncertainty.fisher_information import information_lower_b
 from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP, REPLICATES
 from emaphm.random_streams import stream
 from emaphm.simulation import Initial, Inputs, Plant, observe_batch
-
-UNRECORDED_NOISE = 0.03
-"""Assumed residual of a channel or manoeuvre that was not recorded, relative to its rms."""
 
 MATTERS = 0.02
 """Standard error below which a parameter is known well enough, collinear or not: relative to its value, or

@@ -4,13 +4,14 @@ import errno
 import io
 import os
 import sys
+from typing import Annotated, Literal
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter
 
 from emaphm.cli import detect, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
-from emaphm.cli.doctor import completion, doctor
+from emaphm.cli.doctor import doctor
 from emaphm.cli.init import init
 from emaphm.cli.interruption import exit_code, is_interrupted
 from emaphm.cli.output import say
@@ -50,6 +51,15 @@ app = App(
     help_format="plaintext",  # a parser of Markdown takes longer to import than all else of --help
     suppress_keyboard_interrupt=False,
 )
+
+
+def completion(
+    shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="bash, zsh or fish.")],
+) -> None:
+    """Print what completes the command's verbs and options; for bash: eval "$(emaphm completion bash)"."""
+    print(app.generate_completion(shell=shell))
+
+
 VERBS = (
     verbs.demo,
     init,

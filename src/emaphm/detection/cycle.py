@@ -162,8 +162,3 @@ def check_each_once(cycles: Sequence[Cycle]) -> None:
                 f"{cycle.source}: the same, row by row, as {same.source}; give each cycle once, or, if these "
                 "are simulations, with the noise of their sensors"
             )
-
-
-def rms(values: Array) -> float:
-    """Return the root of the mean square of `values`."""
-    return float(np.sqrt(np.mean(values**2)))

@@ -42,12 +42,6 @@ class Level:
         """What is judged, in words."""
         return level_name(self.cycles)
 
-    def exceeds(self, deviations: Array) -> NDArray[np.bool_]:
-        """Return whether each of `deviations` (n, p) exceeds a threshold: (n,)."""
-        return (self.scatter.t2(deviations) > self.t2_threshold) | (
-            self.scatter.q(deviations) > self.q_threshold
-        )
-
 
 def level_name(cycles: int) -> str:
     """Return what the level of that number of cycles judges, in words."""

@@ -13,5 +13,5 @@ DECIDING = (
 )
 """The rooms and files whose code decides what a recording is found to show."""
 
-NOT_DECIDING = ("actuator/toml.py", "diagnosis/text.py")
+NOT_DECIDING = ("actuator/toml", "diagnosis/text.py")
 """Parts of these rooms that only read descriptions or lay out text."""

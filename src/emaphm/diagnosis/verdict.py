@@ -15,10 +15,10 @@ from emaphm.estimation.uncertainty.collinearity import CollinearSet
 Verdict = Literal["healthy", "degraded", "cannot tell"]
 
 Z95 = 1.959963984540054
+"""Half-width of a normal 95 % interval, in standard errors."""
 
 DIRECTIONS = 720
 """In which the distance of an ellipse from 0 is taken."""
-"""Half-width of a normal 95 % interval, in standard errors."""
 
 
 @dataclass(frozen=True)

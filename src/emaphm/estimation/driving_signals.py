@@ -6,9 +6,9 @@ from typing import Self
 from weakref import WeakKeyDictionary
 
 from emaphm.actuator import Command, Load
+from emaphm.actuator.channels import Sampling
 from emaphm.recording import Recording, held, other_curve, reconstructed
 from emaphm.simulation import Inputs
-from emaphm.simulation.engine.inputs import Sampling
 
 MOST_KEPT_STEPS = 128_000_000
 """Steps up to which signals are kept for the next runs of the same models, of all recordings together: 1 GB

@@ -182,9 +182,9 @@ class Problem:
         weighted = zip(self.channels, self.weights, strict=True)
         return np.concatenate([weight * self.measured[name] for name, weight in weighted])
 
-    def predict_primary(self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None) -> Array:
-        """Return the model's primary channel for faults (n, 8) and lumped parameters, shape (n, samples)."""
-        return self._observe(faults, parameters, self.channels[:1])[:, 0]
+    def predict_primary(self, faults: ArrayLike) -> Array:
+        """Return the model's primary channel for faults (n, 8), shape (n, samples)."""
+        return self._observe(faults, None, self.channels[:1])[:, 0]
 
     def predict(
         self,

@@ -32,7 +32,16 @@ def revision_of(names: tuple[str, ...], left_out: tuple[str, ...]) -> str:
 
 
 def deciding_files(root: Path, names: Sequence[str], left_out: Sequence[str]) -> list[Path]:
-    """Return the files of `names` below `root`, the package's folder, less those `left_out`."""
+    """Return the files of `names` below `root`, the package's folder, less those `left_out`.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no file or folder of one of these names: what was moved would count, or not, unawares.
+    """
+    missing = [name for name in (*names, *left_out) if not (root / name).exists()]
+    if missing:
+        raise FileNotFoundError(f"{root}: no {', '.join(missing)}; correct the list of deciding code")
     others = [root / name for name in left_out]
     found: list[Path] = []
     for name in names:

@@ -1,6 +1,7 @@
 """The history of the units of a fleet."""
 
 from collections.abc import Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -22,6 +23,10 @@ from emaphm.history.unit import Unit
 from emaphm.history.withdrawing import withdraw
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import sqlalchemy as sa
+
     from emaphm.actuator import Actuator
     from emaphm.diagnosis import Diagnosis
     from emaphm.recording import Recording
@@ -85,6 +90,19 @@ class History:
     ) -> None:
         self.close()
 
+    @contextmanager
+    def writing(self) -> "Iterator[sa.Connection]":
+        """Yield a connection that alone may write; what it wrote stays if the body ends, all or nothing.
+
+        Raises
+        ------
+        HistoryError
+            The database fails, or a newer version of emaphm has changed the history since it was opened.
+        """
+        with self.database.writing() as connection:
+            check_revision(connection, self.database.address.shown)
+            yield connection
+
     def units(self, part_number: str | None = None) -> tuple[Unit, ...]:
         """Return all units, or those of a part number, by part and serial number."""
         with self.database.reading() as connection:
@@ -139,8 +157,7 @@ class History:
         key = recording_hash(recording)
         digest, toml = description_of(diagnosis.actuator)
         settings = KeptSettings.of(diagnosis, digest)
-        with self.database.writing() as connection:
-            check_revision(connection, self.database.address.shown)
+        with self.writing() as connection:
             new = writing.add_diagnosis(connection, entry, recording, diagnosis, key, settings, toml)
         return Added(new, key)
 
@@ -152,8 +169,7 @@ class History:
         HistoryError
             The unit is unknown, or the history has another removal at these hours.
         """
-        with self.database.writing() as connection:
-            check_revision(connection, self.database.address.shown)
+        with self.writing() as connection:
             return writing.add_removal(connection, reading.unit(connection, serial_number), removal)
 
     def add_finding(self, serial_number: str, finding: Finding) -> bool:
@@ -164,8 +180,7 @@ class History:
         HistoryError
             The unit is unknown, or the history has another finding on this component at these hours.
         """
-        with self.database.writing() as connection:
-            check_revision(connection, self.database.address.shown)
+        with self.writing() as connection:
             return writing.add_finding(connection, reading.unit(connection, serial_number), finding)
 
     def withdraw(self, serial_number: str, mistake: Mistake) -> Withdrawal:
@@ -180,14 +195,12 @@ class History:
             The unit or the entry is unknown, several are meant, or it is the unit's only recording while
             removals or findings are left.
         """
-        with self.database.writing() as connection:
-            check_revision(connection, self.database.address.shown)
+        with self.writing() as connection:
             return withdraw(connection, reading.unit(connection, serial_number), mistake)
 
     def add_events(self, *events: Event) -> int:
         """Add events in their order, all or none; return how many were not there yet."""
-        with self.database.writing() as connection:
-            check_revision(connection, self.database.address.shown)
+        with self.writing() as connection:
             return add_events(connection, events)
 
     def events(
@@ -240,8 +253,7 @@ class History:
 
     def keep_prognosis(self, serial_number: str, prognosis: KeptPrognosis) -> None:
         """Keep a prognosis of a unit in place of the one before; `HistoryError` if the unit is unknown."""
-        with self.database.writing() as connection:
-            check_revision(connection, self.database.address.shown)
+        with self.writing() as connection:
             keep_prognosis(connection, reading.unit(connection, serial_number), prognosis)
 
     def basis(self, serial_number: str) -> Basis:

@@ -12,7 +12,6 @@ import sqlalchemy as sa
 
 from emaphm.history.events import Event, add_events, read_events
 from emaphm.history.history import History
-from emaphm.history.storage.schema import check_revision
 from emaphm.history.storage.tables import DELIVERED, WATCHED_FILES, WATCHED_ROWS
 from emaphm.history.writing import storable
 
@@ -84,8 +83,7 @@ class WatchState:
     def forget_refused(self) -> None:
         """Let the files be tried again that were refused, or of which something was."""
         mine = WATCHED_FILES.c.watcher == self.watcher
-        with self.history.database.writing() as connection:
-            check_revision(connection, self.history.database.address.shown)
+        with self.history.writing() as connection:
             connection.execute(WATCHED_FILES.delete().where(mine, WATCHED_FILES.c.outcome == REFUSED))
             partly = WATCHED_FILES.update().where(mine, WATCHED_FILES.c.outcome == PARTLY)
             connection.execute(partly.values(outcome=AGAIN))
@@ -142,8 +140,7 @@ class WatchState:
 
     def _put(self, events: Sequence[Event], *puts: _Put) -> int:
         """Add events and write rows, all or nothing; return how many events are new."""
-        with self.history.database.writing() as connection:
-            check_revision(connection, self.history.database.address.shown)
+        with self.history.writing() as connection:
             new = add_events(connection, events)
             for table, key, values in puts:
                 every = {"watcher": self.watcher, **key}

@@ -136,11 +136,6 @@ class Belief:
         """Mean level of each component, (8,)."""
         return np.asarray(np.sum(self.weights * self.level, axis=0))
 
-    @property
-    def mean_rate(self) -> Array:
-        """Mean rate of each component at the reference stress [1/h], (8,)."""
-        return np.asarray(np.sum(self.weights * self.rate, axis=0))
-
     def hypotheses(self) -> Hypotheses:
         """Return the particles' hypotheses, with the present rates, each array (n, 8)."""
         deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.rates), 0.0))

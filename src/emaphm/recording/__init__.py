@@ -1,8 +1,6 @@
 """What was measured: the schema, reading, writing, checks, equivalent current, acquisition."""
 
-from emaphm.output_files import check_writable
 from emaphm.recording.acquisition import acquire, full_scales
-from emaphm.recording.conditioning.condition import cleaned
 from emaphm.recording.equivalent_current import (
     equivalent_current,
     sinusoidal_equivalent_current,
@@ -24,8 +22,6 @@ __all__ = [
     "Recording",
     "acquire",
     "check_plausible",
-    "check_writable",
-    "cleaned",
     "equivalent_current",
     "full_scales",
     "held",

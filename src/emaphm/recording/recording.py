@@ -3,10 +3,11 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
+from emaphm.actuator.channels import SAMPLINGS, Sampling
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array, floats
 from emaphm.errors import RecordingError, nearest
@@ -17,9 +18,6 @@ from emaphm.recording.schema import SCHEMA
 if TYPE_CHECKING:
     import polars as pl
     from matplotlib.figure import Figure
-
-Sampling = Literal["mean", "instant"]
-SAMPLINGS: tuple[Sampling, ...] = get_args(Sampling)
 
 Label = float | str
 

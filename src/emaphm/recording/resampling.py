@@ -1,9 +1,8 @@
 """Rows whose times jitter, brought to a constant rate."""
 
-from typing import Literal
-
 import numpy as np
 
+from emaphm.actuator.channels import Sampling
 from emaphm.arrays import Array
 from emaphm.recording.checks import is_uniform
 from emaphm.recording.conditioning.interpolation import HELD, continuous, curve, edges_of
@@ -11,9 +10,7 @@ from emaphm.recording.conditioning.interpolation import HELD, continuous, curve,
 Columns = dict[str, Array]
 
 
-def on_uniform_grid(
-    columns: Columns, sampling: Literal["mean", "instant"]
-) -> tuple[Columns, tuple[str, ...]]:
+def on_uniform_grid(columns: Columns, sampling: Sampling) -> tuple[Columns, tuple[str, ...]]:
     """Return `columns` on as many, equally spaced times, with a note; unchanged where they are so already.
 
     Instants are joined by a piecewise cubic curve (Akima 1970). A straight line would lose h²x''/8 half-way

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.arrays import Array
+from emaphm.arrays import Array, root_mean_square
 from emaphm.recording.recording import Recording
 
 SLOW_S = 0.02
@@ -59,7 +59,7 @@ def _speed(recording: Recording, actuator: Actuator) -> str | None:
         return None
     speed = np.diff(_motor_angle(recording, actuator)) / recording.interval_s
     measured = recording["speed_rad_s"][1:]
-    of_motion, of_sensor = _rms(speed), _rms(measured)
+    of_motion, of_sensor = root_mean_square(speed), root_mean_square(measured)
     if not 0 < SPEED_RATIO * of_motion < of_sensor:
         return None
     # At rest both are noise, of any ratio.
@@ -107,7 +107,7 @@ def _impossible_work(recording: Recording, actuator: Actuator) -> str | None:
     # A command may jump; what has mass does not.
     parts = np.array_split(_motor_angle(recording, actuator), STRETCHES)
     angle = np.array([float(np.mean(part)) for part in parts])
-    speed = _rms(np.diff(angle)) * STRETCHES / recording.duration_s
+    speed = root_mean_square(np.diff(angle)) * STRETCHES / recording.duration_s
     energy = actuator.mechanics.inertia * speed**2 / 2
     work = actuator.motor.torque_constant * actuator.controller.current_limit * float(np.ptp(angle))
     if energy < IMPOSSIBLE_WORK * work or not energy:
@@ -123,7 +123,3 @@ def _impossible_work(recording: Recording, actuator: Actuator) -> str | None:
 def _motor_angle(recording: Recording, actuator: Actuator) -> Array:
     name = "position_rad" if "position_rad" in recording else "command_rad"
     return np.asarray(recording[name] / actuator.mechanics.gear_ratio)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

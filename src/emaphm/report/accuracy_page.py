@@ -7,6 +7,7 @@ import polars as pl
 
 from emaphm.actuator import NAMES
 from emaphm.errors import StudyError
+from emaphm.experiment.test_setup import LARGEST_SHORT
 from emaphm.report.markdown import incomplete, mixed, percent, table
 from emaphm.study.analysis.rates import (
     JUDGED,
@@ -22,7 +23,7 @@ from emaphm.study.analysis.rates import (
     recordings_alarmed,
     single_fault,
 )
-from emaphm.study.cases import HEAVY_SHORTS, LARGEST_SHORT, SINGLE
+from emaphm.study.cases import HEAVY_SHORTS, SINGLE
 from emaphm.study.plan import PageRow, PageSection, Plan
 from emaphm.study.rig import Rig
 from emaphm.study.thesis import published

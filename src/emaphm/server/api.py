@@ -152,18 +152,7 @@ def prognoses(server: Server) -> dict[str, dict[str, Any]]:
     return {unit: _kept(one) for unit, one in server.history.prognoses().items()}
 
 
-@router.get("/recordings")
-def recordings(
-    server: Server,
-    unit_id: UnitId = None,
-    explained: Annotated[bool | None, Query(description="Only those that are, or are not.")] = None,
-    before: Before = None,
-    limit: Limit = 100,
-) -> Diagnoses:
-    """Return recordings with their last diagnosis in short, the newest first."""
-    return diagnoses(server, unit_id, explained, before, limit)
-
-
+@router.get("/recordings", name="recordings")
 @router.get("/diagnoses")
 def diagnoses(
     server: Server,

@@ -52,9 +52,6 @@ class ServerSettings:
     session_hours: float = 12.0
     """After which a browser must log in again [h]: a shift."""
 
-    refresh_s: float = 5.0
-    """Between two looks for units whose prognosis is out of date [s]."""
-
     units_a_page: int = 1000
     """Units on one page of the fleet; further ones are on the next."""
 

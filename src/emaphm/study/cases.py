@@ -11,6 +11,7 @@ from emaphm.actuator import NAMES, Faults
 from emaphm.actuator.faults import HEALTHY
 from emaphm.actuator.parameters import Section
 from emaphm.errors import StudyError
+from emaphm.experiment.test_setup import LARGEST_SHORT
 from emaphm.study.rig import Label
 
 MOST_RUNS = 1_000_000
@@ -21,9 +22,6 @@ CountOrNone = Annotated[int, Field(ge=0, le=MOST_RUNS)]
 
 SINGLE = ("friction", "backlash", "short", "eccentricity", "gain")
 """Kinds of small faults; a short is in any phase, an eccentricity in any direction."""
-
-LARGEST_SHORT = 0.7
-"""Largest short of a random vector: up to there the averaged model is meant to hold."""
 
 HEAVY_SHORTS = (0.5, 0.85)
 """Range of the shorts of a heavy case, in each phase."""

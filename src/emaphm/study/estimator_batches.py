@@ -16,9 +16,9 @@ import numpy as np
 
 from emaphm.actuator import Chirp
 from emaphm.amortized import Estimator
-from emaphm.amortized.judging import Z95
 from emaphm.amortized.networks.training import with_noise
 from emaphm.amortized.simulating import TrainingSet, noise_rms, read_shard
+from emaphm.diagnosis.verdict import Z95
 from emaphm.errors import EmaphmError, StudyError
 from emaphm.random_streams import stream
 from emaphm.simulation import AVERAGED

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.amortized.judging import Z95
 from emaphm.amortized.networks.network import Network, Single
 from emaphm.amortized.networks.projection import Projection
 from emaphm.arrays import Array
+from emaphm.diagnosis.verdict import Z95
 
 
 @dataclass(frozen=True)

@@ -66,10 +66,10 @@ class SensorScore:
         """The size in standard errors, without sign."""
         return abs(self.size) / self.standard_error if self.standard_error > 0 else 0.0
 
-    def is_suspect(self, settings: SensorScoreSettings = SENSOR_SCORES) -> bool:
+    def is_suspect(self) -> bool:
         """Return whether the error is significant, and larger than every rig may have."""
-        least = max(float(getattr(settings, self.kind)), self.rounding)
-        return self.score > settings.score and abs(self.size) > least
+        least = max(float(getattr(SENSOR_SCORES, self.kind)), self.rounding)
+        return self.score > SENSOR_SCORES.score and abs(self.size) > least
 
     def __str__(self) -> str:
         """Return a sentence."""

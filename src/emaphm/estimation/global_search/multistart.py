@@ -63,7 +63,6 @@ def multistart(
     seed: int,
     optimizer: Callable[..., Any] | None = None,
     on_progress: Progress | None = None,
-    settings: MultistartSettings = MULTISTART,
 ) -> LeastSquaresResult:
     """Return where damped least squares lead from the best starts.
 
@@ -73,14 +72,14 @@ def multistart(
     points, smooth, sharp = _global_stage(objective, child_seed(seed, "global stage"), optimizer)
     candidates: list[Array] = []
     for costs, count, smoothed in (
-        (smooth, settings.smooth_starts, True),
-        (sharp, settings.sharp_starts, False),
+        (smooth, MULTISTART.smooth_starts, True),
+        (sharp, MULTISTART.sharp_starts, False),
     ):
-        starts = _separate_best(points, costs, count, settings.start_separation)
-        on_iteration = _stage_progress(on_progress, len(candidates), settings.coarse)
-        candidates.append(_descend(objective, starts, settings.coarse, smoothed, 0.0, on_iteration).best)
-    on_iteration = _stage_progress(on_progress, 2, settings.fine)
-    return _descend(objective, np.array(candidates), settings.fine, False, 0.0, on_iteration)
+        starts = _separate_best(points, costs, count, MULTISTART.start_separation)
+        on_iteration = _stage_progress(on_progress, len(candidates), MULTISTART.coarse)
+        candidates.append(_descend(objective, starts, MULTISTART.coarse, smoothed, 0.0, on_iteration).best)
+    on_iteration = _stage_progress(on_progress, 2, MULTISTART.fine)
+    return _descend(objective, np.array(candidates), MULTISTART.fine, False, 0.0, on_iteration)
 
 
 def descend_from(objective: MapObjective, starts: Array) -> LeastSquaresResult:

@@ -1,10 +1,6 @@
 """Inverse dynamics: parameters from measured motion and torque, without the controller."""
 
-from emaphm.estimation.inverse_dynamics.controller_check import (
-    ControllerCheck,
-    controller_check,
-    controller_contradicts,
-)
+from emaphm.estimation.inverse_dynamics.controller_check import ControllerCheck, controller_check
 from emaphm.estimation.inverse_dynamics.fit import inverse_dynamics
 from emaphm.estimation.inverse_dynamics.result import ForceReplay, InverseDynamicsResult
 
@@ -13,6 +9,5 @@ __all__ = [
     "ForceReplay",
     "InverseDynamicsResult",
     "controller_check",
-    "controller_contradicts",
     "inverse_dynamics",
 ]

@@ -150,11 +150,6 @@ def controller_check(recording: Recording, actuator: Actuator) -> ControllerChec
     return ControllerCheck(relative_error, best, *gains.estimates, described)
 
 
-def controller_contradicts(recording: Recording, actuator: Actuator) -> bool:
-    """Return whether the described gains contradict the recording, by `controller_check`."""
-    return controller_check(recording, actuator).contradicts
-
-
 def _output(recording: Recording, actuator: Actuator) -> tuple[Array, float, float]:
     """Return what the controller asked for (n,), the torque for 1 of it as it assumes, and its limit."""
     if actuator.drive_kind != "voltage":

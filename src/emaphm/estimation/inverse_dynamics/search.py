@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from emaphm.arrays import Array
 from emaphm.estimation.inverse_dynamics.problem import InverseProblem
 from emaphm.estimation.inverse_dynamics.torque_balance import LOADS, measured_torque
+from emaphm.estimation.space.parameter_variation import SPEEDS
 
 LINEAR = ("inertia", "viscous", "quadratic", "coulomb", "static", "offset", "hinge", "gravity")
 """Parameters that the torque balance is linear in, in addition to the torque ripple's."""
@@ -20,11 +21,8 @@ LEAST_PEAK = 1e-6
 """Least excess of static over Coulomb friction, relative to the rms torque: at 0, a Stribeck speed has no
 derivative."""
 
-SPEEDS = ("stribeck_speed", "transition_speed")
-"""Parameters that the search starts at several values of."""
-
 SPEED_STARTS = (0.01, 0.05, 0.25)
-"""Where the search for them starts, relative to the rms speed."""
+"""Where the search for each of `SPEEDS` starts, relative to the rms speed."""
 
 ANGLE_STARTS = (-2.1, 0.0, 2.1)
 """Where the search for the angle of a weight starts, a third of a turn apart [rad]."""

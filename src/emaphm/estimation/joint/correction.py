@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrectionSettings, iterate
+from emaphm.estimation.correction_iterations import BIAS_CORRECTION, iterate
 from emaphm.estimation.discrepancy import Discrepancy, discrepancies, has_reference, reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, MULTISTART
@@ -92,7 +92,6 @@ def corrected_estimate(
     max_corrections: int,
     seed: int,
     on_progress: Progress | None = None,
-    settings: BiasCorrectionSettings = BIAS_CORRECTION,
 ) -> JointEstimate:
     """Return the estimate after up to `max_corrections` corrections by the reference model, from `point`.
 
@@ -102,11 +101,11 @@ def corrected_estimate(
         return _uncorrected(joint, point)
 
     def outcomes_of(current: JointEstimate, iteration: int, _idle: int) -> list[JointEstimate]:
-        candidates = _candidates(current, iteration, seed, settings)
+        candidates = _candidates(current, iteration, seed)
         return compared(current.joint, candidates, seed, iteration)
 
     (start,) = compared(joint, point[np.newaxis], seed, "start")
-    end = iterate(start, outcomes_of, max_corrections, settings, on_progress)
+    end = iterate(start, outcomes_of, max_corrections, BIAS_CORRECTION, on_progress)
     return _mean(end.estimate, end.equal)
 
 
@@ -147,7 +146,7 @@ def compared(joint: JointObjective, points: Array, seed: int, *name: str | int) 
     ]
 
 
-def _candidates(current: JointEstimate, iteration: int, seed: int, settings: BiasCorrectionSettings) -> Array:
+def _candidates(current: JointEstimate, iteration: int, seed: int) -> Array:
     """Return candidates (n, d) under the present correction: a descent's end, and Gauss-Newton steps from it.
 
     A step by replicated Jacobians leaves the kinks of stick-slip that hold a descent, but may lead astray.
@@ -159,16 +158,16 @@ def _candidates(current: JointEstimate, iteration: int, seed: int, settings: Bia
     )
     starts = np.vstack([current.point, current.point + perturbation])
     point = descend(joint, starts, joint.box, MULTISTART.fine).best
-    step = _gauss_newton(joint, point, iteration, seed, settings)
-    step *= min(1.0, settings.longest_step / max(float(np.linalg.norm(step)), settings.longest_step))
-    shares = np.array(settings.step_shares)[:, np.newaxis]
+    step = _gauss_newton(joint, point, iteration, seed)
+    longest = BIAS_CORRECTION.longest_step
+    step *= min(1.0, longest / max(float(np.linalg.norm(step)), longest))
+    shares = np.array(BIAS_CORRECTION.step_shares)[:, np.newaxis]
     return joint.box.project(point + shares * step)
 
 
-def _gauss_newton(
-    joint: JointObjective, point: Array, iteration: int, seed: int, settings: BiasCorrectionSettings
-) -> Array:
+def _gauss_newton(joint: JointObjective, point: Array, iteration: int, seed: int) -> Array:
     """Return the step (d,) to the optimum of a linear model, by the means of replicated Jacobians."""
+    count = BIAS_CORRECTION.replicates
 
     def of_term(r: int) -> tuple[Array, Array]:
         term, local = joint.terms[r], joint.local(r, point)
@@ -177,15 +176,15 @@ def _gauss_newton(
             lambda points: term.outputs(points)[:, :rows],
             local,
             term.objective.space,
-            settings.jacobian_step,
-            settings.replicates,
+            BIAS_CORRECTION.jacobian_step,
+            count,
             stream(seed, "Jacobians of the correction", iteration, r),
         )
         residual = (term.target - term.outputs(local[np.newaxis])[0])[:rows]
         return products(jacobians), jacobians.mean(axis=0) @ residual
 
     by_term = joint.for_each(of_term)
-    replicates, total = np.arange(settings.replicates), np.zeros((settings.replicates, point.size) * 2)
+    replicates, total = np.arange(count), np.zeros((count, point.size) * 2)
     for index, (one, _) in zip(joint.indices, by_term, strict=True):
         total[np.ix_(replicates, index, replicates, index)] += one
     normal = steadied_information(total, joint.prior_deviations)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.estimation.uncertainty.fisher_information import positive_semidefinite
 from emaphm.quantiles import chi_squared_quantile, normal_quantile, student_t_quantile
 
 CHANCE = 0.2
@@ -45,7 +46,7 @@ def random_effects(estimates: Array, covariances: Array, prior_deviation: Array)
     """
     count, p = estimates.shape
     prior = np.diag(1 / prior_deviation**2)
-    precisions = np.array([_positive(np.linalg.inv(one) - prior) for one in covariances])
+    precisions = np.array([positive_semidefinite(np.linalg.inv(one) - prior) for one in covariances])
     mean, covariance = _weighted(estimates, precisions, prior)
     away = estimates - mean
     square = float(np.einsum("ni,nij,nj->", away, precisions, away))
@@ -71,9 +72,3 @@ def random_effects(estimates: Array, covariances: Array, prior_deviation: Array)
 def _weighted(estimates: Array, precisions: Array, prior: Array) -> tuple[Array, Array]:
     covariance = np.linalg.inv(precisions.sum(axis=0) + prior)
     return covariance @ np.einsum("nij,nj->i", precisions, estimates), covariance
-
-
-def _positive(matrix: Array) -> Array:
-    """Return a symmetric `matrix` (p, p) without the negative eigenvalues that rounding makes."""
-    values, axes = np.linalg.eigh((matrix + matrix.T) / 2)
-    return np.asarray(axes * np.maximum(values, 0.0) @ axes.T)

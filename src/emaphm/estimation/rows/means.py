@@ -33,15 +33,15 @@ class RowMeansSettings:
 ROW_MEANS = RowMeansSettings()
 
 
-def rows_of_a_mean(problem: Problem, settings: RowMeansSettings = ROW_MEANS) -> int:
+def rows_of_a_mean(problem: Problem) -> int:
     """Return how many rows of `problem` are averaged: 1 with a rigid shaft, or where rows are instants.
 
     A mean of instants is not the mean over their interval that a model would be asked for.
     """
     if problem.actuator.transmission is None or problem.driving.sampling == "instant":
         return 1
-    by_interval = int(settings.interval / problem.inputs.interval * (1 + 1e-9))
-    return max(1, min(by_interval, problem.samples // settings.rows))
+    by_interval = int(ROW_MEANS.interval / problem.inputs.interval * (1 + 1e-9))
+    return max(1, min(by_interval, problem.samples // ROW_MEANS.rows))
 
 
 def over_swings(problem: Problem) -> Problem:

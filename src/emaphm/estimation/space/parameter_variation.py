@@ -25,6 +25,8 @@ START_FACTOR = 3.0
 
 PRESLIDING = ("presliding_stiffness", "presliding_damping")
 SPEEDS = ("stribeck_speed", "transition_speed")
+"""Speeds of the friction laws, which the rest of a description does not imply."""
+
 WIDE = (*SPEEDS, *PRESLIDING, "stiffness", "current_lag", "source_resistance", "voltage_drop")
 """Parameters of optional laws whose size a description does not imply."""
 

@@ -17,7 +17,7 @@ def information(jacobians: Array) -> Array:
     The mean of J_i J_jᵀ over all pairs i ≠ j, made positive semidefinite; of one Jacobian (n = 1), its own
     product. Divided by the variance of white residuals it is Fisher's information.
     """
-    return _positive(_mean_over_pairs(products(jacobians)))
+    return positive_semidefinite(_mean_over_pairs(products(jacobians)))
 
 
 def information_lower_bound(jacobians: Array) -> Array:
@@ -71,7 +71,7 @@ def _shown(products: Array, sizes: Array) -> tuple[Array, Array, Array, NDArray[
 
 def _principal(products: Array) -> tuple[Array, Array, Array]:
     """Return the information along its axes (d,), these (d, d), and the `products` along each, (d, n, n)."""
-    values, axes = np.linalg.eigh(_positive(_mean_over_pairs(products)))
+    values, axes = np.linalg.eigh(positive_semidefinite(_mean_over_pairs(products)))
     return values, axes, np.einsum("da,idje,ea->aij", axes, products, axes, optimize=True)
 
 
@@ -103,7 +103,7 @@ def _mean_over_pairs(products: Array) -> Array:
     return np.asarray((products.sum(axis=(0, 2)) - squares) / (count * (count - 1)))
 
 
-def _positive(matrix: Array) -> Array:
+def positive_semidefinite(matrix: Array) -> Array:
     """Return the symmetric positive semidefinite matrix nearest to `matrix` (d, d)."""
     values, axes = np.linalg.eigh((matrix + matrix.T) / 2)
     return np.asarray(axes * np.maximum(values, 0.0) @ axes.T)

@@ -85,6 +85,6 @@ def _key(evidence: Sequence[Evidence], asked: Prediction) -> str:
         )
         for one in evidence
     ]
-    code = revision_of(("prognosis", "actuator", "random_streams.py"), ("actuator/toml.py",))
+    code = revision_of(("prognosis", "actuator", "random_streams.py"), ("actuator/toml",))
     text = json.dumps([parts, asked.actuator.model_dump(mode="json"), asked.horizon, asked.seed, code])
     return hashlib.sha256(text.encode()).hexdigest()

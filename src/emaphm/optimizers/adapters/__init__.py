@@ -1,18 +1,5 @@
 """Optimisers of other libraries, called as our own are; a library is imported when its optimiser is made."""
 
-from emaphm.optimizers.adapters.by_name import PEERS, is_peer, peer, peer_names
-from emaphm.optimizers.adapters.cma_es import CmaEs
-from emaphm.optimizers.adapters.l_shade import LShade
-from emaphm.optimizers.adapters.pymoo_algorithms import Pymoo
-from emaphm.optimizers.adapters.scipy_de import ScipyDE
+from emaphm.optimizers.adapters.by_name import PEERS, is_peer, peer
 
-__all__ = [
-    "PEERS",
-    "CmaEs",
-    "LShade",
-    "Pymoo",
-    "ScipyDE",
-    "is_peer",
-    "peer",
-    "peer_names",
-]
+__all__ = ["PEERS", "is_peer", "peer"]

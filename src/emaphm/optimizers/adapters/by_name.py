@@ -6,13 +6,7 @@ from typing import Any
 from emaphm.errors import MethodError, nearest
 from emaphm.optimizers.adapters.cma_es import CmaEs
 from emaphm.optimizers.adapters.l_shade import LShade
-from emaphm.optimizers.adapters.library import import_library
-from emaphm.optimizers.adapters.pymoo_algorithms import (
-    PREFIX,
-    Pymoo,
-    check_algorithm,
-    usable_algorithms,
-)
+from emaphm.optimizers.adapters.pymoo_algorithms import PREFIX, Pymoo, check_algorithm
 from emaphm.optimizers.adapters.scipy_de import ScipyDE
 from emaphm.optimizers.minimiser import Minimiser
 
@@ -44,15 +38,3 @@ def peer(name: str) -> Callable[..., Minimiser]:
         return Pymoo(algorithm=algorithm, **settings)
 
     return make
-
-
-def peer_names() -> tuple[str, ...]:
-    """Return the names of `PEERS` and, if pymoo is installed, of its algorithms that can be used.
-
-    The first call takes seconds, as each algorithm is tried.
-    """
-    try:
-        import_library("pymoo", "pymoo")
-    except MethodError:
-        return tuple(PEERS)
-    return (*PEERS, *(PREFIX + name for name in usable_algorithms()))

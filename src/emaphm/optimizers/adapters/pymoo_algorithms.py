@@ -97,11 +97,6 @@ def pymoo_algorithms() -> dict[str, Any]:
     return found
 
 
-def usable_algorithms() -> tuple[str, ...]:
-    """Return the names of the algorithms that pass a trial; the first call takes seconds."""
-    return tuple(name for name in pymoo_algorithms() if _flaw(name, 8, 50) is None)
-
-
 @cache
 def _flaw(algorithm: str, dimensions: int, population: int) -> str | None:
     """Return what keeps an algorithm from use, found by trying; None if nothing does."""

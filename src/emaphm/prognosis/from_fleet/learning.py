@@ -183,12 +183,11 @@ def evenly(ordered: Sequence[T], most: int = MOST_UNITS) -> list[T]:
 
 def fleet_prior(
     others: Sequence[Evidence],
-    prior: Prior | None = None,
     *,
     seed: int = 0,
     actuator: "Actuator | None" = None,
 ) -> Prior:
-    """Return the prior of a new unit, given the `others` of its part number.
+    """Return the prior of a new unit, given the `others` of its part number; the general one without any.
 
     Each of the others is followed from the general prior; draws from what is then believed of it, all units
     alike, are what the new unit may be: its hypothesis is one of theirs with probability n / (n + 2), n being
@@ -200,8 +199,6 @@ def fleet_prior(
     ----------
     others
         Diagnoses and replacements of each; one with fewer than `FEWEST_DIAGNOSES` explained ones is left out.
-    prior
-        The general one, `Prior()` where left out; it is returned where nothing can be learnt.
     seed
         Source of all randomness.
     actuator
@@ -213,14 +210,13 @@ def fleet_prior(
     PrognosisError
         A diagnosis of one of the others cannot be used.
     """
-    general = prior or Prior()
+    general = Prior()
     teaching = [one for one in others if len(one.used) >= FEWEST_DIAGNOSES]
     teaching = sorted(teaching, key=lambda one: (-len(one.used), one.unit))
     chosen = evenly(teaching)
     if not chosen:
         return general
-    reference = general.reference or StressReference.of([piece for one in chosen for piece in one.stresses])
-    general = replace(general, reference=reference)
+    general = Prior(reference=StressReference.of([piece for one in chosen for piece in one.stresses]))
     taught = {one.unit: taught_by(one, general, seed) for one in chosen}
     prior = with_pace(pooled(list(taught.values()), general), list(taught), evenly(teaching, MOST_FELLOWS))
     if actuator is None:

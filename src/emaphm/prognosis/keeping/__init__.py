@@ -1,6 +1,6 @@
 """Prognoses that are kept in a history, with the curves that their figures are drawn from."""
 
-from emaphm.prognosis.keeping.curves import Curves, Seen
+from emaphm.prognosis.keeping.curves import Curves
 from emaphm.prognosis.keeping.update import is_current, update_prognosis
 
-__all__ = ["Curves", "Seen", "is_current", "update_prognosis"]
+__all__ = ["Curves", "is_current", "update_prognosis"]

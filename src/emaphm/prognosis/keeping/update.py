@@ -71,7 +71,7 @@ def update_prognosis(
     prognosis = prognose(evidence, unit.actuator, question, prior=prior, seed=seed)
     curves = Curves.of(prognosis, _earlier(history, unit, prognosis))
     new = events(prognosis)
-    with history.database.writing() as connection:
+    with history.writing() as connection:
         keep_prognosis(connection, unit.row, KeptPrognosis.of(basis, prognosis.to_dict()))
         keep_curves(connection, unit.row.id, evidence.hours, basis.diagnoses, curves.to_dict())
         add_events(connection, new)

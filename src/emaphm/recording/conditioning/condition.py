@@ -1,15 +1,14 @@
 """What is done to the rows of one recording before it is one; each step adds a note."""
 
 from collections.abc import Collection, Mapping
-from typing import Literal
 
+from emaphm.actuator.channels import Sampling
 from emaphm.actuator.reading import Reading
 from emaphm.arrays import Array
 from emaphm.recording.checks import check
 from emaphm.recording.conditioning.delays import without_delays
 from emaphm.recording.conditioning.gaps import with_lost_rows, without_short_gaps
 from emaphm.recording.conditioning.outliers import without_outliers
-from emaphm.recording.recording import Recording
 
 
 def conditioned(
@@ -17,7 +16,7 @@ def conditioned(
     constants: Collection[str],
     delays: Mapping[str, float],
     reading: Reading,
-    sampling: Literal["mean", "instant"],
+    sampling: Sampling,
     names: Mapping[str, str],
     source: str,
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
@@ -54,13 +53,3 @@ def conditioned(
     columns, replaced = without_outliers(columns, constants) if reading.outliers else (columns, ())
     columns, late = without_delays(columns, delays, sampling, source)
     return columns, (*lost, *filled, *replaced, *late)
-
-
-def cleaned(recording: Recording, constants: Collection[str] = ()) -> Recording:
-    """Return a recording without isolated outliers, with a note on each channel; the same one if it has none.
-
-    Reading does this already (`emaphm.recording.conditioning.outliers`). `constants` names channels that were
-    not measured.
-    """
-    columns, notes = without_outliers(dict(recording.channels), constants)
-    return recording.with_channels(columns, notes) if notes else recording

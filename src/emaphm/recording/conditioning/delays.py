@@ -1,10 +1,10 @@
 """Channels that are recorded late or early, brought back in time."""
 
 from collections.abc import Mapping
-from typing import Literal
 
 import numpy as np
 
+from emaphm.actuator.channels import Sampling
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.recording.checks import is_uniform
@@ -16,7 +16,7 @@ WHOLE = 1e-6
 
 
 def without_delays(
-    channels: dict[str, Array], delays: Mapping[str, float], sampling: Literal["mean", "instant"], source: str
+    channels: dict[str, Array], delays: Mapping[str, float], sampling: Sampling, source: str
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return channels of which each is taken as much later as it is late, and what was done.
 
@@ -66,9 +66,7 @@ def without_delays(
     return {name: values[first:last] for name, values in shifted.items()}, (note,)
 
 
-def _taken_later(
-    name: str, values: Array, time: Array, delay: float, sampling: Literal["mean", "instant"]
-) -> Array:
+def _taken_later(name: str, values: Array, time: Array, delay: float, sampling: Sampling) -> Array:
     rows = delay / interval_of(time)
     if is_uniform(time) and abs(rows - round(rows)) <= WHOLE * max(1.0, abs(rows)):
         whole = round(rows)

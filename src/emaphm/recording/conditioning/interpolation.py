@@ -1,9 +1,8 @@
 """Values between rows: of instants and of means, of what moves and of what switches."""
 
-from typing import Literal
-
 import numpy as np
 
+from emaphm.actuator.channels import Sampling
 from emaphm.arrays import Array
 
 HELD = ("enabled",)
@@ -61,7 +60,7 @@ def last_state(times: Array, values: Array, at: Array) -> Array:
     return np.where(rows >= 0, values[np.maximum(rows, 0)], np.nan)
 
 
-def moved(times: Array, values: Array, at: Array, sampling: Literal["mean", "instant"]) -> Array:
+def moved(times: Array, values: Array, at: Array, sampling: Sampling) -> Array:
     """Return a channel at other times.
 
     Instants are joined by Akima's curve; means by that of their integral, as in

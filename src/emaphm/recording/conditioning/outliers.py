@@ -71,10 +71,11 @@ class OutlierRule:
     """Time after a jump of the command in which nothing is judged [s]: what starts a motor is a pulse too."""
 
 
+RULE = OutlierRule()
+
+
 def without_outliers(
-    channels: dict[str, Array],
-    constants: Collection[str],
-    rule: OutlierRule = OutlierRule(),
+    channels: dict[str, Array], constants: Collection[str]
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return channels with outliers replaced by a curve through the other rows, and a note on each channel.
 
@@ -84,8 +85,6 @@ def without_outliers(
         Arrays (n,) by name, finite.
     constants
         Those that were not measured.
-    rule
-        What counts as an outlier.
 
     Returns
     -------
@@ -93,11 +92,11 @@ def without_outliers(
     """
     time, cleaned = channels["time_s"], dict(channels)
     notes: tuple[str, ...] = ()
-    judged = ~_after_jumps(channels["command_rad"], time, rule)
+    judged = ~_after_jumps(channels["command_rad"], time)
     for name, values in channels.items():
         if name not in SCHEMA or name in NOT_JUDGED or name in constants:
             continue
-        found = outliers(values, rule) & judged
+        found = outliers(values) & judged
         if not np.any(found):
             continue
         rows = np.flatnonzero(found)
@@ -111,44 +110,44 @@ def without_outliers(
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a broken sensor may give 1e308; the checks come after
-def outliers(values: Array, rule: OutlierRule) -> NDArray[np.bool_]:
+def outliers(values: Array) -> NDArray[np.bool_]:
     """Return which rows of a channel (n,) are outliers, whatever the command does."""
-    n, half = values.size, rule.half_width
+    n, half = values.size, RULE.half_width
     none = np.zeros(n, bool)
     steps = np.abs(np.diff(values))
-    if n <= 2 * (half + rule.fewest_above) or not np.any(steps):
+    if n <= 2 * (half + RULE.fewest_above) or not np.any(steps):
         return none
     windows = np.lib.stride_tricks.sliding_window_view(values, 2 * half + 1)
     inner = slice(half, n - half)
     medians = np.median(windows, axis=1)
     deviation = np.abs(values[inner] - medians)
-    share = min(rule.usual, 1 - rule.fewest_above / n)
+    share = min(RULE.usual, 1 - RULE.fewest_above / n)
     # Of a channel that mostly stands still, one count is the usual deviation.
     usual = max(float(np.quantile(deviation, share)), float(steps[steps > 0].min()))
     # Row by row: what remains of the window without the outlier.
-    spread = np.partition(np.abs(windows - medians[:, None]), -1 - rule.most_rows, axis=1)[
-        :, -1 - rule.most_rows
+    spread = np.partition(np.abs(windows - medians[:, None]), -1 - RULE.most_rows, axis=1)[
+        :, -1 - RULE.most_rows
     ]
     middle = float(np.median(values))
     distance = float(np.quantile(np.abs(values - middle), min(0.99, share)))
-    far = deviation > rule.deviation * np.maximum(usual, 2 * spread)
-    outside = deviation > rule.beyond_range * distance
-    dropped = (values[inner] == 0) & (deviation > rule.dropped_out * distance)
+    far = deviation > RULE.deviation * np.maximum(usual, 2 * spread)
+    outside = deviation > RULE.beyond_range * distance
+    dropped = (values[inner] == 0) & (deviation > RULE.dropped_out * distance)
     found = none.copy()
     found[inner] = far & (outside | dropped)
     for start, stop in runs(found):
-        if stop - start > rule.most_rows:
+        if stop - start > RULE.most_rows:
             found[start:stop] = False
     return found
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def _after_jumps(command: Array, time: Array, rule: OutlierRule) -> NDArray[np.bool_]:
+def _after_jumps(command: Array, time: Array) -> NDArray[np.bool_]:
     bend = np.abs(np.diff(command, 2))
-    least = min(rule.jump * np.ptp(command), rule.corner * np.max(np.abs(np.diff(command)), initial=0.0))
-    rows = max(rule.half_width, int(np.ceil(rule.after_jump_s / interval_of(time))))
+    least = min(RULE.jump * np.ptp(command), RULE.corner * np.max(np.abs(np.diff(command)), initial=0.0))
+    rows = max(RULE.half_width, int(np.ceil(RULE.after_jump_s / interval_of(time))))
     places = np.flatnonzero(bend > least) + 1
     marks = np.zeros(command.size + 1)
-    np.add.at(marks, np.maximum(places - rule.half_width, 0), 1)
+    np.add.at(marks, np.maximum(places - RULE.half_width, 0), 1)
     np.add.at(marks, np.minimum(places + rows + 1, command.size), -1)
     return np.cumsum(marks[:-1]) > 0

@@ -2,17 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, Self, get_args
+from typing import Any, Self
 
 import numpy as np
 
 from emaphm.actuator import Command, Load
+from emaphm.actuator.channels import SAMPLINGS, Sampling
 from emaphm.arrays import Array
 from emaphm.errors import SignalError, nearest
 from emaphm.random_streams import stream
-
-Sampling = Literal["mean", "instant"]
-SAMPLINGS: tuple[Sampling, ...] = get_args(Sampling)
 
 MOST_AT_ONCE = 5_000_000
 """Steps that a signal is evaluated at in one call; each takes some 40 bytes for a moment."""

@@ -5,13 +5,10 @@ Each function takes finished trials that have a diagnosis (`emaphm.study.store.S
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 from scipy.special import bdtr
 
 from emaphm.actuator.faults import HEALTHY, NAMES
-from emaphm.arrays import Array
-
-Flags = NDArray[np.bool_]
+from emaphm.arrays import Array, Flags
 
 JUDGED = tuple(name for name in NAMES if name != "eccentricity_phase")
 """Components that may raise an alarm; the phase shares the verdict of the eccentricity."""

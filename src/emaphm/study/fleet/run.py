@@ -43,7 +43,7 @@ FEWEST = 4
 
 DECIDING = ("prognosis", "fleet/synthetic", "study/fleet", "actuator", "random_streams.py")
 NOT_DECIDING = (
-    "actuator/toml.py",
+    "actuator/toml",
     "study/fleet/__main__.py",
     "study/fleet/scores.py",
     "study/fleet/acting.py",

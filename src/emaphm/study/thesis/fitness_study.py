@@ -35,7 +35,7 @@ GRID = np.arange(POINTS + 1) / POINTS
 """Values of a component along its scan, a percentage point apart; the truths of thesis 6.2 are among them."""
 
 
-def fitness_study(actuator: Actuator, command: Chirp = Chirp()) -> pl.DataFrame:  # noqa: B008 - frozen
+def fitness_study(actuator: Actuator) -> pl.DataFrame:
     """Return the fitness at the truth and along a scan through it, for each state of `published.FITNESS`.
 
     One row for each state, model, form of equivalent current and form of fitness:
@@ -56,7 +56,7 @@ def fitness_study(actuator: Actuator, command: Chirp = Chirp()) -> pl.DataFrame:
     MethodError
         The actuator's windings are not described.
     """
-    table = pl.DataFrame(list(_rows(actuator, command)))
+    table = pl.DataFrame(list(_rows(actuator)))
     nominal = pl.col("level") == "nominal"
     forms = ("fault", "model", "equivalent", "fitness")
     return table.with_columns(
@@ -65,7 +65,8 @@ def fitness_study(actuator: Actuator, command: Chirp = Chirp()) -> pl.DataFrame:
     )
 
 
-def _rows(actuator: Actuator, command: Chirp) -> Iterator[dict[str, Any]]:
+def _rows(actuator: Actuator) -> Iterator[dict[str, Any]]:
+    command = Chirp()
     for state in published.FITNESS:
         recording = simulate(actuator, command, faults=state.faults, duration=command.duration)
         component = NAMES.index(state.fault)

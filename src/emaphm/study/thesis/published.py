@@ -36,9 +36,6 @@ CASES: dict[str, dict[str, float]] = {
 
 METHODS = ("GA", "PSO", "DE", "GWO", "DA")
 
-BUDGET: dict[str, tuple[int, int]] = {**dict.fromkeys(METHODS, (50, 200)), "DA": (50, 100)}
-"""Agents and iterations of one run."""
-
 MEAN_ERROR: dict[str, dict[str, float]] = {
     "low F": {"GA": 2.50, "PSO": 1.06, "DE": 1.11, "GWO": 1.19, "DA": 1.14},
     "high F": {"GA": 4.08, "PSO": 2.82, "DE": 3.41, "GWO": 2.58, "DA": 2.89},
