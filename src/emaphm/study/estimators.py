@@ -31,6 +31,7 @@ from emaphm.execution import Task, outcomes
 from emaphm.fleet import DiagnosisSettings
 from emaphm.random_streams import stream
 from emaphm.recording import Recording
+from emaphm.study.analysis.rates import holds
 from emaphm.study.cases import SINGLE, heavy_faults, random_faults, small_fault
 from emaphm.study.plan import Plan
 from emaphm.study.record import recorded
@@ -143,14 +144,14 @@ def _diagnosed(
     )
     processor = time.process_time()
     diagnosis = settings.diagnosed(recording, actuator)
-    components = [diagnosis.components[name] for name in NAMES]
     return judged(diagnosis, truth) | {
         "method": diagnosis.method,
         "error": _error(diagnosis, truth),
         "covered": [
-            _within(one.interval95, value) for one, value in zip(components, truth.vector, strict=True)
+            bool(holds(name, diagnosis.interval[name], true))
+            for name, true in zip(NAMES, truth.vector, strict=True)
         ],
-        "degraded": [one.verdict == "degraded" for one in components],
+        "degraded": [diagnosis.components[name].verdict == "degraded" for name in NAMES],
         "moves": diagnosis.moves,
         "wall_s": diagnosis.seconds,
         "processor_s": time.process_time() - processor,
@@ -159,11 +160,6 @@ def _diagnosed(
 
 def _error(diagnosis: Diagnosis, truth: Faults) -> float:
     return float(error_percent(truth.vector, diagnosis.faults.vector))
-
-
-def _within(interval: tuple[float, float], truth: float) -> bool:
-    # A direction's interval may run past 0 or 1, where the circle closes.
-    return any(interval[0] <= truth + turn <= interval[1] for turn in (-1, 0, 1))
 
 
 def accuracy_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:

@@ -19,6 +19,7 @@ from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.estimation.sensors.sensor_model import sensor_of
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, full_scales
+from emaphm.study.analysis.rates import holds
 from emaphm.study.cases import random_faults
 from emaphm.study.record import recorded
 from emaphm.study.rig import Manoeuvre, Rig
@@ -37,10 +38,6 @@ ALL: tuple[tuple[str | None, Kind | None], ...] = (
 
 WRONG = 0.03
 """Error of a component beyond which a definite verdict, two half-widths off, is called confidently wrong."""
-
-
-TURNS = {"eccentricity_phase": (-1, 0, 1)}
-"""What may be added to a truth: a direction is the same after a turn, and its interval runs past the cut."""
 
 
 @dataclass(frozen=True)
@@ -118,10 +115,8 @@ def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind 
         for name, true in zip(NAMES, truth.vector, strict=True)
         if name != "eccentricity_phase" and _confidently_wrong(diagnosis, name, float(true))
     )
-    components = diagnosis.components.values()
     held = [
-        any(one.interval95[0] <= true + turn <= one.interval95[1] for turn in TURNS.get(name, (0,)))
-        for name, one, true in zip(NAMES, components, truth.vector, strict=True)
+        holds(name, diagnosis.interval[name], true) for name, true in zip(NAMES, truth.vector, strict=True)
     ]
     error = float(error_percent(truth.vector, diagnosis.faults.vector))
     nuisance = f"{sensor_of(channel or '')}_{'offset' if kind == 'bias' else kind}"
