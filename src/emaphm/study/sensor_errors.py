@@ -23,6 +23,7 @@ from emaphm.study.analysis.rates import holds
 from emaphm.study.cases import random_faults
 from emaphm.study.record import recorded
 from emaphm.study.rig import Manoeuvre, Rig
+from emaphm.study.spoilt.judging import wrong_components
 from emaphm.text_table import format_table
 
 CHANNELS = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
@@ -35,9 +36,6 @@ ALL: tuple[tuple[str | None, Kind | None], ...] = (
     *((channel, kind) for channel in CHANNELS for kind in KINDS),
 )
 """Sensors and their faults, first a recording without any."""
-
-WRONG = 0.03
-"""Error of a component beyond which a definite verdict, two half-widths off, is called confidently wrong."""
 
 
 @dataclass(frozen=True)
@@ -110,11 +108,7 @@ def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind 
     """Return the outcome of a recording whose sensor of `channel` has a fault of `kind`, None without one."""
     found = {(one.channel, one.kind) for one in diagnosis.sensor_faults}
     rightly = found == {(channel, kind)} if kind else not found
-    wrong = tuple(
-        name
-        for name, true in zip(NAMES, truth.vector, strict=True)
-        if name != "eccentricity_phase" and _confidently_wrong(diagnosis, name, float(true))
-    )
+    wrong = tuple(wrong_components(diagnosis, truth)) if diagnosis.explained else ()
     held = [
         holds(name, diagnosis.interval[name], true) for name, true in zip(NAMES, truth.vector, strict=True)
     ]
@@ -122,13 +116,6 @@ def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind 
     nuisance = f"{sensor_of(channel or '')}_{'offset' if kind == 'bias' else kind}"
     estimated = nuisance in diagnosis.nuisances
     return Outcome(estimated, bool(found), rightly, diagnosis.explained, wrong, error, float(np.mean(held)))
-
-
-def _confidently_wrong(diagnosis: Diagnosis, name: str, truth: float) -> bool:
-    one = diagnosis.components[name]
-    half = (one.interval95[1] - one.interval95[0]) / 2
-    off = abs(one.value - truth) > max(WRONG, 2 * half)
-    return diagnosis.explained and one.verdict != "cannot tell" and off
 
 
 def rows(
