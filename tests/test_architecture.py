@@ -18,6 +18,7 @@ ORDER = (
         "version",
         "progress",
         "text_table",
+        "optional_library",
         "quantiles",
         "strict_json",
     ),

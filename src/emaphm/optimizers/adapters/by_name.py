@@ -6,7 +6,6 @@ from typing import Any
 from emaphm.errors import MethodError, nearest
 from emaphm.optimizers.adapters.cma_es import CmaEs
 from emaphm.optimizers.adapters.l_shade import LShade
-from emaphm.optimizers.adapters.library import import_library
 from emaphm.optimizers.adapters.pymoo_algorithms import (
     PREFIX,
     Pymoo,
@@ -15,6 +14,7 @@ from emaphm.optimizers.adapters.pymoo_algorithms import (
 )
 from emaphm.optimizers.adapters.scipy_de import ScipyDE
 from emaphm.optimizers.minimiser import Minimiser
+from emaphm.optional_library import import_library
 
 PEERS: dict[str, type[Minimiser]] = {"cma-es": CmaEs, "l-shade": LShade, "scipy-de": ScipyDE}
 """The optimisers with a name of their own; those of pymoo are called ``pymoo-`` and pymoo's name."""
@@ -52,7 +52,7 @@ def peer_names() -> tuple[str, ...]:
     The first call takes seconds, as each algorithm is tried.
     """
     try:
-        import_library("pymoo", "pymoo")
+        import_library("method 'pymoo'", "pymoo", "peers")
     except MethodError:
         return tuple(PEERS)
     return (*PEERS, *(PREFIX + name for name in usable_algorithms()))
