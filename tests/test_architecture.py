@@ -19,6 +19,7 @@ ORDER = (
         "progress",
         "text_table",
         "optional_library",
+        "memory",
         "quantiles",
         "strict_json",
     ),
