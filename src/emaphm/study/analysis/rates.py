@@ -43,7 +43,7 @@ def holds(name: str, interval: tuple[ArrayLike, ArrayLike], truth: ArrayLike) ->
     low, high = (np.asarray(end, float) for end in interval)
     turns = (-1.0, 0.0, 1.0) if name == PHASE else (0.0,)
     shifted = [np.asarray(truth, float) + turn for turn in turns]
-    return np.any([(low <= one) & (one <= high) for one in shifted], axis=0)
+    return np.asarray(np.any([(low <= one) & (one <= high) for one in shifted], axis=0))
 
 
 def covered(rows: pl.DataFrame) -> Flags:
