@@ -13,6 +13,7 @@ import emaphm as ema
 from emaphm.actuator import NAMES
 from emaphm.arrays import Array
 from emaphm.study import cases
+from emaphm.study.analysis.rates import Flags, holds
 from emaphm.study.record import recorded
 from emaphm.study.rig import Manoeuvre, Rig
 from emaphm.text_table import format_table
@@ -21,14 +22,9 @@ SEEDS = 1000
 """Seeds of recordings to a case."""
 
 
-def held(diagnosis: ema.Diagnosis, truth: Array) -> list[bool]:
-    """Return for each component whether its 95 % interval holds the truth (8,), the phase on its circle."""
-    inside = []
-    for name, true in zip(NAMES, truth, strict=True):
-        low, high = diagnosis.interval[name]
-        turns = (-1, 0, 1) if name == "eccentricity_phase" else (0,)
-        inside.append(any(low <= true + turn <= high for turn in turns))
-    return inside
+def held(diagnosis: ema.Diagnosis, truth: Array) -> list[Flags]:
+    """Return for each component whether its 95 % interval holds the truth (8,)."""
+    return [holds(name, diagnosis.interval[name], true) for name, true in zip(NAMES, truth, strict=True)]
 
 
 def measure(count: int, sizes: Sequence[int], channels: tuple[str, ...]) -> list[tuple[str, ...]]:

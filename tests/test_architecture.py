@@ -18,6 +18,8 @@ ORDER = (
         "version",
         "progress",
         "text_table",
+        "optional_library",
+        "memory",
         "quantiles",
         "strict_json",
     ),

@@ -1,10 +1,15 @@
-"""Quantiles of the normal and of Student's t distribution, against SciPy's."""
+"""Quantiles of the normal and of Student's t distribution, against SciPy's; of samples, by counting."""
 
 import numpy as np
 import pytest
 from scipy.special import ndtri, stdtr, stdtrit
 
-from emaphm.quantiles import normal_quantile, student_t_distribution, student_t_quantile
+from emaphm.quantiles import (
+    normal_quantile,
+    sample_quantile,
+    student_t_distribution,
+    student_t_quantile,
+)
 
 
 def test_normal_quantiles() -> None:
@@ -25,3 +30,15 @@ def test_student_t_quantiles(freedom: int, probability: float) -> None:
 def test_student_t_distribution(freedom: int) -> None:
     for t in (-30.0, -1.0, 0.0, 0.3, 5.0):
         assert student_t_distribution(freedom, t) == pytest.approx(stdtr(freedom, t), abs=1e-14)
+
+
+@pytest.mark.parametrize("size", [1, 2, 7, 20, 100])
+@pytest.mark.parametrize("without_failure", [0.0, 0.3, 1.0])
+def test_a_quantile_is_the_least_value_that_a_share_of_the_sample_does_not_exceed(
+    size: int, without_failure: float
+) -> None:
+    rng = np.random.default_rng(size)
+    sample = np.where(rng.random(size) < without_failure, np.inf, rng.exponential(100.0, size))
+    for probability in (0.05, 0.5, 0.95):
+        reached = [x for x in sample if np.count_nonzero(sample <= x) >= probability * size]
+        assert sample_quantile(sample, probability) == min(reached)

@@ -1,6 +1,6 @@
-"""Quantiles of the normal, Student's t and the chi-squared distribution.
+"""Quantiles of the normal, Student's t and the chi-squared distribution, and of a sample.
 
-SciPy has them too, but its import alone takes longer than the search of a whole diagnosis.
+SciPy has those of distributions too, but its import alone takes longer than the search of a whole diagnosis.
 """
 
 import math
@@ -82,3 +82,8 @@ def chi_squared_quantile(freedom: float, probability: float) -> float:
         return float(normal_quantile(0.5 + 0.5 * probability)) ** 2
     spread = 2 / (9 * freedom)
     return freedom * (1 - spread + float(normal_quantile(probability)) * math.sqrt(spread)) ** 3
+
+
+def sample_quantile(sample: Array, probability: float) -> float:
+    """Return a quantile of a sample (n,) that may hold `inf`: the least value not below that share of it."""
+    return float(np.quantile(sample, probability, method="inverted_cdf"))

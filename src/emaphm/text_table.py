@@ -1,6 +1,6 @@
-"""Tables of text: as data for a page, and aligned for a terminal."""
+"""Tables of text: as data for a page, aligned for a terminal, and in Markdown."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 NOTHING = "–"
@@ -23,3 +23,9 @@ def format_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         for row in [header, *rows]
     ]
     return "\n".join([lines[0], "-" * max(map(len, lines)), *lines[1:]])
+
+
+def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], *, words: int = 1) -> str:
+    """Return a Markdown table: `words` in the first columns, numbers to the right in the others."""
+    rule = ["---"] * words + ["---:"] * (len(header) - words)
+    return "\n".join(f"| {' | '.join(row)} |" for row in [header, rule, *rows])

@@ -150,6 +150,8 @@ def test_saved_and_loaded_it_says_the_same(detector: Detector, tmp_path: Path) -
     taught = detector.with_seeded({"friction": runs(WORN, 2, seed=15)[0]})
     taught.save(tmp_path / "detector.json")
     loaded = Detector.load(tmp_path / "detector.json")
+    loaded.save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "detector.json").read_bytes()
     later, _ = runs(STIFF_UP, 1, seed=16, cycles=3)
     assert loaded.judge(later).to_dict() == taught.judge(later).to_dict()
     assert loaded.settings == taught.settings

@@ -15,7 +15,6 @@ from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
-from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise
 from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
 from emaphm.estimation.global_search.multistart import local_search
 from emaphm.estimation.objective import MapObjective, faults_objective
@@ -187,17 +186,6 @@ def test_an_error_within_rounding_is_no_suspect() -> None:
     assert SensorScore("scale", "position_rad", 0.11, 0.02).is_suspect()
     assert not SensorScore("scale", "position_rad", 0.11, 0.02, rounding=0.2).is_suspect()
     assert not SensorScore("scale", "position_rad", 0.01, 0.001).is_suspect()
-
-
-def test_noise_and_rounding_of_a_column() -> None:
-    rng, smooth = np.random.default_rng(0), np.sin(np.arange(20_000) / 500)
-    noisy = smooth + rng.normal(0, 0.01, smooth.size)
-    # 20,000 rows know a median's scale to some percent.
-    assert usual_noise(noisy) == pytest.approx(0.01, rel=0.05)
-    noisy[::100] = 5.0
-    assert usual_noise(noisy) == pytest.approx(0.01, rel=0.1)
-    assert rounding_step(np.round(smooth / 0.01) * 0.01) == pytest.approx(0.01)
-    assert rounding_step(np.zeros(5)) == 0.0
 
 
 def diagnosed(

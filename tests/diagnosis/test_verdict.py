@@ -15,9 +15,9 @@ from emaphm.diagnosis import Estimate
 from emaphm.diagnosis.explanation.reasons import is_explained
 from emaphm.diagnosis.verdict import COMMON_SHORTS, NOT_EXPLAINED, estimates, unexplained
 from emaphm.diagnosis.wording import physical_text
-from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION, ParameterSpace
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
+from emaphm.recording.noise import noise_level
 from strategies import fault_vectors
 
 SPACE = ParameterSpace.of(THESIS)

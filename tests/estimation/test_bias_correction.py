@@ -15,12 +15,12 @@ from emaphm.estimation.bias_correction import (
     over_all_phases,
     with_discrepancy,
 )
-from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
+from emaphm.recording.noise import noise_level
 from emaphm.simulated_recording import simulate
 
 FAULTS = drawn(2, seed=7)

@@ -12,11 +12,11 @@ from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
 from emaphm.estimation import replay
 from emaphm.estimation.initial_state import initial_state
-from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import faults_objective, faults_only_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.sensors.sensor_model import with_unknown_errors
 from emaphm.recording import Recording
+from emaphm.recording.noise import noise_level
 from emaphm.simulated_recording import simulate
 from emaphm.simulation.laws.sensors import sensed
 

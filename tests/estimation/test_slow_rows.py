@@ -12,7 +12,8 @@ from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.uncertainty.slow_rows import step_by_other_command
-from emaphm.recording import Recording, other_curve, quiet_noise_level, reconstructed
+from emaphm.recording import Recording, other_curve, reconstructed
+from emaphm.recording.noise import measured_noise
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, REFERENCE
 from emaphm.simulation.engine import inputs
@@ -66,15 +67,15 @@ def test_the_model_driven_by_slow_rows_is_right() -> None:
 def test_the_noise_on_slow_rows_is_not_that_of_the_jumps(noise: float) -> None:
     current = recorded(200.0, 2.0, Chirp(stop_hz=15.0, duration=2.0), noise)["current_A"]
     by_rms = float(np.sqrt(np.mean(np.diff(current, 2) ** 2) / 6))
-    quiet = quiet_noise_level(current, 5e-3)
+    quiet = measured_noise(current, 5e-3)
     assert noise * 0.9 < quiet < max(2 * noise, 0.1)
     assert quiet < by_rms
-    assert quiet_noise_level(current, 2e-3) == np.inf
+    assert measured_noise(current, 2e-3) == pytest.approx(by_rms)
 
 
 def test_noise_alone_is_found_as_it_is() -> None:
     drawn = np.random.default_rng(0).normal(0.0, 0.2, 20_000)
-    assert quiet_noise_level(drawn, 0.1) == pytest.approx(0.2, rel=0.03)  # the error of a median
+    assert measured_noise(drawn, 0.1) == pytest.approx(0.2, rel=0.03)  # the error of a median
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from emaphm.prognosis import Evidence, Observation, fleet_prior
 from emaphm.prognosis.evidence import Moment, follow, moments
 from emaphm.prognosis.filter.resampling import apart_again, kinds_of
 from emaphm.prognosis.from_fleet import learning
-from emaphm.prognosis.from_fleet.memory import Memory
 from emaphm.prognosis.from_fleet.references import References, Track
 from emaphm.prognosis.laws import transition
 from emaphm.prognosis.prior import NEW, Prior
@@ -185,11 +184,3 @@ def test_a_unit_is_followed_once_until_it_is_diagnosed_again(monkeypatch: pytest
     assert first.fleet is not None
     assert again.fleet is not None
     assert first.fleet.rate.shape == again.fleet.rate.shape
-
-
-def test_what_was_not_asked_for_the_longest_is_forgotten() -> None:
-    made: list[str] = []
-    memory: Memory[str] = Memory(2)
-    for key in ("a", "b", "a", "c", "a", "b"):
-        assert memory.get(key, lambda key=key: made.append(key) or key) == key  # type: ignore[misc, func-returns-value]
-    assert made == ["a", "b", "c", "b"]

@@ -26,6 +26,7 @@ from emaphm.study.analysis.rates import (
     errors,
     false_alarms,
     half_widths,
+    holds,
     least_by_chance,
     quantiles,
     recordings_alarmed,
@@ -79,6 +80,16 @@ def test_a_phase_is_covered_across_the_cut_of_its_circle() -> None:
     assert both(0.98, -0.05, 0.05) == [True, False]
     assert both(0.5, 0.95, 1.05) == [False, False]
     assert both(1.0, 0.95, 1.05) == [True, True]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_amount_has_no_circle(name: str) -> None:
+    """An interval at one end of the range holds the other end only of a direction."""
+    is_direction = name == "eccentricity_phase"
+    assert bool(holds(name, (0.9, 1.0), 0.0)) == is_direction
+    assert bool(holds(name, (0.0, 0.1), 1.0)) == is_direction
+    assert holds(name, (0.9, 1.0), 0.95)
+    assert not holds(name, (0.9, 1.0), 0.5)
 
 
 def test_rates_count_what_they_are_named_after() -> None:

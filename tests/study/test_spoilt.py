@@ -11,6 +11,7 @@ from emaphm.diagnosis import Diagnosis
 from emaphm.diagnosis.verdict import Estimate, Verdict
 from emaphm.errors import StudyError
 from emaphm.report.spoilt_page import spoilt_page
+from emaphm.study import sensor_errors
 from emaphm.study.spoilt import changes
 from emaphm.study.spoilt.classes import CLASSES
 from emaphm.study.spoilt.judging import judged, wrong_components
@@ -121,6 +122,21 @@ def test_the_direction_of_no_eccentricity_is_never_wrong(diagnosed: Diagnosis) -
     with_direction = replace(diagnosed, components={**diagnosed.components, "eccentricity_phase": direction})
     truth = Faults(*(0.0 if name == "eccentricity" else v for name, v in vars(diagnosed.faults).items()))
     assert "eccentricity_phase" not in wrong_components(with_direction, truth)
+
+
+@pytest.mark.parametrize("name", ["gain", "eccentricity_phase"])
+@pytest.mark.parametrize("identifiable", [True, False])
+@pytest.mark.parametrize("explained", [True, False])
+def test_the_study_of_sensors_calls_the_same_wrong(
+    diagnosed: Diagnosis, name: str, identifiable: bool, explained: bool
+) -> None:
+    off = replace(
+        _estimate(getattr(diagnosed.faults, name) + 0.1, 0.01, "degraded"), identifiable=identifiable
+    )
+    spoilt_one = replace(diagnosed, components={**diagnosed.components, name: off}, explained=explained)
+    found = sensor_errors.judged(spoilt_one, diagnosed.faults, None, None)
+    assert found.wrong == ((name,) if identifiable and explained else ())
+    assert (judged(spoilt_one, diagnosed.faults)["outcome"] == "silent wrong") == bool(found.wrong)
 
 
 def test_a_refused_recording_is_an_outcome_and_no_failure() -> None:

@@ -119,18 +119,11 @@ def write_detector(detector: Detector, path: str | Path) -> None:
         if detector.actuator
         else None,
         "manoeuvres": [_manoeuvre_dict(one) for one in detector.manoeuvres],
-        "seeded": [
-            {
-                "fault": one.fault,
-                "manoeuvre": one.manoeuvre,
-                "load": one.load,
-                "deviation": one.deviation.tolist(),
-            }
-            for one in detector.seeded
-        ],
+        "seeded": [asdict(one) for one in detector.seeded],
     }
+    text = json.dumps(content, allow_nan=False, default=np.ndarray.tolist)
     with written_whole(path) as temporary:
-        temporary.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
+        temporary.write_text(text + "\n", encoding="utf-8")
 
 
 def read_detector(path: Path) -> Detector:
@@ -173,32 +166,13 @@ def _settings(values: dict[str, float]) -> DetectorSettings:
 
 
 def _manoeuvre_dict(one: Manoeuvre) -> dict[str, Any]:
-    return {
-        "command": one.command.tolist(),
-        "interval_s": one.interval_s,
-        "segments": [{"first": s.first, "stop": s.stop, "stroke": s.stroke} for s in one.segments],
-        "scales": one.scales.tolist(),
-        "drifting": list(one.drifting),
-        "loads": [
-            {"load": at.load.tolist(), "mean": at.mean.tolist(), "centre": at.centre.tolist()}
-            for at in one.loads
-        ],
-        "levels": [
-            {
-                "cycles": level.cycles,
-                "scale": level.scatter.scale.tolist(),
-                "directions": level.scatter.directions.tolist(),
-                "variances": level.scatter.variances.tolist(),
-                "rank": level.scatter.rank,
-                "t2_threshold": level.t2_threshold,
-                "q_threshold": level.q_threshold,
-                "energy": level.energy,
-                "alarms": level.alarms,
-                "runs": level.runs,
-            }
-            for level in one.levels
-        ],
-    }
+    values = asdict(one)
+    return values | {"levels": [_level_dict(level) for level in values["levels"]]}
+
+
+def _level_dict(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the `values` of a level with its scatter's among them."""
+    return {"cycles": values.pop("cycles"), **values.pop("scatter"), **values}
 
 
 def _manoeuvre(one: _Manoeuvre) -> Manoeuvre:
@@ -207,6 +181,7 @@ def _manoeuvre(one: _Manoeuvre) -> Manoeuvre:
         one.interval_s,
         tuple(Segment(s.first, s.stop, s.stroke) for s in one.segments),
         np.array(one.scales),
+        tuple(one.drifting),
         tuple(HealthyAtLoad(np.array(at.load), np.array(at.mean), np.array(at.centre)) for at in one.loads),
         tuple(
             Level(
@@ -222,7 +197,6 @@ def _manoeuvre(one: _Manoeuvre) -> Manoeuvre:
             )
             for level in one.levels
         ),
-        tuple(one.drifting),
     )
 
 

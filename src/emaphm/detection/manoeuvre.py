@@ -68,21 +68,21 @@ class Manoeuvre:
         Its parts.
     scales
         Healthy rms about the mean cycle, (channels,), in the channels' units.
+    drifting
+        Places of the loads at which healthy runs drift in the order in which they were given.
     loads
         Its loads.
     levels
         Scatter and thresholds of one cycle, and of means at the numbers of cycles that enough runs have.
-    drifting
-        Places of the loads at which healthy runs drift in the order in which they were given.
     """
 
     command: Array
     interval_s: float
     segments: tuple[Segment, ...]
     scales: Array
+    drifting: tuple[int, ...]
     loads: tuple[HealthyAtLoad, ...]
     levels: tuple[Level, ...]
-    drifting: tuple[int, ...] = ()
 
     @property
     def name(self) -> str:
@@ -151,7 +151,7 @@ def learn_manoeuvre(
     )
     levels = learn_levels(features, runs, at, settings)
     drifting = drifting_loads(features, runs, at, levels[0], settings)
-    return Manoeuvre(command, first.interval_s, segments, scales, loads, levels, drifting)
+    return Manoeuvre(command, first.interval_s, segments, scales, drifting, loads, levels)
 
 
 def same_load(one: Array, other: Array, largest: float, settings: DetectorSettings) -> bool:

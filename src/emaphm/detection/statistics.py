@@ -1,12 +1,11 @@
 """T² and Q of a feature vector against the healthy scatter, and what each feature contributes."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.errors import MethodError
+from emaphm.optional_library import import_library
 
 LEAST_SCALE = 1e-6
 """Standard deviation of a feature that did not vary: any change of it then counts."""
@@ -95,18 +94,6 @@ class HealthyScatter:
 def _shrunk_correlations(deviations: Array) -> tuple[Array, Array]:
     """Return the standard deviations (p,) of `deviations` (n, p) and their shrunk correlations (p, p)."""
     scale = np.maximum(np.sqrt(np.mean(deviations**2, axis=0)), LEAST_SCALE)
-    covariance = _library().LedoitWolf(assume_centered=True, store_precision=False)
+    estimators = import_library("learning a detector", "sklearn.covariance", "detection")
+    covariance = estimators.LedoitWolf(assume_centered=True, store_precision=False)
     return scale, covariance.fit(deviations / scale).covariance_
-
-
-def _library() -> Any:
-    try:
-        from sklearn import covariance
-    except ModuleNotFoundError as error:
-        if error.name != "sklearn":
-            raise
-        raise MethodError(
-            "learning a detector needs the library 'scikit-learn'; install it with: "
-            "pip install 'emaphm[detection]'"
-        ) from None
-    return covariance

@@ -251,19 +251,6 @@ class Diagnosis:
 
     def notes(self) -> list[str]:
         """Return what a reader must know with the table, a line each."""
-        lines = notes(
-            self.nuisances,
-            self.selected,
-            self.laws,
-            self.collinear_sets,
-            self.channels,
-            self.model_error,
-            moves=self.moves,
-            explained=self.explained,
-            reasons=self.reasons,
-            load=self.load,
-            law_values=self.law_parameters,
-        )
         of_recording = [f"{self.recording}: {note}." for note in self.recording_notes]
         # What was found before the diagnosis stands among the recording's notes.
         of_sensors = [
@@ -273,7 +260,7 @@ class Diagnosis:
         ]
         posterior = self.posterior.notes(self.interval) if self.posterior else []
         check = [f"Against healthy recordings: {self.healthy_check.sentence}."] if self.healthy_check else []
-        return [*of_recording, *of_sensors, *lines, *posterior, *check]
+        return [*of_recording, *of_sensors, *notes(self), *posterior, *check]
 
     def summary(self) -> str:
         """Return one line: how well the model explains the recording, and what it took."""

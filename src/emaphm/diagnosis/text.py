@@ -1,8 +1,9 @@
 """A diagnosis in words: the rows of its table, and the notes that go with it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS, Law
@@ -10,13 +11,14 @@ from emaphm.actuator.unit.baseline import PARTS, SIGNED
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate, of_unit
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.selection.varying_load import LOADS
-from emaphm.diagnosis.varying_load import LoadEstimate, is_of_load
+from emaphm.diagnosis.varying_load import is_of_load
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.sensors.sensor_model import sensor_error
 from emaphm.estimation.space.nuisances import BASELINE
-from emaphm.estimation.uncertainty.collinearity import CollinearSet
-from emaphm.estimation.uncertainty.model_error import HealthyComparison
+
+if TYPE_CHECKING:
+    from emaphm.diagnosis.result import Diagnosis
 
 STANDS_STILL = (
     "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched "
@@ -72,25 +74,10 @@ def _on_laws(laws: Sequence[Law], values: Mapping[str, NuisanceEstimate]) -> str
     return text
 
 
-def notes(
-    nuisances: Mapping[str, NuisanceEstimate],
-    selected: Sequence[str],
-    laws: Sequence[str],
-    collinear_sets: Sequence[CollinearSet],
-    channels: Sequence[str],
-    model_error: Mapping[str, HealthyComparison],
-    *,
-    moves: bool,
-    explained: bool,
-    reasons: Sequence[str] = (),
-    load: LoadEstimate | None = None,
-    law_values: Mapping[str, NuisanceEstimate] | None = None,
-) -> list[str]:
-    """Return lines on motion, residual, nuisances, collinear sets and the unit's deviations.
-
-    The arguments are those fields of `Diagnosis`; `law_values` are its `law_parameters`.
-    """
-    of_laws = law_values or {}
+def notes(diagnosis: "Diagnosis") -> list[str]:
+    """Return lines on motion, residual, nuisances, collinear sets and the unit's deviations."""
+    nuisances, load = diagnosis.nuisances, diagnosis.load
+    of_laws, collinear_sets = diagnosis.law_parameters, diagnosis.collinear_sets
     unit = of_unit(nuisances)
     over_time = {name for name in nuisances if load and is_of_load(name)}
     known = {
@@ -100,9 +87,10 @@ def notes(
     }
     collinear = {name for one in collinear_sets for name in one.members}
     unknown = [name for name in nuisances if name not in known.keys() | unit.keys() | collinear | over_time]
-    lines = [STANDS_STILL] if not moves else []
-    lines += [NOT_EXPLAINED, *(f"Not explained: {reason}." for reason in reasons)] if not explained else []
-    lines += [f"Residual of {name}: {one}" for name, one in model_error.items()]
+    lines = [] if diagnosis.moves else [STANDS_STILL]
+    if not diagnosis.explained:
+        lines += [NOT_EXPLAINED, *(f"Not explained: {reason}." for reason in diagnosis.reasons)]
+    lines += [f"Residual of {name}: {one}" for name, one in diagnosis.model_error.items()]
     if known:
         values = ", ".join(f"{name} {estimate}" for name, estimate in known.items())
         lines.append(f"Estimated with the faults: {values}.")
@@ -111,37 +99,14 @@ def notes(
             f"The load {load}; it was estimated with the faults. Recorded as load_Nm, it is known, and the "
             "faults better."
         )
-    if laws:
-        lines.append(_on_laws([LAWS[name] for name in laws], of_laws))
-    of_recording = [
-        name for name in selected if not (sensor_error(name) or name.startswith(BASELINE) or name in LOADS)
-    ]
-    if of_recording:
-        lines.append(
-            "Also estimated, because it deviates significantly from the description: "
-            f"{', '.join(of_recording)}. "
-            "If this persists, correct the actuator's file; taken as known, it would read as faults."
-        )
-    of_description = [name.removeprefix(BASELINE) for name in selected if name.startswith(BASELINE)]
-    if ROTOR_ZERO in of_description:
-        lines.append(
-            "The rotor's electrical zero is not where the description puts it, and was estimated; a sixth of "
-            "a turn more explains the recording as well, so which phase is which stays open. Give "
-            "rotor_zero in [electrical] of the actuator's file: the estimate names the phases of later "
-            "recordings alike."
-        )
-    if parameters := [name for name in of_description if name != ROTOR_ZERO]:
-        one_of = ", one of which at least is off" if len(parameters) > 1 else ""
-        lines.append(
-            f"Also estimated, because the recording contradicts the description: {', '.join(parameters)}"
-            f"{one_of}. If this persists, calibrate the healthy unit (emaphm calibrate), or state under "
-            "[tolerances] how far it may be off; taken as exact, it would read as faults."
-        )
+    if diagnosis.laws:
+        lines.append(_on_laws([LAWS[name] for name in diagnosis.laws], of_laws))
+    lines += _on_selected(diagnosis.selected)
     lines += [f"Known only in combination: {one}" for one in collinear_sets]
     if unknown:
         lines.append(
-            f"Not identifiable from {', '.join(channels)}: {', '.join(unknown)}. The intervals include "
-            "the prior uncertainty. Record more channels, or the quantity itself."
+            f"Not identifiable from {', '.join(diagnosis.channels)}: {', '.join(unknown)}. The intervals "
+            "include the prior uncertainty. Record more channels, or the quantity itself."
         )
     described = {name.removeprefix(BASELINE): one for name, one in unit.items()}
     described = {name: one for name, one in described.items() if name not in of_laws}
@@ -149,6 +114,34 @@ def notes(
         values = ", ".join(_deviation(name, one) for name, one in described.items())
         lines.append(f"Deviation of the unit from its description: {values}.")
     return lines
+
+
+def _on_selected(selected: Sequence[str]) -> Iterator[str]:
+    """Yield what to do about the parameters that were estimated although nobody asked to."""
+    of_recording = [
+        name for name in selected if not (sensor_error(name) or name.startswith(BASELINE) or name in LOADS)
+    ]
+    if of_recording:
+        yield (
+            "Also estimated, because it deviates significantly from the description: "
+            f"{', '.join(of_recording)}. "
+            "If this persists, correct the actuator's file; taken as known, it would read as faults."
+        )
+    of_description = [name.removeprefix(BASELINE) for name in selected if name.startswith(BASELINE)]
+    if ROTOR_ZERO in of_description:
+        yield (
+            "The rotor's electrical zero is not where the description puts it, and was estimated; a sixth of "
+            "a turn more explains the recording as well, so which phase is which stays open. Give "
+            "rotor_zero in [electrical] of the actuator's file: the estimate names the phases of later "
+            "recordings alike."
+        )
+    if parameters := [name for name in of_description if name != ROTOR_ZERO]:
+        one_of = ", one of which at least is off" if len(parameters) > 1 else ""
+        yield (
+            f"Also estimated, because the recording contradicts the description: {', '.join(parameters)}"
+            f"{one_of}. If this persists, calibrate the healthy unit (emaphm calibrate), or state under "
+            "[tolerances] how far it may be off; taken as exact, it would read as faults."
+        )
 
 
 def _deviation(name: str, estimate: NuisanceEstimate) -> str:

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.sensors.counts import in_counts
+from emaphm.recording.noise import noise_level
 from emaphm.simulation import REFERENCE
 
 REFERENCE_RUNS = 16

@@ -3,9 +3,9 @@
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.sensors.sensor_model import true_values
 from emaphm.recording import Recording, reconstructed
+from emaphm.recording.noise import noise_level
 from emaphm.simulation import Initial
 from emaphm.simulation.laws.angles import wrap
 

@@ -12,14 +12,14 @@ from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.initial_state import initial_state
-from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.recorded_supply import with_recorded_supply
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
 from emaphm.estimation.space.nuisances import NO_NUISANCES
 from emaphm.estimation.uncertainty.model_error import row_errors
-from emaphm.recording import Recording, quiet_noise_level, with_equivalent_current
+from emaphm.recording import Recording, with_equivalent_current
+from emaphm.recording.noise import measured_noise
 from emaphm.recording.schema import RESPONSES
 from emaphm.recording.sensor_checks.resolution import Mask
 from emaphm.simulation import AVERAGED, Initial, Inputs, Model, Plant, observe_batch, run
@@ -160,7 +160,7 @@ class Problem:
         described = described_noise(self.primary, self.actuator)
         if described is not None:
             return described
-        return min(noise_level(self.recorded), quiet_noise_level(self.recorded, self.inputs.interval))
+        return measured_noise(self.recorded, self.inputs.interval)
 
     def compared(self, channel: str, rows: Array) -> Array:
         """Return those of the `rows` (samples,) of a channel that are compared, (compared,)."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.discrepancy import Discrepancy
-from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.sensors.sensor_model import described_noise
 from emaphm.estimation.uncertainty.model_error import error_variance, largest_healthy_ratio
+from emaphm.recording.noise import noise_level
 
 DEFAULT_SCATTER = 2e-4
 """Default standard error of the optimiser's end point, used where its scatter was not measured: kinks of

@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike
 
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
+from emaphm.quantiles import sample_quantile
 
 ROUNDING = 1e-9
 """Share of a life by which hours that are computed in different ways may differ."""
@@ -61,8 +62,7 @@ class Prediction:
 
     def quantile(self, probability: float) -> float:
         """Return the quantile of the RUL [h]: the least value that is not below that share of the sample."""
-        place = int(np.ceil(probability * self.sample.size)) - 1
-        return float(self.sample[min(max(place, 0), self.sample.size - 1)])
+        return sample_quantile(self.sample, probability)
 
     def share_within(self, low: float, high: float) -> float:
         """Return the probability that low ≤ RUL ≤ high [h]."""

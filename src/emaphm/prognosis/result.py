@@ -16,6 +16,7 @@ from emaphm.prognosis.requirements import COMPONENTS, Limit, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes
 from emaphm.prognosis.settings import LAWS
 from emaphm.prognosis.stress import Stress, stress_dict
+from emaphm.quantiles import sample_quantile
 from emaphm.strict_json import finite
 from emaphm.text_table import format_table
 from emaphm.version import VERSION
@@ -26,8 +27,31 @@ if TYPE_CHECKING:
 INTERVAL90 = (0.05, 0.95)
 
 
+class RemainingLife:
+    """What a `sample` (n,) of the RUL [h] says; `horizon` [h] as in `probability_of_failure`."""
+
+    horizon: float
+    sample: Array
+
+    @property
+    def median(self) -> float:
+        """Median of the RUL [h], `inf` where no failure is in sight."""
+        return sample_quantile(self.sample, 0.5)
+
+    @property
+    def interval90(self) -> tuple[float, float]:
+        """5 to 95 % of the RUL [h]; `inf` where no failure is in sight."""
+        low, high = (sample_quantile(self.sample, p) for p in INTERVAL90)
+        return low, high
+
+    @property
+    def probability_of_failure(self) -> float:
+        """Probability of a failure within the horizon: a requirement or the indicator's limit is reached."""
+        return float(np.mean(self.sample <= self.horizon))
+
+
 @dataclass(frozen=True, eq=False)
-class Prognosis:
+class Prognosis(RemainingLife):
     """The remaining useful life (RUL) of a unit.
 
     Attributes
@@ -52,6 +76,8 @@ class Prognosis:
         Source of all randomness.
     ahead
         The stress to come that was asked for.
+    sample
+        The RUL of each path [h], (n,): `inf` where no failure is in sight, 0 where the unit has failed.
     """
 
     evidence: Evidence
@@ -68,27 +94,12 @@ class Prognosis:
     seed: int
     ahead: Stress | None = None
     notes: tuple[str, ...] = ()
+    sample: Array = field(init=False, repr=False)
 
-    @property
-    def sample(self) -> Array:
-        """The RUL of each path [h], (n,): `inf` where no failure is in sight, 0 where the unit has failed."""
-        return self.times.first if self.evidence.unrepaired is None else np.zeros(self.times.hours.shape[1])
-
-    @property
-    def median(self) -> float:
-        """Median of the RUL [h], `inf` where no failure is in sight."""
-        return quantile(self.sample, 0.5)
-
-    @property
-    def interval90(self) -> tuple[float, float]:
-        """5 to 95 % of the RUL [h]; `inf` where no failure is in sight."""
-        low, high = (quantile(self.sample, p) for p in INTERVAL90)
-        return low, high
-
-    @property
-    def probability_of_failure(self) -> float:
-        """Probability that a requirement fails within the horizon."""
-        return float(np.mean(self.sample <= self.horizon))
+    def __post_init__(self) -> None:
+        failed = self.evidence.unrepaired is not None
+        sample = np.zeros(self.times.hours.shape[1]) if failed else self.times.first
+        object.__setattr__(self, "sample", sample)
 
     def probabilities(self) -> dict[str, float]:
         """Return by requirement the probability that it fails within the horizon, others failing or not."""
@@ -102,7 +113,7 @@ class Prognosis:
         probabilities = self.probabilities()
         result: dict[str, dict[str, Any]] = {}
         for limit, row in zip(self.times.limits, self.values, strict=True):
-            low, middle, high = (quantile(row, p) for p in (INTERVAL90[0], 0.5, INTERVAL90[1]))
+            low, middle, high = (sample_quantile(row, p) for p in (INTERVAL90[0], 0.5, INTERVAL90[1]))
             result[limit.label] = {
                 "value": finite(middle),
                 "interval90": [finite(low), finite(high)],
@@ -189,12 +200,6 @@ class Prognosis:
         from emaphm.plotting.prognosis import draw_prognosis
 
         return draw_prognosis(self)
-
-
-def quantile(sample: Array, probability: float) -> float:
-    """Return a quantile of a sample (n,) that may hold `inf`: the least value not below that share of it."""
-    place = math.ceil(probability * sample.size) - 1
-    return float(np.sort(sample)[min(max(place, 0), sample.size - 1)])
 
 
 def hours_text(hours: float) -> str:

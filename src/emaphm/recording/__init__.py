@@ -13,7 +13,6 @@ from emaphm.recording.io.read import (
     recordings_of,
 )
 from emaphm.recording.io.write import write_recording
-from emaphm.recording.noise import quiet_noise_level
 from emaphm.recording.plausibility import check_plausible
 from emaphm.recording.reconstruction import held, other_curve, reconstructed
 from emaphm.recording.recording import Recording
@@ -26,7 +25,6 @@ __all__ = [
     "full_scales",
     "held",
     "other_curve",
-    "quiet_noise_level",
     "read_recording",
     "read_recordings",
     "read_signal",

@@ -1,4 +1,4 @@
-"""The noise and the steps of a recorded channel, by its own rows, whatever a minority of them shows."""
+"""The white noise on a channel, and the steps that it is recorded in, by its own rows."""
 
 import math
 
@@ -12,6 +12,19 @@ differences shows those jumps, 0.2 to 0.6 A of the thesis's actuator where the n
 
 NORMAL_QUARTILE = 0.6744897501960817
 """Median magnitude of a standard normal number."""
+
+SAME_COUNT = 1e-9
+"""Distance of two values, relative to their column's range, below which they are the same count: values of
+one count may differ by the rounding of the file."""
+
+
+def noise_level(values: Array) -> float:
+    """Return the rms of the white noise on a smooth signal `values` (n,), in its unit.
+
+    From its second differences, whose variance is 6 times that of white noise, and next to nothing of a
+    signal that is smooth over three rows.
+    """
+    return float(np.sqrt(np.mean(np.diff(values, 2) ** 2) / 6))
 
 
 def robust_noise_level(values: Array, order: int) -> float:
@@ -35,9 +48,14 @@ def noise_on_most_rows(values: Array) -> float:
     return min(robust_noise_level(values, 2), robust_noise_level(values, 4))
 
 
-def quiet_noise_level(values: Array, interval: float) -> float:
-    """Return the noise on most of the rows `values` (n,), `interval` [s] apart; inf of dense rows."""
-    return math.inf if interval <= SLOW_ROWS_S else noise_on_most_rows(values)
+def measured_noise(values: Array, interval: float) -> float:
+    """Return the rms of the white noise on a channel `values` (n,), whose rows are `interval` [s] apart.
+
+    That of all rows (`noise_level`); of slow rows, on which a current's jumps would pass for noise, that on
+    most of them where it is less.
+    """
+    level = noise_level(values)
+    return level if interval <= SLOW_ROWS_S else min(level, noise_on_most_rows(values))
 
 
 def smallest_step(values: Array, same: float) -> float:
@@ -45,3 +63,8 @@ def smallest_step(values: Array, same: float) -> float:
     steps = np.diff(np.unique(values))
     steps = steps[steps > same]
     return float(steps.min()) if steps.size else 0.0
+
+
+def rounding_step(values: Array) -> float:
+    """Return the step that a column (n,) is rounded to: the smallest distance between two of its values."""
+    return smallest_step(values, SAME_COUNT * float(np.ptp(values))) if values.size else 0.0

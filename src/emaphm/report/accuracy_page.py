@@ -8,7 +8,7 @@ import polars as pl
 from emaphm.actuator import NAMES
 from emaphm.errors import StudyError
 from emaphm.experiment.test_setup import LARGEST_SHORT
-from emaphm.report.markdown import incomplete, mixed, percent, table
+from emaphm.report.markdown import incomplete, mixed, percent
 from emaphm.study.analysis.rates import (
     JUDGED,
     alarms,
@@ -27,6 +27,7 @@ from emaphm.study.cases import HEAVY_SHORTS, SINGLE
 from emaphm.study.plan import PageRow, PageSection, Plan
 from emaphm.study.rig import Rig
 from emaphm.study.thesis import published
+from emaphm.text_table import markdown_table
 
 MET = {True: "yes", False: "no", None: "–"}
 
@@ -106,7 +107,7 @@ def accuracy_page(plan: Plan, runs: pl.DataFrame) -> str:
         *mixed(runs["revision"].to_list()),
         introduction,
         "## What was asked and what was reached\n",
-        table(
+        markdown_table(
             ["what", "asked", "reached", "met"],
             [[*line[:3], MET[line[3]]] for line in (*_without_noise(results), *_on_rig(results))],
         ),
@@ -196,7 +197,7 @@ def _described(results: Results) -> Iterator[str]:
         rows.append(
             [row.text, f"{one.mean():.2f} / {one.max():.2f}", quantiles(errors(results.of(row, "random")))]
         )
-    yield table(
+    yield markdown_table(
         [
             section.label,
             "single faults: mean / worst, %",
@@ -219,7 +220,7 @@ def _multiple(results: Results) -> Iterator[str]:
     for row in results.multiple.rows:
         found = errors(results.of(row, "multiple"))
         rows.append([row.text, ", ".join(f"{error:.2f}" for error in found), _within(found)])
-    yield table([results.multiple.label, "error of each, %", f"at most {NEAR_PERCENT:g} %"], rows)
+    yield markdown_table([results.multiple.label, "error of each, %", f"at most {NEAR_PERCENT:g} %"], rows)
 
 
 def _heavy(results: Results) -> Iterator[str]:
@@ -246,7 +247,7 @@ def _heavy(results: Results) -> Iterator[str]:
                 f"{wrong['explained'].sum()} of {wrong.height}",
             ]
         )
-    yield table(
+    yield markdown_table(
         [
             results.heavy.label,
             "move",
@@ -284,14 +285,14 @@ def _base(results: Results) -> Iterator[str]:
         "its intervals are wider than they need to be, less that they are too narrow:\n"
     )
     header = [section.label, *NAMES]
-    yield table(
+    yield markdown_table(
         header, [[name, *(f"{100 * one:.1f} %" for one in coverage(rows))] for name, rows in random.items()]
     )
     yield (
         "\nMedian half-width of these intervals, in the unit of the components (1 is the whole range). Two "
         "set-ups that cover equally often differ in this:\n"
     )
-    yield table(
+    yield markdown_table(
         header,
         [
             [name, *(f"{one:.4f}" for one in np.median(half_widths(rows), axis=0))]
@@ -323,7 +324,7 @@ def _errors(results: Results, section: PageSection) -> str:
                 f"{np.median(cases['seconds'].to_numpy()):.2f}",
             ]
         )
-    return table(
+    return markdown_table(
         [
             section.label,
             "cases",
@@ -351,7 +352,7 @@ def _healthy(results: Results, section: PageSection) -> str:
                 quantiles(errors(cases)),
             ]
         )
-    return table(
+    return markdown_table(
         [
             section.label,
             "recordings",
@@ -386,7 +387,7 @@ def _small(results: Results, section: PageSection) -> str:
                 ]
             )
     header = [f"{section.label}, size", "recordings each", *SINGLE, "others, called degraded"]
-    return table(header, rows)
+    return markdown_table(header, rows)
 
 
 def _within(found: np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:

@@ -17,12 +17,13 @@ from emaphm.actuator import Actuator
 from emaphm.errors import StudyError
 from emaphm.plotting.fitness_scans import draw_scans
 from emaphm.plotting.svg import plain_style, svg
-from emaphm.report.markdown import mixed, table
+from emaphm.report.markdown import mixed
 from emaphm.report.study import write_study_report
 from emaphm.study import Store
 from emaphm.study.analysis.statistics import VARIANT, by_case, by_method
 from emaphm.study.thesis import published
 from emaphm.study.thesis.fitness_study import fitness_study, fitness_table
+from emaphm.text_table import markdown_table
 
 PLANS = ("thesis", "forms", "monitor", "hybrids")
 DAY_S = 86_400
@@ -90,7 +91,7 @@ def methods_table(store: Store) -> str:
         "reference runs",
         "time of a run, s",
     ]
-    return table(header, rows)
+    return markdown_table(header, rows)
 
 
 def variants_table(store: Store, key: str) -> str:
@@ -121,7 +122,7 @@ def variants_table(store: Store, key: str) -> str:
         "worst, %",
         "evaluations",
     ]
-    return table(header, lines)
+    return markdown_table(header, lines)
 
 
 def hybrids_table(store: Store) -> str:
@@ -154,7 +155,7 @@ def hybrids_table(store: Store) -> str:
         "evaluations",
         "reference runs",
     ]
-    return table(header, lines)
+    return markdown_table(header, lines)
 
 
 def contradictions_table() -> str:
@@ -179,7 +180,7 @@ def contradictions_table() -> str:
         "mean recomputed from the faults found, %",
         "rows whose error follows from no formula",
     ]
-    return table(header, lines)
+    return markdown_table(header, lines)
 
 
 def check(holds: bool, finding: str) -> None:

@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from emaphm.plotting.svg import svg_uri
-from emaphm.report.markdown import table
 from emaphm.report.page import render
-from emaphm.text_table import Table
+from emaphm.text_table import Table, markdown_table
 
 SPECIAL = re.compile(r"([\\`*_{}\[\]<>|~$&#]|^[-+=])")
 """What Markdown could take for markup: anywhere, or at the beginning of a line."""
@@ -108,4 +107,4 @@ def _markdown(block: Block) -> str:
             return f"![{escaped(block.words)}](figures/{block.name})\n\n*{escaped(block.caption)}*"
         case Table():
             escaped_rows = [map(escaped, row) for row in block.rows]
-            return table([*map(escaped, block.header)], [[*row] for row in escaped_rows])
+            return markdown_table([*map(escaped, block.header)], [[*row] for row in escaped_rows])

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 
 from emaphm.errors import StudyError
-from emaphm.report.markdown import incomplete, mixed, percent, table
+from emaphm.report.markdown import incomplete, mixed, percent
 from emaphm.study.analysis.rates import (
     coverage,
     detection,
@@ -15,6 +15,7 @@ from emaphm.study.analysis.rates import (
     false_alarms,
 )
 from emaphm.study.plan import PageRow, Plan
+from emaphm.text_table import markdown_table
 
 HEADINGS = {
     "pmsm": "A motor under field-oriented control",
@@ -52,7 +53,7 @@ def drive_page(plan: Plan, runs: pl.DataFrame) -> str:
     for section in plan.sections:
         lines.append(f"## {section.title}\n\n{section.note}\n")
         rows = [[row.text, *_cells(row, runs)] for row in section.rows]
-        lines.append(table([section.label, *HEADER], rows) + "\n")
+        lines.append(markdown_table([section.label, *HEADER], rows) + "\n")
     return "\n".join(lines)
 
 

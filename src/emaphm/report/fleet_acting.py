@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-from emaphm.report.markdown import table
 from emaphm.study.fleet.acting import (
     ACTING_HEADER,
     OVER_LIFE_HEADER,
@@ -11,6 +10,7 @@ from emaphm.study.fleet.acting import (
     over_life_rows,
 )
 from emaphm.study.fleet.tracks import COSTS, HORIZON_H, RISK, RULES
+from emaphm.text_table import markdown_table
 
 
 def said_of_acting(units: Units, interval: float) -> Iterator[str]:
@@ -37,7 +37,7 @@ def said_of_acting(units: Units, interval: float) -> Iterator[str]:
     )
     for rule in RULES:
         yield f"Removed by {rule}, {len(units)} synthetic units:\n"
-        yield table(ACTING_HEADER, acted_rows(units, rule))
+        yield markdown_table(ACTING_HEADER, acted_rows(units, rule))
         yield ""
 
 
@@ -49,4 +49,4 @@ def said_over_life(units: Units) -> Iterator[str]:
         "within 20 % of the life around the true RUL), as a share of life; and the mean relative accuracy "
         "over a life, of which the median unit's is given ([definitions](prognosis.md#metrics)).\n"
     )
-    yield table(OVER_LIFE_HEADER, over_life_rows(units))
+    yield markdown_table(OVER_LIFE_HEADER, over_life_rows(units))

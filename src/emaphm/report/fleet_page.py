@@ -23,7 +23,7 @@ from emaphm.plotting.svg import plain_style, svg
 from emaphm.prognosis.metrics import coverage
 from emaphm.report.fleet_acting import said_of_acting, said_over_life
 from emaphm.report.fleet_warnings import ASKED_WARNED, said_of_warnings, share_in_time
-from emaphm.report.markdown import incomplete, table
+from emaphm.report.markdown import incomplete
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.judging import (
     ALONE,
@@ -47,6 +47,7 @@ from emaphm.study.fleet.run import (
     results,
 )
 from emaphm.study.fleet.scores import HEADER, alpha_lambda_interval, scores, ways
+from emaphm.text_table import markdown_table
 
 Units = Sequence[Mapping[str, Any]]
 
@@ -231,7 +232,7 @@ def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
         "coverage of 90 %",
         "late",
     )
-    yield table(header, rows)
+    yield markdown_table(header, rows)
     yield (
         f"\nAsked: {100 * ASKED_SHARE:.0f} % of the alpha-lambda (α 0.2, β 0.5) of a clairvoyant who knows "
         f"law and true level, and a coverage of {100 * ASKED_COVERAGE[0]:.0f} to "
@@ -279,7 +280,7 @@ def _tables(title: str, units: Units) -> Iterator[str]:
     for share in SHARES:
         what = "the first diagnosis" if share == 0 else f"λ = {share:g}"
         yield f"\nAt {what}, {len(units)} synthetic units:\n"
-        yield table(HEADER, [(way, *scores(units, way, share).row) for way in ways(units)])
+        yield markdown_table(HEADER, [(way, *scores(units, way, share).row) for way in ways(units)])
     yield (
         "\n*Mean life*: of those other units that have lived longer. *Last slope*: a straight line through "
         "the last ten diagnoses of each component. *One filter a component*: a Kalman filter of level and "
@@ -323,7 +324,7 @@ def _by_law(units: Units) -> str:
         "Bayes' rule",
         "coverage",
     )
-    return table(header, rows)
+    return markdown_table(header, rows)
 
 
 def _population(population: Population) -> Iterator[str]:
@@ -339,7 +340,7 @@ def _population(population: Population) -> Iterator[str]:
         for name, wear in population.wear.items()
     ]
     header = ("component", "laws", "of the units", "median life", "spread (log)", "limit")
-    yield table(header, rows)
+    yield markdown_table(header, rows)
     s = population.stress
     yield (
         f"\nThe median life is that until the component reaches its limit, under nominal stress. A unit ages "

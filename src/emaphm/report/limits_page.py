@@ -7,10 +7,11 @@ import polars as pl
 from emaphm.errors import StudyError
 from emaphm.plotting.limits import draw_limits
 from emaphm.plotting.svg import plain_style, svg
-from emaphm.report.markdown import incomplete, mixed, table
+from emaphm.report.markdown import incomplete, mixed
 from emaphm.study.analysis.limits import SettingRates
 from emaphm.study.analysis.rates import JUDGED, least_by_chance, single_fault
 from emaphm.study.plan import PageRow, PageSection, Plan
+from emaphm.text_table import markdown_table
 
 HEADER = (
     "error: median / 95th percentile, %",
@@ -148,7 +149,7 @@ def _reading(section: PageSection, rates: Rates) -> str:
 def _table(section: PageSection, rates: Rates) -> str:
     several = len({row.method for row in section.rows}) > 1
     rows = [[row.text, *([row.method] if several else []), *_cells(rates[row])] for row in section.rows]
-    return table([section.label, *(["estimated"] if several else []), *HEADER], rows)
+    return markdown_table([section.label, *(["estimated"] if several else []), *HEADER], rows)
 
 
 def _cells(rates: SettingRates) -> list[str]:

@@ -1,12 +1,6 @@
-"""Pages of Markdown: tables, and what every page says of the study behind it."""
+"""Pages of Markdown: what every page says of the study behind it."""
 
-from collections.abc import Collection, Iterable, Sequence
-
-
-def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a Markdown table, its numbers to the right."""
-    rule = ["---", *["---:"] * (len(header) - 1)]
-    return "\n".join(f"| {' | '.join(row)} |" for row in [header, rule, *rows])
+from collections.abc import Collection
 
 
 def incomplete(done: int, total: int) -> list[str]:

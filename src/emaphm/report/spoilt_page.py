@@ -11,11 +11,12 @@ from pathlib import Path
 
 from emaphm.errors import EmaphmError
 from emaphm.output_files import make_folder, written_whole
-from emaphm.report.markdown import incomplete, table
+from emaphm.report.markdown import incomplete
 from emaphm.study.spoilt.judging import HALF_WIDTHS, LEAST_ERROR, OUTCOMES
 from emaphm.study.spoilt.rates import Results, rows, silent_wrong
 from emaphm.study.spoilt.run import cases, class_of, results
 from emaphm.study.spoilt.source import ADC_BITS, CHANNELS, FAULTS, NOISE_A
+from emaphm.text_table import markdown_table
 
 
 def spoilt_page(found: Results, total: int) -> str:
@@ -26,7 +27,7 @@ def spoilt_page(found: Results, total: int) -> str:
                 "# Spoilt recordings\n",
                 *incomplete(len(found), total),
                 *_introduction(found),
-                table(["class", "cases", *OUTCOMES], rows(found)),
+                markdown_table(["class", "cases", *OUTCOMES], rows(found)),
                 "\n## Confident and wrong\n",
                 *_wrong(found),
                 "\n## Why the others are not explained\n",

@@ -73,7 +73,7 @@ def fleet(
     tag = server.kept.tag(key)
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"etag": tag})
-    content = server.kept.page(key, lambda: _fleet(request, server, choice, number))
+    content = server.kept.pages.get(key, lambda: _fleet(request, server, choice, number))
     return HTMLResponse(content, headers={"etag": tag})
 
 

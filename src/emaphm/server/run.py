@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from emaphm.errors import ServerError
 from emaphm.history import History
+from emaphm.memory import Memory
 from emaphm.monitoring.delivery import Delivery, Receiver, close_all
 from emaphm.monitoring.receivers import Webhook
 from emaphm.monitoring.settings import WATCH, PrognosisSettings
@@ -170,7 +171,7 @@ def running(
                 uploads=Uploads(folder, queue, pool, tuple(actuators), settings.most_waiting),
                 doorkeeper=None if tokens is None else Doorkeeper(dict(tokens), settings.session_hours),
                 settings=settings,
-                kept=Kept(settings.pages_kept),
+                kept=Kept(Memory(settings.pages_kept)),
                 templates=templates,
             )
 

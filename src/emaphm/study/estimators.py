@@ -31,6 +31,7 @@ from emaphm.execution import Task, outcomes
 from emaphm.fleet import DiagnosisSettings
 from emaphm.random_streams import stream
 from emaphm.recording import Recording
+from emaphm.study.analysis.rates import holds
 from emaphm.study.cases import SINGLE, heavy_faults, random_faults, small_fault
 from emaphm.study.plan import Plan
 from emaphm.study.record import recorded
@@ -38,6 +39,7 @@ from emaphm.study.rig import Manoeuvre, Rig
 from emaphm.study.spoilt.judging import OUTCOMES, judged, refused
 from emaphm.study.spoilt.run import cases as spoilt_cases
 from emaphm.study.spoilt.run import spoilt
+from emaphm.text_table import markdown_table
 
 METHODS = ("estimator alone", "estimator, corrected", "full search")
 WITHOUT_SEARCH = "estimator without search"
@@ -143,14 +145,14 @@ def _diagnosed(
     )
     processor = time.process_time()
     diagnosis = settings.diagnosed(recording, actuator)
-    components = [diagnosis.components[name] for name in NAMES]
     return judged(diagnosis, truth) | {
         "method": diagnosis.method,
         "error": _error(diagnosis, truth),
         "covered": [
-            _within(one.interval95, value) for one, value in zip(components, truth.vector, strict=True)
+            bool(holds(name, diagnosis.interval[name], true))
+            for name, true in zip(NAMES, truth.vector, strict=True)
         ],
-        "degraded": [one.verdict == "degraded" for one in components],
+        "degraded": [diagnosis.components[name].verdict == "degraded" for name in NAMES],
         "moves": diagnosis.moves,
         "wall_s": diagnosis.seconds,
         "processor_s": time.process_time() - processor,
@@ -161,21 +163,19 @@ def _error(diagnosis: Diagnosis, truth: Faults) -> float:
     return float(error_percent(truth.vector, diagnosis.faults.vector))
 
 
-def _within(interval: tuple[float, float], truth: float) -> bool:
-    # A direction's interval may run past 0 or 1, where the circle closes.
-    return any(interval[0] <= truth + turn <= interval[1] for turn in (-1, 0, 1))
-
-
 def accuracy_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
     """Return errors, shares, intervals and times by group and method."""
     header = (
-        "| recordings | method | error: median / 95th percentile / worst, % | at most 2 % | at most 5 % "
-        "| explained | as asked | processor time: median / 95th percentile, s |"
+        "recordings",
+        "method",
+        "error: median / 95th percentile / worst, %",
+        "at most 2 %",
+        "at most 5 %",
+        "explained",
+        "as asked",
+        "processor time: median / 95th percentile, s",
     )
-    lines = [
-        header,
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
+    rows = []
     for group in ("random", "heavy", "multiple", "healthy", "small"):
         for method in METHODS:
             one = [r for c, m, r in found if c.group == group and m == method and r.get("moves")]
@@ -183,14 +183,19 @@ def accuracy_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
                 continue
             errors, times = (np.array([r[key] for r in one]) for key in ("error", "processor_s"))
             asked = {METHODS[0]: "estimator", METHODS[1]: "estimator+lsq", METHODS[2]: "hybrid"}[method]
-            lines.append(
-                f"| {group}, {len(one)} | {method} | {np.median(errors):.2f} / {_p95(errors):.2f} "
-                f"/ {errors.max():.2f} | {_percent(errors <= 2)} | {_percent(errors <= 5)} "
-                f"| {_percent([_claims(r) for r in one])} "
-                f"| {_percent([r['method'] == asked for r in one])} "
-                f"| {np.median(times):.3f} / {_p95(times):.3f} |"
+            rows.append(
+                (
+                    f"{group}, {len(one)}",
+                    method,
+                    f"{np.median(errors):.2f} / {_p95(errors):.2f} / {errors.max():.2f}",
+                    _percent(errors <= 2),
+                    _percent(errors <= 5),
+                    _percent([_claims(r) for r in one]),
+                    _percent([r["method"] == asked for r in one]),
+                    f"{np.median(times):.3f} / {_p95(times):.3f}",
+                )
             )
-    return "\n".join(lines)
+    return markdown_table(header, rows, words=2)
 
 
 def _p95(values: Array) -> float:
@@ -203,22 +208,18 @@ def _claims(result: dict[str, Any]) -> bool:
 
 def coverage_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
     """Return the share of recordings that move whose interval holds the truth, by group and component."""
-    lines = [f"| recordings | method | {' | '.join(NAMES)} |", f"| --- | --- |{' ---: |' * len(NAMES)}"]
+    rows = []
     for group in ("random", "heavy"):
         for method in METHODS:
             one = [r["covered"] for c, m, r in found if c.group == group and m == method and r.get("moves")]
             if one:
-                shares = " | ".join(_percent(share) for share in np.mean(one, axis=0))
-                lines.append(f"| {group}, {len(one)} | {method} | {shares} |")
-    return "\n".join(lines)
+                rows.append((f"{group}, {len(one)}", method, *map(_percent, np.mean(one, axis=0))))
+    return markdown_table(("recordings", "method", *NAMES), rows, words=2)
 
 
 def alarms_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
     """Return false alarms on healthy recordings, and how often each small fault is called degraded."""
-    lines = [
-        f"| method | healthy: false alarms | {' | '.join(SINGLE)} |",
-        f"| --- | ---: |{' ---: |' * len(SINGLE)}",
-    ]
+    rows = []
     for method in METHODS:
         healthy = [r for c, m, r in found if c.group == "healthy" and m == method and "degraded" in r]
         if not healthy:
@@ -231,8 +232,8 @@ def alarms_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
                 if c.group == "small" and c.label == kind and m == method and "degraded" in r
             ]
             rates.append(_percent([_detected(r, kind) for r in of_kind]))
-        lines.append(f"| {method} | {' | '.join(rates)} |")
-    return "\n".join(lines)
+        rows.append((method, *rates))
+    return markdown_table(("method", "healthy: false alarms", *SINGLE), rows)
 
 
 def _detected(result: dict[str, Any], kind: str) -> bool:
@@ -244,10 +245,7 @@ def unlike_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
     """Return what became of foreign and spoilt recordings: by whom they were answered, and how well."""
     answered = "answered by the network alone, by least squares from it, by the full search"
     columns = (*OUTCOMES, NOT_TAKEN)
-    lines = [
-        f"| recordings | method | {' | '.join(columns)} | errors of the wrong, % | {answered} |",
-        f"| --- | --- |{' ---: |' * (len(columns) + 2)}",
-    ]
+    rows = []
     for group in ("foreign", "spoilt"):
         for label in dict.fromkeys(c.label for c, _, _ in found if c.group == group):
             for method in (*METHODS, WITHOUT_SEARCH):
@@ -257,12 +255,17 @@ def unlike_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
                 tally = Counter(r["outcome"] for r in one)
                 by = Counter(r.get("method") for r in one)
                 wrong = sorted(r["error"] for r in one if r["outcome"] == "silent wrong")
-                lines.append(
-                    f"| {label} | {method} | {' | '.join(str(tally[name] or '') for name in columns)} "
-                    f"| {', '.join(f'{error:.1f}' for error in wrong)} "
-                    f"| {by['estimator']}, {by['estimator+lsq']}, {by['hybrid']} |"
+                rows.append(
+                    (
+                        label,
+                        method,
+                        *(str(tally[name] or "") for name in columns),
+                        ", ".join(f"{error:.1f}" for error in wrong),
+                        f"{by['estimator']}, {by['estimator+lsq']}, {by['hybrid']}",
+                    )
                 )
-    return "\n".join(lines)
+    header = ("recordings", "method", *columns, "errors of the wrong, %", answered)
+    return markdown_table(header, rows, words=2)
 
 
 def speed_table(path: Path) -> str:
@@ -275,10 +278,7 @@ def speed_table(path: Path) -> str:
         Rig(label="base", channels=estimator.setup.channels), Actuator.thesis(), Manoeuvre(), Faults(), 0
     )
     inputs = Problem.of(recording, Actuator.thesis(), workers=1).inputs
-    lines = [
-        "| recordings at once | processor time of each, ms | recordings a second |",
-        "| ---: | ---: | ---: |",
-    ]
+    table = []
     for count in (1, 16, size):
         repeats = max(1, 200 // count)
         estimator.answers(rows[:count], inputs)
@@ -286,8 +286,9 @@ def speed_table(path: Path) -> str:
         for _ in range(repeats):
             estimator.answers(rows[:count], inputs)
         each = (time.process_time() - began) / repeats / count
-        lines.append(f"| {count} | {1e3 * each:.3f} | {1 / each:,.0f} |")
-    return "\n".join(lines)
+        table.append((str(count), f"{1e3 * each:.3f}", f"{1 / each:,.0f}"))
+    header = ("recordings at once", "processor time of each, ms", "recordings a second")
+    return markdown_table(header, table, words=0)
 
 
 def _percent(values: Any) -> str:

@@ -19,9 +19,11 @@ from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.estimation.sensors.sensor_model import sensor_of
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, full_scales
+from emaphm.study.analysis.rates import holds
 from emaphm.study.cases import random_faults
 from emaphm.study.record import recorded
 from emaphm.study.rig import Manoeuvre, Rig
+from emaphm.study.spoilt.judging import wrong_components
 from emaphm.text_table import format_table
 
 CHANNELS = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
@@ -34,13 +36,6 @@ ALL: tuple[tuple[str | None, Kind | None], ...] = (
     *((channel, kind) for channel in CHANNELS for kind in KINDS),
 )
 """Sensors and their faults, first a recording without any."""
-
-WRONG = 0.03
-"""Error of a component beyond which a definite verdict, two half-widths off, is called confidently wrong."""
-
-
-TURNS = {"eccentricity_phase": (-1, 0, 1)}
-"""What may be added to a truth: a direction is the same after a turn, and its interval runs past the cut."""
 
 
 @dataclass(frozen=True)
@@ -113,27 +108,14 @@ def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind 
     """Return the outcome of a recording whose sensor of `channel` has a fault of `kind`, None without one."""
     found = {(one.channel, one.kind) for one in diagnosis.sensor_faults}
     rightly = found == {(channel, kind)} if kind else not found
-    wrong = tuple(
-        name
-        for name, true in zip(NAMES, truth.vector, strict=True)
-        if name != "eccentricity_phase" and _confidently_wrong(diagnosis, name, float(true))
-    )
-    components = diagnosis.components.values()
+    wrong = tuple(wrong_components(diagnosis, truth)) if diagnosis.explained else ()
     held = [
-        any(one.interval95[0] <= true + turn <= one.interval95[1] for turn in TURNS.get(name, (0,)))
-        for name, one, true in zip(NAMES, components, truth.vector, strict=True)
+        holds(name, diagnosis.interval[name], true) for name, true in zip(NAMES, truth.vector, strict=True)
     ]
     error = float(error_percent(truth.vector, diagnosis.faults.vector))
     nuisance = f"{sensor_of(channel or '')}_{'offset' if kind == 'bias' else kind}"
     estimated = nuisance in diagnosis.nuisances
     return Outcome(estimated, bool(found), rightly, diagnosis.explained, wrong, error, float(np.mean(held)))
-
-
-def _confidently_wrong(diagnosis: Diagnosis, name: str, truth: float) -> bool:
-    one = diagnosis.components[name]
-    half = (one.interval95[1] - one.interval95[0]) / 2
-    off = abs(one.value - truth) > max(WRONG, 2 * half)
-    return diagnosis.explained and one.verdict != "cannot tell" and off
 
 
 def rows(

@@ -17,7 +17,7 @@ from emaphm.amortized.networks.network import (
     output_width,
 )
 from emaphm.arrays import Array
-from emaphm.errors import MethodError
+from emaphm.optional_library import import_library
 
 LOG_ROOT_2PI = 0.5 * math.log(2 * math.pi)
 
@@ -27,16 +27,7 @@ FIRST_SCATTER = 0.3
 
 def library() -> Any:
     """Return the module `torch`, which need not be installed."""
-    try:
-        import torch
-    except ModuleNotFoundError as error:
-        if error.name != "torch":  # it is there, but something that it needs is not
-            raise
-        raise MethodError(
-            "training needs the library 'torch'; install it with: pip install 'emaphm[train]' (asking an "
-            "estimator does without)"
-        ) from None
-    return torch
+    return import_library("training, unlike asking an estimator,", "torch", "train")
 
 
 def made(

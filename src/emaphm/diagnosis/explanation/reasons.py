@@ -10,7 +10,6 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.known_values import contradicted_values
-from emaphm.diagnosis.explanation.recorded_noise import rounding_step, usual_noise, usual_variance
 from emaphm.diagnosis.explanation.rotor_zero import contradicted_zero
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
 from emaphm.estimation.discrepancy import resolves_switching
@@ -21,6 +20,7 @@ from emaphm.estimation.sensors.sensor_model import described_noise, error_kind, 
 from emaphm.estimation.space.nuisances import BASELINE, has_stated_prior, unit_of, usual_deviation
 from emaphm.estimation.space.parameter_variation import variation_unit
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
+from emaphm.recording.noise import robust_noise_level, rounding_step
 from emaphm.recording.schema import PHASES
 
 
@@ -203,7 +203,7 @@ def _primary(result: SearchResult) -> Iterator[str]:
     recorded, noise = problem.compared(problem.primary, problem.recorded), problem.noise
     share = problem.compared_share(problem.primary)
     switching = 0.0 if result.discrepancy is None else result.discrepancy.switching_variance / share
-    usual = usual_variance(recorded) + switching
+    usual = robust_noise_level(recorded, 2) ** 2 + rounding_step(recorded) ** 2 / 12 + switching
     if described_noise(problem.primary, problem.actuator) is None:
         # Spikes are no noise, whatever they add to its variance.
         noise = min(noise, EXPLANATION.spikes * usual**0.5)
@@ -229,7 +229,7 @@ def _channels(
         residual, recorded = problem.compared(name, rows), problem.compared(name, problem.measured[name])
         square, size = float(np.mean(residual**2)), float(np.mean(recorded**2))
         known = variance + rounding_step(recorded) ** 2 / 12 + (_described(name, result)) ** 2
-        noise = max(usual_noise(recorded) ** 2, known)
+        noise = max(robust_noise_level(recorded, 2) ** 2, known)
         exceeds = square > EXPLANATION.channel_noise**2 * (noise + variance) + model**2 * size
         share = _percent(square**0.5, size**0.5)
         if moves and square > EXPLANATION.unresembled * size + known:
@@ -253,7 +253,7 @@ def _phases(result: SearchResult) -> Iterator[str]:
     phases = np.stack([measured[name] for name in PHASES])
     size = rms(phases)
     total = phases.sum(axis=0)
-    imbalance, noise = rms(total), max(usual_noise(total), rounding_step(total) / 12**0.5)
+    imbalance, noise = rms(total), max(robust_noise_level(total, 2), rounding_step(total) / 12**0.5)
     if imbalance > EXPLANATION.phase_sum * size + EXPLANATION.channel_noise * noise:
         yield (
             f"the phase currents add up to {_percent(imbalance, size)} of their rms, and not to 0; the scale "

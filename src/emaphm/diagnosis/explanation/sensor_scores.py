@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.diagnosis.explanation.recorded_noise import rounding_step
 from emaphm.diagnosis.explanation.refits import left_by_descents
 from emaphm.estimation.levenberg_marquardt import movable
 from emaphm.estimation.problem import rms
@@ -21,6 +20,7 @@ from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.uncertainty.local_covariance import rounding_scores
 from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
 from emaphm.random_streams import stream
+from emaphm.recording.noise import rounding_step
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.errors import MethodError
+from emaphm.optional_library import import_library
 
 ENOUGH = 50
 """Autocorrelation times in a chain from which their own estimate is reliable (`emcee`'s advice)."""
@@ -96,12 +96,4 @@ def split_r_hat(chain: Array) -> Array:
 
 def library() -> Any:
     """Return the module `emcee`, which need not be installed."""
-    try:
-        import emcee
-    except ModuleNotFoundError as error:
-        if error.name != "emcee":  # it is there, but something that it needs is not
-            raise
-        raise MethodError(
-            "a posterior needs the library 'emcee'; install it with: pip install 'emaphm[posterior]'"
-        ) from None
-    return emcee
+    return import_library("a posterior", "emcee", "posterior")

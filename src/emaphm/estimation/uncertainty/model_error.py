@@ -14,10 +14,10 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.faults import HEALTHY
 from emaphm.actuator.unit.model_error import ChannelError
 from emaphm.arrays import Array
-from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.sensors.sensor_model import described_noise
 from emaphm.estimation.uncertainty.correlation import white_noise
 from emaphm.quantiles import normal_quantile, student_t_distribution, student_t_quantile
+from emaphm.recording.noise import noise_level
 
 if TYPE_CHECKING:
     from emaphm.estimation.problem import Problem

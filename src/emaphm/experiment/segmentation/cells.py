@@ -13,16 +13,15 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array, runs
 from emaphm.estimation.finite_differences import replicated_jacobians
-from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem, rms
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP
 from emaphm.experiment.segmentation.healthy_motion import healthy_position
 from emaphm.random_streams import stream
-from emaphm.recording import Recording, quiet_noise_level, with_equivalent_current
+from emaphm.recording import Recording, with_equivalent_current
 from emaphm.recording.checks import FEWEST_SAMPLES
-from emaphm.recording.noise import robust_noise_level
+from emaphm.recording.noise import measured_noise, robust_noise_level
 
 
 @dataclass(frozen=True)
@@ -173,9 +172,7 @@ def expected_residuals(recording: Recording) -> dict[str, float]:
     """Return the size of the residual that is expected of each channel, in its unit."""
     interval = recording.interval_s
     return {
-        name: math.hypot(
-            min(noise_level(values), quiet_noise_level(values, interval)), CELLS.model_error * rms(values)
-        )
+        name: math.hypot(measured_noise(values, interval), CELLS.model_error * rms(values))
         for name, values in recording.channels.items()
         if name not in ("time_s", "command_rad")
     }

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.errors import MethodError
-from emaphm.optimizers.adapters.library import import_library
 from emaphm.optimizers.adapters.library_fitness import LibraryFitness
 from emaphm.optimizers.minimiser import Fitness, Minimiser, OnPopulation, Result
+from emaphm.optional_library import import_library
 from emaphm.random_streams import stream
 
 SIGMA = 0.25
@@ -46,11 +46,11 @@ class CmaEs(Minimiser):
         super().__post_init__()
         if self.lower.size < 2:
             raise MethodError("method 'cma-es' needs at least 2 components to search in, got 1")
-        import_library("cma-es", "cma")
+        import_library("method 'cma-es'", "cma", "peers")
 
     def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
         """Run the library until the budget is spent; see `Minimiser.minimise`."""
-        cma = import_library("cma-es", "cma")
+        cma = import_library("method 'cma-es'", "cma", "peers")
         rng = stream(seed, "optimizer")
         start, population = np.full(self.lower.size, 0.5), self.population
         with LibraryFitness(self, fitness, on_population) as evaluate:

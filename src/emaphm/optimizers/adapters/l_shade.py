@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from emaphm.optimizers.adapters.library import import_library
 from emaphm.optimizers.adapters.library_fitness import LibraryFitness
 from emaphm.optimizers.minimiser import Fitness, Minimiser, OnPopulation, Result
+from emaphm.optional_library import import_library
 from emaphm.random_streams import child_seed
 
 
@@ -41,11 +41,11 @@ class LShade(Minimiser):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        import_library("l-shade", "minionpy")
+        import_library("method 'l-shade'", "minionpy", "peers")
 
     def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
         """Run the library; see `Minimiser.minimise`."""
-        algorithms = import_library("l-shade", "minionpy.algorithms")
+        algorithms = import_library("method 'l-shade'", "minionpy.algorithms", "peers")
         with LibraryFitness(self, fitness, on_population) as evaluate:
             search = algorithms.LSHADE(
                 lambda points: evaluate(np.array(points)).tolist(),

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
-from emaphm.optimizers.adapters.library import import_library
 from emaphm.optimizers.adapters.library_fitness import LibraryFitness
 from emaphm.optimizers.minimiser import Fitness, Minimiser, OnPopulation, Result
+from emaphm.optional_library import import_library
 from emaphm.random_streams import child_seed
 
 PREFIX = "pymoo-"
@@ -65,7 +65,7 @@ class Pymoo(Minimiser):
 
     def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
         """Run pymoo's algorithm; see `Minimiser.minimise`."""
-        import_library(PREFIX + self.algorithm, "pymoo")
+        import_library(f"method '{PREFIX}{self.algorithm}'", "pymoo", "peers")
         own_seed = max(1, child_seed(seed, "optimizer"))  # 0 stands for the time of day in some algorithms
         with LibraryFitness(self, fitness, on_population) as evaluate:
             _run(self.algorithm, evaluate, self.lower.size, self.population, self.budget, own_seed)
@@ -74,7 +74,7 @@ class Pymoo(Minimiser):
 
 def check_algorithm(algorithm: str) -> None:
     """Refuse, by `MethodError`, a name that is none of pymoo's algorithms, and any if pymoo is missing."""
-    import_library(PREFIX + algorithm, "pymoo")
+    import_library(f"method '{PREFIX}{algorithm}'", "pymoo", "peers")
     known = pymoo_algorithms()
     if algorithm not in known:
         hint = nearest(PREFIX + algorithm, [PREFIX + name for name in known])

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.memory import Memory
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import ECCENTRICITY
 from emaphm.prognosis.evidence import Evidence, moments
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined
-from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
+from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.outlook import Fellows
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.record import record_of

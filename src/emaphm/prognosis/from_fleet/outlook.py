@@ -8,8 +8,9 @@ import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
+from emaphm.memory import Memory
 from emaphm.prognosis.columns import columns_of, level_of
-from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
+from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.pace import Population, hours_left, learnt
 from emaphm.prognosis.from_fleet.passages import Passages
 from emaphm.prognosis.stress import Stress, StressReference, exposure

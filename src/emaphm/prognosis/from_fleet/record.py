@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.memory import Memory
 from emaphm.prognosis.evidence import Evidence, follow
-from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
+from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.recalibration import (
     Outcome,
     Recalibration,

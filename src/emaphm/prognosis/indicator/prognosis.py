@@ -13,7 +13,7 @@ from emaphm.prognosis.indicator.readings import FAILING, Indicator
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, ENOUGH, Question, pace_ahead, stress_notes
 from emaphm.prognosis.requirements.first_passage import first_passage
-from emaphm.prognosis.result import INTERVAL90, advice_text, hours_text, quantile
+from emaphm.prognosis.result import INTERVAL90, RemainingLife, advice_text, hours_text
 from emaphm.prognosis.settings import FORECAST, INDICATOR_FILTER, LAWS, FilterSettings, ForecastSettings
 from emaphm.prognosis.stress import STRESSES, Stress, StressReference, stress_dict
 from emaphm.random_streams import stream
@@ -22,7 +22,7 @@ from emaphm.version import VERSION
 
 
 @dataclass(frozen=True, eq=False)
-class IndicatorPrognosis:
+class IndicatorPrognosis(RemainingLife):
     """The remaining useful life (RUL) of a unit by one indicator.
 
     Attributes
@@ -55,22 +55,6 @@ class IndicatorPrognosis:
     seed: int
     ahead: Stress | None = None
     notes: tuple[str, ...] = ()
-
-    @property
-    def median(self) -> float:
-        """Median of the RUL [h]; `inf` where no failure is in sight."""
-        return quantile(self.sample, 0.5)
-
-    @property
-    def interval90(self) -> tuple[float, float]:
-        """5 to 95 % of the RUL [h]; `inf` where no failure is in sight."""
-        low, high = (quantile(self.sample, p) for p in INTERVAL90)
-        return low, high
-
-    @property
-    def probability_of_failure(self) -> float:
-        """Probability that the indicator reaches its limit within the horizon."""
-        return float(np.mean(self.sample <= self.horizon))
 
     @property
     def value90(self) -> tuple[float, float, float]:

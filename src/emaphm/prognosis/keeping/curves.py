@@ -10,7 +10,8 @@ from emaphm.actuator import NAMES
 from emaphm.arrays import Array
 from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.prognosis.requirements import COMPONENTS, vectors_of
-from emaphm.prognosis.result import Prognosis, quantile
+from emaphm.prognosis.result import Prognosis
+from emaphm.quantiles import sample_quantile
 
 PROBABILITIES = (0.05, 0.25, 0.5, 0.75, 0.95)
 """Of the quantiles: bands of 90 and 50 %, and the median."""
@@ -130,7 +131,7 @@ class Curves:
 
 def fan_row(hours: float, sample: Array, longest: float) -> tuple[float, ...]:
     """Return a row of a fan: flight hours [h], and quantiles of the RUL, `longest` [h] at most."""
-    return hours, *(_digits(min(quantile(sample, p), longest)) for p in PROBABILITIES)
+    return hours, *(_digits(min(sample_quantile(sample, p), longest)) for p in PROBABILITIES)
 
 
 def _reach(prognosis: Prognosis) -> float:

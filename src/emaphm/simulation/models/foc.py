@@ -61,25 +61,24 @@ OWN_STATE = (
 
 def parameters(plant: Plant, step: float) -> dict[str, Array]:
     """Return the kernel's parameters for `plant` at `step` [s], (n,) each."""
-    period = 1 / np.maximum(plant.pwm_frequency, 1.0)
-    own = {
-        "current_gain": plant.current_gain,
-        "current_integral_gain": plant.current_integral_gain,
-        "period": period,
-        "step_per_period": step / period,
-        "angle_ahead": CONTROL_DELAY * period * plant.pole_pairs,
-    }
+    own = three_phases.current_loop_parameters(plant, step)
+    own["angle_ahead"] = CONTROL_DELAY * own["period"] * plant.pole_pairs
     windings = three_phases.parameters(plant, step, INVERSE_SQRT3)
     return control.parameters(plant, step) | motion.parameters(plant, step) | windings | own
 
 
-def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
-    """Return the kernel's state at `start`, (n,) each: no current, no voltage for two periods."""
+def initial_state(
+    plant: Plant, inputs: Inputs, start: Initial, own: tuple[str, ...] = OWN_STATE
+) -> dict[str, Array]:
+    """Return the kernel's state at `start`, (n,) each: no current, no voltage for two periods.
+
+    `own` is that of the controller and the modulation.
+    """
     mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
     angle = plant.pole_pairs * motion.rotor_angle(plant, start)
-    own = dict.fromkeys(OWN_STATE, np.zeros(plant.count))
-    own |= {"electrical_cos": np.cos(angle), "electrical_sin": np.sin(angle)}
-    return mechanical | three_phases.initial_state(plant) | own
+    still = dict.fromkeys(own, np.zeros(plant.count))
+    direction = {"electrical_cos": np.cos(angle), "electrical_sin": np.sin(angle)}
+    return mechanical | three_phases.initial_state(plant) | still | direction
 
 
 def turn_unit(cos: Any, sin: Any, angle: Any) -> Any:

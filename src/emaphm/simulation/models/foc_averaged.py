@@ -10,11 +10,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from emaphm.arrays import Array
-from emaphm.simulation.engine.inputs import Inputs
-from emaphm.simulation.engine.model import Form, Initial
+from emaphm.simulation.engine.model import Form
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import turn
@@ -65,15 +62,6 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
     response = star_response(plant.resistance / 2 * plant.turns, plant.inductance / 2 * plant.turns**2, step)
     windings = three_phases.parameters(plant, step, INVERSE_SQRT3)
     return control.parameters(plant, step) | motion.parameters(plant, step) | windings | response | own
-
-
-def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
-    """Return the kernel's state at `start`, (n,) each: no current, no voltage."""
-    mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
-    angle = plant.pole_pairs * motion.rotor_angle(plant, start)
-    own = dict.fromkeys(OWN_STATE, np.zeros(plant.count))
-    own |= {"electrical_cos": np.cos(angle), "electrical_sin": np.sin(angle)}
-    return mechanical | three_phases.initial_state(plant) | own
 
 
 def advance(structure: Structure) -> Callable[..., Any]:
@@ -155,7 +143,7 @@ FOC_AVERAGED = Form(
     CHANNELS,
     foc.FOC_OBSERVABLE,
     parameters,
-    initial_state,
+    partial(foc.initial_state, own=OWN_STATE),
     partial(three_phases.state_names, own=OWN_STATE),
     partial(three_phases.parameter_names, own=OWN_PARAMETERS),
     advance,

@@ -34,13 +34,7 @@ OWN_STATE = ("current_integral", "carrier", "duty", "next_duty")
 
 def parameters(plant: Plant, step: float) -> dict[str, Array]:
     """Return the kernel's parameters for `plant` at `step` [s], (n,) each."""
-    period = 1 / np.maximum(plant.pwm_frequency, 1.0)
-    own = {
-        "current_gain": plant.current_gain,
-        "current_integral_gain": plant.current_integral_gain,
-        "period": period,
-        "step_per_period": step / period,
-    }
+    own = three_phases.current_loop_parameters(plant, step)
     windings = three_phases.parameters(plant, step, 0.5)
     return control.parameters(plant, step) | motion.parameters(plant, step) | windings | own
 

@@ -68,6 +68,17 @@ def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
     }
 
 
+def current_loop_parameters(plant: Plant, step: float) -> dict[str, Array]:
+    """Return the parameters of a PI current loop, sampled once a PWM period, at `step` [s], (n,) each."""
+    period = 1 / np.maximum(plant.pwm_frequency, 1.0)
+    return {
+        "current_gain": plant.current_gain,
+        "current_integral_gain": plant.current_integral_gain,
+        "period": period,
+        "step_per_period": step / period,
+    }
+
+
 def initial_state(plant: Plant) -> dict[str, Array]:
     """Return the state of torque, windings, supply and current sensors, (n,) each: no current."""
     return dict.fromkeys(("torque", *CURRENTS, "bus_current", *SENSED), np.zeros(plant.count))

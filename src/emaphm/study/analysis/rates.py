@@ -1,23 +1,25 @@
 """What the diagnoses of a study come to: coverage of intervals, false alarms, detection.
 
-Each function takes finished trials that have a diagnosis (`emaphm.study.store.SCHEMA`), one row a trial.
+`rows` are finished trials that have a diagnosis (`emaphm.study.store.SCHEMA`), one row a trial.
 """
 
 import numpy as np
 import polars as pl
+from numpy.typing import ArrayLike
 from scipy.special import bdtr
 
 from emaphm.actuator.faults import HEALTHY, NAMES
 from emaphm.arrays import Array, Flags
 
-JUDGED = tuple(name for name in NAMES if name != "eccentricity_phase")
+PHASE = "eccentricity_phase"
+
+JUDGED = tuple(name for name in NAMES if name != PHASE)
 """Components that may raise an alarm; the phase shares the verdict of the eccentricity."""
 
 CHANCE = 1e-3
 """Share of true 95 % intervals' coverages that `least_by_chance` lets lie below it."""
 
 _JUDGED = [NAMES.index(name) for name in JUDGED]
-_PHASE = NAMES.index("eccentricity_phase")
 
 
 def errors(rows: pl.DataFrame) -> Array:
@@ -30,14 +32,22 @@ def quantiles(errors: Array) -> str:
     return f"{np.median(errors):.2f} / {np.percentile(errors, 95):.2f} / {errors.max():.2f}"
 
 
+def holds(name: str, interval: tuple[ArrayLike, ArrayLike], truth: ArrayLike) -> Flags:
+    """Return whether the `interval` of a component holds the `truth`, any shape.
+
+    The phase is a direction, the same after a whole turn, and its interval may run past 0 or 1, where the
+    circle closes. All other components are amounts, of which 0 and 1 are the farthest apart.
+    """
+    low, high = (np.asarray(end, float) for end in interval)
+    turns = (-1.0, 0.0, 1.0) if name == PHASE else (0.0,)
+    shifted = [np.asarray(truth, float) + turn for turn in turns]
+    return np.asarray(np.any([(low <= one) & (one <= high) for one in shifted], axis=0))
+
+
 def covered(rows: pl.DataFrame) -> Flags:
-    """Return whether each component's 95 % interval holds the truth, the phase's on its circle: (n, 8)."""
-    truth, low, high = (_vectors(rows, name) for name in ("truth", "lower95", "upper95"))
-    inside = (low <= truth) & (truth <= high)
-    for turn in (-1.0, 1.0):
-        around = truth[:, _PHASE] + turn
-        inside[:, _PHASE] |= (low[:, _PHASE] <= around) & (around <= high[:, _PHASE])
-    return inside
+    """Return whether each component's 95 % interval holds the truth, shape (n, 8)."""
+    truth, low, high = (_vectors(rows, name).T for name in ("truth", "lower95", "upper95"))
+    return np.column_stack([holds(name, (low[i], high[i]), truth[i]) for i, name in enumerate(NAMES)])
 
 
 def coverage(rows: pl.DataFrame) -> Array:

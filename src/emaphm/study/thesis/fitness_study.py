@@ -21,6 +21,7 @@ from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, monitor
 from emaphm.study.task import CURRENTS
 from emaphm.study.thesis import published
+from emaphm.text_table import markdown_table
 
 MODELS = {
     "averaged": AVERAGED,
@@ -125,7 +126,7 @@ def fitness_table(study: pl.DataFrame, fitness: str = "thesis") -> str:
         *(f"{name}: × nominal" for name in names),
         *(f"{name}: bias, points" for name in names),
     )
-    lines = [header, ("---", "---", *["---:"] * (len(header) - 2))]
+    lines = []
     if fitness not in COST_FUNCTIONS:
         raise MethodError(f"unknown fitness '{fitness}'{nearest(fitness, COST_FUNCTIONS)}")
     states = study.filter(pl.col("fitness") == fitness).group_by("fault", "level", maintain_order=True)
@@ -142,4 +143,4 @@ def fitness_table(study: pl.DataFrame, fitness: str = "thesis") -> str:
                 *(f"{found[set_up]['bias_points']:+d}" for set_up in SET_UPS),
             )
         )
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines) + "\n"
+    return markdown_table(header, lines, words=2) + "\n"

@@ -6,8 +6,8 @@ from typing import Any
 from emaphm.errors import MethodError
 
 
-def import_library(method: str, module: str) -> Any:
-    """Return a module of the library that `method` needs.
+def import_library(what: str, module: str, extra: str) -> Any:
+    """Return a `module` of a library that `what` needs, and that the package's `extra` installs.
 
     Raises
     ------
@@ -21,6 +21,6 @@ def import_library(method: str, module: str) -> Any:
         if error.name != name:  # it is there, but something that it needs is not
             raise
         raise MethodError(
-            f"method '{method}' needs the library '{name}'; install it with: pip install 'emaphm[peers]'"
+            f"{what} needs the library '{name}'; install it with: pip install 'emaphm[{extra}]'"
         ) from None
     return import_module(module)
