@@ -36,8 +36,8 @@ NO_LAW = "none"
 
 
 @dataclass(frozen=True)
-class LawSelectionSettings:
-    """How laws are tried.
+class CrossValidationSettings:
+    """How laws are tried by cross-validation.
 
     Up to `most_folds` recordings each is left out once, of more as many groups. A law is fitted from the
     description's fit and `starts` points about its own start value. One that lowers the training error by
@@ -50,7 +50,7 @@ class LawSelectionSettings:
     least_gain: float = 0.02
 
 
-LAW_SELECTION = LawSelectionSettings()
+CROSS_VALIDATION = CrossValidationSettings()
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def select_laws(
     candidates: Sequence[Law],
     fit_settings: FitSettings,
     on_progress: Progress | None = None,
-    settings: LawSelectionSettings = LAW_SELECTION,
+    settings: CrossValidationSettings = CROSS_VALIDATION,
 ) -> LawChoice:
     """Return the laws among `candidates` that lower the error in recordings left out.
 
@@ -178,7 +178,7 @@ class _Trials:
         rows: Sequence[CampaignRow],
         base: JointEstimate,
         fit_settings: FitSettings,
-        settings: LawSelectionSettings,
+        settings: CrossValidationSettings,
     ) -> None:
         self.rows, self.base = rows, base
         self.fit_settings, self.settings = fit_settings, settings
