@@ -14,7 +14,7 @@ from emaphm.prognosis import Evidence, Observation
 from emaphm.random_streams import stream
 from emaphm.report.fleet_page import fleet_page
 from emaphm.study.fleet import informed as informed_module
-from emaphm.study.fleet.acting import Outcome, acted, outcome, over_life
+from emaphm.study.fleet.acting import PolicyOutcome, acted, outcome, over_life
 from emaphm.study.fleet.baselines import fleet_lives, last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.drawn import Pool, drawn_evidence
@@ -157,7 +157,7 @@ def test_removals_are_weighed_by_failures_and_life() -> None:
     assert found.unneeded == pytest.approx(1000 / 2400)
     assert found.cost == pytest.approx(12 * 1000 / 2400)
     units = [made_up(i, good=i < 3) for i in range(4)]
-    assert acted(units, WITH_FLEET, BY_RISK) == Outcome(1.0, 0.0, 0.0, 1000 * 40 / 4400)
+    assert acted(units, WITH_FLEET, BY_RISK) == PolicyOutcome(1.0, 0.0, 0.0, 1000 * 40 / 4400)
 
 
 def test_the_page_says_synthetic_and_holds_every_way() -> None:

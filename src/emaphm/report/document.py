@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from emaphm.plotting.svg import svg_uri
 from emaphm.report.markdown import table
 from emaphm.report.page import render
-from emaphm.text_table import Table
+from emaphm.text_table import TextTable
 
 SPECIAL = re.compile(r"([\\`*_{}\[\]<>|~$&#]|^[-+=])")
 """What Markdown could take for markup: anywhere, or at the beginning of a line."""
@@ -61,7 +61,7 @@ class Picture:
         return svg_uri(self.svg)
 
 
-Block = Heading | Paragraph | Items | Facts | Picture | Table
+Block = Heading | Paragraph | Items | Facts | Picture | TextTable
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,6 @@ def _markdown(block: Block) -> str:
             return "\n".join(f"- {escaped(name)}: {escaped(value)}" for name, value in block.values.items())
         case Picture():
             return f"![{escaped(block.words)}](figures/{block.name})\n\n*{escaped(block.caption)}*"
-        case Table():
+        case TextTable():
             escaped_rows = [map(escaped, row) for row in block.rows]
             return table([*map(escaped, block.header)], [[*row] for row in escaped_rows])

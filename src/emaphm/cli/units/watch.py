@@ -94,13 +94,13 @@ def watch(
         raise MethodError("--fast takes an estimator's answer; name its file: --estimator FILE")
     described = described_actuator(actuator)
     from emaphm.history import History
-    from emaphm.monitoring import NamePattern, Ownership, Task
+    from emaphm.monitoring import NamePattern, Ownership, WatchTask
     from emaphm.monitoring import watch as run
     from emaphm.monitoring.diagnosers import search
     from emaphm.monitoring.judging import cut_stretches
 
     pattern = None if name is None else NamePattern.parse(name)
-    task = Task(
+    task = WatchTask(
         _source(source),
         Ownership(part or described.name, unit, hours, pattern),
         watcher or "",

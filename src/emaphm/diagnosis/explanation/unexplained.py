@@ -14,7 +14,6 @@ from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.uncertainty.correlation import integral_time
 from emaphm.quantiles import normal_quantile, student_t_quantile
 
-
 COMPARABLE = 2.0
 """Another end of a search counts next to the estimate up to this ratio of their mean squared residuals.
 

@@ -47,7 +47,7 @@ class Stress:
 
 
 @dataclass(frozen=True)
-class Rig:
+class CheckFlightRig:
     """What is recorded on a check flight, and what is unknown of it; all chosen.
 
     A chirp of `amplitude` [rad] up to `stop_hz` [Hz] for `duration` [s]; current and line voltage, with
@@ -77,7 +77,7 @@ class Population:
     name: str
     wear: Mapping[str, Wear]
     stress: Stress = field(default_factory=Stress)
-    rig: Rig = field(default_factory=Rig)
+    rig: CheckFlightRig = field(default_factory=CheckFlightRig)
     drift: float = 0.01
     new_level: float = 0.01
 

@@ -60,8 +60,8 @@ class Situation(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """Predictions of one past unit that turned out, n of them.
+class PastForecasts:
+    """Forecasts for one past unit whose failure is known, n of them.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Recalibration:
         location and spread by their own record.
     """
 
-    outcomes: Sequence[Outcome]
+    outcomes: Sequence[PastForecasts]
 
     def without(self, unit: str) -> "Recalibration":
         """Return it without what became of `unit`."""
