@@ -15,9 +15,9 @@ from emaphm.prognosis import Evidence, Observation, Question, fleet_prior, progn
 from emaphm.prognosis.evidence import follow
 from emaphm.prognosis.from_fleet import record
 from emaphm.prognosis.from_fleet.recalibration import (
+    ForecastSituation,
     PastForecasts,
     Recalibration,
-    Situation,
     log_rul,
     situation_of,
 )
@@ -35,10 +35,12 @@ FEW = replace(record.PATHS, paths=100)
 FIRST, SECOND = np.array([1.0, 0.0]), np.array([0.0, 1.0])
 
 
-def forecasts(share: Array | float, spread: float = 0.3, first: Array = FIRST) -> Situation:
+def forecasts(share: Array | float, spread: float = 0.3, first: Array = FIRST) -> ForecastSituation:
     """Return forecasts at some shares of life, by default of which the first of two limits fails first."""
     share = np.asarray(share)
-    return Situation(share, np.full(share.shape, spread), np.broadcast_to(first, (*share.shape, first.size)))
+    return ForecastSituation(
+        share, np.full(share.shape, spread), np.broadcast_to(first, (*share.shape, first.size))
+    )
 
 
 def past(units: int, shift: float, size: float) -> Recalibration:

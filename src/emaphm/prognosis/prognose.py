@@ -15,7 +15,7 @@ from emaphm.prognosis.advice import Advice, Costs, advice
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
-from emaphm.prognosis.forecast import Paths, State, drawn_states, paths
+from emaphm.prognosis.forecast import Paths, UnitState, drawn_states, paths
 from emaphm.prognosis.level_notes import level_notes
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
@@ -217,7 +217,7 @@ def uncorrected(
     ]
     fields = {name: np.concatenate([getattr(one, name) for one in states]) for name in vars(states[0])}
     seed = beliefs[0].seed
-    made = _paths(State(**fields), beliefs[0], evidence, np.concatenate(paces), settings)
+    made = _paths(UnitState(**fields), beliefs[0], evidence, np.concatenate(paces), settings)
     times = failure_times(made, Requirements(actuator), seed=seed)
     parts = np.split(times.hours, len(beliefs), axis=1)
     return [FailureTimes(times.limits, part) for part in parts]
@@ -236,7 +236,7 @@ def _forecast(
     return made, failure_times(made, requirements, seed=belief.seed)
 
 
-def _state(belief: Belief, evidence: Evidence, settings: ForecastSettings) -> State:
+def _state(belief: Belief, evidence: Evidence, settings: ForecastSettings) -> UnitState:
     """Return units that may be, drawn from a belief; components that no diagnosis saw are healthy."""
     state, hidden = drawn_states(belief, settings.paths), ~evidence.seen
     return replace(
@@ -248,7 +248,7 @@ def _state(belief: Belief, evidence: Evidence, settings: ForecastSettings) -> St
 
 
 def _paths(
-    state: State, belief: Belief, evidence: Evidence, pace: Array | float, settings: ForecastSettings
+    state: UnitState, belief: Belief, evidence: Evidence, pace: Array | float, settings: ForecastSettings
 ) -> Paths:
     made, hidden = paths(state, belief.prior, seed=belief.seed, pace=pace, settings=settings), ~evidence.seen
     if hidden.any():
@@ -257,7 +257,7 @@ def _paths(
     return made
 
 
-def pace_ahead(state: State, belief: Belief, evidence: Evidence, ahead: Stress | None) -> Array | float:
+def pace_ahead(state: UnitState, belief: Belief, evidence: Evidence, ahead: Stress | None) -> Array | float:
     """Return by how many hours the components of `state` age in an hour to come, (n, 8) or one number.
 
     Under the stress `ahead`, or where it is None, under the mean of what was recorded up to the belief.

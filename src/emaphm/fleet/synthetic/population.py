@@ -31,7 +31,7 @@ class Wear:
 
 
 @dataclass(frozen=True)
-class Stress:
+class StressModel:
     """What a unit is exposed to; it ages by the factor 2^(ΔT/d) (1 + l)^3 as fast as nominal.
 
     ΔT [K] is the ambient's deviation from nominal, ageing doubling with each `doubling` d [K] (the law of
@@ -76,7 +76,7 @@ class Population:
 
     name: str
     wear: Mapping[str, Wear]
-    stress: Stress = field(default_factory=Stress)
+    stress: StressModel = field(default_factory=StressModel)
     rig: CheckFlightRig = field(default_factory=CheckFlightRig)
     drift: float = 0.01
     new_level: float = 0.01

@@ -9,9 +9,9 @@ from emaphm.actuator import Actuator
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
 from emaphm.prognosis.from_fleet.recalibration import (
+    ForecastSituation,
     PastForecasts,
     Recalibration,
-    Situation,
     log_rul,
     situation_of,
 )
@@ -77,7 +77,11 @@ def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) ->
         if true > 0 and np.isfinite(middle):
             situations.append(situation_of(times.hours, belief.age))
             error.append((np.log(true) - middle) / spread)
-    return PastForecasts(evidence.unit, Situation.of(situations), np.array(error)) if situations else None
+    return (
+        PastForecasts(evidence.unit, ForecastSituation.of(situations), np.array(error))
+        if situations
+        else None
+    )
 
 
 def _chosen(evidence: Evidence) -> dict[int, float]:
