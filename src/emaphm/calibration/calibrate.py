@@ -14,9 +14,6 @@ from emaphm.calibration import sensor_lag
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
 from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
-from emaphm.calibration.doubts.one_way import one_way_warnings, open_members, with_open
-from emaphm.calibration.doubts.unmodelled import unmodelled_warnings
-from emaphm.calibration.doubts.warnings import calibration_warnings, unit_or_sign
 from emaphm.calibration.findings import Parameter, found_parameters, found_recordings, found_values
 from emaphm.calibration.law_selection import parameters_of
 from emaphm.calibration.model_error.learned import learned_model_error
@@ -35,6 +32,9 @@ from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
 from emaphm.calibration.shaft import fit_description
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
+from emaphm.calibration.warnings.one_way import one_way_warnings, open_members, with_open
+from emaphm.calibration.warnings.units_and_signs import calibration_warnings, unit_or_sign
+from emaphm.calibration.warnings.unmodelled import unmodelled_warnings
 from emaphm.errors import EmaphmError, MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.space.parameter_variation import sizes
