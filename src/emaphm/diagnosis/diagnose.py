@@ -162,12 +162,8 @@ def diagnose(
         diagnosis = conclude(result, recording, name, fitness, seed)
     diagnosis = diagnosis.with_sensor_faults(checked.findings)
     if posterior:
-        from emaphm.estimation.posterior.mcmc import sample
-
         sampling = subprogress(on_progress, 1 - SAMPLING_SHARE, 1.0)
-        correction, covariance = result.outputs_correction, diagnosis.covariance
-        posterior_samples = sample(result.objective, result.point, correction, covariance, seed, sampling)
-        diagnosis = replace(diagnosis, posterior=posterior_samples)
+        diagnosis = _with_posterior(diagnosis, result, seed, sampling)
     if on_progress:
         on_progress(1.0)
     evaluations, reference_runs = result.objective.problem.runs.of(result.objective.problem.model)
@@ -206,6 +202,17 @@ def _with_deviations(
         drives = other_drive(searched, found, method, max_corrections, seed)
         diagnosis = replace(diagnosis, reasons=(*drives, *diagnosis.reasons))
     return diagnosis, found
+
+
+def _with_posterior(
+    diagnosis: Diagnosis, result: SearchResult, seed: int, on_progress: Progress | None
+) -> Diagnosis:
+    """Return the `diagnosis` at `result` with samples of the posterior."""
+    from emaphm.estimation.posterior.mcmc import sample
+
+    correction, covariance = result.outputs_correction, diagnosis.covariance
+    samples = sample(result.objective, result.point, correction, covariance, seed, on_progress)
+    return replace(diagnosis, posterior=samples)
 
 
 def _searched_by(method: Method, starts: Starts | None, result: SearchResult) -> tuple[str, tuple[str, ...]]:
