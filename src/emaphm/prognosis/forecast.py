@@ -20,7 +20,7 @@ SINGULAR = (1e-9, 1e-6, 1e-3)
 
 @dataclass(frozen=True, eq=False)
 class UnitState:
-    """Units that may be: hypotheses as in `Hypotheses`, level [-] and rate [1/h], (n, 8) each.
+    """Possible states of a unit: hypotheses as in `Hypotheses`, level [-], rate [1/h], (n, 8) each.
 
     `aged` [h] are the hours at the reference stress since each component was new; `exponents` (n, 8, 3).
     """
