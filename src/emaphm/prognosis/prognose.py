@@ -15,7 +15,7 @@ from emaphm.prognosis.advice import Advice, Costs, advice
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
-from emaphm.prognosis.forecast import Paths, UnitState, drawn_states, paths
+from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
 from emaphm.prognosis.level_notes import level_notes
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
@@ -217,7 +217,7 @@ def uncorrected(
     ]
     fields = {name: np.concatenate([getattr(state, name) for state in states]) for name in vars(states[0])}
     seed = beliefs[0].seed
-    made = _paths(UnitState(**fields), beliefs[0], evidence, np.concatenate(paces), settings)
+    made = _paths(UnitDraws(**fields), beliefs[0], evidence, np.concatenate(paces), settings)
     times = failure_times(made, Requirements(actuator), seed=seed)
     parts = np.split(times.hours, len(beliefs), axis=1)
     return [FailureTimes(times.limits, part) for part in parts]
@@ -236,7 +236,7 @@ def _forecast(
     return made, failure_times(made, requirements, seed=belief.seed)
 
 
-def _state(belief: Belief, evidence: Evidence, settings: ForecastSettings) -> UnitState:
+def _state(belief: Belief, evidence: Evidence, settings: ForecastSettings) -> UnitDraws:
     """Return possible states of the unit, drawn from a belief; components never diagnosed are healthy."""
     state, hidden = drawn_states(belief, settings.paths), ~evidence.seen
     return replace(
@@ -248,7 +248,7 @@ def _state(belief: Belief, evidence: Evidence, settings: ForecastSettings) -> Un
 
 
 def _paths(
-    state: UnitState, belief: Belief, evidence: Evidence, pace: Array | float, settings: ForecastSettings
+    state: UnitDraws, belief: Belief, evidence: Evidence, pace: Array | float, settings: ForecastSettings
 ) -> Paths:
     made, hidden = paths(state, belief.prior, seed=belief.seed, pace=pace, settings=settings), ~evidence.seen
     if hidden.any():
@@ -257,7 +257,7 @@ def _paths(
     return made
 
 
-def pace_ahead(state: UnitState, belief: Belief, evidence: Evidence, ahead: Stress | None) -> Array | float:
+def pace_ahead(state: UnitDraws, belief: Belief, evidence: Evidence, ahead: Stress | None) -> Array | float:
     """Return by how many hours the components of `state` age in an hour to come, (n, 8) or one number.
 
     That is under the stress `ahead`, or where it is None, under the mean stress recorded up to the belief.
@@ -284,9 +284,8 @@ def stress_notes(ahead: Stress | None, reference: StressReference | None) -> lis
         if value is not None and middle is None
     ]
     missing = f"not recorded in the history, so not used of the stress to come: {', '.join(names)}"
-    beyond = [
-        f"far from what was recorded: of the stress to come, {text}" for text in reference.beyond(ahead)
-    ]
+    far = "far from what was recorded: of the stress to come,"
+    beyond = [f"{far} {text}" for text in reference.beyond(ahead)]
     return [*([missing] if names else []), *beyond]
 
 
