@@ -8,7 +8,7 @@ NOTHING = "–"
 
 
 @dataclass(frozen=True)
-class Table:
+class TextTable:
     """Rows of text under a header; the first cell of a row names it."""
 
     header: tuple[str, ...]

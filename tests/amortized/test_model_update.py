@@ -7,7 +7,7 @@ import pytest
 
 from amortized.toys import CHIRP, short_setup
 from emaphm.amortized import model_update
-from emaphm.amortized.model_update import Step, Whitening
+from emaphm.amortized.model_update import UpdateStep, Whitening
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup
@@ -60,7 +60,7 @@ def test_a_step_is_the_posterior_of_a_linear_model(linear: Inputs) -> None:
     answers = answers_about(np.tile(MIDDLE, (6000, 1)), rng)
     learned = TrainingSet(points.astype(np.float32), exact)
     whitening = Whitening.of(SETUP, linear, learned, rows, answers, np.array([0.05]))
-    step = Step.of(SETUP, linear, whitening, rows[:200], answers[:200])
+    step = UpdateStep.of(SETUP, linear, whitening, rows[:200], answers[:200])
     prior = answers[0].covariance
     noise = scatter @ scatter.T + noise_rms(SETUP)[0] ** 2 * np.eye(ROWS)
     expected = np.linalg.inv(np.linalg.inv(prior) + RESPONSE @ np.linalg.solve(noise, RESPONSE.T))
@@ -86,5 +86,5 @@ def test_at_a_bound_the_runs_lie_within(linear: Inputs) -> None:
     np.testing.assert_allclose(SETUP.space.project(points), points, atol=1e-9)
     assert np.all(np.linalg.norm(away, axis=1) > 0.01)
     whitening = Whitening(np.ones(1), np.zeros(ROWS, np.float32), np.eye(ROWS, dtype=np.float32))
-    step = Step.of(SETUP, linear, whitening, np.zeros((1, 1, ROWS), np.float32), answers)
+    step = UpdateStep.of(SETUP, linear, whitening, np.zeros((1, 1, ROWS), np.float32), answers)
     assert np.all(np.isfinite(step.features))

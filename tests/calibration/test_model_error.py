@@ -12,7 +12,7 @@ from emaphm.actuator.law_sections import Drive
 from emaphm.actuator.unit.model_error import NOT_LEARNED, ApparentFaults, ChannelError, ModelError
 from emaphm.arrays import Array
 from emaphm.calibration import calibrate
-from emaphm.calibration.model_error.learned import LeftOut, channel_error
+from emaphm.calibration.model_error.learned import HeldOutResidual, channel_error
 from emaphm.calibration.text import model_error_notes
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.verdict import OF_MODEL_ERROR, VERDICT
@@ -96,7 +96,7 @@ def test_an_error_that_grows_with_speed_is_told_from_a_constant_one() -> None:
     for _ in range(3):
         rows = terms(rng)
         deviation = np.sqrt(0.1**2 + (0.02 * np.sqrt(rows[1])) ** 2)
-        left_out.append(LeftOut(deviation * autoregressive(3e-3, ROWS, rng), 0.0, rows, INTERVAL))
+        left_out.append(HeldOutResidual(deviation * autoregressive(3e-3, ROWS, rng), 0.0, rows, INTERVAL))
     found = channel_error(left_out)
     assert found.speed == pytest.approx(0.02, rel=0.3)
     # A floor has a share of the variance at least.
@@ -109,7 +109,7 @@ def test_an_error_that_grows_with_speed_is_told_from_a_constant_one() -> None:
 
 def test_noise_is_no_error_of_the_model() -> None:
     rng = np.random.default_rng(4)
-    left_out = [LeftOut(rng.normal(0.0, 1.0, ROWS), 1.0, terms(rng), INTERVAL) for _ in range(3)]
+    left_out = [HeldOutResidual(rng.normal(0.0, 1.0, ROWS), 1.0, terms(rng), INTERVAL) for _ in range(3)]
     error = channel_error(left_out)
     # A hundredth of the variance is left to it.
     assert error.floor <= 0.2
@@ -121,7 +121,7 @@ def test_recordings_that_differ_by_rounding_do_not_scatter() -> None:
     for ulps in range(1, 40):
         # Whatever rounding leaves of two equal recordings on whichever processor.
         other = residual * (1 + ulps * np.finfo(float).eps)
-        left_out = [LeftOut(one, 0.0, rows, INTERVAL) for one in (residual, other)]
+        left_out = [HeldOutResidual(one, 0.0, rows, INTERVAL) for one in (residual, other)]
         assert channel_error(left_out).scatter == 0.0
 
 

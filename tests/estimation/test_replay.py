@@ -18,7 +18,7 @@ from emaphm.arrays import Array
 from emaphm.errors import MethodError, RecordingError
 from emaphm.estimation import replay, replay_all
 from emaphm.estimation.replay import write_series
-from emaphm.estimation.replay.errors import ChannelError
+from emaphm.estimation.replay.errors import ErrorStatistics
 from emaphm.recording import Recording
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulated_recording import simulate
@@ -29,7 +29,7 @@ FREQUENCY = 2 * np.pi * 15
 
 
 def relative(name: str, measured: Array, modelled: Array) -> float | None:
-    return ChannelError.of(name, [(measured, modelled)]).relative
+    return ErrorStatistics.of(name, [(measured, modelled)]).relative
 
 
 def test_the_relative_error_by_hand() -> None:
@@ -179,12 +179,12 @@ def test_a_recording_in_foreign_units_is_refused(healthy: Recording) -> None:
 def test_errors_in_units_by_hand() -> None:
     # Differences 1, 0, 2, -2.
     measured, modelled = np.array([3.0, 3.0, 5.0, -1.0]), np.array([2.0, 3.0, 3.0, 1.0])
-    one = ChannelError.of("position_rad", [(measured, modelled)])
+    one = ErrorStatistics.of("position_rad", [(measured, modelled)])
     assert (one.mean_absolute, one.rms) == pytest.approx((1.25, 1.5))
     # Of two recordings, over all rows: differences 1, 0, 2, -2 and 0, 0.
-    both = ChannelError.of("position_rad", [(measured, modelled), (np.zeros(2), np.zeros(2))])
+    both = ErrorStatistics.of("position_rad", [(measured, modelled), (np.zeros(2), np.zeros(2))])
     assert (both.mean_absolute, both.rms) == pytest.approx((5 / 6, np.sqrt(9 / 6)))
-    assert ChannelError.of("position_rad", [(np.zeros(2), np.ones(2))]).relative is None
+    assert ErrorStatistics.of("position_rad", [(np.zeros(2), np.ones(2))]).relative is None
 
 
 def test_errors_in_units_stand_beside_the_relative_one(healthy: Recording) -> None:

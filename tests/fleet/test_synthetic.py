@@ -16,7 +16,7 @@ from emaphm.diagnosis import diagnose
 from emaphm.errors import ExecutionError
 from emaphm.fleet.synthetic import FleetPlan, drawn_unit, population, tasks
 from emaphm.fleet.synthetic.growth import LAWS
-from emaphm.fleet.synthetic.population import FLEET, POPULATIONS, Stress, Wear
+from emaphm.fleet.synthetic.population import FLEET, POPULATIONS, StressModel, Wear
 from emaphm.fleet.synthetic.unit import aged
 from emaphm.history import Entry, History
 from emaphm.recording import read_recording
@@ -58,7 +58,7 @@ def test_a_gamma_process_has_the_mean_and_variance_of_its_law() -> None:
 
 def test_stress_sets_how_fast_a_unit_ages() -> None:
     hours, random = np.linspace(0, 1000, 101), np.random.default_rng(0)
-    quiet = Stress(mission_K=0, flight_K=0, mission_load=0, flight_load=0)
+    quiet = StressModel(mission_K=0, flight_K=0, mission_load=0, flight_load=0)
     assert aged(hours, (0.0, 0.0), quiet, 100.0, random) == pytest.approx(hours)
     assert aged(hours, (40.0, 0.0), quiet, 100.0, random) == pytest.approx(2 * hours)
     assert aged(hours, (0.0, 0.1), quiet, 100.0, random) == pytest.approx(1.331 * hours)
@@ -89,7 +89,7 @@ def test_a_clairvoyant_knows_the_life_of_a_unit_that_nothing_can_happen_to(
         FLEET,
         name="calm",
         wear=MappingProxyType(wear),
-        stress=Stress(mission_K=0, flight_K=0, mission_load=0, flight_load=0),
+        stress=StressModel(mission_K=0, flight_K=0, mission_load=0, flight_load=0),
         drift=0.0,
         new_level=0.0,
     )

@@ -23,7 +23,7 @@ import numpy as np
 
 import emaphm as ema
 from emaphm.history import History
-from emaphm.monitoring import WATCH, Ownership, Task, watch
+from emaphm.monitoring import WATCH, Ownership, WatchTask, watch
 from emaphm.monitoring.folder import FolderSource
 from emaphm.monitoring.outlook import prognosed
 from emaphm.monitoring.watch_state import WatchedFile, WatchState
@@ -174,7 +174,7 @@ def of_a_long_stream(home: Path, hours: float) -> None:
     threading.Thread(target=write, daemon=True).start()
     began = time.monotonic()
     with History.open(home / "long.sqlite", create=True) as history:
-        task = Task(
+        task = WatchTask(
             out,
             Ownership(THESIS.name, "U", 1.0),
             cut=None,

@@ -17,7 +17,7 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.diagnosis import Diagnosis, Estimate
 from emaphm.history import Entry, History
-from emaphm.monitoring import WATCH, NamePattern, Ownership, Task, WatchSettings, watch
+from emaphm.monitoring import WATCH, NamePattern, Ownership, WatchSettings, WatchTask, watch
 from emaphm.monitoring.diagnosers import search
 from emaphm.monitoring.settings import IsolationSettings
 from emaphm.recording import Recording
@@ -143,7 +143,7 @@ def run(
 ) -> None:
     """Watch a folder."""
     with History.open(where, create=True) as history:
-        task = Task(
+        task = WatchTask(
             folder,
             Ownership(THESIS.name, pattern=PATTERN),
             "test",

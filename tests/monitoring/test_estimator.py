@@ -9,7 +9,7 @@ import pytest
 from amortized.toys import CHIRP, THESIS, constant_estimator, short_setup
 from emaphm.actuator import Faults
 from emaphm.history import History
-from emaphm.monitoring import Ownership, Task, watch
+from emaphm.monitoring import Ownership, WatchTask, watch
 from emaphm.monitoring.diagnosers import ByEstimator
 from emaphm.recording import Recording, write_recording
 from emaphm.simulated_recording import simulate
@@ -39,7 +39,7 @@ def test_it_is_said_once_when_the_estimator_is_gone_and_when_it_is_back(tmp_path
         if done == 3:
             away.rename(file)
 
-    task = Task(
+    task = WatchTask(
         folder,
         Ownership(THESIS.name, pattern=PATTERN),
         cut=None,

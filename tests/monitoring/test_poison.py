@@ -17,7 +17,7 @@ import pytest
 from emaphm.actuator import Actuator
 from emaphm.diagnosis import Diagnosis
 from emaphm.history import History
-from emaphm.monitoring import Ownership, Task, Watching, watch
+from emaphm.monitoring import Ownership, Watching, WatchTask, watch
 from emaphm.monitoring.watch_state import TRIED, WatchState
 from emaphm.recording import Recording
 
@@ -52,7 +52,7 @@ def inbox(tmp_path: Path, no_prognoses: None) -> Path:  # noqa: ARG001
 def once(inbox: Path, said: list[str], **options: Any) -> tuple[Watching, list[str]]:
     with History.open(inbox.with_name("history.sqlite"), create=True) as history:
         usual: dict[str, Any] = {"diagnose": poisoned, "isolated": True}
-        task = Task(
+        task = WatchTask(
             inbox,
             Ownership(THESIS.name, pattern=PATTERN),
             "test",
@@ -144,7 +144,7 @@ def streamed(
     threading.Thread(target=write, daemon=True).start()
     settings = replace(FAST, isolation=replace(FAST.isolation, seconds=LONGEST_S if hangs else 60.0))
     with History.open(home / "history.sqlite", create=True) as history:
-        task = Task(
+        task = WatchTask(
             out,
             Ownership(THESIS.name, "S1"),
             cut=None,

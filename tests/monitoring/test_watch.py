@@ -21,7 +21,7 @@ from emaphm.errors import HistoryFormError, HistoryUnavailableError, MonitoringE
 from emaphm.history import Event, History
 from emaphm.history.storage.database import Database
 from emaphm.history.storage.schema import VERSION
-from emaphm.monitoring import NamePattern, Ownership, Task, Watching, WatchSettings, watch
+from emaphm.monitoring import NamePattern, Ownership, Watching, WatchSettings, WatchTask, watch
 from emaphm.monitoring.receivers import Webhook
 from emaphm.monitoring.settings import PressureSettings
 from emaphm.monitoring.watch_state import WatchState
@@ -55,7 +55,7 @@ def put(folder: Path, *numbers: int, unit: int = 1) -> None:
         (folder / stand_in.name(unit, number)).write_text(stand_in.content(unit, number))
 
 
-def task(source: Path | int, **options: Any) -> Task:
+def task(source: Path | int, **options: Any) -> WatchTask:
     usual: dict[str, Any] = {
         "ownership": Ownership(THESIS.name, pattern=PATTERN),
         "name": "test",
@@ -64,7 +64,7 @@ def task(source: Path | int, **options: Any) -> Task:
         "takes_new_units": True,
         "once": True,
     }
-    return Task(source, **usual | options)
+    return WatchTask(source, **usual | options)
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ def judged(history: History) -> list[tuple[str, float]]:
 
 @contextmanager
 def running(
-    task: Task, history: History, said: list[str] | None = None, settings: WatchSettings = FAST
+    task: WatchTask, history: History, said: list[str] | None = None, settings: WatchSettings = FAST
 ) -> Iterator[None]:
     """Watch in a thread while the body runs."""
     stop, failures, heard = threading.Event(), list[BaseException](), said if said is not None else []
@@ -345,7 +345,7 @@ def test_a_folder_that_is_not_there_is_refused_at_the_start(inbox: Path, history
 def test_once_does_not_wait_for_a_folder_that_vanished(
     inbox: Path, history: History, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Task, "check", lambda _: inbox.rename(inbox.with_name("away")))
+    monkeypatch.setattr(WatchTask, "check", lambda _: inbox.rename(inbox.with_name("away")))
     assert once(inbox, history) == Watching()
     assert [(one.kind, one.state) for one in history.events()] == [("source_lost", "raised")]
 

@@ -13,7 +13,7 @@ from scipy.stats import invgauss, kstest, norm, truncnorm
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence, Observation, follow
-from emaphm.prognosis.forecast import State, drawn_states, paths
+from emaphm.prognosis.forecast import UnitDraws, drawn_states, paths
 from emaphm.prognosis.laws import LARGEST_EXPONENT, noises, transition
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements.first_passage import first_passage
@@ -32,13 +32,13 @@ from emaphm.prognosis.settings import (
 NOISY = DegradationSettings(noise=0.3, rate_noise=0.0, change_hours=1e12, breaks=0.0)
 
 
-def states(law: int, count: int, *, level: float, rate: float, life_scale: float = 1000.0) -> State:
+def states(law: int, count: int, *, level: float, rate: float, life_scale: float = 1000.0) -> UnitDraws:
     shape = (count, 8)
     laws = np.full(shape, CONSTANT, np.int8)
     laws[:, 0] = law
     levels, rates = np.tile(NEW, (count, 1)), np.zeros(shape)
     levels[:, 0], rates[:, 0] = level, rate
-    return State(
+    return UnitDraws(
         np.zeros(shape),
         np.zeros((*shape, 3)),
         laws,

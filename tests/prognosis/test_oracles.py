@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import kstest
 
 from emaphm.prognosis import StressReference
-from emaphm.prognosis.forecast import State, paths
+from emaphm.prognosis.forecast import UnitDraws, paths
 from emaphm.prognosis.metrics import (
     Prediction,
     alpha_lambda,
@@ -41,7 +41,7 @@ def remaining_lives(pace: float = 1.0) -> np.ndarray:
     shape = (PATHS, 8)
     law, level, rate = np.full(shape, CONSTANT, np.int8), np.tile(NEW, (PATHS, 1)), np.zeros(shape)
     law[:, 0], level[:, 0], rate[:, 0] = LINEAR, START, RATE
-    state = State(
+    state = UnitDraws(
         aged=np.zeros(shape),
         exponents=np.zeros((*shape, 3)),
         law=law,

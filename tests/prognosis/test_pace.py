@@ -12,7 +12,7 @@ from emaphm.arrays import Array
 from emaphm.prognosis import Evidence, Observation, Requirements
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.from_fleet.outlook import FEWEST_FELLOWS, FEWEST_GONE, Fellows
-from emaphm.prognosis.from_fleet.pace import AT_REST, Population, general_covariance, hours_left, learnt
+from emaphm.prognosis.from_fleet.pace import AT_REST, PopulationDraws, general_covariance, hours_left, learnt
 from emaphm.prognosis.from_fleet.passages import LEAST_VARIANCE, SHARES, Passages
 from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
 from emaphm.prognosis.prior import NEW, Prior
@@ -74,10 +74,10 @@ def last_level(evidence: Evidence, times: Array) -> Array:
     return np.tile(level, (times.shape[1], 1))
 
 
-def one_class(mean: Array, covariance: Array, at_rest: float = 1e-6) -> Population:
+def one_class(mean: Array, covariance: Array, at_rest: float = 1e-6) -> PopulationDraws:
     """Return a population that is known, both of whose classes are alike."""
     shares = np.log([(1 - at_rest) / 2, (1 - at_rest) / 2, at_rest])
-    return Population(
+    return PopulationDraws(
         np.tile(mean, (1, 1, 2, 1)),
         np.tile(np.linalg.inv(covariance), (1, 1, 2, 1, 1)),
         shares[np.newaxis, np.newaxis],

@@ -15,9 +15,9 @@ from emaphm.prognosis import Evidence, Observation, Question, fleet_prior, progn
 from emaphm.prognosis.evidence import follow
 from emaphm.prognosis.from_fleet import record
 from emaphm.prognosis.from_fleet.recalibration import (
-    Outcome,
+    ForecastSituation,
+    PastForecasts,
     Recalibration,
-    Situation,
     log_rul,
     situation_of,
 )
@@ -35,10 +35,12 @@ FEW = replace(record.PATHS, paths=100)
 FIRST, SECOND = np.array([1.0, 0.0]), np.array([0.0, 1.0])
 
 
-def forecasts(share: Array | float, spread: float = 0.3, first: Array = FIRST) -> Situation:
+def forecasts(share: Array | float, spread: float = 0.3, first: Array = FIRST) -> ForecastSituation:
     """Return forecasts at some shares of life, by default of which the first of two limits fails first."""
     share = np.asarray(share)
-    return Situation(share, np.full(share.shape, spread), np.broadcast_to(first, (*share.shape, first.size)))
+    return ForecastSituation(
+        share, np.full(share.shape, spread), np.broadcast_to(first, (*share.shape, first.size))
+    )
 
 
 def past(units: int, shift: float, size: float) -> Recalibration:
@@ -46,7 +48,10 @@ def past(units: int, shift: float, size: float) -> Recalibration:
     random = np.random.default_rng(0)
     shares = np.linspace(0.1, 0.9, 5)
     return Recalibration(
-        [Outcome(f"U{i}", forecasts(shares), shift + size * random.standard_normal(5)) for i in range(units)]
+        [
+            PastForecasts(f"U{i}", forecasts(shares), shift + size * random.standard_normal(5))
+            for i in range(units)
+        ]
     )
 
 
@@ -78,8 +83,8 @@ def test_few_units_correct_little_and_none_nothing() -> None:
 
 
 def test_what_is_learnt_early_in_life_is_not_said_of_late() -> None:
-    early = Outcome("A", forecasts(np.full(5, 0.1)), np.full(5, 2.0))
-    late = Outcome("B", forecasts(np.full(5, 0.9)), np.full(5, -2.0))
+    early = PastForecasts("A", forecasts(np.full(5, 0.1)), np.full(5, 2.0))
+    late = PastForecasts("B", forecasts(np.full(5, 0.9)), np.full(5, -2.0))
     both = Recalibration([early, late])
     assert both.correction(forecasts(0.1))[0] > 0 > both.correction(forecasts(0.9))[0]
     assert both.without("A").correction(forecasts(0.9))[0] < 0
@@ -88,9 +93,10 @@ def test_what_is_learnt_early_in_life_is_not_said_of_late() -> None:
 def test_a_component_whose_predictions_are_good_is_not_widened_by_one_whose_are_bad() -> None:
     random = np.random.default_rng(3)
     shares = np.full(5, 0.5)
-    good = [Outcome(f"A{i}", forecasts(shares), 0.3 * random.standard_normal(5)) for i in range(15)]
+    good = [PastForecasts(f"A{i}", forecasts(shares), 0.3 * random.standard_normal(5)) for i in range(15)]
     bad = [
-        Outcome(f"B{i}", forecasts(shares, first=SECOND), 3.0 * random.standard_normal(5)) for i in range(15)
+        PastForecasts(f"B{i}", forecasts(shares, first=SECOND), 3.0 * random.standard_normal(5))
+        for i in range(15)
     ]
     taught = Recalibration([*good, *bad])
     _, of_good = taught.correction(forecasts(0.5))
@@ -102,8 +108,12 @@ def test_a_component_whose_predictions_are_good_is_not_widened_by_one_whose_are_
 def test_what_was_said_with_certainty_is_corrected_by_what_was_said_so() -> None:
     random = np.random.default_rng(4)
     shares = np.full(5, 0.5)
-    sure = [Outcome(f"A{i}", forecasts(shares, 0.05), 3.0 * random.standard_normal(5)) for i in range(15)]
-    unsure = [Outcome(f"B{i}", forecasts(shares, 0.8), 0.3 * random.standard_normal(5)) for i in range(15)]
+    sure = [
+        PastForecasts(f"A{i}", forecasts(shares, 0.05), 3.0 * random.standard_normal(5)) for i in range(15)
+    ]
+    unsure = [
+        PastForecasts(f"B{i}", forecasts(shares, 0.8), 0.3 * random.standard_normal(5)) for i in range(15)
+    ]
     taught = Recalibration([*sure, *unsure])
     assert taught.correction(forecasts(0.5, 0.05))[1] > 1 > taught.correction(forecasts(0.5, 0.8))[1]
 
@@ -199,9 +209,9 @@ def test_forecasts_made_together_are_those_made_one_by_one(fleet: list[Evidence]
 def test_past_units_are_predicted_once(seldom: list[Evidence], monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[str] = []
 
-    def outcome(evidence: Evidence, *_: Any) -> Outcome:
+    def outcome(evidence: Evidence, *_: Any) -> PastForecasts:
         seen.append(evidence.unit)
-        return Outcome(evidence.unit, forecasts(np.array([0.5])), np.array([0.0]))
+        return PastForecasts(evidence.unit, forecasts(np.array([0.5])), np.array([0.0]))
 
     monkeypatch.setattr(record, "_outcome", outcome)
     # A unit that still works changes nothing, nor does its next diagnosis.

@@ -11,7 +11,7 @@ import pytest
 
 from emaphm.actuator import Actuator
 from emaphm.history import Event, History
-from emaphm.monitoring import WATCH, Ownership, Task, watch
+from emaphm.monitoring import WATCH, Ownership, WatchTask, watch
 from emaphm.monitoring.outlook import Outlook
 from emaphm.monitoring.receivers import Webhook
 from emaphm.server.folders import ServerFolder
@@ -19,7 +19,7 @@ from emaphm.server.run import running
 from emaphm.server.settings import SETTINGS
 from emaphm.server.work import worker
 from emaphm.server.work.queue import DONE
-from emaphm.server.work.worker import SERVER, Forecast, Outcome, Place, Upload
+from emaphm.server.work.worker import SERVER, Forecast, JobOutcome, Place, Upload
 from monitoring import stand_in
 from monitoring.hooks import webhook
 
@@ -61,12 +61,12 @@ def _diagnose(recording: object, actuator: Actuator, *, seed: int, **_: object) 
 def watched(folder: Path, where: Path) -> tuple[Event, ...]:
     with History.open(where, create=True) as history:
         ownership = Ownership(THESIS.name, pattern=stand_in.PATTERN)
-        task = Task(folder, ownership, cut=None, takes_new_units=True, once=True)
+        task = WatchTask(folder, ownership, cut=None, takes_new_units=True, once=True)
         watch(task, history, THESIS, settings=WRITTEN)
         return history.events()
 
 
-def uploaded(folder: Path, where: Path, numbers: Iterable[int] = NUMBERS) -> list[Outcome]:
+def uploaded(folder: Path, where: Path, numbers: Iterable[int] = NUMBERS) -> list[JobOutcome]:
     with History.open(where, create=True):
         pass
     place = Place(str(where), ServerFolder(folder), {THESIS.name: THESIS}, 2**33, 2**26)

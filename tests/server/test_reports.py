@@ -15,7 +15,7 @@ from emaphm.server.folders import ServerFolder
 from emaphm.server.run import running
 from emaphm.server.work import worker
 from emaphm.server.work.queue import DONE
-from emaphm.server.work.worker import Outcome, Place, Upload
+from emaphm.server.work.worker import JobOutcome, Place, Upload
 from monitoring import stand_in
 
 from .conftest import SMALL, client_of
@@ -45,7 +45,7 @@ def flight(folder: Path, number: int) -> Path:
     return path
 
 
-def uploaded(path: Path, db: Path, folder: ServerFolder) -> Outcome:
+def uploaded(path: Path, db: Path, folder: ServerFolder) -> JobOutcome:
     """Return what a worker makes of the recording at `path`, in a history that is made if missing."""
     with History.open(db, create=True):
         pass

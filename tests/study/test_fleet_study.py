@@ -14,10 +14,10 @@ from emaphm.prognosis import Evidence, Observation
 from emaphm.random_streams import stream
 from emaphm.report.fleet_page import fleet_page
 from emaphm.study.fleet import informed as informed_module
-from emaphm.study.fleet.acting import Outcome, acted, outcome, over_life
+from emaphm.study.fleet.acting import PolicyOutcome, acted, outcome, over_life
 from emaphm.study.fleet.baselines import fleet_lives, last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.diagnoses import Quality, quality
-from emaphm.study.fleet.drawn import Pool, drawn_evidence
+from emaphm.study.fleet.drawn import DiagnosisPool, drawn_evidence
 from emaphm.study.fleet.informed import Component, informed
 from emaphm.study.fleet.judging import SHARES, WAYS, WITH_FLEET
 from emaphm.study.fleet.run import DRAWN, PARTS, PLAN, RECORDED, without_part
@@ -68,7 +68,7 @@ def test_drawn_diagnoses_have_the_errors_that_were_stated() -> None:
     plan = FleetPlan(units=1, flights=400, interval=2.0)
     unit = drawn_unit(plan, 0)
     deviations = np.linspace(0.002, 0.016, 8)
-    pool = Pool(NEW[np.newaxis], np.diag(deviations**2)[np.newaxis])
+    pool = DiagnosisPool(NEW[np.newaxis], np.diag(deviations**2)[np.newaxis])
     evidence = drawn_evidence(unit, plan, pool)
     errors = np.array(
         [one.level - to_cartesian(unit.vectors[unit.row(one.hours)]) for one in evidence.observations]
@@ -157,7 +157,7 @@ def test_removals_are_weighed_by_failures_and_life() -> None:
     assert found.unneeded == pytest.approx(1000 / 2400)
     assert found.cost == pytest.approx(12 * 1000 / 2400)
     units = [made_up(i, good=i < 3) for i in range(4)]
-    assert acted(units, WITH_FLEET, BY_RISK) == Outcome(1.0, 0.0, 0.0, 1000 * 40 / 4400)
+    assert acted(units, WITH_FLEET, BY_RISK) == PolicyOutcome(1.0, 0.0, 0.0, 1000 * 40 / 4400)
 
 
 def test_the_page_says_synthetic_and_holds_every_way() -> None:
@@ -178,7 +178,7 @@ def test_who_knows_the_population_learns_the_unit_from_its_diagnoses(monkeypatch
     plan = FleetPlan(units=1, flights=70, interval=100.0, seed=3)
     unit = drawn_unit(plan, 0)
     assert unit.failure is not None
-    pool = Pool(NEW[np.newaxis], 0.002**2 * np.eye(8)[np.newaxis])
+    pool = DiagnosisPool(NEW[np.newaxis], 0.002**2 * np.eye(8)[np.newaxis])
     evidence = drawn_evidence(unit, plan, pool)
     last = len(evidence.used) - 4
     early, late = informed(evidence, plan, [0, last])

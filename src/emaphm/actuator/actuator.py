@@ -42,7 +42,7 @@ class Actuator(Section):
     where they name rad and N·m. Without `electrical` the current loop is ideal. `friction`, `transmission`,
     `weight` and `ripple` hold optional laws. `tolerances` say how far the parameters may be off. `baseline`
     and `model_error` are what a calibration of the healthy unit has learned: how well its parameters are
-    known, and how wrong the model is all the same.
+    known, and how large the error of the model is with them.
 
     Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`; `Actuator.pmsm` and `Actuator.dc`
     have other motors and drives.
@@ -133,13 +133,13 @@ class Actuator(Section):
 
     @property
     def open_tolerances(self) -> Tolerances | None:
-        """The tolerances of parameters that no calibration has found, None where there are none."""
+        """The tolerances of parameters that no calibration has estimated, None where there are none."""
         found = () if self.baseline is None else self.baseline.names
         return None if self.tolerances is None else self.tolerances.without(found)
 
     @property
     def drive_kind(self) -> DriveKind:
-        """How the windings are fed; what the drive is where there is no [drive] section."""
+        """How windings are fed; without [drive], "hysteresis" where there is [electrical], else "current"."""
         if self.drive is not None:
             return self.drive.kind
         return "hysteresis" if self.electrical is not None else "current"

@@ -194,7 +194,7 @@ def _within(space: ParameterSpace, means: Array, steps: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class UpdateStep:
     """θ₂ (n, d), the Cholesky factors (n, d, d) of the units about it, and what the second network reads."""
 
     means: Array
@@ -208,16 +208,18 @@ class Step:
         whitening: Whitening,
         rows: Single,
         answers: Sequence[Mixture],
-    ) -> "Step":
+    ) -> "UpdateStep":
         """Return the Gauss-Newton steps from the answers for rows (n, channels, blocks)."""
         parts = [slice(i, i + UPDATE.at_once) for i in range(0, len(rows), UPDATE.at_once)]
-        return Step.joined([_step(setup, inputs, whitening, rows[part], answers[part]) for part in parts])
+        return UpdateStep.joined(
+            [_step(setup, inputs, whitening, rows[part], answers[part]) for part in parts]
+        )
 
     @staticmethod
-    def joined(parts: Sequence["Step"]) -> "Step":
+    def joined(parts: Sequence["UpdateStep"]) -> "UpdateStep":
         """Return the steps of all the parts, in their order."""
         every = ((one.means, one.factors, one.features) for one in parts)
-        return Step(*(np.concatenate(arrays) for arrays in zip(*every, strict=True)))
+        return UpdateStep(*(np.concatenate(arrays) for arrays in zip(*every, strict=True)))
 
     def units_of(self, points: Array) -> Array:
         """Return points (n, d) in these units about θ₂."""
@@ -230,7 +232,7 @@ class Step:
 
 def _step(
     setup: RecordingSetup, inputs: Inputs, whitening: Whitening, rows: Single, answers: Sequence[Mixture]
-) -> Step:
+) -> UpdateStep:
     """Return the steps from answers that are compared together."""
     runs = _Runs.about(setup, inputs, answers)
     one = np.eye(runs.means.shape[1])
@@ -253,7 +255,7 @@ def _step(
         means / setup.space.prior_deviations,
         np.log(variances) / 2,
     ]
-    return Step(
+    return UpdateStep(
         np.asarray(means), np.asarray(factors, float), np.concatenate(features, axis=1).astype(np.float32)
     )
 
@@ -270,7 +272,7 @@ class ModelUpdate:
         self, setup: RecordingSetup, inputs: Inputs, rows: Single, first: Sequence[Mixture]
     ) -> list[Mixture]:
         """Return what is known of recordings (n), from their rows and the `first` answers."""
-        step = Step.of(setup, inputs, self.whitening, rows, first)
+        step = UpdateStep.of(setup, inputs, self.whitening, rows, first)
         found = self.network.mixtures(self.network.features(step.features))
         return [
             Mixture(one.weights, mean + one.means @ factor.T, factor @ one.factors)

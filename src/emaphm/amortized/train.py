@@ -17,7 +17,7 @@ from emaphm.amortized.drawing import PRIOR
 from emaphm.amortized.estimator import Estimator, calibrated_answers, first_answers
 from emaphm.amortized.judging import Judgement, judged, temperature_of
 from emaphm.amortized.likeness import are_beyond, limits_of, predictive_ratios
-from emaphm.amortized.model_update import UPDATE, ModelUpdate, Step, Whitening
+from emaphm.amortized.model_update import UPDATE, ModelUpdate, UpdateStep, Whitening
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Single
 from emaphm.amortized.networks.torch_network import library
@@ -220,14 +220,14 @@ def _model_update(
     compared = training[: UPDATE.differing]
     whitening = Whitening.of(setup, inputs, compared, rows, answers, first.projection.units)
 
-    def steps(draws: TrainingSet, name: str) -> Step:
+    def steps(draws: TrainingSet, name: str) -> UpdateStep:
         """Return the steps of draws with noise, a part at a time: that of all would not fit into memory."""
 
-        def of_part(part: slice, number: int) -> Step:
+        def of_part(part: slice, number: int) -> UpdateStep:
             rows = with_noise(draws[part], noise_rms(setup), stream(seed, name, number))
-            return Step.of(setup, inputs, whitening, rows, first_answers(first.network, rows))
+            return UpdateStep.of(setup, inputs, whitening, rows, first_answers(first.network, rows))
 
-        return Step.joined(list(of_parts(of_part, len(draws), SHARD_DRAWS)))
+        return UpdateStep.joined(list(of_parts(of_part, len(draws), SHARD_DRAWS)))
 
     step = steps(training, "training noise of the update")
     held_out = steps(validation, "validation noise of the update")
@@ -246,7 +246,7 @@ def _model_update(
     return update, trained.kept, time.perf_counter() - began
 
 
-def _in_units(step: Step, points: Single) -> TrainingSet:
+def _in_units(step: UpdateStep, points: Single) -> TrainingSet:
     """Return what the second network learns: a step's features as one channel, and what the step misses."""
     missed = np.clip(step.units_of(points.astype(float)), -FARTHEST, FARTHEST)
     return TrainingSet(missed.astype(np.float32), step.features[:, np.newaxis])

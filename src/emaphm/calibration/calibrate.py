@@ -14,9 +14,6 @@ from emaphm.calibration import sensor_lag
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
 from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
-from emaphm.calibration.doubts.one_way import one_way_warnings, open_members, with_open
-from emaphm.calibration.doubts.unmodelled import unmodelled_warnings
-from emaphm.calibration.doubts.warnings import calibration_warnings, unit_or_sign
 from emaphm.calibration.findings import Parameter, found_parameters, found_recordings, found_values
 from emaphm.calibration.law_selection import parameters_of
 from emaphm.calibration.model_error.learned import learned_model_error
@@ -35,6 +32,9 @@ from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
 from emaphm.calibration.shaft import fit_description
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
+from emaphm.calibration.warnings.one_way import one_way_warnings, open_members, with_open
+from emaphm.calibration.warnings.units_and_signs import calibration_warnings, unit_or_sign
+from emaphm.calibration.warnings.unmodelled import unmodelled_warnings
 from emaphm.errors import EmaphmError, MethodError
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.space.parameter_variation import sizes
@@ -61,26 +61,26 @@ def calibrate(
 ) -> Calibration:
     """Return the parameters `free` of a healthy unit that explain `recordings`, and the calibrated actuator.
 
-    One fit of all recordings: they share the parameters, and each has nuisances of its own under their
-    priors, or values that are known of it. Every channel counts that a diagnosis would compare. Where the
-    recordings scatter more than their errors explain, the standard errors cover it, and what they contradict
-    each other in is called doubtful. What is known in the end is the calibrated actuator's baseline, and so
-    the prior of later diagnoses.
+    All recordings are fitted together: they share the parameters, and each has nuisances of its own with
+    their priors, or values that are known of it. The channels are those that a diagnosis would compare. Where
+    the recordings scatter more than their errors explain, the standard errors are larger to cover it, and a
+    parameter in which recordings contradict each other is called doubtful. The estimates and their covariance
+    become the calibrated actuator's baseline, which is the prior of later diagnoses.
 
     Parameters
     ----------
     recordings
-        Of the healthy unit; lengths, commands and channels may differ. A `CampaignRow` says what is known of
-        one, or is its own.
+        Of the healthy unit; lengths, commands and channels may differ. A `CampaignRow` adds what is known of
+        one recording, or which parameters are estimated for it alone.
     actuator
         The description to start from. A positive parameter is sought within a factor of 30 of its value, and
         the search begins within a factor of 3: where the description is farther off, it may miss the best
         fit. A baseline of its own is replaced by that of these recordings.
     free
-        Names from `emaphm.actuator.unit.baseline.LUMPED_PARAMETERS`; the others keep their values, but for
+        Names from `emaphm.actuator.unit.baseline.LUMPED_PARAMETERS`. The others keep their values, except
         those with a tolerance, which are free too in closed loop.
         Static friction keeps its ratio to dynamic friction unless it is free itself. Where laws are
-        asked for, it may be left out: the usual ones that the recordings identify.
+        asked for, `free` may be left out: the usual parameters that the recordings identify are then free.
     laws
         Laws to add to the description, by name, their parameters free; "auto" adds those of all that lower
         the error in recordings left out of the fit, one at a time.
@@ -108,7 +108,7 @@ def calibrate(
         parameter; what is known of a recording contradicts itself; laws are to be chosen by one recording;
         or measured motion is asked for, and does not show a free parameter.
     RecordingError
-        A recording cannot be of this actuator, by orders of magnitude.
+        Values of a recording are orders of magnitude away from this actuator's.
     """
     began = time.perf_counter()
     rows = campaign_rows(recordings)
@@ -155,7 +155,7 @@ def _check(
 
 
 def _check_described(rows: Sequence[CampaignRow], actuator: Actuator, description: Description) -> None:
-    """Refuse to lose what an earlier calibration knows, and rows that contradict the description."""
+    """Refuse to drop parameters of an earlier calibration, and rows that contradict the description."""
     for name in actuator.baseline.names if actuator.baseline else ():
         if name not in description.free:
             raise MethodError(
@@ -228,7 +228,7 @@ def _result(
     settings: FitSettings,
     began: float,
 ) -> Calibration:
-    """Return the calibration that a fit amounts to; `scanned` are parameters that were found before it."""
+    """Return the calibration by a fit; `scanned` are parameters that were estimated before it."""
     actuator = description.actuator
     values = found_values(fit, actuator)
     calibrated = with_lumped_parameters(actuator, values, name=_name_of(actuator))

@@ -1,4 +1,4 @@
-"""What a joint fit has found, in the parameters' units: values, errors, doubts, and each recording's own."""
+"""What a joint fit has found, in the parameters' units: values, errors, contradictions, recordings' own."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -36,8 +36,8 @@ NO_LAW = "none"
 
 
 @dataclass(frozen=True)
-class LawSelectionSettings:
-    """How laws are tried.
+class CrossValidationSettings:
+    """How laws are tried by cross-validation.
 
     Up to `most_folds` recordings each is left out once, of more as many groups. A law is fitted from the
     description's fit and `starts` points about its own start value. One that lowers the training error by
@@ -50,7 +50,7 @@ class LawSelectionSettings:
     least_gain: float = 0.02
 
 
-LAW_SELECTION = LawSelectionSettings()
+CROSS_VALIDATION = CrossValidationSettings()
 
 
 @dataclass(frozen=True)
@@ -195,13 +195,13 @@ class _Trials:
         begin = np.zeros(joint.box.lower.size)
         begin[:first] = current.point[:first]
         begin[len(free) :] = current.point[first:]
-        starts = np.tile(begin, (1 + LAW_SELECTION.starts, 1))
+        starts = np.tile(begin, (1 + CROSS_VALIDATION.starts, 1))
         reach = np.minimum(joint.unit.widest[first:], 1.0)
         seed = child_seed(self.fit_settings.seed, "starts of a law", law.name)
-        starts[1:, first : len(free)] = space_filling(LAW_SELECTION.starts, -reach, reach, seed)
+        starts[1:, first : len(free)] = space_filling(CROSS_VALIDATION.starts, -reach, reach, seed)
         joint, point = settle(joint, descend(joint, starts, joint.box, DESCENT).best)
         fitted = _Fit(actuator, free, joint, point, _log_errors(joint, point))
-        if np.mean(current.training - fitted.training) < LAW_SELECTION.least_gain:
+        if np.mean(current.training - fitted.training) < CROSS_VALIDATION.least_gain:
             return self._counted(fitted)
         return self.cross_validated(fitted)
 
@@ -226,7 +226,7 @@ class _Trials:
         """Return the fit with the error of each recording where it was left out."""
         count = len(fitted.joint.terms)
         held_out = np.empty(count)
-        for left_out in folds(count, LAW_SELECTION.most_folds, self.fit_settings.seed):
+        for left_out in folds(count, CROSS_VALIDATION.most_folds, self.fit_settings.seed):
             kept = [r for r in range(count) if r not in left_out]
             training, start = subset(fitted.joint, fitted.point, kept)
             shared = descend(training, start[np.newaxis], training.box, DESCENT).best[: training.shared]
@@ -245,7 +245,7 @@ class _Trials:
             return 0.0
         gains = before.held_out - after.held_out
         mean, error = float(gains.mean()), float(gains.std(ddof=1)) / len(gains) ** 0.5
-        return mean if mean > max(error, LAW_SELECTION.least_gain) else 0.0
+        return mean if mean > max(error, CROSS_VALIDATION.least_gain) else 0.0
 
     def record(
         self, name: str, given: tuple[str, ...], fitted: _Fit, began: float, *, chosen: bool = False

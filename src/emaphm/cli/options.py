@@ -111,6 +111,12 @@ def check_workers(workers: int | None, scheduler: str | None) -> None:
         )
 
 
+def check_fast(fast: bool, estimator: Path | None) -> None:
+    """Refuse --fast without the estimator whose answer it takes."""
+    if fast and estimator is None:
+        raise MethodError("--fast takes an estimator's answer; name its file: --estimator FILE")
+
+
 def check_output(path: Path | None, endings: tuple[str, ...], *, force: bool) -> None:
     """Refuse an output that could not be written, before the work that it would be lost with."""
     from emaphm.output_files import check_writable

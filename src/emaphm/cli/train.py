@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from emaphm.amortized import Estimator
+    from emaphm.amortized.networks.training import TrainingSettings
 
 ENDING = ".estimator"
 
@@ -94,16 +95,11 @@ def train(
     check_output(out, (ENDING,), force=force)
     check_workers(workers, scheduler)
     described = described_actuator(actuator)
-    from dataclasses import replace
-
-    from emaphm.amortized.networks.training import TRAINING
     from emaphm.amortized.recording_setup import RecordingSetup
     from emaphm.amortized.simulating import remove_training_folder
     from emaphm.amortized.train import train_estimator
-    from emaphm.errors import MethodError
 
-    if epochs is not None and epochs < 1:
-        raise MethodError(f"--epochs {epochs}: give 1 or more")
+    settings = _training_settings(epochs)
     driven = command_named(command, amplitude, frequency, duration)
     setup = RecordingSetup.of(
         described,
@@ -126,19 +122,38 @@ def train(
             seed=seed,
             workers=workers,
             scheduler=scheduler,
-            settings=TRAINING if epochs is None else replace(TRAINING, epochs=epochs, most_steps=None),
+            settings=settings,
             on_shard=on_shard,
             on_stage=_printed(quiet=as_json),
             on_epoch=_printed(quiet=as_json),
         )
-    written = out if force else _not_taken(out)
-    estimator.save(written)
-    if written != out:
-        say(f"{out} has appeared meanwhile and is left as it is; the estimator is in {written}")
+    written = _saved(estimator, out, force=force)
     if folder is None:
         remove_training_folder(place)
     size = written.stat().st_size
     show(_values(estimator, written, size), _text(estimator, written, size), as_json)
+
+
+def _training_settings(epochs: int | None) -> "TrainingSettings":
+    from dataclasses import replace
+
+    from emaphm.amortized.networks.training import TRAINING
+    from emaphm.errors import MethodError
+
+    if epochs is None:
+        return TRAINING
+    if epochs < 1:
+        raise MethodError(f"--epochs {epochs}: give 1 or more")
+    return replace(TRAINING, epochs=epochs, most_steps=None)
+
+
+def _saved(estimator: "Estimator", out: Path, *, force: bool) -> Path:
+    """Return where the estimator is now: in `out`, or next to a file that has appeared there meanwhile."""
+    written = out if force else _not_taken(out)
+    estimator.save(written)
+    if written != out:
+        say(f"{out} has appeared meanwhile and is left as it is; the estimator is in {written}")
+    return written
 
 
 def _not_taken(out: Path) -> Path:

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -28,6 +28,7 @@ from emaphm.cli.options import (
     Scheduler,
     Seed,
     Workers,
+    check_fast,
     check_output,
     check_seed,
     check_workers,
@@ -40,6 +41,12 @@ from emaphm.cli.options import (
 )
 from emaphm.cli.output import draw, progress, show
 from emaphm.errors import MethodError, SignalError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from emaphm.actuator import Actuator
+    from emaphm.fleet import DiagnosisSettings
 
 
 def demo(
@@ -200,9 +207,8 @@ def diagnose(
     check_seed(seed)
     check_output(report, (".html",), force=force)
     described = described_actuator(actuator)
-    if fast and estimator is None:
-        raise MethodError("--fast takes an estimator's answer; name its file: --estimator FILE")
-    several = joint or further or workers or scheduler or out or by or recording.is_dir()
+    check_fast(fast, estimator)
+    check_workers(workers, scheduler)
     from emaphm.cli import batch
 
     asked = partial(
@@ -217,20 +223,32 @@ def diagnose(
         fast=fast,
         seed=seed,
     )
-    check_workers(workers, scheduler)
-    if several:
-        if report:
-            raise MethodError("--report is of one recording; diagnose that one alone, without --joint")
-        if healthy:
-            raise MethodError("--healthy is for one recording; judge several by 'emaphm detect judge'")
-        settings = asked()
-        paths, files = (recording, *further), batch.reading(by, known)
-        if joint:
-            batch.check_joint(settings, workers, scheduler, out)
-            batch.diagnose_joint(paths, described, settings, files, as_json)
-        else:
-            batch.diagnose_each(paths, described, settings, files, workers, scheduler, out, as_json)
+    if not (joint or further or workers or scheduler or out or by or recording.is_dir()):
+        _diagnose_one(recording, described, asked, known, healthy, report, force=force, as_json=as_json)
         return
+    if report:
+        raise MethodError("--report is of one recording; diagnose that one alone, without --joint")
+    if healthy:
+        raise MethodError("--healthy is for one recording; judge several by 'emaphm detect judge'")
+    settings, files, paths = asked(), batch.reading(by, known), (recording, *further)
+    if joint:
+        batch.check_joint(settings, workers, scheduler, out)
+        batch.diagnose_joint(paths, described, settings, files, as_json)
+    else:
+        batch.diagnose_each(paths, described, settings, files, workers, scheduler, out, as_json)
+
+
+def _diagnose_one(
+    recording: Path,
+    described: "Actuator",
+    asked: "Callable[[], DiagnosisSettings]",
+    known: tuple[str, ...],
+    healthy: Path | None,
+    report: Path | None,
+    *,
+    force: bool,
+    as_json: bool,
+) -> None:
     recorded = recording_of(recording, described, known)
     check = None if healthy is None else healthy_check(healthy, recorded)
     # Not before: what cannot be read is refused without waiting for a compiler to be loaded.

@@ -15,7 +15,7 @@ from emaphm.detection.features import feature_names
 from emaphm.detection.level import Level
 from emaphm.detection.manoeuvre import (
     HealthyAtLoad,
-    Manoeuvre,
+    HealthyManoeuvre,
     command_difference,
     learn_manoeuvre,
     same_load,
@@ -45,7 +45,7 @@ class Detector:
     """
 
     channels: tuple[str, ...]
-    manoeuvres: tuple[Manoeuvre, ...]
+    manoeuvres: tuple[HealthyManoeuvre, ...]
     actuator: Actuator | None = None
     seeded: tuple[Seeded, ...] = ()
     settings: DetectorSettings = field(default=DETECTOR)
@@ -291,7 +291,7 @@ class Detector:
         )
 
     def _contributions(
-        self, manoeuvre: Manoeuvre, level: Level, deviation: Array
+        self, manoeuvre: HealthyManoeuvre, level: Level, deviation: Array
     ) -> tuple[Contribution, ...]:
         t2 = level.scatter.t2_contributions(deviation)[0]
         q = level.scatter.q_contributions(deviation)[0]

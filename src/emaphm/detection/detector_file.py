@@ -13,9 +13,9 @@ from emaphm.actuator import Actuator
 from emaphm.detection.detector import Detector
 from emaphm.detection.features import feature_names
 from emaphm.detection.level import Level
-from emaphm.detection.manoeuvre import HealthyAtLoad, Manoeuvre
+from emaphm.detection.manoeuvre import HealthyAtLoad, HealthyManoeuvre
 from emaphm.detection.seeded import Seeded
-from emaphm.detection.segments import Segment
+from emaphm.detection.segments import StrokeSegment
 from emaphm.detection.settings import DETECTOR, DetectorSettings
 from emaphm.detection.statistics import HealthyScatter
 from emaphm.errors import MethodError
@@ -42,7 +42,7 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=False)
 
 
-class _Segment(_Part):
+class _StrokeSegment(_Part):
     first: Count
     stop: Count
     stroke: Literal["up-stroke", "down-stroke", "hold"]
@@ -67,10 +67,10 @@ class _Level(_Part):
     runs: Annotated[int, Field(ge=2)]
 
 
-class _Manoeuvre(_Part):
+class _HealthyManoeuvre(_Part):
     command: Row
     interval_s: Positive
-    segments: Annotated[list[_Segment], Field(min_length=1)]
+    segments: Annotated[list[_StrokeSegment], Field(min_length=1)]
     scales: list[Positive]
     loads: Annotated[list[_Load], Field(min_length=1)]
     levels: Annotated[list[_Level], Field(min_length=1)]
@@ -90,7 +90,7 @@ class _DetectorFile(_Part):
     channels: Annotated[list[str], Field(min_length=1)]
     settings: dict[str, float]
     actuator: dict[str, Any] | None
-    manoeuvres: Annotated[list[_Manoeuvre], Field(min_length=1)]
+    manoeuvres: Annotated[list[_HealthyManoeuvre], Field(min_length=1)]
     seeded: list[_Seeded]
 
     @model_validator(mode="after")
@@ -165,7 +165,7 @@ def _settings(values: dict[str, float]) -> DetectorSettings:
     return replace(DETECTOR, **whole)
 
 
-def _manoeuvre_dict(one: Manoeuvre) -> dict[str, Any]:
+def _manoeuvre_dict(one: HealthyManoeuvre) -> dict[str, Any]:
     values = asdict(one)
     return values | {"levels": [_level_dict(level) for level in values["levels"]]}
 
@@ -175,11 +175,11 @@ def _level_dict(values: dict[str, Any]) -> dict[str, Any]:
     return {"cycles": values.pop("cycles"), **values.pop("scatter"), **values}
 
 
-def _manoeuvre(one: _Manoeuvre) -> Manoeuvre:
-    return Manoeuvre(
+def _manoeuvre(one: _HealthyManoeuvre) -> HealthyManoeuvre:
+    return HealthyManoeuvre(
         np.array(one.command),
         one.interval_s,
-        tuple(Segment(s.first, s.stop, s.stroke) for s in one.segments),
+        tuple(StrokeSegment(s.first, s.stop, s.stroke) for s in one.segments),
         np.array(one.scales),
         tuple(one.drifting),
         tuple(HealthyAtLoad(np.array(at.load), np.array(at.mean), np.array(at.centre)) for at in one.loads),
@@ -200,12 +200,12 @@ def _manoeuvre(one: _Manoeuvre) -> Manoeuvre:
     )
 
 
-def _count_features(one: _Manoeuvre, channels: list[str], settings: DetectorSettings) -> int:
-    segments = [Segment(s.first, s.stop, s.stroke) for s in one.segments]
+def _count_features(one: _HealthyManoeuvre, channels: list[str], settings: DetectorSettings) -> int:
+    segments = [StrokeSegment(s.first, s.stop, s.stroke) for s in one.segments]
     return len(feature_names(channels, segments, settings))
 
 
-def _check_sizes(one: _Manoeuvre, channels: int, features: int) -> None:
+def _check_sizes(one: _HealthyManoeuvre, channels: int, features: int) -> None:
     rows = len(one.command)
     edges = [(s.first, s.stop) for s in one.segments]
     adjoin = edges[0][0] == 0 and edges[-1][1] == rows and all(a < b for a, b in edges)

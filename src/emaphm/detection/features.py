@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.detection.segments import Segment
+from emaphm.detection.segments import StrokeSegment
 from emaphm.detection.settings import DetectorSettings
 
 NO_SCATTER = 1e-6
@@ -28,7 +28,7 @@ successive means of two rows: they tell a trend, a ripple and noise apart."""
 
 
 def feature_names(
-    channels: Sequence[str], segments: Sequence[Segment], settings: DetectorSettings
+    channels: Sequence[str], segments: Sequence[StrokeSegment], settings: DetectorSettings
 ) -> tuple[Feature, ...]:
     """Return the features in the order of `features_of`."""
     names = []
@@ -40,7 +40,7 @@ def feature_names(
 
 
 def features_of(
-    residuals: Array, segments: Sequence[Segment], scales: Array, settings: DetectorSettings
+    residuals: Array, segments: Sequence[StrokeSegment], scales: Array, settings: DetectorSettings
 ) -> Array:
     """Return the features of cycles.
 
@@ -68,5 +68,5 @@ def features_of(
     return np.concatenate(values, axis=1)
 
 
-def _has_shape(segment: Segment, settings: DetectorSettings) -> bool:
+def _has_shape(segment: StrokeSegment, settings: DetectorSettings) -> bool:
     return segment.stop - segment.first >= settings.fewest_rows_of_shape

@@ -11,7 +11,7 @@ from emaphm.detection.cycle import Cycle, with_nearest
 from emaphm.detection.drift import drifting_loads
 from emaphm.detection.features import features_of
 from emaphm.detection.level import Level, learn_levels
-from emaphm.detection.segments import Segment, segments_of
+from emaphm.detection.segments import StrokeSegment, segments_of
 from emaphm.detection.settings import DetectorSettings
 from emaphm.errors import RecordingError
 from emaphm.recording.noise import robust_noise_level
@@ -55,7 +55,7 @@ class HealthyAtLoad:
 
 
 @dataclass(frozen=True, eq=False)
-class Manoeuvre:
+class HealthyManoeuvre:
     """A manoeuvre as healthy cycles do it.
 
     Attributes
@@ -78,7 +78,7 @@ class Manoeuvre:
 
     command: Array
     interval_s: float
-    segments: tuple[Segment, ...]
+    segments: tuple[StrokeSegment, ...]
     scales: Array
     drifting: tuple[int, ...]
     loads: tuple[HealthyAtLoad, ...]
@@ -116,7 +116,7 @@ def command_difference(command: Array, interval_s: float, cycle: Cycle, settings
 
 def learn_manoeuvre(
     cycles: Sequence[Cycle], groups: Sequence[Hashable], largest_load: float, settings: DetectorSettings
-) -> Manoeuvre:
+) -> HealthyManoeuvre:
     """Return what healthy `cycles` of one manoeuvre, from the runs `groups` (one a cycle), look like.
 
     The residual of a cycle is taken to the mean of the other runs at its load, as that of a later cycle is:
@@ -151,7 +151,7 @@ def learn_manoeuvre(
     )
     levels = learn_levels(features, runs, at, settings)
     drifting = drifting_loads(features, runs, at, levels[0], settings)
-    return Manoeuvre(command, first.interval_s, segments, scales, drifting, loads, levels)
+    return HealthyManoeuvre(command, first.interval_s, segments, scales, drifting, loads, levels)
 
 
 def same_load(one: Array, other: Array, largest: float, settings: DetectorSettings) -> bool:

@@ -19,7 +19,7 @@ STROKES = {1: "up-stroke", -1: "down-stroke", 0: "hold"}
 
 
 @dataclass(frozen=True)
-class Segment:
+class StrokeSegment:
     """Rows `first` to `stop` (exclusive) of a manoeuvre, on the stroke of that name."""
 
     first: int
@@ -36,7 +36,7 @@ class Segment:
         return f"{self.stroke}, {self.first * interval_s:.3g} to {self.stop * interval_s:.3g} s"
 
 
-def segments_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ...]:
+def segments_of(command: Array, settings: DetectorSettings) -> tuple[StrokeSegment, ...]:
     """Return the segments of a manoeuvre.
 
     A stroke lasts while the command moves one way or holds. The segments of a stroke grow from
@@ -49,7 +49,7 @@ def segments_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ..
         At each row, (n,) [rad or m].
     """
     first = _first_length(command.size, settings)
-    segments: list[Segment] = []
+    segments: list[StrokeSegment] = []
     for stroke in strokes_of(command, settings):
         edges = [stroke.first]
         length = first
@@ -57,11 +57,11 @@ def segments_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ..
             edges.append(edges[-1] + length)
             length *= settings.growth
         edges.append(stroke.stop)
-        segments += [Segment(a, b, stroke.stroke) for a, b in pairwise(edges)]
+        segments += [StrokeSegment(a, b, stroke.stroke) for a, b in pairwise(edges)]
     return tuple(segments)
 
 
-def strokes_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ...]:
+def strokes_of(command: Array, settings: DetectorSettings) -> tuple[StrokeSegment, ...]:
     """Return the strokes of a manoeuvre, each as one segment; `command` as in `segments_of`."""
     fewest = _first_length(command.size, settings)
     rate = _rate(command, fewest)
@@ -77,7 +77,7 @@ def strokes_of(command: Array, settings: DetectorSettings) -> tuple[Segment, ...
             strokes.append((start, stop, way))
     if len(strokes) > 1 and strokes[0][1] < fewest:
         strokes[:2] = [(0, strokes[1][1], strokes[1][2])]
-    return tuple(Segment(start, stop, STROKES[way]) for start, stop, way in strokes)
+    return tuple(StrokeSegment(start, stop, STROKES[way]) for start, stop, way in strokes)
 
 
 def _rate(command: Array, fewest: int) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from emaphm.actuator.parameters import FaultScales
 from emaphm.arrays import Array
-from emaphm.detection.segments import Segment, strokes_of
+from emaphm.detection.segments import StrokeSegment, strokes_of
 from emaphm.detection.settings import DETECTOR
 from emaphm.diagnosis.verdict import VERDICT, Estimate, Verdict
 from emaphm.errors import RecordingError
@@ -124,6 +124,6 @@ class HealthyFriction:
         return Estimate(value, error, (low, high), high - low <= VERDICT.longest_interval, verdict)
 
 
-def _steady(size: Array, stroke: Segment) -> float:
+def _steady(size: Array, stroke: StrokeSegment) -> float:
     begin = stroke.stop - max(1, round(SETTLED * (stroke.stop - stroke.first)))
     return float(size[begin : stroke.stop].mean())

@@ -46,9 +46,12 @@ from emaphm.recording.sensor_checks import CheckedRecording, check_sensors
 from emaphm.simulation import Model, model_named
 from emaphm.version import VERSION
 
-SEARCH_SHARE, SAMPLING_SHARE = 0.2, 0.9
-"""Shares of the time: of the search, where it does not explain the recording, so that deviations are looked
-for; and of sampling the posterior, of the whole."""
+SAMPLING_SHARE = 0.9
+"""Part of the whole progress bar that sampling the posterior fills."""
+
+SEARCH_SHARE = 0.2
+"""Part of the rest that the first search fills where deviations from the description are looked for after
+it: about the time that it takes where it does not explain the recording."""
 
 TORQUE_CURRENTS = ("current_A", "current_q_A")
 """Channels that show a motor's torque: one of them is compared in every diagnosis."""
@@ -87,12 +90,11 @@ def diagnose(
         Most corrections of the model's bias by the reference model (with least squares, actuators with an
         electrical description, recordings up to 60 s); 0 turns them off.
     nuisances
-        What is estimated with the faults by a method with least squares: names in
-        `emaphm.estimation.space.nuisances.NAMES`, none where empty, the actuator's own where left out;
-        then also what deviates significantly from the description
+        What a method with least squares estimates with the faults: names in
+        `emaphm.estimation.space.nuisances.NAMES`; none where empty. Where left out, it estimates those of the
+        actuator's description, and those that deviate significantly from it
         (`emaphm.diagnosis.selection.nuisance_selection`). A recorded load or temperature counts as known.
-        What the actuator's baseline leaves open is the unit's, not the recording's: a method with least
-        squares estimates it whatever is named here.
+        Parameters of the unit that its baseline leaves open are estimated whatever is named here.
     seed, workers
         The same seed gives the same bits, whatever the number of threads.
     posterior
@@ -100,15 +102,15 @@ def diagnose(
         a search takes 2,000 to 4,000: see `emaphm.estimation.posterior.mcmc`. Values and verdicts stay those
         of the search.
     starts
-        Where least squares begin in place of the global stage. Where that leads to no explanation, the
-        search is made anew with one, which a note says.
+        Where least squares begin, in place of a global search. If they do not explain the recording from
+        there, the whole range is searched after all, and a note says so.
     on_progress
         Called with the fraction done, from 0 to 1.
 
     Raises
     ------
     RecordingError
-        It is no `Recording`, or cannot be of this actuator, by orders of magnitude.
+        `recording` is no `Recording`, or its values are orders of magnitude away from this actuator's.
     MethodError
         The recording has no current that the model can be compared in; a name is unknown, or fitness or
         model do not go with the method, or the model not with a posterior.
@@ -162,12 +164,8 @@ def diagnose(
         diagnosis = conclude(result, recording, name, fitness, seed)
     diagnosis = diagnosis.with_sensor_faults(checked.findings)
     if posterior:
-        from emaphm.estimation.posterior.mcmc import sample
-
         sampling = subprogress(on_progress, 1 - SAMPLING_SHARE, 1.0)
-        correction, covariance = result.outputs_correction, diagnosis.covariance
-        posterior_samples = sample(result.objective, result.point, correction, covariance, seed, sampling)
-        diagnosis = replace(diagnosis, posterior=posterior_samples)
+        diagnosis = _with_posterior(diagnosis, result, seed, sampling)
     if on_progress:
         on_progress(1.0)
     evaluations, reference_runs = result.objective.problem.runs.of(result.objective.problem.model)
@@ -188,7 +186,7 @@ def _with_deviations(
     seed: int,
     on_progress: Progress | None,
 ) -> tuple[Diagnosis, SearchResult]:
-    """Return the diagnosis with what deviates from the description, and the estimate that it is made of."""
+    """Return the diagnosis that allows for deviations from the description, and the estimate behind it."""
     moves = moves_at(searched.objective, searched.point)
     found, selected, laws = select_deviations(
         searched, method, max_corrections, seed, moves=moves, on_progress=on_progress
@@ -208,8 +206,19 @@ def _with_deviations(
     return diagnosis, found
 
 
+def _with_posterior(
+    diagnosis: Diagnosis, result: SearchResult, seed: int, on_progress: Progress | None
+) -> Diagnosis:
+    """Return the `diagnosis` at `result` with samples of the posterior."""
+    from emaphm.estimation.posterior.mcmc import sample
+
+    correction, covariance = result.outputs_correction, diagnosis.covariance
+    samples = sample(result.objective, result.point, correction, covariance, seed, on_progress)
+    return replace(diagnosis, posterior=samples)
+
+
 def _searched_by(method: Method, starts: Starts | None, result: SearchResult) -> tuple[str, tuple[str, ...]]:
-    """Return the name of the method that has led to the result, and what is to be noted of it."""
+    """Return the name of the method that has led to the result, and notes on how it came about."""
     if starts is None:
         return method.name, ()
     if result.started:
@@ -219,7 +228,7 @@ def _searched_by(method: Method, starts: Starts | None, result: SearchResult) ->
 
 
 def without_spoilt_rows(objective: MapObjective, checked: CheckedRecording) -> MapObjective:
-    """Return the objective of a checked recording that compares none of its spoilt rows."""
+    """Return the objective of a checked recording without its spoilt rows."""
     return objective.ignoring(masks_of_means(checked.unusable, objective.problem))
 
 
@@ -235,9 +244,10 @@ def objective_for(
 ) -> MapObjective:
     """Return what `method` minimises on a recording.
 
-    With least squares, the residual of every channel, with faults and nuisances as parameters; without, that
-    of the current, with the faults alone, in [0, 1]. Without `below_healthy`, least squares also leave out a
-    friction below healthy. They compare no rows right after a jump of the command, where its moment counts.
+    With least squares, it is the residual of every channel, with faults and nuisances as parameters. Rows
+    right after a jump of the command are left out where the exact moment of the jump matters. Without
+    `below_healthy`, the friction is not below healthy. Without least squares, it is the residual of the
+    current, with the faults alone as parameters, in [0, 1].
 
     Raises
     ------
@@ -352,7 +362,7 @@ def tested(
 def _explanation(
     result: SearchResult, jacobians: Array, seed: int, *, moves: bool
 ) -> tuple[Mapping[str, HealthyComparison], tuple[str, ...]]:
-    """Return the residuals next to those of healthy recordings, and why they do not explain the recording."""
+    """Return the residuals compared with healthy recordings', and the reasons against the estimate."""
     healthy = compared_with_healthy(
         result.objective.problem,
         result.residual_by_channel,

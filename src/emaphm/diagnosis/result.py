@@ -47,13 +47,13 @@ class Diagnosis:
     components
         The eight of `Faults`, in order.
     coordinates, covariance
-        Of the estimate: the names (d,) of its coordinates, and its covariance (d, d).
+        Names (d,) of the estimate's coordinates, and its covariance (d, d).
     method, model, fitness_name
-        What searched, what was fitted, and which cost function was minimised.
+        How it was searched, which model was fitted, and which cost function was minimised.
     fitness
-        Its value at the estimate, in its own unit (`emaphm.estimation.cost_functions`).
+        Value of the cost function at the estimate, in its own unit (`emaphm.estimation.cost_functions`).
     residual_rms_A
-        Of recorded less modelled current [A].
+        Rms of the recorded less the modelled current [A].
     explained
         Whether the estimate explains the recording: `emaphm.diagnosis.explanation.reasons_against`.
     evaluations, reference_runs
@@ -61,11 +61,11 @@ class Diagnosis:
     time_s, recorded, modelled
         Time [s], recorded and modelled current [A], each (samples,).
     channels
-        What was compared.
+        Channels that were compared with the model.
     nuisances
-        What was estimated with the faults.
+        Parameters that were estimated with the faults, by name.
     selected
-        Those of the nuisances that were estimated because they deviate significantly, though not asked for;
+        Nuisances that were estimated because they deviate significantly, though nobody asked for them;
         "baseline NAME" are parameters of the actuator that the recording contradicts.
     laws
         Optional laws that explain the recording clearly better, though the description lacks them.
@@ -74,15 +74,15 @@ class Diagnosis:
     moves
         False where the actuator stood still.
     posterior
-        Samples of it, where asked for.
+        Samples of the posterior distribution, where asked for.
     recording_notes
         What was done to the recording's channels.
     sensor_faults
         Faults of sensors, apart from those of the actuator.
     model_error
-        Each channel's residual compared with healthy recordings, where a calibration has learned that.
+        Each channel's residual compared with that of healthy recordings, where a calibration has learned it.
     reasons
-        Why the recording is not explained: a sentence each, without its full stop; none where it is.
+        Why the recording is not explained: sentences without their full stop; empty where it is explained.
     healthy_check
         Whether the recording is like healthy ones, as a detector says; where asked for.
     """
@@ -120,7 +120,7 @@ class Diagnosis:
     healthy_check: "DetectorResult | None" = None
 
     def with_sensor_faults(self, findings: Sequence[SensorFinding]) -> "Diagnosis":
-        """Return the diagnosis with the faults of sensors: its own, and `findings` made before it."""
+        """Return the diagnosis with faults of sensors, by its estimate and by the earlier `findings`."""
         found = sensor_faults(
             findings,
             self.selected,
@@ -151,8 +151,8 @@ class Diagnosis:
     def shared_covariance(self) -> Array | None:
         """The part of the faults' covariance that all recordings of the unit share, (f, f), f ≤ 8.
 
-        Of the first f `coordinates`. How a unit's parameters deviate, within tolerances or a baseline, is the
-        same in each of its recordings. None where they are known.
+        Of the first f `coordinates`. A unit's parameters deviate, within tolerances or a baseline, by the
+        same amounts in each of its recordings. None where the parameters are known.
         """
         parameters = [name for name in self.selected if name.startswith(BASELINE)]
         suspected = {name: DESCRIPTION_ERRORS.prior_of(name.removeprefix(BASELINE)) for name in parameters}
@@ -165,16 +165,18 @@ class Diagnosis:
 
     @property
     def shorts_of_open_phases(self) -> tuple[float, ...]:
-        """The shorts that are there, the largest first, where it is open which phase has which.
+        """The shorts, the largest first, where the recording does not show which phase has which.
 
-        That is where the rotor's electrical zero was estimated; empty elsewhere
+        So it is where the rotor's electrical zero was estimated; empty elsewhere
         (`emaphm.diagnosis.explanation.open_phases`).
         """
         if BASELINE + ROTOR_ZERO not in self.selected or not self.explained:
             return ()
         shorts = [self.components[name] for name in SHORTS]
         present = [
-            one.value for one in shorts if one.value - Z95 * one.standard_error > VERDICT.healthy_margin
+            short.value
+            for short in shorts
+            if short.value - Z95 * short.standard_error > VERDICT.healthy_margin
         ]
         return tuple(sorted(present, reverse=True)) if shorts[0].verdict == "cannot tell" else ()
 
@@ -198,12 +200,13 @@ class Diagnosis:
             "nuisances": {name: estimate.to_dict() for name, estimate in self.nuisances.items()},
             "suspected": list(self.selected),
             "laws": list(self.laws),
-            "law_parameters": {name: one.to_dict() for name, one in self.law_parameters.items()},
+            "law_parameters": {name: value.to_dict() for name, value in self.law_parameters.items()},
             "moves": self.moves,
             "notes": list(self.recording_notes),
-            "sensor_faults": [one.to_dict() for one in self.sensor_faults],
+            "sensor_faults": [fault.to_dict() for fault in self.sensor_faults],
             "groups": [
-                {"members": list(one.members), "remedies": list(one.resolving)} for one in self.collinear_sets
+                {"members": list(group.members), "remedies": list(group.resolving)}
+                for group in self.collinear_sets
             ],
             "channels": list(self.channels),
             "method": self.method,
@@ -225,7 +228,7 @@ class Diagnosis:
             **({"posterior": self.posterior.to_dict()} if self.posterior else {}),
             **({"detector": self.healthy_check.to_dict()} if self.healthy_check else {}),
             "version": self.version,
-            "model_error": {name: one.to_dict() for name, one in self.model_error.items()},
+            "model_error": {name: error.to_dict() for name, error in self.model_error.items()},
         }
 
     def to_json(self, path: str | Path | None = None) -> str:
@@ -254,9 +257,9 @@ class Diagnosis:
         of_recording = [f"{self.recording}: {note}." for note in self.recording_notes]
         # What was found before the diagnosis stands among the recording's notes.
         of_sensors = [
-            f"Sensor fault: {one}"
-            for one in self.sensor_faults
-            if one.sentence.removesuffix(".") not in self.recording_notes
+            f"Sensor fault: {fault}"
+            for fault in self.sensor_faults
+            if fault.sentence.removesuffix(".") not in self.recording_notes
         ]
         posterior = self.posterior.notes(self.interval) if self.posterior else []
         check = [f"Against healthy recordings: {self.healthy_check.sentence}."] if self.healthy_check else []

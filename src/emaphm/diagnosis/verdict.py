@@ -18,7 +18,7 @@ Z95 = 1.959963984540054
 """Half-width of a normal 95 % interval, in standard errors."""
 
 DIRECTIONS = 720
-"""In which the distance of an ellipse from 0 is taken."""
+"""Number of directions in which the distance of an ellipse from 0 is taken."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class VerdictSettings:
     Degraded: the whole interval is more than `healthy_margin` away from the healthy value; no model is right
     to a hundredth of the range. Healthy: no value in the interval is more than `hidden_fault` away from it.
     Not identifiable: the interval is longer than `longest_interval`, half the range. Where only the bounds of
-    the range make it shorter, nothing is said of the component; a standard error above `uninformative`, a
-    share of the prior's, leaves all of the range open. Shorts that differ by less than `equal_shorts` are
+    the range make it shorter, the verdict is open. A standard error above `uninformative` times the prior's
+    leaves the whole range open. Shorts that differ by less than `equal_shorts` are
     equal. `make study` (accuracy) counts false alarms and detections.
     """
 
@@ -103,28 +103,30 @@ def estimates(
 
 
 def _common_shorts(components: Mapping[str, Estimate]) -> dict[str, Estimate]:
-    """Return the shorts, undecided, where all three windings are degraded and share a part.
+    """Return the shorts, undecided, where all three windings have lost the same share of their turns.
 
-    The two smaller ones are then equal within their errors. Three windings that lose the same share of their
-    turns are a coincidence; a weaker magnet, a wrong torque constant or temperature, and a wrong scale of the
-    current lower the flux of all three.
+    That is where all are degraded, and the two smaller ones equal within their errors. It would be a
+    coincidence of three faults; a weaker magnet, a wrong torque constant or temperature, and a wrong scale of
+    the current lower the flux of all three windings.
     """
     shorts = {name: components[name] for name in SHORTS}
-    if any(one.verdict != "degraded" for one in shorts.values()):
+    if any(short.verdict != "degraded" for short in shorts.values()):
         return {}
-    least, next_to = sorted(shorts.values(), key=lambda one: one.value)[:2]
+    least, next_to = sorted(shorts.values(), key=lambda short: short.value)[:2]
     error = Z95 * float(np.hypot(least.standard_error, next_to.standard_error))
     if next_to.value - least.value > max(error, VERDICT.equal_shorts):
         return {}
-    return {name: replace(one, verdict="cannot tell", reason=COMMON_SHORTS) for name, one in shorts.items()}
+    return {
+        name: replace(short, verdict="cannot tell", reason=COMMON_SHORTS) for name, short in shorts.items()
+    }
 
 
-def undecided(name: str, one: Estimate, reason: str) -> Estimate:
-    """Return the estimate of a component as undecided for a `reason`; its interval has the healthy value."""
+def undecided(name: str, estimate: Estimate, reason: str) -> Estimate:
+    """Return the estimate as undecided for a `reason`, its interval widened to hold the healthy value."""
     healthy = float(getattr(HEALTHY, name))
-    low, high = one.interval95
+    low, high = estimate.interval95
     interval = (min(low, healthy), max(high, healthy))
-    return replace(one, verdict="cannot tell", interval95=interval, reason=reason)
+    return replace(estimate, verdict="cannot tell", interval95=interval, reason=reason)
 
 
 def with_phase_undecided(
@@ -141,32 +143,34 @@ def with_phase_undecided(
 def undecided_by_model_error(
     components: Mapping[str, Estimate], share: Array, space: ParameterSpace
 ) -> dict[str, Estimate]:
-    """Return the components, with another reason where mostly the learned error leaves one undecided.
+    """Return the components, with another reason where one is undecided mostly for the learned model error.
 
-    Of each variance in the `space`, the model's error is a `share` (d,).
+    `share` (d,) is the model error's share of the variance of each coordinate of `space`.
     """
     named = dict(components)
-    for name, one in components.items():
+    for name, estimate in components.items():
         at = [i for i, coordinate in enumerate(space.coordinates) if coordinate in (name, f"{name}_x")]
-        if at and one.reason in (UNCONSTRAINED, BOTH) and share[at[0]] > 1 / 2:
-            named[name] = replace(one, reason=OF_MODEL_ERROR)
+        if at and estimate.reason in (UNCONSTRAINED, BOTH) and share[at[0]] > 1 / 2:
+            named[name] = replace(estimate, reason=OF_MODEL_ERROR)
     return named
 
 
 def unexplained(components: Mapping[str, Estimate], fixed: Collection[str] = ()) -> dict[str, Estimate]:
     """Return the components of a recording that is not explained: none is called healthy or degraded.
 
-    Those that are `fixed`, for the description cannot show them, keep that reason.
+    Those that are `fixed`, which were not estimated, keep their own reason.
     """
     return {
-        name: replace(one, verdict="cannot tell", reason=one.reason if name in fixed else NOT_EXPLAINED)
-        for name, one in components.items()
+        name: replace(
+            estimate, verdict="cannot tell", reason=estimate.reason if name in fixed else NOT_EXPLAINED
+        )
+        for name, estimate in components.items()
     }
 
 
 def _collinear_with(name: str, collinear_sets: Sequence[CollinearSet]) -> str:
     """Return why a member of a collinear set is not identifiable, nothing for another component."""
-    others = [one.others(name) for one in collinear_sets if name in one.members]
+    others = [group.others(name) for group in collinear_sets if name in group.members]
     return f"only its combined effect with {others[0]} is identifiable" if others else ""
 
 
@@ -184,9 +188,9 @@ def _component(
     limits: tuple[float, float] = (0.0, 1.0),
     ends: tuple[float, float] | None = None,
 ) -> Estimate:
-    """Return the estimate of a component: what its whole interval says of it.
+    """Return the estimate of a component, with the verdict that its interval allows.
 
-    Its `ends` are `Z95` standard errors either way, if not given.
+    The interval's `ends` are `Z95` standard errors from the `value` where they are not given.
     """
     unconstrained = collinear or UNCONSTRAINED
     if error > VERDICT.uninformative * PRIOR_DEVIATION:
@@ -209,7 +213,7 @@ def _component(
 
 
 def verdict_of(interval: tuple[float, float], healthy: float) -> Verdict:
-    """Return what an interval says of a component with this `healthy` value."""
+    """Return the verdict on a component by its 95 % `interval` and its `healthy` value."""
     low, high = interval
     if max(low - healthy, healthy - high) > VERDICT.healthy_margin:
         return "degraded"
@@ -250,8 +254,8 @@ def _eccentricity(
 def _distances(centre: Array, covariance: Array) -> tuple[float, float]:
     """Return the least and the largest distance from 0 of an ellipse about `centre` (2,), `Z95` errors out.
 
-    What a direction that is not known adds to a radius, its own error does not show: an estimate of 0.01 that
-    is known to 0.001 along itself and to 0.2 across may have a radius of 0.4.
+    An unknown direction makes a radius uncertain too, which its radial error does not show: an estimate of
+    0.01 that is known to 0.001 along itself and to 0.2 across may have a radius of 0.4.
     """
     values, axes = np.linalg.eigh(covariance)
     reach = Z95 * np.sqrt(np.maximum(values, 0.0))

@@ -56,44 +56,46 @@ class Corrected(Protocol):
         ...
 
 
-Estimate = TypeVar("Estimate", bound=Corrected)
+EstimateT = TypeVar("EstimateT", bound=Corrected)
 
 
 @dataclass(frozen=True, eq=False)
-class Iterated(Generic[Estimate]):
+class Iterated(Generic[EstimateT]):
     """Where iterations ended: the `estimate`, those of `equal` misfit, and whether they `converged`."""
 
-    estimate: Estimate
-    equal: tuple[Estimate, ...]
+    estimate: EstimateT
+    equal: tuple[EstimateT, ...]
     converged: bool
 
 
 def iterate(
-    estimate: Estimate,
-    outcomes_of: Callable[[Estimate, int, int], Sequence[Estimate]],
+    estimate: EstimateT,
+    outcomes_of: Callable[[EstimateT, int, int], Sequence[EstimateT]],
     max_corrections: int,
     settings: BiasCorrectionSettings,
     on_progress: Progress | None,
-    is_hopeless: Callable[[Estimate], bool] = never,
-) -> Iterated[Estimate]:
+    is_hopeless: Callable[[EstimateT], bool] = never,
+) -> Iterated[EstimateT]:
     """Return where up to `max_corrections` iterations lead from `estimate`.
 
-    Each takes, of its outcomes, the one farthest along whose misfit equals the least, so never one that is
-    worse than before by more than switching makes.
+    Of the candidates whose misfit counts as equal to the smallest, each iteration takes the one with the
+    longest step. Where even that is worse than the estimate by more than switching makes a misfit vary, the
+    estimate stays.
 
     Parameters
     ----------
     outcomes_of
-        Returns the candidates of an iteration as the reference model sees them, in the order of their steps:
-        from the reweighted estimate, the number of the iteration and of those just before without progress.
+        Returns the candidates of an iteration, compared with the reference model, the longest step last.
+        Called with the reweighted estimate, the number of the iteration, and the number of iterations without
+        progress just before it.
     is_hopeless
-        Whether an iteration without progress is enough to give an estimate up: it has not converged then.
+        Whether to give an estimate up after one iteration without progress; it has not converged then.
     """
-    idle, equal = 0, tuple[Estimate, ...]()
+    idle, equal = 0, tuple[EstimateT, ...]()
     for iteration in range(max_corrections):
         estimate = estimate.reweighted()
         outcomes = outcomes_of(estimate, iteration, idle)
-        misfits = np.array([one.misfit for one in outcomes])
+        misfits = np.array([outcome.misfit for outcome in outcomes])
         farthest = int(np.flatnonzero(misfits <= settings.equal_misfits * misfits.min())[-1])
         idle = 0 if misfits[farthest] < settings.progress * estimate.misfit else idle + 1
         if misfits[farthest] <= settings.equal_misfits * estimate.misfit:

@@ -20,7 +20,7 @@ from emaphm.recording.sensor_checks.resolution import Mask
 from emaphm.simulation import Model
 
 CORRELATED_ROWS = 20
-"""Rows over which the residual of a model that is not right is correlated, roughly: they count as one
+"""Rows over which the residual of an uncorrected model is correlated, roughly: together they count as one
 observation against a prior."""
 
 LEAST_RESIDUAL = 1e-4
@@ -34,9 +34,9 @@ FIRST_RESIDUAL = 0.1
 class MapObjective:
     """A problem, the space that its explanation is sought in, and the weight of the priors.
 
-    A nuisance one prior standard deviation off is worth as much as `correlated_rows` rows, each with a
-    residual of the primary channel of `residual_rms`, in its unit. The rows of `outputs` are the weighted
-    channels end to end, then one row for each nuisance coordinate.
+    A nuisance that is off by one standard deviation of its prior adds as much to the cost as
+    `correlated_rows` rows of the primary channel with a residual of `residual_rms`, in its unit. The rows of
+    `outputs` are the weighted channels end to end, then one row for each nuisance coordinate.
     """
 
     problem: Problem
@@ -46,19 +46,20 @@ class MapObjective:
 
     @classmethod
     def of(cls, problem: Problem, space: ParameterSpace) -> Self:
-        """Return the objective to begin with, its residual assumed as `FIRST_RESIDUAL`."""
+        """Return the objective of the first search, which assumes a residual of `FIRST_RESIDUAL`."""
         return cls(problem, space, 0.0).scale_prior(FIRST_RESIDUAL * rms(problem.recorded))
 
     def scale_prior(self, residual_rms: float) -> Self:
-        """Return the objective with priors weighed against a residual of the primary channel of that rms."""
+        """Return the objective whose priors are weighed against a primary residual of this rms [its unit]."""
         return replace(self, residual_rms=float(residual_rms))
 
     def reweighted(self, residual: Array, *, biased: bool = False) -> Self:
-        """Return the objective with each channel, and the priors, weighted by its `residual` (rows,).
+        """Return the objective with each channel weighted by the inverse rms of its `residual` (rows,).
 
-        The likelihood of normal residuals whose variance by channel is not known beforehand, nor over how
-        many rows they are correlated: once the model is right to the noise, each row is an observation. While
-        the residual is still `biased`, the model not corrected, `CORRELATED_ROWS` of them are.
+        That maximises the likelihood of normal residuals whose variance by channel is not known beforehand.
+        Against the priors, the rows over which the primary channel's residual is correlated count as one
+        observation, `CORRELATED_ROWS` at most. While the model is not corrected, its residual `biased`, that
+        number is `CORRELATED_ROWS`.
         """
         by_channel = residual[: self.channel_rows].reshape(len(self.problem.channels), -1)
         shares = [self.problem.compared_share(name) for name in self.problem.channels]
@@ -85,7 +86,7 @@ class MapObjective:
 
     @property
     def prior_weight(self) -> float:
-        """The residual of a nuisance one prior standard deviation off, in the primary channel's unit."""
+        """The residual of a nuisance that is one prior deviation off, in the primary channel's unit."""
         return self.residual_rms * float(self.correlated_rows**0.5)
 
     @property
@@ -114,10 +115,10 @@ class MapObjective:
         return problem.samples * sum(problem.compared_share(name) for name in problem.channels)
 
     def left(self, residual: Array) -> float:
-        """Return the mean square of a weighted `residual` (rows,), and what visible counts leave open of it.
+        """Return the mean square of a weighted `residual` (rows,) plus that of the rounding to counts.
 
-        Residuals are compared relative to the variance of a row: it is the counts' at least, where the model
-        happens to make the same ones.
+        The ratio of two residuals means nothing below the rounding: where a model happens to give the same
+        counts as were recorded, its residual is 0, and the variance of a row is not.
         """
         open_by_counts = np.mean((self.problem.weights * self.problem.rounding_errors) ** 2)
         return float(np.mean(residual**2)) + float(open_by_counts)
@@ -128,13 +129,13 @@ class MapObjective:
         return np.concatenate([self.problem.observed, np.zeros(len(self.space.nuisances.names))])
 
     def of_channels(self, rows: Array) -> Array:
-        """Return `rows` of which the channels' come first, with 0 for each nuisance, (rows,)."""
+        """Return the channels' part of `rows`, which comes first, with 0 for each nuisance, (rows,)."""
         known = np.zeros(self.channel_rows + len(self.space.nuisances.names))
         known[: self.channel_rows] = rows[: self.channel_rows]
         return known
 
     def outputs(self, points: Array) -> Array:
-        """Return the model's channels as sensed and weighted, and the nuisances, at `points` (n, d)."""
+        """Return the channels as sensed and weighted, then the nuisances, at `points` (n, d): (n, rows)."""
         sensed = self._sensed(points, self.problem.channels)
         rows: Array = np.empty((len(points), self.channel_rows + len(self.space.nuisances.names)))
         channels = rows[:, : self.channel_rows].reshape(sensed.shape)
@@ -187,7 +188,7 @@ class MapObjective:
         )
 
     def ignoring(self, unusable: Mapping[str, Mask]) -> Self:
-        """Return the objective that compares no `unusable` rows, (samples,) by channel, as those before."""
+        """Return the objective that also leaves out the `unusable` rows, (samples,) by channel."""
         before = self.problem.unusable
         both = {name: before.get(name, False) | rows for name, rows in unusable.items()}
         return replace(self, problem=replace(self.problem, unusable={**before, **both})) if both else self

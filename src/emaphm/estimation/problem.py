@@ -31,17 +31,35 @@ SAME_AS = {"current_q_A": "current_A", "voltage_q_V": "voltage_V"}
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """An actuator, the model that is to reproduce its signals, and what these signals are.
+    """An actuator, the model that is to reproduce its signals, and these signals.
 
-    `measured` are the signals by channel, each (samples,); `channels` those that are compared, of what the
-    model has to observe. The first one is primary: the equivalent current where there is one. `weights`,
-    (channels,), are what a residual of each counts, in the unit of the primary channel's residual.
-    `temperature_rise_K` is what is known of it, above nominal. `unusable` says of channels which rows
-    (samples,) are not compared. `model_error` is the learned error of the model in each row, (samples,) by
-    channel; empty where the actuator has none. `counts` are the steps in which channels visibly show their
-    quantity, each in its unit; those without are left out. `band_spread` is the share by which the
-    hysteresis of the first and last of several runs is smaller and larger than described. `averaged_rows` is
-    how many rows of the recording each of `samples` is the mean of. `runs` counts the simulations.
+    Attributes
+    ----------
+    driving, inputs
+        What drives the model: as functions of time, and at its integration steps.
+    start
+        Where the motion begins.
+    measured
+        The recorded signals by channel, each (samples,).
+    channels
+        Those that are compared with the model. The first one is primary: the equivalent current where there
+        is one.
+    weights
+        Factor on each channel's residual, (channels,), which brings it to the unit of the primary one's.
+    temperature_rise_K
+        Of the windings above the nominal temperature, as recorded; 0 where it was not.
+    unusable
+        Rows that are not compared, (samples,) by channel.
+    model_error
+        The learned error of the model in each row, (samples,) by channel; empty where none was learned.
+    counts
+        Step of each channel whose values visibly come in steps (of a converter or encoder), in its unit.
+    band_spread
+        Several runs of a hysteresis drive have bands from (1 - this) to (1 + this) times the described one.
+    averaged_rows
+        How many rows of the recording each of `samples` is the mean of.
+    runs
+        Counts the simulations.
     """
 
     actuator: Actuator
@@ -126,7 +144,7 @@ class Problem:
         return replace(self, channels=other.channels, weights=other.weights)
 
     def weighted(self, sizes: ArrayLike) -> Self:
-        """Return the problem with residuals weighted by the `sizes` (channels,) that they have."""
+        """Return the problem with channels weighted by the inverse `sizes` (channels,) of their residuals."""
         deviations = np.maximum(np.asarray(sizes, float), np.finfo(float).tiny ** 0.5)
         return replace(self, weights=deviations[0] / deviations)
 

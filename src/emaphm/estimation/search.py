@@ -33,11 +33,11 @@ def search(
     starts: Array | None = None,
     is_hopeless: Callable[[SearchResult], bool] = never,
 ) -> SearchResult:
-    """Return where `method` ends; `max_corrections` bounds the bias correction that follows least squares.
+    """Return what `method` finds; up to `max_corrections` corrections of the bias follow least squares.
 
-    With `starts` (n, d), points that are near the optimum, least squares begin there, without a global
-    stage; where they do not lead to an explanation, the search is made anew with one, unless the model's bias
-    by switching stays uncorrected. No other search follows one that `is_hopeless`.
+    With `starts` (n, d), points near the optimum, least squares begin there, without a global stage. Where
+    they do not lead to an explanation of the recording, the search is repeated with a global stage, unless
+    switching leaves a bias that is not corrected. No other search follows a result that `is_hopeless`.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def search(
     if starts is None or found.down_to_noise or resolves_switching(objective.problem):
         return found
     anew = _once(objective, method, max_corrections, seed, None, None)
-    return min(found, anew, key=lambda one: one.residual_variance)
+    return min(found, anew, key=lambda result: result.residual_variance)
 
 
 def check_fitness(method: Method, fitness: str) -> None:

@@ -225,11 +225,12 @@ class SearchResult:
 
     @property
     def noise_level(self) -> float:
-        """The rms of the white noise on the primary channel, in its unit, as the `residual` has it.
+        """The rms of the white noise in the `residual` of the primary channel, in its unit.
 
-        That is 0 in rows that are not compared. As its sensor is described; else from the channel itself or
-        from the residual, whichever shows less: a fast oscillation of a current passes for noise, and so does
-        one that the model has and the current has not.
+        Rows that are not compared have no residual, and lower it. Where the description gives the noise of
+        the channel's sensor, it is that. Otherwise it is estimated from the measured channel and from the
+        residual, and the smaller estimate is taken: a fast oscillation of the measured current passes for
+        noise in the first, and one that only the model makes passes for noise in the second.
         """
         problem = self.objective.problem
         if described_noise(problem.primary, problem.actuator) is not None:

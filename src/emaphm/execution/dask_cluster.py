@@ -12,7 +12,7 @@ from emaphm.errors import ExecutionError
 from emaphm.execution.tasks import Outcome, Task, attempt, failed
 
 ANSWER_S = 10.0
-"""A scheduler that has not answered by then is not there."""
+"""Time after which a scheduler that has not answered counts as absent [s]."""
 
 
 def run_on_cluster(tasks: Sequence[Task], address: str) -> Generator[Outcome]:

@@ -1,4 +1,4 @@
-"""The folder of long work: the settings that it began with, which its results hold for, and a lock."""
+"""The folder of long work: its results, the settings that they were made with, and a lock."""
 
 import fcntl
 import json
@@ -70,10 +70,10 @@ class WorkFolder:
                     temporary.write_text(settings, encoding="utf-8")
 
     def begin_or_resume(self, settings: str, *, elsewhere: str = "another folder with -o") -> str:
-        """Begin with `settings`, JSON, or go on; return how they differ from what it began with.
+        """Begin with `settings` (JSON) or resume; return how they differ from those it was begun with.
 
-        The result is empty where nothing differs, and for a new folder. `elsewhere` is what messages say to
-        give in place of this folder.
+        The result is empty where nothing differs, and for a new folder. `elsewhere` is what messages propose
+        in place of this folder.
 
         Raises
         ------
@@ -142,10 +142,10 @@ class WorkFolder:
 
 
 def difference(there: Any, here: Any) -> str:
-    """Return which keys differ between two nested settings, and how; empty if none does."""
-    one, other = dict(_leaves(there)), dict(_leaves(here))
-    keys = [key for key in {**one, **other} if one.get(key, NOTHING) != other.get(key, NOTHING)]
-    named = [f"'{key}' ({one.get(key, NOTHING)} there, {other.get(key, NOTHING)} here)" for key in keys]
+    """Return which keys differ between a folder's settings and the given ones, and how; empty if none."""
+    kept, given = dict(_leaves(there)), dict(_leaves(here))
+    keys = [key for key in {**kept, **given} if kept.get(key, NOTHING) != given.get(key, NOTHING)]
+    named = [f"'{key}' ({kept.get(key, NOTHING)} there, {given.get(key, NOTHING)} here)" for key in keys]
     more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
     return ", ".join(named[:MOST_NAMED]) + more
 

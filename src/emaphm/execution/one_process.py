@@ -1,4 +1,4 @@
-"""One worker process that does one thing after the other, and may die of it."""
+"""One worker process that takes one order after the other; if an order kills it, the caller goes on."""
 
 import math
 import multiprocessing
@@ -23,11 +23,11 @@ T = TypeVar("T")
 
 
 class EndedError(Exception):
-    """The process has died of what it was asked, or was ended since it took too long; the text says which."""
+    """The process died during a call, or was ended because that took too long; the text says which."""
 
 
 class StoppedError(Exception):
-    """The call was given up since its caller is to stop; it says nothing of what was called."""
+    """The call was given up because its caller is to stop; it says nothing of the function called."""
 
 
 class OneProcess:
@@ -36,7 +36,7 @@ class OneProcess:
     Parameters
     ----------
     target
-        Called there with the end of a pipe that orders come through and answers go back by, another end for
+        Called in the process with its end of the pipe for orders and answers, the end of another pipe for
         `end_with_parent`, and `arguments`.
     """
 
@@ -48,7 +48,7 @@ class OneProcess:
 
     @property
     def orders(self) -> Connection:
-        """The way to the process and back."""
+        """The caller's end of the pipe for orders and answers."""
         return self._ends[0]
 
     def send(self, order: Any) -> None:
@@ -59,7 +59,7 @@ class OneProcess:
         self.orders.send(order)
 
     def death(self) -> str:
-        """Return what the process has died of, once it has."""
+        """Return how the process has died; to be called after it has."""
         if self._process is None:
             return "its process has ended"
         self._process.join(1.0)
@@ -105,11 +105,11 @@ class Calls:
     Parameters
     ----------
     seconds
-        That a call may take [s].
+        Longest time of a call [s].
     most_bytes
         Address space that the process may have [bytes].
     stop
-        Set when the caller is to stop: calls then have `last_s` [s] more in all, and are given up.
+        Set when the caller is to stop: calls have `last_s` [s] more in all, and are then given up.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Which code made a result: results of another one are not to be mixed unawares."""
+"""Which code made a result, so that results of different code are not mixed unnoticed."""
 
 import ast
 import hashlib
@@ -56,7 +56,7 @@ def meaning(source: str) -> str:
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list):
-            node.body = [one for one in body if not _is_text(one)]  # type: ignore[attr-defined]
+            node.body = [statement for statement in body if not _is_text(statement)]  # type: ignore[attr-defined]
     return ast.dump(tree)
 
 

@@ -1,4 +1,4 @@
-"""Doing what is missing of many tasks, here or on a cluster, and keeping each result as it finishes."""
+"""Doing those of many tasks that are missing, here or on a cluster; each result is kept as it finishes."""
 
 import time
 from collections.abc import Callable, Generator, Sequence

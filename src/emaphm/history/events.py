@@ -33,7 +33,7 @@ STATES = ("raised", "cleared")
 
 SEVERITIES = ("info", "warning", "alarm")
 
-CONDITIONS = (
+CONDITION_KINDS = (
     "alarm",
     "rul_below_horizon",
     "sensor_fault",
@@ -192,7 +192,7 @@ def read_events(
 
 def read_open_conditions(connection: sa.Connection, unit: str | None = None) -> tuple[Event, ...]:
     """Return the last event of each condition that was raised and not cleared, in their order."""
-    last = sa.select(sa.func.max(EVENTS.c.id)).where(EVENTS.c.kind.in_(CONDITIONS))
+    last = sa.select(sa.func.max(EVENTS.c.id)).where(EVENTS.c.kind.in_(CONDITION_KINDS))
     if unit is not None:
         last = last.where(EVENTS.c.unit == unit)
     last = last.group_by(EVENTS.c.unit, EVENTS.c.kind, EVENTS.c.subject)

@@ -44,8 +44,8 @@ class Added:
 class History:
     """Units, flights, recordings, diagnoses, removals and shop findings, in a SQLite file or on PostgreSQL.
 
-    To be closed, or used in a ``with`` statement. What a method that writes has returned from is on disk;
-    any number of processes may read and write. Each method raises `HistoryError` where the database fails.
+    To be closed, or used in a ``with`` statement. When a method that writes returns, its changes are on disk.
+    Any number of processes may read and write. Each method raises `HistoryError` where the database fails.
 
     >>> with History.open("fleet.sqlite") as history:                                       # doctest: +SKIP
     ...     for diagnosis in history.unit("SN-0042").diagnoses():
@@ -56,7 +56,7 @@ class History:
 
     @classmethod
     def open(cls, where: str | Path, *, create: bool = False) -> Self:
-        """Return the history at `where`, made anew if `create` allows; an older form is brought up to date.
+        """Return the history at `where`; an older form of the database is brought up to date.
 
         Parameters
         ----------
@@ -68,7 +68,8 @@ class History:
         Raises
         ------
         HistoryError
-            There is none, it cannot be reached within ten seconds, is something else, or of a newer version.
+            There is no history, the database cannot be reached within ten seconds, or it is something else or
+            of a newer version.
         """
         database = Database.open(Address.of(where), create=create)
         try:
@@ -79,7 +80,7 @@ class History:
         return cls(database)
 
     def close(self) -> None:
-        """Give back what is held open."""
+        """Close the database."""
         self.database.close()
 
     def __enter__(self) -> Self:
@@ -127,13 +128,13 @@ class History:
         seed: int = 0,
         methods: Sequence[str] = ("hybrid",),
     ) -> bool:
-        """Return whether a recording is still to be diagnosed by any of `methods`, with usual other settings.
+        """Return whether no diagnosis of a recording by one of `methods`, with usual settings, is there yet.
 
         Raises
         ------
         HistoryError
-            `entry` contradicts the history: the part number is another, hours or cycles go backwards, or the
-            recording is in it elsewhere.
+            `entry` contradicts the history: the unit has another part number, hours or cycles go backwards,
+            or the recording is there already, of another unit or flight.
         """
         key = recording_hash(recording)
         with self.database.reading() as connection:
@@ -147,7 +148,8 @@ class History:
     def add(self, entry: Entry, recording: "Recording", diagnosis: "Diagnosis") -> Added:
         """Add a diagnosis of a recording; nothing changes where it is there already.
 
-        One of a known recording by other settings is added too; `Unit.diagnoses` then has the new one.
+        A second diagnosis of the same recording, by other settings, is added too; `Unit.diagnoses` then gives
+        the new one.
 
         Raises
         ------
@@ -184,7 +186,7 @@ class History:
             return writing.add_finding(connection, reading.unit(connection, serial_number), finding)
 
     def withdraw(self, serial_number: str, mistake: Mistake) -> Withdrawal:
-        """Take out an entry that was made wrongly; what it was stays on record (`Unit.withdrawals`).
+        """Take out an entry that was made by mistake; its content stays on record (`Unit.withdrawals`).
 
         A recording goes with all its diagnoses, a flight with its last recording, and a unit with its last
         flight. What was withdrawn may be added again, to another unit or at other hours.
@@ -214,7 +216,7 @@ class History:
         newest_first: bool = False,
         limit: int | None = None,
     ) -> tuple[Event, ...]:
-        """Return the events that all conditions hold for, as they were added.
+        """Return the events that meet all of the conditions below, in the order in which they were added.
 
         Parameters
         ----------
@@ -257,7 +259,7 @@ class History:
             keep_prognosis(connection, reading.unit(connection, serial_number), prognosis)
 
     def basis(self, serial_number: str) -> Basis:
-        """Return what a prognosis is made from that is begun now; `HistoryError` if the unit is unknown."""
+        """Return what a prognosis that begins now is made from; `HistoryError` if the unit is unknown."""
         now = timestamp()  # before anything is read: what is added while a prognosis is made is not in it
         with self.database.reading() as connection:
             unit_id = reading.unit(connection, serial_number).id

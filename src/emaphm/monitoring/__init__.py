@@ -2,6 +2,6 @@
 
 from emaphm.monitoring.ownership import NamePattern, Ownership
 from emaphm.monitoring.settings import WATCH, WatchSettings
-from emaphm.monitoring.watch import Task, Watching, watch
+from emaphm.monitoring.watch import Watching, WatchTask, watch
 
-__all__ = ["WATCH", "NamePattern", "Ownership", "Task", "WatchSettings", "Watching", "watch"]
+__all__ = ["WATCH", "NamePattern", "Ownership", "WatchSettings", "WatchTask", "Watching", "watch"]

@@ -24,7 +24,7 @@ AT_ONCE = 500
 
 
 @dataclass
-class Candidate:
+class CandidateFile:
     """A file as it was last seen; `since` is when it was first seen so, by `time.monotonic` [s]."""
 
     name: str
@@ -58,8 +58,8 @@ class FolderSource:
     split: str | None = None
     call: Call = call_here
     is_lost: bool = False
-    _candidates: dict[str, Candidate] = field(default_factory=dict)
-    _ready: list[Candidate] = field(default_factory=list)
+    _candidates: dict[str, CandidateFile] = field(default_factory=dict)
+    _ready: list[CandidateFile] = field(default_factory=list)
     _next_look: float = 0.0
     _looked: bool = False
     _events: list[Event] = field(default_factory=list)
@@ -126,14 +126,14 @@ class FolderSource:
         self._looked = True
         self._next_look = time.monotonic() + max(self.settings.poll_s, took / self.settings.most_busy)
 
-    def _new_files(self) -> Iterator[Candidate]:
+    def _new_files(self) -> Iterator[CandidateFile]:
         """Yield the files that are not done with as they are now."""
         now = time.monotonic()
         every = self._every_file()
         while group := list(islice(every, AT_ONCE)):
             done = self.state.files([name for name, _ in group])
             for name, found in group:
-                one, before = Candidate(name, found.st_size, found.st_mtime_ns, now), done.get(name)
+                one, before = CandidateFile(name, found.st_size, found.st_mtime_ns, now), done.get(name)
                 if before is None or before.outcome in {AGAIN, TRIED} or not one.same_as(before):
                     yield one
 
@@ -150,13 +150,13 @@ class FolderSource:
                 except OSError:  # a link in a circle, for one: named by who cannot read it
                     yield entry.name, entry.stat(follow_symlinks=False)
 
-    def _order(self, one: Candidate) -> tuple[float, int, str]:
+    def _order(self, one: CandidateFile) -> tuple[float, int, str]:
         """Return where a file stands: by flight hours if its name says them, else as it was written."""
         pattern = self.ownership.pattern
         named = pattern.values(one.name) if pattern else {}
         return float(named.get(HOURS_LABEL, 0.0)), one.modified_ns, one.name
 
-    def _arrival(self, candidate: Candidate) -> Arrival | None:
+    def _arrival(self, candidate: CandidateFile) -> Arrival | None:
         """Return a file as work; None where it changed, is gone, or was judged before."""
         path = self.folder / candidate.name
         try:
@@ -179,7 +179,7 @@ class FolderSource:
         reason = "was changed after it was judged; write new rows to a new file, or give a longer --settle"
         return self._work(candidate, path, digest, refusal=reason, outcome=CHANGED)
 
-    def _unreadable(self, candidate: Candidate, path: Path, error: OSError) -> Arrival | None:
+    def _unreadable(self, candidate: CandidateFile, path: Path, error: OSError) -> Arrival | None:
         """Return a file that the system refuses as work, which says so; None where it is tried again."""
         candidate.tries += 1
         if candidate.tries < self.settings.tries:
@@ -190,7 +190,7 @@ class FolderSource:
 
     def _work(
         self,
-        candidate: Candidate,
+        candidate: CandidateFile,
         path: Path,
         digest: str,
         *,
@@ -240,7 +240,7 @@ class FolderSource:
         )
 
 
-def _done(candidate: Candidate, digest: str, outcome: str) -> WatchedFile:
+def _done(candidate: CandidateFile, digest: str, outcome: str) -> WatchedFile:
     return WatchedFile(candidate.name, candidate.size, candidate.modified_ns, digest, outcome)
 
 

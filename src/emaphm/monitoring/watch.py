@@ -62,7 +62,7 @@ class Watching:
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class WatchTask:
     """What is watched, and how.
 
     Attributes
@@ -125,7 +125,7 @@ class Task:
 
 
 def watch(
-    task: Task,
+    task: WatchTask,
     history: History,
     actuator: Actuator,
     *,
@@ -223,7 +223,13 @@ def _closed(receivers: Sequence[Lines]) -> bool:
 
 
 def _source(
-    task: Task, actuator: Actuator, state: WatchState, settings: WatchSettings, call: Call, *, is_lost: bool
+    task: WatchTask,
+    actuator: Actuator,
+    state: WatchState,
+    settings: WatchSettings,
+    call: Call,
+    *,
+    is_lost: bool,
 ) -> Source:
     if isinstance(task.source, int):
         return StreamSource(task.source, actuator, task.ownership, state, settings.stream, task.split, call)

@@ -19,8 +19,8 @@ SINGULAR = (1e-9, 1e-6, 1e-3)
 
 
 @dataclass(frozen=True, eq=False)
-class State:
-    """Units that may be: hypotheses as in `Hypotheses`, level [-] and rate [1/h], (n, 8) each.
+class UnitDraws:
+    """Possible states of a unit: hypotheses as in `Hypotheses`, level [-], rate [1/h], (n, 8) each.
 
     `aged` [h] are the hours at the reference stress since each component was new; `exponents` (n, 8, 3).
     """
@@ -48,7 +48,7 @@ class Paths:
     noise: Array
 
 
-def drawn_states(belief: Belief, count: int) -> State:
+def drawn_states(belief: Belief, count: int) -> UnitDraws:
     """Return `count` units as likely as each other, drawn from the belief given that levels are in bounds.
 
     Levels differ from those that diagnoses show by what these share.
@@ -63,7 +63,7 @@ def drawn_states(belief: Belief, count: int) -> State:
     level, weights = _within_bounds(units.level, units.levels, random)
     rate = _rates_given_levels(units, level, random)
     rows = systematic(weights, count, random)
-    return State(
+    return UnitDraws(
         units.aged[rows],
         units.exponents[rows],
         units.law[rows],
@@ -77,7 +77,7 @@ def drawn_states(belief: Belief, count: int) -> State:
 
 
 def paths(
-    state: State,
+    state: UnitDraws,
     prior: Prior,
     *,
     seed: int,
@@ -137,7 +137,7 @@ def paths(
     return Paths(hours, levels, noise)
 
 
-def _uneven(state: State, hours: Array, random: np.random.Generator) -> Array:
+def _uneven(state: UnitDraws, hours: Array, random: np.random.Generator) -> Array:
     """Return by how many hours [h] components age in `hours` (n, 8) of even ageing: log-normal."""
     variance = np.log1p(state.unevenness**2 * state.life_scale / hours)
     shock = np.sqrt(variance) * in_common(random.standard_normal(hours.shape))
@@ -150,7 +150,7 @@ def _grid(settings: ForecastSettings) -> Array:
     return np.concatenate([[0.0], settings.first_step * ratio])
 
 
-def _changed(state: State, step: float, prior: Prior, random: np.random.Generator) -> State:
+def _changed(state: UnitDraws, step: float, prior: Prior, random: np.random.Generator) -> UnitDraws:
     changes = in_common(random.random(state.law.shape)) < -np.expm1(-step / prior.settings.change_hours)
     rows = np.flatnonzero(changes.any(axis=1))
     if not rows.size:

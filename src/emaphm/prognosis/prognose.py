@@ -15,7 +15,7 @@ from emaphm.prognosis.advice import Advice, Costs, advice
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
-from emaphm.prognosis.forecast import Paths, State, drawn_states, paths
+from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
 from emaphm.prognosis.level_notes import level_notes
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
@@ -32,10 +32,10 @@ ENOUGH = 3
 """Explained diagnoses from which on a rate is seen rather than assumed: two give one that nothing checks."""
 
 MOST_PAST = 12
-"""Earlier forecasts of a figure of the RUL against time."""
+"""Most earlier forecasts in a figure of the RUL against time."""
 
 LONGEST_HORIZON = 1e6
-"""Of a forecast [h]."""
+"""Longest horizon of a forecast [h]."""
 
 
 @dataclass(frozen=True)
@@ -91,11 +91,11 @@ def prognose(
     evidence
         The unit's diagnoses and replacements.
     actuator
-        Its requirements say what a failure is; without any, a fault of 1, but for the gain.
+        Its requirements define a failure. Without any, it is a level of 1 of a component other than the gain.
     question
         The horizon [h], the accepted risk, costs and the stress to come.
     prior
-        Of its degradation; the general one where left out, or `fleet_prior` of other units.
+        Prior of the degradation: the general one where left out; `fleet_prior` learns one of other units.
     seed, settings
         Source of all randomness; how many paths are forecast, and how far.
     keep_past
@@ -149,12 +149,12 @@ def prognose(
 
 
 def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
-    """Return the prognosis of a unit that has failed: no life left, by what a shop found, where it did.
+    """Return the prognosis of a unit that has failed: no life left, by what a shop found, if it did.
 
     Levels and other requirements stay as forecast.
     """
     times, component, limit = forecast.times, forecast.component, forecast.limit
-    places = [i for i, one in enumerate(times.limits) if one.component in failure.components]
+    places = [i for i, failing in enumerate(times.limits) if failing.component in failure.components]
     if places:
         place = min(places, key=lambda i: float(np.median(times.hours[i])))
         limit, hours = times.limits[place], times.hours.copy()
@@ -197,9 +197,9 @@ def lives(
     """
     requirements = Requirements(actuator)
     found = []
-    for one in beliefs:
-        made, times = _forecast(one, evidence, requirements, settings, ahead)
-        found.append((one.hours, times.by_fleet(made.level[0], one, evidence, ahead).first))
+    for belief in beliefs:
+        made, times = _forecast(belief, evidence, requirements, settings, ahead)
+        found.append((belief.hours, times.by_fleet(made.level[0], belief, evidence, ahead).first))
     return found
 
 
@@ -208,16 +208,16 @@ def uncorrected(
 ) -> list[FailureTimes]:
     """Return when the paths from each of the `beliefs` of a unit, one or more, fail its requirements.
 
-    As forecast, without what the fleet's record corrects. The paths of all are followed together.
+    The corrections that the fleet's record suggests are left out. The paths of all are followed together.
     """
-    states = [_state(one, evidence, settings) for one in beliefs]
+    states = [_state(belief, evidence, settings) for belief in beliefs]
     paces = [
-        np.broadcast_to(pace_ahead(state, one, evidence, None), state.law.shape)
-        for state, one in zip(states, beliefs, strict=True)
+        np.broadcast_to(pace_ahead(state, belief, evidence, None), state.law.shape)
+        for state, belief in zip(states, beliefs, strict=True)
     ]
-    fields = {name: np.concatenate([getattr(one, name) for one in states]) for name in vars(states[0])}
+    fields = {name: np.concatenate([getattr(state, name) for state in states]) for name in vars(states[0])}
     seed = beliefs[0].seed
-    made = _paths(State(**fields), beliefs[0], evidence, np.concatenate(paces), settings)
+    made = _paths(UnitDraws(**fields), beliefs[0], evidence, np.concatenate(paces), settings)
     times = failure_times(made, Requirements(actuator), seed=seed)
     parts = np.split(times.hours, len(beliefs), axis=1)
     return [FailureTimes(times.limits, part) for part in parts]
@@ -236,8 +236,8 @@ def _forecast(
     return made, failure_times(made, requirements, seed=belief.seed)
 
 
-def _state(belief: Belief, evidence: Evidence, settings: ForecastSettings) -> State:
-    """Return units that may be, drawn from a belief; components that no diagnosis saw are healthy."""
+def _state(belief: Belief, evidence: Evidence, settings: ForecastSettings) -> UnitDraws:
+    """Return possible states of the unit, drawn from a belief; components never diagnosed are healthy."""
     state, hidden = drawn_states(belief, settings.paths), ~evidence.seen
     return replace(
         state,
@@ -248,7 +248,7 @@ def _state(belief: Belief, evidence: Evidence, settings: ForecastSettings) -> St
 
 
 def _paths(
-    state: State, belief: Belief, evidence: Evidence, pace: Array | float, settings: ForecastSettings
+    state: UnitDraws, belief: Belief, evidence: Evidence, pace: Array | float, settings: ForecastSettings
 ) -> Paths:
     made, hidden = paths(state, belief.prior, seed=belief.seed, pace=pace, settings=settings), ~evidence.seen
     if hidden.any():
@@ -257,10 +257,10 @@ def _paths(
     return made
 
 
-def pace_ahead(state: State, belief: Belief, evidence: Evidence, ahead: Stress | None) -> Array | float:
+def pace_ahead(state: UnitDraws, belief: Belief, evidence: Evidence, ahead: Stress | None) -> Array | float:
     """Return by how many hours the components of `state` age in an hour to come, (n, 8) or one number.
 
-    Under the stress `ahead`, or where it is None, under the mean of what was recorded up to the belief.
+    That is under the stress `ahead`, or where it is None, under the mean stress recorded up to the belief.
     """
     reference = belief.prior.reference
     if reference is None:
@@ -273,7 +273,7 @@ def pace_ahead(state: State, belief: Belief, evidence: Evidence, ahead: Stress |
 
 
 def stress_notes(ahead: Stress | None, reference: StressReference | None) -> list[str]:
-    """Return notes on what of the stress `ahead` could not be used, or not all of it, for want of records."""
+    """Return notes on what of the stress `ahead` is not used, or only in part, for want of records."""
     if ahead is None:
         return []
     reference = reference or StressReference()
@@ -284,12 +284,13 @@ def stress_notes(ahead: Stress | None, reference: StressReference | None) -> lis
         if value is not None and middle is None
     ]
     missing = f"not recorded in the history, so not used of the stress to come: {', '.join(names)}"
-    beyond = [f"far from what was recorded: of the stress to come, {one}" for one in reference.beyond(ahead)]
+    far = "far from what was recorded: of the stress to come,"
+    beyond = [f"{far} {text}" for text in reference.beyond(ahead)]
     return [*([missing] if names else []), *beyond]
 
 
 def _shared_notes(belief: Belief, component: str | None) -> list[str]:
-    """Return a note where what diagnoses have in common is most of what is not known of a `component`."""
+    """Return a note where the error that all diagnoses share is most of the error of a `component`."""
     if component is None:
         return []
     columns = columns_of(component)
@@ -333,7 +334,7 @@ def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, 
         for limit, row in zip(times.limits, times.hours, strict=True)
         if (limit.component is None or limit.holds_always) and not np.isfinite(row).any()
     ]
-    harmless = [one.label for one in never if not requirements.can_fail(one)]
+    harmless = [limit.label for limit in never if not requirements.can_fail(limit)]
     if harmless:
         notes.append(f"no single fault at the end of its scale violates: {', '.join(harmless)}")
     if math.isinf(float(np.median(times.first))):

@@ -59,7 +59,7 @@ class Prognosis(RemainingLife):
     horizon
         Flight hours from now on for which `probability_of_failure` holds [h].
     values
-        What each limit is on, now: of each path, (limits, n), in its unit.
+        The quantity that each limit is on, now, of each path, (limits, n), in the limit's unit.
     times
         When each of n forecast paths fails each limit: `times.hours` (limits, n), flight hours from now
         on [h], `inf` where it does not.
@@ -70,12 +70,13 @@ class Prognosis(RemainingLife):
     advice
         What to do, in how many flight hours from now on [h], and the risk until then.
     belief, past
-        Of the degradation, now and at those earlier diagnoses of which it was kept: weighted particles of the
-        8 components, levels [-] and rates [1/h], each at its flight `hours` of the unit [h].
+        Degradation as it is believed to be now, and as it was at the earlier diagnoses of which that was
+        kept: weighted particles of the 8 components, levels [-] and rates [1/h], each at the unit's flight
+        `hours` [h].
     seed
         Source of all randomness.
     ahead
-        The stress to come that was asked for.
+        The stress to come, as the question gave it; None where it was left out.
     sample
         The RUL of each path [h], (n,): `inf` where no failure is in sight, 0 where the unit has failed.
     """
@@ -102,7 +103,7 @@ class Prognosis(RemainingLife):
         object.__setattr__(self, "sample", sample)
 
     def probabilities(self) -> dict[str, float]:
-        """Return by requirement the probability that it fails within the horizon, others failing or not."""
+        """Return by requirement the probability that it fails within the horizon, whatever the others do."""
         return {
             limit.label: float(np.mean(row <= self.horizon))
             for limit, row in zip(self.times.limits, self.times.hours, strict=True)
@@ -166,13 +167,13 @@ class Prognosis(RemainingLife):
         rows = [
             (
                 name,
-                f"{one['median']:.3f}",
-                "{:.3f} to {:.3f}".format(*one["interval90"]),
-                _likeliest(one["laws"]),
+                f"{level['median']:.3f}",
+                "{:.3f} to {:.3f}".format(*level["interval90"]),
+                _likeliest(level["laws"]),
             )
-            for name, one in self.levels().items()
+            for name, level in self.levels().items()
         ]
-        asked = [requirement_row(name, one) for name, one in self.requirements().items()]
+        asked = [requirement_row(name, found) for name, found in self.requirements().items()]
         cause = f", by {self.component} ({self.limit.label})" if self.limit else ""
         lines = [
             f"{evidence.unit}, part number {evidence.part_number}, at {evidence.hours:g} h",
@@ -207,13 +208,13 @@ def hours_text(hours: float) -> str:
     return f"{hours:,.0f} h" if math.isfinite(hours) else "no failure in sight"
 
 
-def requirement_row(name: str, one: dict[str, Any]) -> tuple[str, ...]:
+def requirement_row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
     """Return a requirement as a row of text, as in `Prognosis.requirements`."""
     value, low, high = (
-        "not reached" if x is None else f"{x:.4g}" for x in (one["value"], *one["interval90"])
+        "not reached" if x is None else f"{x:.4g}" for x in (found["value"], *found["interval90"])
     )
-    unit = "" if one["unit"] == "-" else f" {one['unit']}"
-    return name, f"{value}{unit}", f"{low} to {high}", f"{100 * one['probability_of_failure']:.1f} %"
+    unit = "" if found["unit"] == "-" else f" {found['unit']}"
+    return name, f"{value}{unit}", f"{low} to {high}", f"{100 * found['probability_of_failure']:.1f} %"
 
 
 def advice_text(given: Advice) -> str:

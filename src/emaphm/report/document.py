@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from emaphm.plotting.svg import svg_uri
 from emaphm.report.page import render
-from emaphm.text_table import Table, markdown_table
+from emaphm.text_table import TextTable, markdown_table
 
 SPECIAL = re.compile(r"([\\`*_{}\[\]<>|~$&#]|^[-+=])")
 """What Markdown could take for markup: anywhere, or at the beginning of a line."""
@@ -60,7 +60,7 @@ class Picture:
         return svg_uri(self.svg)
 
 
-Block = Heading | Paragraph | Items | Facts | Picture | Table
+Block = Heading | Paragraph | Items | Facts | Picture | TextTable
 
 
 @dataclass(frozen=True)
@@ -105,6 +105,6 @@ def _markdown(block: Block) -> str:
             return "\n".join(f"- {escaped(name)}: {escaped(value)}" for name, value in block.values.items())
         case Picture():
             return f"![{escaped(block.words)}](figures/{block.name})\n\n*{escaped(block.caption)}*"
-        case Table():
+        case TextTable():
             escaped_rows = [map(escaped, row) for row in block.rows]
             return markdown_table([*map(escaped, block.header)], [[*row] for row in escaped_rows])

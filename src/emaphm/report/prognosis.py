@@ -9,7 +9,7 @@ from emaphm.prognosis.keeping.curves import Curves, fan_row
 from emaphm.prognosis.prognose import past_lives
 from emaphm.prognosis.result import Prognosis, advice_text, requirement_row
 from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
-from emaphm.text_table import Table
+from emaphm.text_table import TextTable
 
 
 def write_prognosis(prognosis: Prognosis, path: str | Path, *, force: bool = False) -> None:
@@ -76,7 +76,7 @@ def document(prognosis: Prognosis) -> Document:
         )
     blocks += [
         Heading(2, "Requirements"),
-        Table(
+        TextTable(
             ("requirement", "now", "90 % interval", f"fails within {horizon}"),
             tuple(requirement_row(name, one) for name, one in prognosis.requirements().items()),
         ),

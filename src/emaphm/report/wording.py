@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from emaphm.actuator import Faults
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.wording import physical_text
-from emaphm.text_table import NOTHING, Table
+from emaphm.text_table import NOTHING, TextTable
 
 LABELS = {
     "friction": "friction",
@@ -89,7 +89,7 @@ def _explanation(diagnosis: Diagnosis) -> str:
     )
 
 
-def component_table(diagnosis: Diagnosis, truth: Faults | None) -> Table:
+def component_table(diagnosis: Diagnosis, truth: Faults | None) -> TextTable:
     """Return a row for each component; where its verdict has a reason, that is given instead of a meaning."""
     meanings = physical_text(diagnosis.faults, diagnosis.actuator)
     components, posterior = diagnosis.components, diagnosis.posterior
@@ -106,7 +106,7 @@ def component_table(diagnosis: Diagnosis, truth: Faults | None) -> Table:
         columns["True value"] = [_true(name, truth) for name in components]
     columns["Verdict"] = [e.verdict for e in components.values()]
     columns["Meaning"] = [e.reason or meanings[name] for name, e in components.items()]
-    return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)))
+    return TextTable(tuple(columns), tuple(zip(*columns.values(), strict=True)))
 
 
 def _interval(ends: tuple[float, float], limits: tuple[float, float]) -> str:

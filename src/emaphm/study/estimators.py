@@ -58,7 +58,7 @@ LARGEST_BATCH = 1024
 
 
 @dataclass(frozen=True)
-class Case:
+class RecordingCase:
     """A recording of a `group`: of true faults on a rig, or a spoilt one, by its number."""
 
     group: str
@@ -68,13 +68,13 @@ class Case:
     number: int
 
 
-def of_base_setting(channels: tuple[str, ...], share: float) -> Iterator[Case]:
+def of_base_setting(channels: tuple[str, ...], share: float) -> Iterator[RecordingCase]:
     """Yield the cases on the base setting."""
     rig = Rig(label="base", channels=channels)
     count = {name: max(1, round(share * number)) for name, number in COUNTS.items()}
 
-    def case(group: str, label: str, faults: Faults, number: int) -> Case:
-        return Case(group, label, tuple(map(float, faults.vector)), rig, number)
+    def case(group: str, label: str, faults: Faults, number: int) -> RecordingCase:
+        return RecordingCase(group, label, tuple(map(float, faults.vector)), rig, number)
 
     for n in range(count["random"]):
         yield case("random", "random", random_faults(n), n)
@@ -87,7 +87,7 @@ def of_base_setting(channels: tuple[str, ...], share: float) -> Iterator[Case]:
             yield case("small", kind, small_fault(kind, SMALL, n), n)
 
 
-def of_multiple(channels: tuple[str, ...]) -> Iterator[Case]:
+def of_multiple(channels: tuple[str, ...]) -> Iterator[RecordingCase]:
     """Yield the thesis's multiple faults in its conditions, if `channels` are the thesis's: the current.
 
     The recordings differ by their switching, as in the plan `accuracy`.
@@ -97,22 +97,22 @@ def of_multiple(channels: tuple[str, ...]) -> Iterator[Case]:
     if channels == rig.channels:
         faults = Faults.from_mapping(plan.cases["multiple"])
         for n in range(MULTIPLE):
-            yield Case("multiple", "multiple", tuple(map(float, faults.vector)), rig, n)
+            yield RecordingCase("multiple", "multiple", tuple(map(float, faults.vector)), rig, n)
 
 
-def of_unlike(channels: tuple[str, ...], share: float) -> Iterator[Case]:
+def of_unlike(channels: tuple[str, ...], share: float) -> Iterator[RecordingCase]:
     """Yield recordings that are not like any simulation: of foreign plants, and spoilt ones."""
     foreign = [rig for rig in Plan.load("plants").rigs if rig.foreign is not None and not rig.calibrated]
     for rig in foreign:
         own = rig.model_copy(update={"channels": channels})
         for n in range(max(1, round(share * FOREIGN_EACH))):
-            yield Case("foreign", rig.label, tuple(map(float, random_faults(n).vector)), own, n)
+            yield RecordingCase("foreign", rig.label, tuple(map(float, random_faults(n).vector)), own, n)
     for n, one in enumerate(spoilt_cases()):
         if one.channels == "voltage" and n % max(1, round(1 / share)) == 0:
-            yield Case("spoilt", one.spoilt_class, (), None, n)
+            yield RecordingCase("spoilt", one.spoilt_class, (), None, n)
 
 
-def perform(case: Case, method: str, path: str) -> dict[str, Any]:
+def perform(case: RecordingCase, method: str, path: str) -> dict[str, Any]:
     """Return what a method makes of a case; an error of the user's is an outcome too."""
     actuator = Actuator.thesis()
     if case.rig is None:
@@ -163,7 +163,7 @@ def _error(diagnosis: Diagnosis, truth: Faults) -> float:
     return float(error_percent(truth.vector, diagnosis.faults.vector))
 
 
-def accuracy_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
+def accuracy_table(found: Sequence[tuple[RecordingCase, str, dict[str, Any]]]) -> str:
     """Return errors, shares, intervals and times by group and method."""
     header = (
         "recordings",
@@ -206,7 +206,7 @@ def _claims(result: dict[str, Any]) -> bool:
     return result["outcome"] not in ("refused", "not explained")
 
 
-def coverage_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
+def coverage_table(found: Sequence[tuple[RecordingCase, str, dict[str, Any]]]) -> str:
     """Return the share of recordings that move whose interval holds the truth, by group and component."""
     rows = []
     for group in ("random", "heavy"):
@@ -217,7 +217,7 @@ def coverage_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
     return markdown_table(("recordings", "method", *NAMES), rows, words=2)
 
 
-def alarms_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
+def alarms_table(found: Sequence[tuple[RecordingCase, str, dict[str, Any]]]) -> str:
     """Return false alarms on healthy recordings, and how often each small fault is called degraded."""
     rows = []
     for method in METHODS:
@@ -241,7 +241,7 @@ def _detected(result: dict[str, Any], kind: str) -> bool:
     return any(called for name, called in zip(NAMES, result["degraded"], strict=True) if name in which)
 
 
-def unlike_table(found: Sequence[tuple[Case, str, dict[str, Any]]]) -> str:
+def unlike_table(found: Sequence[tuple[RecordingCase, str, dict[str, Any]]]) -> str:
     """Return what became of foreign and spoilt recordings: by whom they were answered, and how well."""
     answered = "answered by the network alone, by least squares from it, by the full search"
     columns = (*OUTCOMES, NOT_TAKEN)

@@ -88,7 +88,7 @@ def _frozen(values: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SensorFaultOutcome:
     """What a diagnosis said: whether a fault of a sensor was `named`, `rightly`, and what of it is wrong.
 
     `estimated` says whether it was a parameter of the estimate, named or too small to be. `error` is that of
@@ -104,7 +104,7 @@ class Outcome:
     held: float
 
 
-def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind | None) -> Outcome:
+def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind | None) -> SensorFaultOutcome:
     """Return the outcome of a recording whose sensor of `channel` has a fault of `kind`, None without one."""
     found = {(one.channel, one.kind) for one in diagnosis.sensor_faults}
     rightly = found == {(channel, kind)} if kind else not found
@@ -115,7 +115,9 @@ def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind 
     error = float(error_percent(truth.vector, diagnosis.faults.vector))
     nuisance = f"{sensor_of(channel or '')}_{'offset' if kind == 'bias' else kind}"
     estimated = nuisance in diagnosis.nuisances
-    return Outcome(estimated, bool(found), rightly, diagnosis.explained, wrong, error, float(np.mean(held)))
+    return SensorFaultOutcome(
+        estimated, bool(found), rightly, diagnosis.explained, wrong, error, float(np.mean(held))
+    )
 
 
 def rows(

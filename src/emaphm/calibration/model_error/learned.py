@@ -55,7 +55,7 @@ LEAST_SCATTER = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOut:
+class HeldOutResidual:
     """One channel of a recording that was left out.
 
     `residual` (samples,) and white `noise` (rms) in the channel's unit, what the variance of the error is
@@ -89,7 +89,7 @@ def learned_model_error(
     if len(rows) < 2:
         return NOT_LEARNED
     shared = _fitted_without(fit, settings)
-    by_channel: dict[str, list[LeftOut]] = {}
+    by_channel: dict[str, list[HeldOutResidual]] = {}
     for r, values in shared.items():
         problem = fit.joint.terms[r].objective.problem
         for name, one in _by_channel(problem, _left_out_residual(fit, r, values, settings)).items():
@@ -151,18 +151,18 @@ def _has_reference(joint: JointObjective) -> bool:
     return all(has_reference(term.objective.problem) for term in joint.terms)
 
 
-def _by_channel(problem: Problem, residual: Array) -> dict[str, LeftOut]:
+def _by_channel(problem: Problem, residual: Array) -> dict[str, HeldOutResidual]:
     """Return the channels of a recording whose weighted `residual` (rows,) is known."""
     rows = residual[: len(problem.channels) * problem.samples].reshape(len(problem.channels), -1)
     terms = variance_terms(problem)
     found = {}
     for name, one, weight in zip(problem.channels, rows, problem.weights, strict=True):
         noise = channel_noise(problem, name, one / weight)
-        found[name] = LeftOut(one / weight, noise, terms, problem.inputs.interval)
+        found[name] = HeldOutResidual(one / weight, noise, terms, problem.inputs.interval)
     return found
 
 
-def channel_error(left_out: Sequence[LeftOut]) -> ChannelError:
+def channel_error(left_out: Sequence[HeldOutResidual]) -> ChannelError:
     """Return the error of one channel from two recordings or more; each counts the same, however long.
 
     The variance is fitted to the squared residuals by least squares without negative coefficients (Lawson and
@@ -186,7 +186,7 @@ def channel_error(left_out: Sequence[LeftOut]) -> ChannelError:
     )
 
 
-def _variance_coefficients(left_out: Sequence[LeftOut]) -> Array:
+def _variance_coefficients(left_out: Sequence[HeldOutResidual]) -> Array:
     """Return what the variance has of each term, (4,), at least 0."""
     from scipy.optimize import nnls
 
@@ -205,7 +205,7 @@ def _variance_coefficients(left_out: Sequence[LeftOut]) -> Array:
     return np.asarray(mean * np.concatenate([[floor], varying]) / sizes)
 
 
-def _correlation_time(left_out: Sequence[LeftOut]) -> float:
+def _correlation_time(left_out: Sequence[HeldOutResidual]) -> float:
     """Return the integral time [s] of the error, that of the white noise taken out."""
     interval = min(one.interval for one in left_out)
     total = integral_time([one.residual for one in left_out], [one.interval for one in left_out])

@@ -25,7 +25,8 @@ from emaphm.errors import PrognosisError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from emaphm.prognosis import Costs
+    from emaphm.actuator import Actuator
+    from emaphm.prognosis import Costs, Prognosis, Question
     from emaphm.prognosis.batch import UnitOutcome
 
 
@@ -85,14 +86,11 @@ def prognose(
         raise PrognosisError("--workers and --scheduler are for --all; leave them out with --unit")
     costs = _costs(failure_cost, replacement_cost)
     described = described_actuator(actuator) if actuator is not None else None
-    from emaphm.prognosis import Evidence, Prior, Question, Stress, learnt_prior
-    from emaphm.prognosis import prognose as ask
+    from emaphm.prognosis import Question, Stress
 
     given = (load, temperature, cycles_per_hour)
     ahead = None if all(x is None for x in given) else Stress(*given)
     question = Question(horizon, risk, costs, ahead)
-    from emaphm.history import History, KeptPrognosis
-
     if unit is None:
         from emaphm.prognosis.batch import prognose_all
 
@@ -112,21 +110,42 @@ def prognose(
             )
         _show_all(made, db if keep else None, as_json)
         return
-    with History.open(db) as history:
-        found = history.unit(unit)
-        basis = history.basis(unit)
-        evidence, described = Evidence.of(found), described or found.actuator
-        prior = learnt_prior(history, found, seed=seed, actuator=described) if fleet else Prior()
-    result = ask(evidence, described, question, prior=prior, seed=seed, keep_past=report is not None)
-    if keep:
-        with History.open(db) as history:
-            history.keep_prognosis(unit, KeptPrognosis.of(basis, result.to_dict()))
+    result = _of_one(
+        db, unit, described, question, seed, fleet=fleet, keep=keep, keep_past=report is not None
+    )
     draw(result, figure)
     if report is not None:
         from emaphm.report.prognosis import write_prognosis
 
         write_prognosis(result, report, force=force)
     show(result.to_dict(), str(result), as_json)
+
+
+def _of_one(
+    db: str,
+    unit: str,
+    actuator: "Actuator | None",
+    question: "Question",
+    seed: int,
+    *,
+    fleet: bool,
+    keep: bool,
+    keep_past: bool,
+) -> "Prognosis":
+    """Return the prognosis of one unit, and keep it in the history where that was asked for."""
+    from emaphm.history import History, KeptPrognosis
+    from emaphm.prognosis import Evidence, Prior, learnt_prior, prognose
+
+    with History.open(db) as history:
+        found = history.unit(unit)
+        basis = history.basis(unit)
+        evidence, described = Evidence.of(found), actuator or found.actuator
+        prior = learnt_prior(history, found, seed=seed, actuator=described) if fleet else Prior()
+    result = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past)
+    if keep:
+        with History.open(db) as history:
+            history.keep_prognosis(unit, KeptPrognosis.of(basis, result.to_dict()))
+    return result
 
 
 def _check_choice(

@@ -12,16 +12,24 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from emaphm.cli.interruption import going_on, interrupt
-from emaphm.cli.options import ActuatorFile, By, Seed, check_seed, described_actuator, whole_number
+from emaphm.cli.options import (
+    ActuatorFile,
+    By,
+    Seed,
+    check_fast,
+    check_seed,
+    described_actuator,
+    whole_number,
+)
 from emaphm.cli.output import counter, say
 from emaphm.cli.units.events import Horizon, Risk, WebhookAddress, prognosis_settings
 from emaphm.cli.units.history import DB, Database
-from emaphm.errors import MethodError, MonitoringError
+from emaphm.errors import MonitoringError
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
     from emaphm.detection import Detector
-    from emaphm.monitoring import WatchSettings
+    from emaphm.monitoring import WatchSettings, WatchTask
     from emaphm.monitoring.diagnosers import ByEstimator
 
 STREAM = "-"
@@ -90,17 +98,14 @@ def watch(
 ) -> None:
     """Judge recordings as they arrive; events are printed as lines of JSON and kept in the history."""
     check_seed(seed)
-    if fast and estimator is None:
-        raise MethodError("--fast takes an estimator's answer; name its file: --estimator FILE")
+    check_fast(fast, estimator)
     described = described_actuator(actuator)
-    from emaphm.history import History
-    from emaphm.monitoring import NamePattern, Ownership, Task
-    from emaphm.monitoring import watch as run
+    from emaphm.monitoring import NamePattern, Ownership, WatchTask
     from emaphm.monitoring.diagnosers import search
     from emaphm.monitoring.judging import cut_stretches
 
     pattern = None if name is None else NamePattern.parse(name)
-    task = Task(
+    task = WatchTask(
         _source(source),
         Ownership(part or described.name, unit, hours, pattern),
         watcher or "",
@@ -118,17 +123,23 @@ def watch(
     settings = _settings(
         horizon=horizon, risk=risk, raise_after=raise_after, clear_after=clear_after, settle=settle
     )
+    _run(task, described, db, settings)
+
+
+def _run(task: "WatchTask", actuator: "Actuator", db: str, settings: "WatchSettings") -> None:
+    """Judge what arrives until the source ends or a signal comes; print the events."""
+    from emaphm.history import History
+    from emaphm.monitoring import watch as run
+
     with going_on("what is judged is in the history; start it again, and it goes on"):
         with History.open(db, create=True) as history, _stopped_by_signal() as stop:
-            where = "standard input" if source == STREAM else source
+            where = task.source if isinstance(task.source, Path) else "standard input"
             say(f"watching {where}, the history is {history.database.address.shown}")
             with counter("judging", quiet=False) as count:
                 printing = replace(task, lines=sys.stdout.fileno())
-                done = run(
-                    printing, history, described, settings=settings, stop=stop, say=say, on_count=count
-                )
+                done = run(printing, history, actuator, settings=settings, stop=stop, say=say, on_count=count)
         say(str(done))
-        if once and stop.is_set():  # a script must see that files may be left
+        if task.once and stop.is_set():  # a script must see that files may be left
             interrupt(signal.SIGTERM, None)
 
 

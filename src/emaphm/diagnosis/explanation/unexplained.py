@@ -5,8 +5,6 @@ that explain as much lead to other estimates: model averaging (Hoeting, Madigan,
 with the alternatives' spread about the one that is reported.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from emaphm.arrays import Array
@@ -16,20 +14,12 @@ from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.uncertainty.correlation import integral_time
 from emaphm.quantiles import normal_quantile, student_t_quantile
 
+COMPARABLE = 2.0
+"""Another end of a search counts next to the estimate up to this ratio of their mean squared residuals.
 
-@dataclass(frozen=True)
-class AlternativeSettings:
-    """Which other ends of a search count next to the estimate; `make study` (limits, plants) measures it.
-
-    One that leaves at most `comparable` times the mean squared residual: of models that all are wrong by more
-    than noise, the one that leaves least is not the nearest to the truth. Where the recording is explained,
-    one that explains it too.
-    """
-
-    comparable: float = 2.0
-
-
-ALTERNATIVES = AlternativeSettings()
+Of models that all are wrong by more than noise, the one that leaves least is not the nearest to the truth.
+Where the recording is explained, the other must explain it too. `make study` (limits, plants) measures it.
+"""
 
 
 def unexplained_scores(result: SearchResult, jacobian: Array) -> Array:
@@ -73,7 +63,7 @@ def alternatives_covariance(result: SearchResult, *, explained: bool) -> Array |
 
 
 def _comparable(other: SearchResult, result: SearchResult, *, explained: bool) -> bool:
-    comparable = other.residual_variance <= ALTERNATIVES.comparable * result.residual_variance
+    comparable = other.residual_variance <= COMPARABLE * result.residual_variance
     return comparable and (other.explained or not explained)
 
 

@@ -49,7 +49,7 @@ def tested_by_refits(
     checked = dict(components)
     if not result.correction.any():
         return checked
-    linear = _LinearModel.at(result, jacobians)
+    linear = _NormalEquations.at(result, jacobians)
     most, before = _most_share(result.objective), None
     for name, one in components.items():
         if one.verdict != "degraded" or name == "eccentricity_phase":
@@ -79,15 +79,15 @@ def _coordinates_of(name: str) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class _LinearModel:
-    """The linear model at the estimate of `result`, with priors: normal matrix (d, d) and gradient (d,)."""
+class _NormalEquations:
+    """Of the linear model at the estimate of `result`, with priors: matrix (d, d) and gradient (d,)."""
 
     result: SearchResult
     normal: Array
     gradient: Array
 
     @classmethod
-    def at(cls, result: SearchResult, jacobians: Array) -> "_LinearModel":
+    def at(cls, result: SearchResult, jacobians: Array) -> "_NormalEquations":
         """Return it by `jacobians` (n, d, channel rows)."""
         jacobian = np.concatenate([jacobians.mean(axis=0), result.objective.jacobian_of_priors], axis=1)
         return cls(result, jacobian @ jacobian.T, jacobian @ result.residual)

@@ -10,7 +10,7 @@ from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.estimation.inverse_dynamics.filtering import FilterFrequencies, first_order_lag, low_pass
-from emaphm.estimation.inverse_dynamics.result import Estimate
+from emaphm.estimation.inverse_dynamics.result import ParameterEstimate
 from emaphm.estimation.sensors.ideal_sensors import as_by_ideal_sensors
 from emaphm.estimation.uncertainty.covariance import sandwich_covariance
 from emaphm.recording import Recording, with_equivalent_current
@@ -50,8 +50,8 @@ class ControllerCheck:
 
     relative_error: float
     best_error: float | None
-    position_gain: Estimate | None
-    speed_gain: Estimate | None
+    position_gain: ParameterEstimate | None
+    speed_gain: ParameterEstimate | None
     described: tuple[float, float]
 
     @property
@@ -195,7 +195,7 @@ class _Gains:
     """The regression's coefficients, and the position and speed gain that they amount to."""
 
     product: Array
-    estimates: tuple[Estimate, Estimate | None]
+    estimates: tuple[ParameterEstimate, ParameterEstimate | None]
 
 
 def _regressed(regressors: Array, torque: Array, speed_gain: float | None, unit: str) -> _Gains | None:
@@ -217,7 +217,7 @@ def _regressed(regressors: Array, torque: Array, speed_gain: float | None, unit:
     if speed_gain is not None:
         along[0] = 1 / speed_gain
         error = float(np.sqrt(along @ covariance @ along))
-        return _Gains(product, (Estimate(float(product[0] / speed_gain), error, "1/s"), None))
+        return _Gains(product, (ParameterEstimate(float(product[0] / speed_gain), error, "1/s"), None))
     if not (product[0] > 0 and product[1] > 0):
         return None
     ratio = product[0] / product[1]
@@ -225,8 +225,8 @@ def _regressed(regressors: Array, torque: Array, speed_gain: float | None, unit:
     return _Gains(
         product,
         (
-            Estimate(float(ratio), float(np.sqrt(along @ covariance @ along)), "1/s"),
-            Estimate(float(product[1]), float(np.sqrt(covariance[1, 1])), unit),
+            ParameterEstimate(float(ratio), float(np.sqrt(along @ covariance @ along)), "1/s"),
+            ParameterEstimate(float(product[1]), float(np.sqrt(covariance[1, 1])), unit),
         ),
     )
 

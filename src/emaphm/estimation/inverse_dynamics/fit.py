@@ -18,7 +18,7 @@ from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.inverse_dynamics.motion import Motion
 from emaphm.estimation.inverse_dynamics.problem import InverseProblem
-from emaphm.estimation.inverse_dynamics.result import Estimate, ForceReplay, InverseDynamicsResult
+from emaphm.estimation.inverse_dynamics.result import ForceReplay, InverseDynamicsResult, ParameterEstimate
 from emaphm.estimation.inverse_dynamics.search import minimised
 from emaphm.estimation.inverse_dynamics.torque_balance import NAMES, Values, measured_torque
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, listed
@@ -228,7 +228,7 @@ def _result(
     for k in shared:
         name = problem.keys[k][0]
         unit = unit_for(LUMPED_PARAMETERS[name], actuator.coordinates)
-        parameters[name] = Estimate(float(values[k]), float(errors[k]), unit)
+        parameters[name] = ParameterEstimate(float(values[k]), float(errors[k]), unit)
     channels = tuple(dict.fromkeys(motion.channel for motion in problem.motions))
     collinear = tuple(
         CollinearSet(tuple(problem.labels[k] for k in members), channels)

@@ -18,7 +18,7 @@ LAWS = ("friction", "weight")
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ParameterEstimate:
     """A parameter with its standard error, both in `unit`."""
 
     value: float
@@ -59,7 +59,7 @@ class InverseDynamicsResult:
     where no more than by chance.
     """
 
-    parameters: Mapping[str, Estimate]
+    parameters: Mapping[str, ParameterEstimate]
     covariance: Array
     residual: Array
     relative_error: float

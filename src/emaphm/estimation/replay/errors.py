@@ -18,7 +18,7 @@ wrong."""
 
 
 @dataclass(frozen=True)
-class ChannelError:
+class ErrorStatistics:
     """Mean absolute and rms error of a channel, in its unit, and the rms error relative to the measured rms.
 
     `relative` is None where the measured signal is 0 throughout: nothing to be relative to.
@@ -29,7 +29,7 @@ class ChannelError:
     relative: float | None
 
     @classmethod
-    def of(cls, name: str, pairs: Sequence[tuple[Array, Array]]) -> "ChannelError":
+    def of(cls, name: str, pairs: Sequence[tuple[Array, Array]]) -> "ErrorStatistics":
         """Return the error of channel `name` over all rows of `pairs` of measured and modelled signals."""
         measured = np.concatenate([one for one, _ in pairs])
         differences = np.concatenate([difference(name, one, other) for one, other in pairs])
@@ -42,12 +42,12 @@ def difference(name: str, measured: Array, modelled: Array) -> Array:
     return wrap(measured - modelled) if name == "angle_rad" else measured - modelled
 
 
-def relative_of(errors: Mapping[str, ChannelError]) -> dict[str, float]:
+def relative_of(errors: Mapping[str, ErrorStatistics]) -> dict[str, float]:
     """Return the relative errors that are defined, by channel."""
     return {name: one.relative for name, one in errors.items() if one.relative is not None}
 
 
-def warnings(errors: Mapping[str, ChannelError]) -> tuple[str, ...]:
+def warnings(errors: Mapping[str, ErrorStatistics]) -> tuple[str, ...]:
     """Return a sentence on each channel that the model is nothing like."""
     return tuple(
         f"{name} is off by {100 * error:.3g} % of its rms, more than from a model that stays at 0: check its "
@@ -57,7 +57,7 @@ def warnings(errors: Mapping[str, ChannelError]) -> tuple[str, ...]:
     )
 
 
-def error_table(errors: Mapping[str, ChannelError], coordinates: str) -> str:
+def error_table(errors: Mapping[str, ErrorStatistics], coordinates: str) -> str:
     """Return the errors as a table of text, with units."""
     rows = [
         (

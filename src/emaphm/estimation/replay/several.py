@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from emaphm.actuator import Actuator, Faults
 from emaphm.errors import MethodError
-from emaphm.estimation.replay.errors import ChannelError, error_table, relative_of
+from emaphm.estimation.replay.errors import ErrorStatistics, error_table, relative_of
 from emaphm.estimation.replay.single import Replay, replay
 from emaphm.recording import Recording
 from emaphm.recording.schema import SCHEMA
@@ -25,10 +25,10 @@ class Replays:
     replays: tuple[Replay, ...]
 
     @cached_property
-    def errors(self) -> Mapping[str, ChannelError]:
+    def errors(self) -> Mapping[str, ErrorStatistics]:
         """The errors of each channel over all rows of all recordings that have it."""
         return {
-            name: ChannelError.of(
+            name: ErrorStatistics.of(
                 name, [(one.recording[name], one.signals[name]) for one in self.replays if name in one.errors]
             )
             for name in SCHEMA

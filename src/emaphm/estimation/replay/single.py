@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from emaphm.actuator import Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.replay.errors import ChannelError, error_table, relative_of, warnings
+from emaphm.estimation.replay.errors import ErrorStatistics, error_table, relative_of, warnings
 from emaphm.recording import Recording, check_plausible, with_equivalent_current
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation import model_named
@@ -29,10 +29,10 @@ class Replay:
     signals: Mapping[str, Array]
 
     @cached_property
-    def errors(self) -> Mapping[str, ChannelError]:
+    def errors(self) -> Mapping[str, ErrorStatistics]:
         """The errors of each channel that both the recording and the model have."""
         return {
-            name: ChannelError.of(name, [(self.recording[name], self.signals[name])])
+            name: ErrorStatistics.of(name, [(self.recording[name], self.signals[name])])
             for name in SCHEMA
             if name in self.recording and name in self.signals
         }

@@ -11,7 +11,7 @@ from emaphm.errors import ExecutionError
 from emaphm.execution import OnTask, Task, check_workers, outcomes
 from emaphm.fleet.synthetic.folder import CheckFlight, FleetFolder, revision
 from emaphm.fleet.synthetic.plan import FleetPlan
-from emaphm.fleet.synthetic.prediction import Prediction, predict
+from emaphm.fleet.synthetic.prediction import PredictionSetup, predict
 from emaphm.fleet.synthetic.recordings import PART_NUMBER, fleet_actuator
 from emaphm.fleet.synthetic.tasks import diagnose_flight, record_unit
 from emaphm.fleet.synthetic.unit import SyntheticUnit, drawn_unit
@@ -84,7 +84,7 @@ def run_chain(chain: Chain, *, simulate_only: bool = False) -> list[SyntheticUni
         predict(
             [one for one in evidence if one.unit not in failed],
             evidence,
-            Prediction(fleet_actuator(chain.plan.drawn_from), chain.horizon, chain.plan.seed),
+            PredictionSetup(fleet_actuator(chain.plan.drawn_from), chain.horizon, chain.plan.seed),
             chain.folder,
             workers=chain.workers,
             scheduler=chain.scheduler,

@@ -31,7 +31,7 @@ class Wear:
 
 
 @dataclass(frozen=True)
-class Stress:
+class StressModel:
     """What a unit is exposed to; it ages by the factor 2^(ΔT/d) (1 + l)^3 as fast as nominal.
 
     ΔT [K] is the ambient's deviation from nominal, ageing doubling with each `doubling` d [K] (the law of
@@ -47,7 +47,7 @@ class Stress:
 
 
 @dataclass(frozen=True)
-class Rig:
+class CheckFlightRig:
     """What is recorded on a check flight, and what is unknown of it; all chosen.
 
     A chirp of `amplitude` [rad] up to `stop_hz` [Hz] for `duration` [s]; current and line voltage, with
@@ -76,8 +76,8 @@ class Population:
 
     name: str
     wear: Mapping[str, Wear]
-    stress: Stress = field(default_factory=Stress)
-    rig: Rig = field(default_factory=Rig)
+    stress: StressModel = field(default_factory=StressModel)
+    rig: CheckFlightRig = field(default_factory=CheckFlightRig)
     drift: float = 0.01
     new_level: float = 0.01
 

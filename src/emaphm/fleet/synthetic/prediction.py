@@ -17,7 +17,7 @@ from emaphm.strict_json import finite
 
 
 @dataclass(frozen=True)
-class Prediction:
+class PredictionSetup:
     """What the prognoses of a fleet share: the actuator with its requirements, the horizon [h], the seed."""
 
     actuator: Actuator
@@ -25,7 +25,7 @@ class Prediction:
     seed: int
 
 
-def predict_unit(evidence: Evidence, others: Sequence[Evidence], asked: Prediction) -> dict[str, Any]:
+def predict_unit(evidence: Evidence, others: Sequence[Evidence], asked: PredictionSetup) -> dict[str, Any]:
     """Return what `emaphm prognose --json` prints of a unit, given the other units of the fleet."""
     prior = fleet_prior(others, seed=asked.seed, actuator=asked.actuator)
     found = prognose(evidence, asked.actuator, Question(asked.horizon), prior=prior, seed=asked.seed)
@@ -35,7 +35,7 @@ def predict_unit(evidence: Evidence, others: Sequence[Evidence], asked: Predicti
 def predict(
     units: Sequence[Evidence],
     fleet: Sequence[Evidence],
-    asked: Prediction,
+    asked: PredictionSetup,
     folder: FleetFolder,
     *,
     workers: int | None = None,
@@ -76,7 +76,7 @@ def prognoses(folder: FleetFolder) -> list[dict[str, Any]]:
     return [json.loads(line) for line in lines]
 
 
-def _key(evidence: Sequence[Evidence], asked: Prediction) -> str:
+def _key(evidence: Sequence[Evidence], asked: PredictionSetup) -> str:
     """Return what identifies a prognosis: all it is computed from, and the code that computes it."""
     parts = [
         (

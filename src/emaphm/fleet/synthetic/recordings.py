@@ -7,7 +7,7 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.actuator.requirements import Requirement
 from emaphm.estimation.space.nuisances import COPPER, MAGNETS
 from emaphm.fleet.synthetic.plan import FleetPlan
-from emaphm.fleet.synthetic.population import Population, Rig
+from emaphm.fleet.synthetic.population import CheckFlightRig, Population
 from emaphm.fleet.synthetic.unit import FALLING, SyntheticUnit
 from emaphm.random_streams import child_seed, stream
 from emaphm.recording import Recording
@@ -62,7 +62,11 @@ def check_flight(
 
 
 def _as_on_the_flight(
-    actuator: Actuator, unit: SyntheticUnit, population: Population, rig: Rig, random: np.random.Generator
+    actuator: Actuator,
+    unit: SyntheticUnit,
+    population: Population,
+    rig: CheckFlightRig,
+    random: np.random.Generator,
 ) -> Actuator:
     """Return the actuator with the load, temperature and supply of one flight."""
     load, heat, supply = random.uniform(-1, 1, 3) * (rig.load, rig.heat, rig.supply)

@@ -9,7 +9,7 @@ from emaphm.actuator.faults import HEALTHY, NAMES
 from emaphm.arrays import Array
 from emaphm.fleet.synthetic.growth import LAWS
 from emaphm.fleet.synthetic.plan import FleetPlan
-from emaphm.fleet.synthetic.population import Population, Stress, Wear
+from emaphm.fleet.synthetic.population import Population, StressModel, Wear
 from emaphm.random_streams import stream
 
 STEPS = 16
@@ -56,7 +56,7 @@ class SyntheticUnit:
     new
         Fault vector of the new unit, (8,), in the order of `Faults`.
     mission
-        ΔT [K] and l of its own mission (`Stress`).
+        ΔT [K] and l of its own mission (`StressModel`).
     hours, ageing
         Flight hours [h] and hours of ageing, (m,) each, the first 0.
     vectors
@@ -150,7 +150,11 @@ def drawn_unit(plan: FleetPlan, number: int) -> SyntheticUnit:
 
 
 def aged(
-    hours: Array, mission: tuple[float, float], stress: Stress, interval: float, random: np.random.Generator
+    hours: Array,
+    mission: tuple[float, float],
+    stress: StressModel,
+    interval: float,
+    random: np.random.Generator,
 ) -> Array:
     """Return the hours of ageing (m,) at flight `hours` (m,), whose stress is drawn for each interval."""
     count = int(np.ceil((hours[-1] - hours[0]) / interval)) + 1

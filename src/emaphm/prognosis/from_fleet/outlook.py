@@ -11,7 +11,7 @@ from emaphm.arrays import Array
 from emaphm.memory import Memory
 from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint
-from emaphm.prognosis.from_fleet.pace import Population, hours_left, learnt
+from emaphm.prognosis.from_fleet.pace import PopulationDraws, hours_left, learnt
 from emaphm.prognosis.from_fleet.passages import Passages
 from emaphm.prognosis.stress import Stress, StressReference, exposure
 from emaphm.random_streams import stream
@@ -50,7 +50,7 @@ DRAWN = 400
 NOTHING = Passages.of(np.zeros(0), np.zeros(0))
 """In the place of a life that a component did not have, where others did."""
 
-POPULATIONS: Memory[Population | None] = Memory(40)
+POPULATIONS: Memory[PopulationDraws | None] = Memory(40)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,11 +146,11 @@ class Fellows:
         error = np.sqrt(np.diag(one.covariance)[columns].max())
         return bool(one.seen[columns].all() and error <= LARGEST_ERROR * self._whole(limit))
 
-    def _population(self, limits: "tuple[Limit, ...]", seed: int) -> Population | None:
+    def _population(self, limits: "tuple[Limit, ...]", seed: int) -> PopulationDraws | None:
         """Return what is learnt of the way to each of the `limits`; None where no unit has shown any pace."""
         bounds = [(one.component, one.bound, one.upper) for one in limits]
 
-        def computed() -> Population | None:
+        def computed() -> PopulationDraws | None:
             ways = [self._ways_of(one, limits) for one in self.units]
             shown = [[life for of_unit in ways for life in of_unit[i]] for i in range(len(limits))]
             most = max(map(len, shown))
@@ -231,7 +231,7 @@ def _ahead(age: Array, way: Array, end: float) -> float:
 
 
 def _has_outlived(
-    population: Population, component: int, last: Passages, since: float, random: np.random.Generator
+    population: PopulationDraws, component: int, last: Passages, since: float, random: np.random.Generator
 ) -> bool:
     """Return whether what works `since` its `last` diagnosis [h] has outlived the pace of its fellows.
 

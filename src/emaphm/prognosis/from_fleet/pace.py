@@ -64,7 +64,7 @@ LONGEST = 14.0
 """Logarithm of hours [h] of a step that is not distinguished from longer ones: 137 years."""
 
 
-class Population(NamedTuple):
+class PopulationDraws(NamedTuple):
     """S draws of what a fleet teaches of c components.
 
     `mean` (S, c, 2, D) and `precision` (S, c, 2, D, D) of the classes; `log_shares` (S, c, 3) of the units in
@@ -86,7 +86,7 @@ def general_covariance() -> Array:
     return np.asarray(covariance + OF_STEP**2 * np.eye(STEPS))
 
 
-def learnt(fleet: Passages, random: np.random.Generator, there: Mask | None = None) -> Population:
+def learnt(fleet: Passages, random: np.random.Generator, there: Mask | None = None) -> PopulationDraws:
     """Return draws of the population, by Gibbs sampling, given a `fleet` (c, n) of c components of n units.
 
     Some step of some component must have been seen. Classes begin as those whose pace falls and rises most.
@@ -118,11 +118,11 @@ def learnt(fleet: Passages, random: np.random.Generator, there: Mask | None = No
             kept.append((mean, precision, log_shares))
     gone = np.sum(fleet.passed[..., np.newaxis] > np.arange(STEPS), axis=1)
     means, precisions, shares = (np.stack(draws) for draws in zip(*kept, strict=True))
-    return Population(means, precisions, shares, gone)
+    return PopulationDraws(means, precisions, shares, gone)
 
 
 def hours_left(
-    population: Population, component: int, one: Passages, share: Array, random: np.random.Generator
+    population: PopulationDraws, component: int, one: Passages, share: Array, random: np.random.Generator
 ) -> Array:
     """Return hours of ageing until a component is at its limit, (n,) [h]; `inf` if it does not degrade.
 

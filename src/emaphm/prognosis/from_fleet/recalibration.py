@@ -36,7 +36,7 @@ NORMAL_90 = 1.645
 """Of a standard normal number, 90 % are below it in size."""
 
 
-class Situation(NamedTuple):
+class ForecastSituation(NamedTuple):
     """What a forecast of the RUL looks like, by which it is compared with others; n of them, or one.
 
     Attributes
@@ -54,14 +54,14 @@ class Situation(NamedTuple):
     first: Array
 
     @classmethod
-    def of(cls, each: Sequence["Situation"]) -> "Situation":
+    def of(cls, each: Sequence["ForecastSituation"]) -> "ForecastSituation":
         """Return several, one or more, each of one forecast, as one of n."""
         return cls(*(np.stack(column) for column in zip(*each, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """Predictions of one past unit that turned out, n of them.
+class PastForecasts:
+    """Forecasts for one past unit whose failure is known, n of them.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Outcome:
     """
 
     unit: str
-    situations: Situation
+    situations: ForecastSituation
     error: Array
 
 
@@ -99,13 +99,13 @@ class Recalibration:
         location and spread by their own record.
     """
 
-    outcomes: Sequence[Outcome]
+    outcomes: Sequence[PastForecasts]
 
     def without(self, unit: str) -> "Recalibration":
         """Return it without what became of `unit`."""
         return Recalibration([one for one in self.outcomes if one.unit != unit])
 
-    def correction(self, situation: Situation) -> tuple[float, float]:
+    def correction(self, situation: ForecastSituation) -> tuple[float, float]:
         """Return b and κ [-] of a prediction that looks like `situation`, one."""
         if not self.outcomes:
             return 0.0, 1.0
@@ -147,7 +147,7 @@ class Recalibration:
         return np.asarray(np.where(inside, changed, hours))
 
 
-def situation_of(hours: Array, age: float) -> Situation:
+def situation_of(hours: Array, age: float) -> ForecastSituation:
     """Return what a forecast looks like whose n paths fail m limits in `hours` (m, n) [h], at that age [h].
 
     Its median must be a number (`log_rul`).
@@ -156,10 +156,10 @@ def situation_of(hours: Array, age: float) -> Situation:
     middle, spread = log_rul(first)
     which = hours.argmin(axis=0)[np.isfinite(first)]
     shares = np.bincount(which, minlength=len(hours)) / first.size
-    return Situation(np.asarray(age / (age + np.exp(middle))), np.asarray(spread), shares)
+    return ForecastSituation(np.asarray(age / (age + np.exp(middle))), np.asarray(spread), shares)
 
 
-def _likeness(past: Situation, new: Situation) -> Array:
+def _likeness(past: ForecastSituation, new: ForecastSituation) -> Array:
     """Return the weights (n,) of `past` predictions for a `new` one."""
     apart = ((past.share - new.share) / WIDTH) ** 2 + (np.log(past.spread / new.spread) / SPREADS) ** 2
     same = np.minimum(past.first, new.first).sum(axis=-1)

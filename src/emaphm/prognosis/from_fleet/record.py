@@ -10,9 +10,9 @@ from emaphm.memory import Memory
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.recalibration import (
-    Outcome,
+    ForecastSituation,
+    PastForecasts,
     Recalibration,
-    Situation,
     log_rul,
     situation_of,
 )
@@ -64,7 +64,7 @@ def record_of(
     return RECORDS.get(repr((keys, requirements, about, seed)), record)
 
 
-def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> Outcome | None:
+def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> PastForecasts | None:
     """Return what became of the predictions of a unit; None where none before a failure had a median."""
     failure_at = _chosen(evidence)
     chosen = follow(evidence, prior, seed=seed, past=failure_at).past
@@ -78,7 +78,11 @@ def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) ->
         if true > 0 and np.isfinite(middle):
             situations.append(situation_of(times.hours, belief.age))
             error.append((np.log(true) - middle) / spread)
-    return Outcome(evidence.unit, Situation.of(situations), np.array(error)) if situations else None
+    return (
+        PastForecasts(evidence.unit, ForecastSituation.of(situations), np.array(error))
+        if situations
+        else None
+    )
 
 
 def _chosen(evidence: Evidence) -> dict[int, float]:

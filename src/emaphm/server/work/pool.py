@@ -10,7 +10,7 @@ from emaphm.errors import EmaphmError
 from emaphm.execution.one_process import OneProcess
 from emaphm.server.settings import ServerSettings
 from emaphm.server.work.queue import AGAIN, DONE, FAILED, Job, Queue
-from emaphm.server.work.worker import Forecast, Outcome, Place, Upload, work
+from emaphm.server.work.worker import Forecast, JobOutcome, Place, Upload, work
 
 LOG = logging.getLogger("emaphm.server")
 
@@ -138,7 +138,7 @@ class Pool:
         if self._stopping:
             return
         if outcome is None:
-            outcome = Outcome(FAILED if unit in self._killed else AGAIN, "its process has died")
+            outcome = JobOutcome(FAILED if unit in self._killed else AGAIN, "its process has died")
             self._killed.add(unit)
         if outcome.state != AGAIN:
             self._killed.discard(unit)
@@ -159,7 +159,7 @@ class Pool:
             LOG.warning("job %d: its process has died", job.id)
             if self._queue.killed(job.id) < MOST_KILLS:
                 return
-            outcome = Outcome(FAILED, KILLED)
+            outcome = JobOutcome(FAILED, KILLED)
         if outcome.state == AGAIN:
             LOG.warning("job %d: %s; it is tried again", job.id, outcome.message)
             self._queue.again(job.id)
@@ -170,7 +170,9 @@ class Pool:
         if outcome.state != FAILED:  # what was killed may be worth a look
             order.file.unlink(missing_ok=True)
 
-    def _done(self, process: OneProcess, order: Any, on_progress: Callable[[float], None]) -> Outcome | None:
+    def _done(
+        self, process: OneProcess, order: Any, on_progress: Callable[[float], None]
+    ) -> JobOutcome | None:
         """Return what became of an order, None where the process died or the pool stops."""
         deadline = time.monotonic() + self._settings.job_seconds
         try:
@@ -179,10 +181,10 @@ class Pool:
                 if not process.orders.poll(IDLE_S):
                     if time.monotonic() > deadline:
                         process.end()
-                        return Outcome(FAILED, TOO_LONG.format(self._settings.job_seconds))
+                        return JobOutcome(FAILED, TOO_LONG.format(self._settings.job_seconds))
                     continue
                 answer = process.orders.recv()
-                if isinstance(answer, Outcome):
+                if isinstance(answer, JobOutcome):
                     return answer
                 on_progress(float(answer))
         except (EOFError, OSError):

@@ -60,7 +60,7 @@ class Forecast:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class JobOutcome:
     """What became of a job."""
 
     state: str
@@ -86,7 +86,7 @@ class Place:
 
 
 def work(orders: Connection, parent: Connection, place: Place) -> None:
-    """Do jobs as they come through `orders`, until the server ends; answer progress and an `Outcome`."""
+    """Do jobs as they come through `orders`, until the server ends; answer progress and a `JobOutcome`."""
     prepare_worker(parent, place.memory_bytes)
     os.nice(NICENESS)
     with suppress(EOFError, OSError):  # the server has ended
@@ -95,7 +95,7 @@ def work(orders: Connection, parent: Connection, place: Place) -> None:
             orders.send(_outcome(job, place, orders))
 
 
-def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcome:
+def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> JobOutcome:
     from emaphm.history import History
     from emaphm.monitoring.outlook import prognosed
 
@@ -103,23 +103,23 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> Outcom
         with History.open(place.db) as history:
             if isinstance(job, Forecast):
                 prognosed(history, job.unit, place.prognosis, watcher=SERVER)
-                return Outcome(DONE)
+                return JobOutcome(DONE)
             return _diagnosed(job, history, place, orders)
     except HistoryUnavailableError as error:  # which says nothing of the recording
-        return Outcome(AGAIN, str(error))
+        return JobOutcome(AGAIN, str(error))
     except EmaphmError as error:
         text = str(error)
         if isinstance(job, Upload):
             text = text.replace(str(job.file), job.name)  # where it is kept is nobody's business
             text = OPTION.sub(r"'\1'", text)
-        return Outcome(REFUSED, text)
+        return JobOutcome(REFUSED, text)
     except MemoryError:
-        return Outcome(
+        return JobOutcome(
             FAILED, "it takes more memory than a worker may have; cut one manoeuvre out of the recording"
         )
 
 
-def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection) -> Outcome:
+def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection) -> JobOutcome:
     from emaphm.history import Entry
     from emaphm.monitoring.judging import Judge
     from emaphm.recording import read_recording
@@ -156,13 +156,13 @@ def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection
         "events": [one.message for one in events],
     }
     if diagnosis is None:
-        return Outcome(DONE, "is in the history already", result)
+        return JobOutcome(DONE, "is in the history already", result)
     try:
         _write_report(diagnosis, kept, place.folder)
     except (OutputError, MemoryError) as error:  # the diagnosis is in the history all the same
         LOG.warning("no report of diagnosis %d: %s", number, error or "it takes too much memory")
-        return Outcome(DONE, "is in the history, but its report could not be kept", result)
-    return Outcome(DONE, "", result)
+        return JobOutcome(DONE, "is in the history, but its report could not be kept", result)
+    return JobOutcome(DONE, "", result)
 
 
 def _searched(

@@ -74,8 +74,8 @@ class Form:
     advance
         From a structure to the step of one actuator, as `step_tracing` takes it.
     neutral
-        Values of parameters at which a term vanishes, by name: in a kernel it does, where all actuators have
-        them.
+        By name of a parameter, the value at which a term of the equations vanishes. Where all actuators of a
+        run have that value, their kernel is compiled without the term.
     longest_step
         Longest integration step [s], that of the model where left out.
     """

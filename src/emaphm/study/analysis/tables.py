@@ -14,7 +14,7 @@ from emaphm.study.analysis.statistics import (
     by_method,
     reliability,
 )
-from emaphm.text_table import NOTHING, Table
+from emaphm.text_table import NOTHING, TextTable
 
 MOST_CASES = 24
 """Cases that a page lists and draws one by one; a study may have hundreds."""
@@ -23,7 +23,7 @@ TOO_FEW = "too few"
 """Stands in for a p-value where there are too few runs for a test."""
 
 
-def summary_table(runs: pl.DataFrame, kind: str) -> Table:
+def summary_table(runs: pl.DataFrame, kind: str) -> TextTable:
     """Return error, success and cost of each method over the cases of one `kind`, least mean error first."""
     methods = by_method(runs).filter(pl.col("kind") == kind).sort("mean", maintain_order=True)
     header = (
@@ -53,22 +53,22 @@ def summary_table(runs: pl.DataFrame, kind: str) -> Table:
         )
         for row in methods.iter_rows(named=True)
     ]
-    return Table(header, tuple(rows))
+    return TextTable(header, tuple(rows))
 
 
-def error_table(runs: pl.DataFrame) -> Table:
+def error_table(runs: pl.DataFrame) -> TextTable:
     """Return one variant's mean errors [%] laid out as the thesis's: ours / its own where it has one."""
     return _by_case_and_method(runs, lambda row: _with_thesis(percent, row["mean"], row["thesis"]))
 
 
-def time_table(runs: pl.DataFrame) -> Table:
+def time_table(runs: pl.DataFrame) -> TextTable:
     """Return one variant's mean wall times [s] laid out as the thesis's: ours / its own where it has one."""
     return _by_case_and_method(
         runs, lambda row: _with_thesis(seconds, row["mean_seconds"], row["thesis_seconds"])
     )
 
 
-def _by_case_and_method(runs: pl.DataFrame, cell: Callable[[Mapping[str, Any]], str]) -> Table:
+def _by_case_and_method(runs: pl.DataFrame, cell: Callable[[Mapping[str, Any]], str]) -> TextTable:
     """Return a row for each case and for the average of each kind of several, a column for each method."""
     methods = methods_of(runs)
     cells: dict[str, dict[str, str]] = {}
@@ -80,10 +80,10 @@ def _by_case_and_method(runs: pl.DataFrame, cell: Callable[[Mapping[str, Any]], 
         averages.setdefault(name, {})[row["method"]] = cell(row)
     listed = [*list(cells.items())[:MOST_CASES], *averages.items()]
     rows = tuple((name, *(row.get(method, NOTHING) for method in methods)) for name, row in listed)
-    return Table(("case", *methods), rows)
+    return TextTable(("case", *methods), rows)
 
 
-def success_table(runs: pl.DataFrame) -> Table:
+def success_table(runs: pl.DataFrame) -> TextTable:
     """Return the share of runs [%] within each limit of error, by method and kind of case."""
     methods = by_method(runs)
     kinds = methods["kind"].unique(maintain_order=True).to_list()
@@ -93,20 +93,22 @@ def success_table(runs: pl.DataFrame) -> Table:
             shares.setdefault(row["method"], {})[row["kind"], limit] = f"{100 * row[f'within_{limit}']:.0f}"
     columns = [(kind, limit) for kind in kinds for limit in LIMITS_PERCENT]
     header = ("method", *(f"{kind}: error ≤ {limit} %" for kind, limit in columns))
-    return Table(header, tuple((method, *map(row.__getitem__, columns)) for method, row in shares.items()))
+    return TextTable(
+        header, tuple((method, *map(row.__getitem__, columns)) for method, row in shares.items())
+    )
 
 
-def rank_table(runs: pl.DataFrame) -> Table:
+def rank_table(runs: pl.DataFrame) -> TextTable:
     """Return the mean ranks of one variant, best first."""
     ranks = mean_ranks(runs).sort("mean_rank", maintain_order=True, nulls_last=True)
     rows = [
         (row["method"], NOTHING if row["mean_rank"] is None else f"{row['mean_rank']:.2f}")
         for row in ranks.iter_rows(named=True)
     ]
-    return Table(("method", "mean rank"), tuple(rows))
+    return TextTable(("method", "mean rank"), tuple(rows))
 
 
-def pair_table(runs: pl.DataFrame) -> Table:
+def pair_table(runs: pl.DataFrame) -> TextTable:
     """Return the corrected p-values of one variant's pairs, methods in the order of their ranks."""
     methods = [row[0] for row in rank_table(runs).rows]
     tests: dict[tuple[str, str], str] = {}
@@ -114,10 +116,10 @@ def pair_table(runs: pl.DataFrame) -> Table:
         text = p_value(row["p_holm"])
         tests[row["method"], row["other"]] = tests[row["other"], row["method"]] = text
     rows = [(method, *(tests.get((method, other), NOTHING) for other in methods)) for method in methods]
-    return Table(("p-value", *methods), tuple(rows))
+    return TextTable(("p-value", *methods), tuple(rows))
 
 
-def reliability_table(runs: pl.DataFrame) -> Table:
+def reliability_table(runs: pl.DataFrame) -> TextTable:
     """Return the reliability coefficients [%] of one variant and the thesis's; no row if there are none."""
     header = (
         "method",
@@ -131,16 +133,16 @@ def reliability_table(runs: pl.DataFrame) -> Table:
         (row["method"], *(NOTHING if row[name] is None else f"{row[name]:.1f}" for name in figures))
         for row in reliability(runs).drop_nulls("all_methods").iter_rows(named=True)
     ]
-    return _without_empty_columns(Table(header, tuple(rows)))
+    return _without_empty_columns(TextTable(header, tuple(rows)))
 
 
-def _without_empty_columns(table: Table) -> Table:
+def _without_empty_columns(table: TextTable) -> TextTable:
     kept = [i for i in range(len(table.header)) if any(row[i] != NOTHING for row in table.rows)]
     rows = tuple(tuple(row[i] for i in kept) for row in table.rows)
-    return Table(tuple(table.header[i] for i in kept), rows)
+    return TextTable(tuple(table.header[i] for i in kept), rows)
 
 
-def variant_table(runs: pl.DataFrame, kind: str) -> Table:
+def variant_table(runs: pl.DataFrame, kind: str) -> TextTable:
     """Return the mean errors [%] over the cases of one `kind`, by method and variant."""
     names = variant_names(runs)
     cells: dict[str, dict[str, str]] = {}
@@ -148,7 +150,7 @@ def variant_table(runs: pl.DataFrame, kind: str) -> Table:
         variant = names[tuple(row[name] for name in VARIANT)]
         cells.setdefault(row["method"], {})[variant] = percent(row["mean"])
     rows = [(method, *(row.get(name, NOTHING) for name in names.values())) for method, row in cells.items()]
-    return Table(("method", *names.values()), tuple(rows))
+    return TextTable(("method", *names.values()), tuple(rows))
 
 
 def variant_names(runs: pl.DataFrame) -> dict[tuple[Any, ...], str]:

@@ -14,7 +14,7 @@ Units = Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
-class Outcome:
+class PolicyOutcome:
     """Of a fleet whose units are removed by a way of predicting and a rule, or not at all.
 
     Attributes
@@ -48,19 +48,19 @@ class Outcome:
 ACTING_HEADER = ("by the prediction of", "fail in service", "of life wasted", "unneeded removals", "cost")
 
 
-def acted(units: Units, way: str, rule: str) -> Outcome:
+def acted(units: Units, way: str, rule: str) -> PolicyOutcome:
     """Return what comes of removing `units` by a `way` of predicting and a `rule`, as `judged` gives them."""
     return outcome([one["tracks"][way]["removed"][rule] for one in units], [one["failure"] for one in units])
 
 
-def outcome(removed: Sequence[float | None], failures: Sequence[float]) -> Outcome:
+def outcome(removed: Sequence[float | None], failures: Sequence[float]) -> PolicyOutcome:
     """Return what comes of removals at hours `removed`, None where a unit fails; failures at (n,) [h]."""
     end = np.array(failures)
     at = np.array([end[i] if one is None else one for i, one in enumerate(removed)])
     failed = np.array([one is None for one in removed])
     paid = np.where(failed, COSTS.failure, COSTS.replacement)
     planned = list(zip(at[~failed], (end - at)[~failed], strict=True))
-    return Outcome(
+    return PolicyOutcome(
         failed=float(np.mean(failed)),
         wasted=wasted_life(at, end),
         unneeded=false_alarms_per_1000_hours(planned, float(at.sum()), HORIZON_H),

@@ -19,14 +19,14 @@ from emaphm.random_streams import stream
 
 
 @dataclass(frozen=True, eq=False)
-class Pool:
+class DiagnosisPool:
     """What diagnoses of recordings stated: levels (n, 8) and covariances (n, 8, 8), `CARTESIAN_NAMES`."""
 
     level: Array
     covariance: Array
 
     @classmethod
-    def of(cls, fleet: Sequence[Evidence]) -> "Pool":
+    def of(cls, fleet: Sequence[Evidence]) -> "DiagnosisPool":
         """Return the pool of the diagnoses of a fleet that explain their recordings."""
         used = [one for evidence in fleet for one in evidence.used]
         return cls(np.stack([one.level for one in used]), np.stack([one.covariance for one in used]))
@@ -36,11 +36,13 @@ class Pool:
         return np.asarray(self.covariance[np.sum((self.level - level) ** 2, axis=1).argmin()])
 
 
-EXACT = Pool(np.zeros((1, len(CARTESIAN_NAMES))), np.zeros((1, len(CARTESIAN_NAMES), len(CARTESIAN_NAMES))))
+EXACT = DiagnosisPool(
+    np.zeros((1, len(CARTESIAN_NAMES))), np.zeros((1, len(CARTESIAN_NAMES), len(CARTESIAN_NAMES)))
+)
 """Diagnoses without error: the true levels."""
 
 
-def drawn_evidence(unit: SyntheticUnit, plan: FleetPlan, pool: Pool) -> Evidence:
+def drawn_evidence(unit: SyntheticUnit, plan: FleetPlan, pool: DiagnosisPool) -> Evidence:
     """Return diagnoses of a unit at each check flight, their errors drawn."""
     random = stream(plan.seed, "drawn diagnoses", unit.serial_number)
     observations = []

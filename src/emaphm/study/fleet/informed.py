@@ -21,7 +21,7 @@ from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
 from emaphm.fleet.synthetic import FleetPlan
 from emaphm.fleet.synthetic.growth import LAWS
-from emaphm.fleet.synthetic.population import Population, Stress, Wear
+from emaphm.fleet.synthetic.population import Population, StressModel, Wear
 from emaphm.fleet.synthetic.unit import FALLING
 from emaphm.prognosis import Evidence, Observation
 from emaphm.prognosis.columns import columns_of, level_of
@@ -205,12 +205,12 @@ def _seen(one: Observation, name: str) -> tuple[float, float]:
     return float(-moved if name in FALLING else moved), float(one.covariance[column, column])
 
 
-def _of_missions(stress: Stress) -> float:
+def _of_missions(stress: StressModel) -> float:
     """Return the standard deviation of the logarithm of ageing from unit to unit."""
     return float(np.hypot(stress.mission_K / stress.doubling * np.log(2), 3 * stress.mission_load))
 
 
-def _mean_ageing(stress: Stress) -> float:
+def _mean_ageing(stress: StressModel) -> float:
     """Return the mean ageing in an hour [-] of a median mission: above 1, as its law is convex."""
     of_heat = np.exp(0.5 * (stress.flight_K / stress.doubling * np.log(2)) ** 2)
     return float(of_heat * (1 + 3 * stress.flight_load**2))

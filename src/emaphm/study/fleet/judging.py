@@ -44,7 +44,7 @@ TRACKED = replace(FORECAST, paths=300)
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class FailedUnit:
     """A unit that failed, its diagnoses, and what is known of the others: prior, and hours of failure.
 
     `larger` is the prior of a larger fleet, where there is one.
@@ -58,7 +58,7 @@ class Case:
 
 
 def judged(
-    case: Case, plan: FleetPlan, actuator: Actuator, seed: int, *, tracked: bool = True
+    case: FailedUnit, plan: FleetPlan, actuator: Actuator, seed: int, *, tracked: bool = True
 ) -> dict[str, Any]:
     """Return the scores of each way at each share of life; if `tracked`, what it says at every check flight.
 
@@ -104,7 +104,7 @@ def judged(
 
 
 def _others(
-    case: Case, plan: FleetPlan, actuator: Actuator, at: list[int], seed: int
+    case: FailedUnit, plan: FleetPlan, actuator: Actuator, at: list[int], seed: int
 ) -> dict[str, list[Array]]:
     """Return the samples of the RUL [h] of each way but ours, at the explained diagnoses numbered `at`."""
     until = [_until(case.evidence, i) for i in at]

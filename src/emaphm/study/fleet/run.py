@@ -17,8 +17,8 @@ from emaphm.fleet.synthetic.recordings import fleet_actuator
 from emaphm.history import History
 from emaphm.output_files import make_folder
 from emaphm.prognosis import Evidence, Prior, fleet_prior
-from emaphm.study.fleet.drawn import Pool, drawn_evidence
-from emaphm.study.fleet.judging import Case, judged
+from emaphm.study.fleet.drawn import DiagnosisPool, drawn_evidence
+from emaphm.study.fleet.judging import FailedUnit, judged
 
 PLAN = FleetPlan(units=104, flights=70, interval=100.0, seed=1)
 """Of the recorded level: all but one or two units fail within 7,000 h."""
@@ -148,7 +148,7 @@ class _Work:
 
 def _work(folder: StudyFolder) -> list[_Work]:
     recorded = recorded_fleet(folder)
-    pool = Pool.of([evidence for _, evidence in recorded])
+    pool = DiagnosisPool.of([evidence for _, evidence in recorded])
     units = (drawn_unit(MANY, i) for i in range(MANY.units))
     drawn = [(one, drawn_evidence(one, MANY, pool)) for one in units if one.check_flights(MANY.interval).size]
     return [
@@ -233,7 +233,7 @@ def _tasks(work: list[_Work], priors: Mapping[str, tuple[Prior, Prior | None]]) 
 
 
 def _judge(work: _Work, prior: Prior, larger: Prior | None) -> dict[str, Any]:
-    case = Case(work.unit, work.evidence, prior, work.lives, larger)
+    case = FailedUnit(work.unit, work.evidence, prior, work.lives, larger)
     actuator = fleet_actuator(work.plan.drawn_from)
     return {
         "level": work.level,

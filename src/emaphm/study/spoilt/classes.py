@@ -6,7 +6,7 @@ from emaphm.actuator import Actuator
 from emaphm.recording.schema import PHASES
 from emaphm.study.spoilt import changes
 from emaphm.study.spoilt.changes import Change, WrongActuator
-from emaphm.study.spoilt.source import CHIRP, Manoeuvre
+from emaphm.study.spoilt.source import CHIRP, SpoiltChirp
 
 TOTAL = ("current", "voltage", "motion")
 """Sets with the equivalent current."""
@@ -41,7 +41,7 @@ class SpoiltClass:
     sets: tuple[str, ...]
     change: Change = changes.unchanged
     described: WrongActuator = as_described
-    manoeuvre: Manoeuvre = CHIRP
+    manoeuvre: SpoiltChirp = CHIRP
     control: bool = False
 
 
@@ -50,7 +50,7 @@ def _controls() -> list[SpoiltClass]:
 
 
 def _rates_and_times() -> list[SpoiltClass]:
-    slow = SpoiltClass("100 Hz for 5 s", "rate", TOTAL, manoeuvre=Manoeuvre(5.0, 100.0))
+    slow = SpoiltClass("100 Hz for 5 s", "rate", TOTAL, manoeuvre=SpoiltChirp(5.0, 100.0))
     shifts = [
         SpoiltClass(f"sensed channels {abs(n)} rows {way}", "delay", ALL, changes.late(n))
         for n, way in ((1, "late"), (-1, "early"), (5, "late"), (-5, "early"))

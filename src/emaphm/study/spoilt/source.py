@@ -41,19 +41,19 @@ FAULTS: Mapping[str, Faults] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Manoeuvre:
+class SpoiltChirp:
     """A chirp from standstill to `STOP_HZ`: how long it takes [s], and the rows per second [Hz]."""
 
     duration: float = 0.5
     sample_rate: float = 5000.0
 
 
-CHIRP = Manoeuvre()
+CHIRP = SpoiltChirp()
 """The usual one."""
 
 
 def recorded(
-    actuator: Actuator, faults: Faults, manoeuvre: Manoeuvre, channels: tuple[str, ...], seed: int
+    actuator: Actuator, faults: Faults, manoeuvre: SpoiltChirp, channels: tuple[str, ...], seed: int
 ) -> Recording:
     """Return the unspoilt recording of `actuator` with `faults`: time, command and `channels`."""
     whole = simulate(
