@@ -14,6 +14,7 @@ from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.noise_level import noise_level
 from emaphm.estimation.recorded_supply import with_recorded_supply
+from emaphm.estimation.rests import Rests
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
@@ -41,7 +42,8 @@ class Problem:
     channel; empty where the actuator has none. `counts` are the steps in which channels visibly show their
     quantity, each in its unit; those without are left out. `band_spread` is the share by which the
     hysteresis of the first and last of several runs is smaller and larger than described. `averaged_rows` is
-    how many rows of the recording each of `samples` is the mean of. `runs` counts the simulations.
+    how many rows of the recording each of `samples` is the mean of. `rests` is what of the rows in which the
+    shaft stands is chance, where that is known. `runs` counts the simulations.
     """
 
     actuator: Actuator
@@ -60,6 +62,7 @@ class Problem:
     counts: Mapping[str, float] = field(default_factory=dict)
     band_spread: float = 0.0
     averaged_rows: int = 1
+    rests: Rests | None = None
 
     @classmethod
     def of(
@@ -122,8 +125,8 @@ class Problem:
         return replace(self, start=replace(self.start, angle=angle))
 
     def like(self, other: Self) -> Self:
-        """Return the problem with the channels and weights of `other`."""
-        return replace(self, channels=other.channels, weights=other.weights)
+        """Return the problem with the channels, the weights and the rests of `other`."""
+        return replace(self, channels=other.channels, weights=other.weights, rests=other.rests)
 
     def weighted(self, sizes: ArrayLike) -> Self:
         """Return the problem with residuals weighted by the `sizes` (channels,) that they have."""
@@ -132,7 +135,7 @@ class Problem:
 
     def observing(self, channels: tuple[str, ...]) -> Self:
         """Return the problem with other channels, each with weight 1."""
-        return replace(self, channels=channels, weights=np.ones(len(channels)))
+        return replace(self, channels=channels, weights=np.ones(len(channels)), rests=None)
 
     @property
     def samples(self) -> int:
@@ -198,17 +201,23 @@ class Problem:
         """
         return self._observe(faults, parameters, channels or self.channels)
 
-    def _observe(
+    def exact(
         self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None, channels: tuple[str, ...]
     ) -> Array:
+        """Return what the model has, without any sensor, shape (n, channels, samples)."""
         plant = Plant.of(self.actuator, faults, parameters)
         if self.band_spread:
             factors = np.linspace(1 - self.band_spread, 1 + self.band_spread, plant.count)
             plant = replace(plant, hysteresis=plant.hysteresis * factors)
         self.runs.add(self.model, plant.count)
-        exact = observe_batch(
+        return observe_batch(
             self.model, plant, self.inputs, self.start, channels=channels, workers=self.workers
         )
+
+    def _observe(
+        self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None, channels: tuple[str, ...]
+    ) -> Array:
+        exact = self.exact(faults, parameters, channels)
         return all_as_described(exact, channels, self.actuator, self.inputs.interval)
 
     def signals(
