@@ -11,9 +11,9 @@ import numpy as np
 
 import emaphm as ema
 from emaphm.actuator import NAMES
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Flags
 from emaphm.study import cases
-from emaphm.study.analysis.rates import Flags, holds
+from emaphm.study.analysis.rates import holds
 from emaphm.study.record import recorded
 from emaphm.study.rig import Manoeuvre, Rig
 from emaphm.text_table import format_table

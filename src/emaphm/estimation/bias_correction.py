@@ -20,6 +20,7 @@ from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION
+from emaphm.estimation.standstill import with_rests
 from emaphm.estimation.uncertainty.fisher_information import normal_equations
 from emaphm.progress import Progress
 from emaphm.random_streams import stream
@@ -68,6 +69,10 @@ def correct_bias(
     none = np.zeros_like(objective.target)
     starts = compared(objective, none, points, reference, stream(seed, "reference runs", "starts"))
     best = min(starts, key=lambda one: one.residual_variance)
+    resting = with_rests(objective, best.point, reference, stream(seed, "reference runs", "rests"))
+    if resting is not objective:
+        rng = stream(seed, "reference runs", "start")
+        (best,) = compared(resting, none, best.point[np.newaxis], reference, rng)
     end = iterate(best, outcomes_of, max_corrections, settings, on_progress, is_hopeless)
     if on_progress:
         on_progress(1.0)

@@ -94,12 +94,8 @@ def discrepancies(
 
     `reference` is the problem of the reference model, from `reference_problem`; `rng` separates its runs.
     """
-    n, d = points.shape
-    repeats = REFERENCE_RUNS // n
-    separation = rng.normal(0.0, RUN_SEPARATION, (n, repeats, d))
-    near = objective.space.project(points[:, np.newaxis] + separation).reshape(-1, d)
-    weighted = replace(objective, problem=reference.like(objective.problem))
-    runs = _rounded(weighted.outputs(near), objective.problem).reshape(n, repeats, -1)
+    n, repeats = len(points), REFERENCE_RUNS // len(points)
+    runs = runs_about(objective, points, reference, rng, repeats)
     variance = runs.var(axis=1, ddof=1)
     samples, weights = objective.problem.samples, objective.problem.weights
     by_channel = variance[:, : objective.channel_rows].reshape(n, weights.size, samples).mean(axis=2)
@@ -114,6 +110,20 @@ def discrepancies(
         )
         for i in range(n)
     ]
+
+
+def runs_about(
+    objective: MapObjective, points: Array, reference: Problem, rng: np.random.Generator, repeats: int
+) -> Array:
+    """Return outputs of the `reference` model in several runs about each of `points` (n, d).
+
+    Their shape is (n, repeats, rows); they are weighted, and rounded, as the objective's channels are.
+    """
+    n, d = points.shape
+    separation = rng.normal(0.0, RUN_SEPARATION, (n, repeats, d))
+    near = objective.space.project(points[:, np.newaxis] + separation).reshape(-1, d)
+    weighted = replace(objective, problem=reference.like(objective.problem))
+    return _rounded(weighted.outputs(near), objective.problem).reshape(n, repeats, -1)
 
 
 def _slow_variance(runs: Array) -> float:

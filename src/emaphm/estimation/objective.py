@@ -137,6 +137,10 @@ class MapObjective:
     def outputs(self, points: Array) -> Array:
         """Return the channels as sensed and weighted, then the nuisances, at `points` (n, d): (n, rows)."""
         sensed = self._sensed(points, self.problem.channels)
+        if self.problem.rests is not None:
+            self.problem.rests.draw(
+                sensed, np.stack([self.problem.measured[name] for name in self.problem.channels])
+            )
         rows: Array = np.empty((len(points), self.channel_rows + len(self.space.nuisances.names)))
         channels = rows[:, : self.channel_rows].reshape(sensed.shape)
         np.multiply(sensed, self.problem.weights[:, np.newaxis], out=channels)

@@ -13,6 +13,7 @@ from emaphm.errors import MethodError
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.recorded_supply import with_recorded_supply
+from emaphm.estimation.rests import Rests
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
@@ -58,6 +59,8 @@ class Problem:
         Several runs of a hysteresis drive have bands from (1 - this) to (1 + this) times the described one.
     averaged_rows
         How many rows of the recording each of `samples` is the mean of.
+    rests
+        Where the shaft stands, and what of the rows there is chance; None where it is not known, or nowhere.
     runs
         Counts the simulations.
     """
@@ -78,6 +81,7 @@ class Problem:
     counts: Mapping[str, float] = field(default_factory=dict)
     band_spread: float = 0.0
     averaged_rows: int = 1
+    rests: Rests | None = None
 
     @classmethod
     def of(
@@ -140,8 +144,8 @@ class Problem:
         return replace(self, start=replace(self.start, angle=angle))
 
     def like(self, other: Self) -> Self:
-        """Return the problem with the channels and weights of `other`."""
-        return replace(self, channels=other.channels, weights=other.weights)
+        """Return the problem with the channels, the weights and the rests of `other`."""
+        return replace(self, channels=other.channels, weights=other.weights, rests=other.rests)
 
     def weighted(self, sizes: ArrayLike) -> Self:
         """Return the problem with channels weighted by the inverse `sizes` (channels,) of their residuals."""
@@ -150,7 +154,7 @@ class Problem:
 
     def observing(self, channels: tuple[str, ...]) -> Self:
         """Return the problem with other channels, each with weight 1."""
-        return replace(self, channels=channels, weights=np.ones(len(channels)))
+        return replace(self, channels=channels, weights=np.ones(len(channels)), rests=None)
 
     @property
     def samples(self) -> int:
@@ -216,17 +220,23 @@ class Problem:
         """
         return self._observe(faults, parameters, channels or self.channels)
 
-    def _observe(
+    def exact(
         self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None, channels: tuple[str, ...]
     ) -> Array:
+        """Return what the model has, without any sensor, shape (n, channels, samples)."""
         plant = Plant.of(self.actuator, faults, parameters)
         if self.band_spread:
             factors = np.linspace(1 - self.band_spread, 1 + self.band_spread, plant.count)
             plant = replace(plant, hysteresis=plant.hysteresis * factors)
         self.runs.add(self.model, plant.count)
-        exact = observe_batch(
+        return observe_batch(
             self.model, plant, self.inputs, self.start, channels=channels, workers=self.workers
         )
+
+    def _observe(
+        self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None, channels: tuple[str, ...]
+    ) -> Array:
+        exact = self.exact(faults, parameters, channels)
         return all_as_described(exact, channels, self.actuator, self.inputs.interval)
 
     def signals(

@@ -15,9 +15,10 @@ from emaphm.estimation.correction_iterations import BIAS_CORRECTION, iterate
 from emaphm.estimation.discrepancy import Discrepancy, discrepancies, has_reference, reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, MULTISTART
-from emaphm.estimation.joint.objective import JointObjective
+from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.levenberg_marquardt import bounded_step, descend
 from emaphm.estimation.search_result import default_scatter
+from emaphm.estimation.standstill import with_rests
 from emaphm.estimation.uncertainty.fisher_information import products, steadied_information
 from emaphm.progress import Progress
 from emaphm.random_streams import stream
@@ -104,9 +105,25 @@ def corrected_estimate(
         candidates = _candidates(current, iteration, seed)
         return compared(current.joint, candidates, seed, iteration)
 
+    joint = _with_rests(joint, point, seed)
     (start,) = compared(joint, point[np.newaxis], seed, "start")
     end = iterate(start, outcomes_of, max_corrections, BIAS_CORRECTION, on_progress)
     return _mean(end.estimate, end.equal)
+
+
+def _with_rests(joint: JointObjective, point: Array, seed: int) -> JointObjective:
+    """Return the objective that leaves out what is chance where shafts stand at `point` (d,)."""
+
+    def of_term(r: int) -> RecordingTerm:
+        term = joint.terms[r]
+        objective = term.objective
+        if not has_reference(objective.problem):
+            return term
+        rng = stream(seed, "reference runs", "rests", r)
+        resting = with_rests(objective, joint.local(r, point), reference_problem(objective), rng)
+        return replace(term, objective=resting)
+
+    return replace(joint, terms=tuple(joint.for_each(of_term)))
 
 
 def _uncorrected(joint: JointObjective, point: Array) -> JointEstimate:

@@ -1,0 +1,96 @@
+"""Where the shaft stands during a recording, and how much of what it shows there is chance."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from emaphm.arrays import Array
+from emaphm.estimation.discrepancy import REFERENCE_RUNS, runs_about, with_all_phases
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.rests import Rests
+from emaphm.recording.noise import measured_noise, noise_level
+
+LEAST_REST_S = 20e-3
+"""Shortest rest that is looked at [s]. Over less, the long-run covariance allows for what goes together."""
+
+STILL = 0.01
+"""Of its range, what the command may move by and still stands."""
+
+
+def with_rests(
+    objective: MapObjective, point: Array, reference: Problem, rng: np.random.Generator
+) -> MapObjective:
+    """Return the objective that leaves out what is chance where the shaft stands at `point` (d,).
+
+    As it is where that is known already, the shaft stands nowhere, or the drive has no hysteresis, whose
+    switching makes it so. `reference` is the problem of the reference model, and `rng` separates its runs.
+    """
+    problem = objective.problem
+    if problem.rests is not None or problem.actuator.drive_kind != "hysteresis":
+        return objective
+    if not command_stands(problem):
+        return objective
+    bounds = stretches(_standing(objective, point, reference), LEAST_REST_S / problem.inputs.interval)
+    if not len(bounds):
+        return objective
+    runs = runs_about(objective, point[np.newaxis], with_all_phases(reference), rng, REFERENCE_RUNS)[0]
+    rows = runs[:, : objective.channel_rows].reshape(len(runs), len(problem.channels), -1)
+    rows /= problem.weights[:, np.newaxis]
+    noise = np.array([_noise(problem, name, rows[:, i]) for i, name in enumerate(problem.channels)])
+    rests = Rests.of(bounds, _patterns(rows, bounds, noise), noise)
+    return replace(objective, problem=replace(problem, rests=rests))
+
+
+def command_stands(problem: Problem) -> bool:
+    """Return whether the command has moved and then stands: else no run is worth a look for a rest.
+
+    Before it moves nothing is chance: every run begins alike.
+    """
+    command = problem.driving.command(problem.inputs.interval * np.arange(problem.samples))
+    still = STILL * np.ptp(command)
+    after = command[int(np.argmax(np.abs(command - command[0]) > still)) :]
+    rows = math.ceil(LEAST_REST_S / problem.inputs.interval)
+    if still == 0 or rows > after.size:
+        return False
+    windows = np.lib.stride_tricks.sliding_window_view(after, rows)
+    return bool(np.min(np.ptp(windows, axis=1)) <= still)
+
+
+def _standing(objective: MapObjective, point: Array, reference: Problem) -> NDArray[np.bool_]:
+    """Return in which rows the shaft of the `reference` model stands at `point` (d,), (samples,).
+
+    The fitted model's only creeps there: no switching drives it beyond where friction would hold it.
+    """
+    only = point[np.newaxis]
+    faults, parameters = objective.space.faults(only), objective.lumped_parameters(only)
+    return np.asarray(reference.exact(faults, parameters, ("speed_rad_s",))[0, 0] == 0.0)
+
+
+def stretches(rows: NDArray[np.bool_], least: float) -> NDArray[np.intp]:
+    """Return the first row of each stretch of true `rows` (n,), and the one after it, (k, 2)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
+    bounds = edges.reshape(-1, 2)
+    return bounds[np.diff(bounds, axis=1)[:, 0] >= least]
+
+
+def _noise(problem: Problem, channel: str, runs: Array) -> float:
+    """Return the rms of what is white in a row of a `channel`: of its sensor, and of switching."""
+    tiny = float(np.finfo(float).tiny) ** 0.25
+    of_sensor = measured_noise(problem.measured[channel], problem.inputs.interval)
+    return max(of_sensor, float(np.median([noise_level(run) for run in runs])), tiny)
+
+
+def _patterns(runs: Array, bounds: NDArray[np.intp], noise: Array) -> Array:
+    """Return what the means of rests differ by between `runs` (n, channels, rows) most, (k, channels).
+
+    One direction of the channels for each: one number, the error of position, makes what all of them show.
+    """
+    patterns = np.zeros((len(bounds), runs.shape[1]))
+    for k, (first, after) in enumerate(bounds):
+        means = runs[:, :, first:after].mean(axis=2)
+        _, sizes, axes = np.linalg.svd((means - means.mean(axis=0)) / noise, full_matrices=False)
+        patterns[k] = axes[0] * sizes[0] / np.sqrt(len(runs) - 1) * noise
+    return patterns
