@@ -16,6 +16,9 @@ from emaphm.recording.noise import measured_noise, noise_level
 LEAST_REST_S = 20e-3
 """Shortest rest that is looked at [s]. Over less, the long-run covariance allows for what goes together."""
 
+TINY: float = float(np.finfo(float).tiny) ** 0.25
+"""Least noise, so that one over its square is finite."""
+
 STILL = 0.01
 """Of its range, what the command may move by and still stands."""
 
@@ -49,14 +52,16 @@ def command_stands(problem: Problem) -> bool:
 
     Before it moves nothing is chance: every run begins alike.
     """
-    command = problem.driving.command(problem.inputs.interval * np.arange(problem.samples))
-    still = STILL * np.ptp(command)
+    command = problem.driving.command(np.arange(problem.samples, dtype=float) * problem.inputs.interval)
+    still = float(np.ptp(command)) * STILL
     after = command[int(np.argmax(np.abs(command - command[0]) > still)) :]
     rows = math.ceil(LEAST_REST_S / problem.inputs.interval)
-    if still == 0 or rows > after.size:
+    if still == 0.0 or rows > after.size:
         return False
-    windows = np.lib.stride_tricks.sliding_window_view(after, rows)
-    return bool(np.min(np.ptp(windows, axis=1)) <= still)
+    # Where the ends of a window agree, it may have moved between them.
+    ends = np.flatnonzero(np.abs(after[rows - 1 :] - after[: after.size - rows + 1]) <= still)
+    windows = np.lib.stride_tricks.sliding_window_view(after, rows)[ends]
+    return bool((np.ptp(windows, axis=1) <= still).any())
 
 
 def _standing(objective: MapObjective, point: Array, reference: Problem) -> NDArray[np.bool_]:
@@ -78,9 +83,8 @@ def stretches(rows: NDArray[np.bool_], least: float) -> NDArray[np.intp]:
 
 def _noise(problem: Problem, channel: str, runs: Array) -> float:
     """Return the rms of what is white in a row of a `channel`: of its sensor, and of switching."""
-    tiny = float(np.finfo(float).tiny) ** 0.25
     of_sensor = measured_noise(problem.measured[channel], problem.inputs.interval)
-    return max(of_sensor, float(np.median([noise_level(run) for run in runs])), tiny)
+    return max(of_sensor, float(np.median([noise_level(run) for run in runs])), TINY)
 
 
 def _patterns(runs: Array, bounds: NDArray[np.intp], noise: Array) -> Array:
