@@ -104,3 +104,13 @@ def undrawn_prognosis(monkeypatch: pytest.MonkeyPatch) -> None:
 def any_delay_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the estimators of `amortized.toys`, which compare nothing, answer as if they would see a delay."""
     monkeypatch.setattr(delays, "DELAYS", replace(delays.DELAYS, shown=0.0))
+
+
+@pytest.fixture
+def answers_taken(any_delay_shows: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001 - patches too
+    """Let fast answers of the estimators of `amortized.toys` be taken as they are, not corrected by a search.
+
+    When they are is tested in `tests/amortized`.
+    """
+    monkeypatch.setattr("emaphm.amortized.diagnosing._left_unexplained", lambda *_, **__: ())
+    monkeypatch.setattr("emaphm.amortized.diagnosing.other_explanations", lambda *_: ())

@@ -19,7 +19,7 @@ from .stand_in import PATTERN, QUICK, diagnosed
 WRITTEN = replace(QUICK, folder=replace(QUICK.folder, poll_s=0.02, settle_s=0.02))
 
 
-@pytest.mark.usefixtures("no_prognoses", "any_delay_shows")
+@pytest.mark.usefixtures("no_prognoses", "answers_taken")
 def test_it_is_said_once_when_the_estimator_is_gone_and_when_it_is_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
