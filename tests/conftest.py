@@ -90,6 +90,27 @@ def few_paths(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def undrawn_prognosis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the figures of a prognosis's report empty where only its text matters, to save time.
+
+    That they are drawn is tested in `tests/cli/test_prognose.py`.
+    """
+    for part in ("health", "life", "fan"):
+        monkeypatch.setattr(f"emaphm.report.prognosis.draw_{part}", lambda _: None)
+    monkeypatch.setattr("emaphm.report.prognosis.svg", lambda _: b"<svg/>")
+
+
+@pytest.fixture
 def any_delay_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the estimators of `amortized.toys`, which compare nothing, answer as if they would see a delay."""
     monkeypatch.setattr(delays, "DELAYS", replace(delays.DELAYS, shown=0.0))
+
+
+@pytest.fixture
+def answers_taken(any_delay_shows: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001 - patches too
+    """Let fast answers of the estimators of `amortized.toys` be taken as they are, not corrected by a search.
+
+    When they are is tested in `tests/amortized`.
+    """
+    monkeypatch.setattr("emaphm.amortized.diagnosing._left_unexplained", lambda *_, **__: ())
+    monkeypatch.setattr("emaphm.amortized.diagnosing.other_explanations", lambda *_: ())

@@ -2,23 +2,44 @@
 
 import json
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 import pytest
 
-from emaphm.actuator import NAMES
+from emaphm.actuator import NAMES, Actuator
 from emaphm.cli import main
+from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.fleet import settings as settings_module
+from emaphm.history.fingerprint import recording_hash
+from emaphm.recording import Recording
 
 from .conftest import Emaphm, Refusal
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _diagnosed_once() -> Iterator[None]:
+    """Diagnose each recording once: most tests here are of what is kept of a diagnosis, and where."""
+    made: dict[tuple[str, str], Diagnosis] = {}
+
+    def once(recording: Recording, actuator: Actuator, **settings: Any) -> Diagnosis:
+        key = (recording_hash(recording), f"{recording.source}, {settings['seed']}")
+        if key not in made:
+            made[key] = diagnose(recording, actuator, **settings)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(settings_module, "diagnose", once)
+        yield
 
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the recordings first.csv and second.csv of a wearing actuator."""
-    from emaphm.actuator import Actuator, Chirp, Faults
-    from emaphm.recording import Recording, write_recording
+    from emaphm.actuator import Chirp, Faults
+    from emaphm.recording import write_recording
     from emaphm.simulated_recording import simulate
 
     folder = tmp_path_factory.mktemp("recordings")
@@ -114,9 +135,10 @@ def test_adding_diagnoses_what_is_new_and_leaves_the_rest(
 
 
 def test_the_kept_diagnosis_is_the_one_that_diagnose_prints(
-    emaphm: Emaphm, flown: Path, recordings: Path
+    emaphm: Emaphm, flown: Path, recordings: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert flown.is_dir()
+    monkeypatch.setattr(settings_module, "diagnose", diagnose)
     printed = json.loads(emaphm("diagnose", recordings / "first.csv", "--json").out)
     (kept,) = answer(emaphm, "show", "--unit", "SN-7")["diagnoses"]
     blocks = ("data_manipulation", "state_detection", "health_assessment", "settings")

@@ -5,8 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,7 @@ import pytest
 from emaphm.cli import main
 
 from .conftest import Emaphm
+from .terminal import Forks, forks, shown_on
 
 HEAVY = ("numba", "scipy", "polars", "matplotlib", "pydantic", "numpy", "jinja2", "sqlalchemy", "alembic")
 
@@ -258,18 +258,11 @@ def test_a_disk_that_fills_up_leaves_nothing_behind(emaphm: Emaphm, desk: Path, 
 # Terminals and signals
 
 
-def _shown(terminal: int, until: bytes = b"") -> bytes:
-    """Return what a terminal shows until `until` has appeared, or until the other side is closed."""
-    shown, deadline = b"", time.monotonic() + PATIENCE_S
-    while time.monotonic() < deadline:
-        try:
-            piece = os.read(terminal, 65536)
-        except OSError:  # so Linux says that the other side is closed
-            break
-        shown += piece
-        if not piece or (until and until in shown):
-            break
-    return shown
+@pytest.fixture(scope="module")
+def terminals() -> Iterator[Forks]:
+    """Return what runs programs with stderr on a terminal."""
+    with forks(environment(TERM="xterm")) as started:
+        yield started
 
 
 @ON_A_TERMINAL
@@ -279,7 +272,7 @@ def test_progress_is_shown_on_a_terminal_and_stdout_stays_clean(start: Start) ->
         "diagnose", "good.csv", "--no-correction", stdout=subprocess.PIPE, stderr=other, TERM="xterm"
     )
     os.close(other)
-    shown = _shown(terminal)
+    shown = shown_on(terminal)
     code, out, _ = ended(process)
     os.close(terminal)
     assert code == 0
@@ -287,24 +280,6 @@ def test_progress_is_shown_on_a_terminal_and_stdout_stays_clean(start: Start) ->
     assert b"100%" in shown
     assert "\x1b" not in out
     assert "diagnosing" not in out
-
-
-def run_on_a_terminal(folder: Path, program: str, *arguments: str) -> tuple[int, str, bytes]:
-    """Run a Python program with stderr on a terminal; return its exit code, its stdout and what is shown."""
-    terminal, other = os.openpty()
-    process = subprocess.Popen(  # noqa: S603 - the arguments are this file's
-        [sys.executable, "-c", program, *arguments],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=other,
-        cwd=folder,
-        env=environment(TERM="xterm"),
-    )
-    os.close(other)
-    shown = _shown(terminal)
-    code, out, _ = ended(process)
-    os.close(terminal)
-    return code, out, shown
 
 
 AMID_THE_WORK = """
@@ -340,8 +315,11 @@ signal, which a shell calls 130 too.
         ("calibrate good.csv --free inertia,viscous,coulomb -o out.toml", "calibrating"),
     ],
 )
-def test_an_interruption_ends_it_without_traceback_or_half_a_file(desk: Path, line: str, bar: str) -> None:
-    code, out, shown = run_on_a_terminal(desk, AMID_THE_WORK, bar, *line.split())
+def test_an_interruption_ends_it_without_traceback_or_half_a_file(
+    terminals: Forks, desk: Path, tmp_path_factory: pytest.TempPathFactory, line: str, bar: str
+) -> None:
+    said = tmp_path_factory.mktemp("said") / "stdout"
+    code, out, shown = terminals.run(desk, said, AMID_THE_WORK, bar, *line.split())
     assert (code, out) == (130, ""), shown.decode(errors="replace")
     assert bar.encode() in shown
     assert b"interrupted" in shown
@@ -383,8 +361,9 @@ sys.exit(main())
 
 @ON_A_TERMINAL
 @pytest.mark.parametrize("way", ["swallow", "report", "convert", "drop"])
-def test_an_interruption_that_a_library_loses_ends_it_too(desk: Path, way: str) -> None:
-    code, out, shown = run_on_a_terminal(desk, LOST, way, "diagnose", "good.csv", "--no-correction")
+def test_an_interruption_that_a_library_loses_ends_it_too(terminals: Forks, desk: Path, way: str) -> None:
+    line = ("diagnose", "good.csv", "--no-correction")
+    code, out, shown = terminals.run(desk, desk / "stdout", LOST, way, *line)
     assert (code, out) == (130, "")
     assert shown.endswith(b"emaphm: interrupted\r\n")
     assert b"Traceback" not in shown

@@ -1,5 +1,6 @@
 """`emaphm prognose` and `emaphm limits`: what they answer, and what they refuse in one line."""
 
+import importlib
 import json
 import math
 from dataclasses import replace
@@ -18,7 +19,16 @@ from history import made_up
 
 from .conftest import Emaphm, Refusal
 
-pytestmark = pytest.mark.usefixtures("few_paths")
+
+@pytest.fixture(autouse=True)
+def _few_steps(few_paths: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001 - changes the same
+    """Let a prognosis look ahead in a quarter of its steps, which take most of its time."""
+    module = importlib.import_module("emaphm.prognosis.prognose")  # a function has its name
+    few = module.prognose.__kwdefaults__["settings"]
+    few = replace(few, steps=few.steps // 4)
+    monkeypatch.setitem(module.prognose.__kwdefaults__, "settings", few)
+    monkeypatch.setattr(module.past_lives, "__defaults__", (few,))
+
 
 LIMITED = 'component = "friction"\nat_most = 0.6\n'
 
@@ -115,6 +125,7 @@ def test_a_failure_counts_though_the_unit_was_repaired_and_flies_again(fleet: Pa
     assert found.lives(0) == ((0.0, 610.0), (610.0, math.inf))
 
 
+@pytest.mark.usefixtures("undrawn_prognosis")
 def test_a_unit_that_failed_has_no_life_until_it_is_repaired_or_flies(emaphm: Emaphm, fleet: Path) -> None:
     chosen = ("--actuator", "required.toml", "--no-fleet")
     with History.open(fleet / "history.sqlite") as history:

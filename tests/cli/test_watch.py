@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from emaphm.cli import main
 from emaphm.diagnosis import Diagnosis
 from emaphm.history import History
 from emaphm.monitoring import WATCH, diagnosers
+from emaphm.monitoring.folder import FolderSource
 from emaphm.recording import Recording, write_recording
 from emaphm.simulated_recording import simulate
 from waiting import signal_once, wait_for
@@ -45,7 +47,7 @@ def arrived(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("arrived")
     for number, friction in enumerate((0.0, 0.3, 0.3, 0.3)):
         faults = Faults(friction=friction)
-        made = simulate(THESIS, Chirp(duration=0.3), faults=faults, duration=0.3, noise=0.05, seed=number)
+        made = simulate(THESIS, Chirp(duration=0.2), faults=faults, duration=0.2, noise=0.05, seed=number)
         # Of fewer channels, a diagnosis takes half the time.
         kept = Recording({name: made[name] for name in ("time_s", "command_rad", "current_A")})
         write_recording(kept, folder / f"SN-7_{100 + number}.csv")
@@ -94,7 +96,26 @@ def test_rows_on_standard_input_are_judged(
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
-def test_a_signal_ends_it(desk: Path, number: int, code: int) -> None:
+def test_a_signal_ends_it_while_nothing_arrives(
+    desk: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], number: int, code: int
+) -> None:
+    (desk / "in").mkdir()
+    looked, look = threading.Event(), FolderSource.next
+
+    def noted(self: FolderSource) -> object:
+        looked.set()
+        return look(self)
+
+    monkeypatch.setattr(FolderSource, "next", noted)
+    with signal_once(number, looked.is_set, lambda: None):
+        assert main(["watch", "in"]) == code
+    assert "Traceback" not in capfd.readouterr().err
+
+
+# Its quick tests: the one above, and as a process the one below.
+@pytest.mark.evidence
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
+def test_a_signal_ends_its_process(desk: Path, number: int, code: int) -> None:
     (desk / "in").mkdir()
     line = [sys.executable, "-m", "emaphm.cli", "watch", "in"]
     with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603
@@ -160,7 +181,8 @@ def check_that_it_ends(line: list[str], number: int, code: int) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX pipe")
 def test_a_reader_that_left_ends_it(arrived: Path, desk: Path) -> None:
-    shutil.copytree(arrived, desk / "in")
+    (desk / "in").mkdir()
+    shutil.copy(arrived / "SN-7_90.csv", desk / "in")  # refused, which is an event
     line = [sys.executable, "-m", "emaphm.cli", "watch", "in", *NAME, "--settle", "0"]
     out, into = os.pipe()
     os.close(out)

@@ -3,12 +3,15 @@
 import asyncio
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -36,16 +39,53 @@ TASKS = toy.tasks(TOTAL, toy.square, 0.01)
 TESTS = str(Path(__file__).parents[1])
 """Where workers find the functions of `toy`."""
 
+FORKS = """
+import json, os, signal, sys
+from importlib import import_module
+import dask, emaphm.diagnosis, emaphm.fleet, emaphm.study
+
+MAINS = {kind: import_module(f"distributed.cli.dask_{kind}").main for kind in ("scheduler", "worker")}
+children = []
+for line in sys.stdin:
+    order = json.loads(line)
+    child = os.fork()
+    if not child:
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for stream in range(3):
+            os.dup2(nothing, stream)
+        os.chdir(order["folder"])
+        os.environ.update(order["variables"])
+        dask.config.refresh()
+        MAINS[order["kind"]](args=order["arguments"], standalone_mode=False)
+        sys.exit()
+    children.append(child)
+    print(child, flush=True)
+for child in children:
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+"""
+"""Forks schedulers and workers, which loading takes most of their time; Polars must not be used before."""
+
 DOES_NOT_WAIT_LONG = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "5s"}
 """For a worker that has been killed: a scheduler wants its last results, and asks 30 s long by default."""
 
-Process = subprocess.Popen[bytes]
+
+@dataclass(frozen=True)
+class Process:
+    """A scheduler or a worker."""
+
+    pid: int
+
+    def kill(self) -> None:
+        """Kill it; one that was killed already stays until the process that has forked it ends."""
+        os.kill(self.pid, signal.SIGKILL)
 
 
 class Cluster:
     """A scheduler and its workers, each a process of its own that says nothing."""
 
-    def __init__(self, folder: Path, **variables: str) -> None:
+    def __init__(self, forks: "subprocess.Popen[str]", folder: Path, **variables: str) -> None:
+        self._forks = forks
         self._folder = folder
         self._file = folder / "scheduler.json"
         self.workers: list[Process] = []
@@ -64,34 +104,54 @@ class Cluster:
     def _start(self, kind: str, *options: str, **variables: str) -> Process:
         # No port is fixed, so that several clusters do not collide.
         places = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0", "--no-dashboard")
-        return subprocess.Popen(  # noqa: S603 - the arguments are this file's
-            [
-                sys.executable,
-                *("-m", f"distributed.cli.dask_{kind}", "--scheduler-file", self._file),
-                *(*places, *options),
-            ],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            cwd=self._folder,
-            env=os.environ | DOES_NOT_WAIT_LONG | _with_tests() | variables,
-        )
+        arguments = ("--scheduler-file", str(self._file), *places, *options)
+        order = {
+            "kind": kind,
+            "folder": str(self._folder),
+            "variables": variables,
+            "arguments": arguments,
+        }
+        assert self._forks.stdin is not None
+        assert self._forks.stdout is not None
+        self._forks.stdin.write(f"{json.dumps(order)}\n")
+        self._forks.stdin.flush()
+        return Process(int(self._forks.stdout.readline()))
 
     def close(self) -> None:
         """End every process, also one that was killed already."""
         for process in (*self.workers, self.scheduler):
             process.kill()
-            process.wait()
 
 
 def _with_tests() -> dict[str, str]:
     return {"PYTHONPATH": os.pathsep.join(filter(None, [TESTS, os.environ.get("PYTHONPATH")]))}
 
 
+@contextmanager
+def forking() -> "Iterator[subprocess.Popen[str]]":
+    """Yield what forks the processes of clusters, ended with the block."""
+    with subprocess.Popen(  # noqa: S603 - the arguments are this file's
+        [sys.executable, "-W", "ignore", "-c", FORKS],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | DOES_NOT_WAIT_LONG | _with_tests(),
+    ) as process:
+        yield process
+        process.communicate()
+
+
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+def forks() -> "Iterator[subprocess.Popen[str]]":
+    """Return what forks the processes of the clusters here."""
+    with forking() as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def cluster(forks: "subprocess.Popen[str]", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """Return a cluster of two workers."""
-    opened = Cluster(tmp_path_factory.mktemp("cluster"))
+    opened = Cluster(forks, tmp_path_factory.mktemp("cluster"))
     for _ in range(2):
         opened.add_worker()
     yield opened
@@ -190,11 +250,11 @@ def test_workers_of_another_version_are_refused(
 
 
 @pytest.fixture
-def fragile(tmp_path: Path) -> Iterator[Cluster]:
+def fragile(forks: "subprocess.Popen[str]", tmp_path: Path) -> Iterator[Cluster]:
     """Return a cluster without workers that gives a run up with the first worker lost."""
     folder = tmp_path / "cluster"
     folder.mkdir()
-    opened = Cluster(folder, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
+    opened = Cluster(forks, folder, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
     yield opened
     opened.close()
 

@@ -9,18 +9,21 @@ import pytest
 from amortized.toys import CHIRP, THESIS, constant_estimator, short_setup
 from emaphm.actuator import Faults
 from emaphm.history import History
-from emaphm.monitoring import Ownership, WatchTask, watch
+from emaphm.monitoring import Ownership, WatchTask, diagnosers, watch
 from emaphm.monitoring.diagnosers import ByEstimator
 from emaphm.recording import Recording, write_recording
 from emaphm.simulated_recording import simulate
 
-from .stand_in import PATTERN, QUICK
+from .stand_in import PATTERN, QUICK, diagnosed
 
 WRITTEN = replace(QUICK, folder=replace(QUICK.folder, poll_s=0.02, settle_s=0.02))
 
 
-@pytest.mark.usefixtures("no_prognoses")
-def test_it_is_said_once_when_the_estimator_is_gone_and_when_it_is_back(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("no_prognoses", "answers_taken")
+def test_it_is_said_once_when_the_estimator_is_gone_and_when_it_is_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(diagnosers, "search", diagnosed)  # which has searched is asked, not what it found
     folder, file = tmp_path / "in", tmp_path / "unit.estimator"
     folder.mkdir()
     truth, setup = Faults(friction=0.3), short_setup()

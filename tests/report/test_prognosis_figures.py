@@ -49,6 +49,7 @@ def test_the_intervals_of_several_forecasts_are_bands() -> None:
         assert (hours.min(), hours.max()) == (100.0, 200.0)
 
 
+@pytest.mark.usefixtures("few_paths", "undrawn_prognosis")
 @pytest.mark.parametrize(
     ("hours", "text"), [(200.0, "200 h"), (1234.5, "1,234.5 h"), (1236300.0, "1,236,300 h")]
 )

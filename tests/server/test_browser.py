@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("warm_workers")
 
 WIDE, NARROW = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
-PATIENCE_MS = 60_000
+PATIENCE_MS = 180_000
 
 ROWS = "main tbody th a"
 
@@ -182,14 +182,14 @@ def test_figures_can_be_read_on_a_phone_without_scripts(opened: Any, address: st
     assert box["height"] > 2 * box["width"]  # the components stand one below the other
 
 
-@pytest.mark.parametrize("path", ["/", "/units/3", "/diagnoses/18", "/upload", "/events", "/data"])
-def test_text_can_be_read_on_wide_and_narrow_screens(opened: Any, address: str, path: str) -> None:
+def test_text_can_be_read_on_wide_and_narrow_screens(opened: Any, address: str) -> None:
     page = opened()
     for viewport in (WIDE, NARROW):
         page.set_viewport_size(viewport)
-        page.goto(address + path)
-        assert page.evaluate(CONTRAST) == []
-        assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
+        for path in ("/", "/units/3", "/diagnoses/18", "/upload", "/events", "/data"):
+            page.goto(address + path)
+            assert page.evaluate(CONTRAST) == [], path
+            assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"], path
 
 
 @pytest.fixture(scope="module")

@@ -20,17 +20,17 @@ from .process import Client, address, family, over, started
 HANGING = """
 import sys, time
 from pathlib import Path
-import emaphm.diagnosis
 from emaphm.cli import main
 
 def hangs(recording, actuator, *, seed, **_):
     Path("begun").touch()
     time.sleep(600)
 
-# In the processes of the server too, which read this file.
-emaphm.diagnosis.diagnose = hangs
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))
+else:  # a process of the server, which reads this file
+    import emaphm.diagnosis
+    emaphm.diagnosis.diagnose = hangs
 """
 """`emaphm` with a diagnosis that takes ten minutes."""
 

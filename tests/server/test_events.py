@@ -184,7 +184,7 @@ def test_a_watcher_and_the_server_make_the_same_event_of_a_life(tmp_path: Path) 
     assert made[0][1]["fleet_units"] == 2
 
 
-@pytest.mark.usefixtures("few_paths")
+@pytest.mark.usefixtures("few_paths", "undrawn_prognosis")
 def test_a_prognosis_of_the_server_makes_the_event_of_a_life_that_ends(tmp_path: Path) -> None:
     with History.open(tmp_path / "history.sqlite", create=True) as history:
         stand_in.fly(history, [0.1 + 0.12 * i for i in range(8)])

@@ -98,12 +98,44 @@ def test_a_file_that_was_moved_is_not_passed_over() -> None:
             deciding_files(ROOT, names, left_out)
 
 
-def test_libraries_count(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_libraries_count(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     computed = module.revision_of.__wrapped__  # what is kept of an earlier call would say nothing
     here = revision()
     assert len(here) == 12
+    monkeypatch.setenv("EMAPHM_CACHE_DIR", str(tmp_path))  # nor what is kept of an earlier process
     monkeypatch.setattr(module, "meaning", lambda _: "")  # of the code, which takes long
     alike = computed(DECIDING, NOT_DECIDING)
     assert computed(DECIDING, NOT_DECIDING) == alike != here
     monkeypatch.setattr(module, "version", lambda name: "0.0" if name == "numpy" else "1.0")
     assert computed(DECIDING, NOT_DECIDING) != alike
+
+
+def test_it_is_kept_for_the_files_that_it_is_of(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("EMAPHM_CACHE_DIR", str(tmp_path / "kept"))
+    (tmp_path / "law.py").write_text(SOURCE)
+    monkeypatch.setattr(emaphm, "__file__", str(tmp_path / "__init__.py"))
+    read: list[str] = []
+
+    def counted(source: str) -> str:
+        read.append(source)
+        return meaning(source)
+
+    monkeypatch.setattr(module, "meaning", counted)
+
+    def found() -> str:
+        return module.revision_of.__wrapped__(("law.py",), ())
+
+    first = found()
+    assert (found(), len(read)) == (first, 1)
+    (tmp_path / "law.py").write_text(SOURCE.replace("a comment", "another"))
+    assert (found(), len(read)) == (first, 2)  # of files that mean the same
+    (tmp_path / "law.py").write_text(SOURCE.replace("* x", "+ x"))
+    other = found()
+    assert other != first
+    for spoilt in ("", "\xff", "0 1"):
+        (kept,) = (tmp_path / "kept").iterdir()
+        kept.write_text(spoilt, encoding="utf-8")
+        assert found() == other
+    kept.unlink()
+    kept.mkdir()  # nothing can be kept
+    assert found() == other

@@ -158,7 +158,7 @@ runs = 2
 """
 
 
-@pytest.mark.usefixtures("any_delay_shows")
+@pytest.mark.usefixtures("answers_taken")
 def test_an_estimator_that_is_replaced_during_the_study_answers_for_no_other(tmp_path: Path) -> None:
     setup = RecordingSetup.of(THESIS, Chirp(duration=0.1), duration=0.1, sample_rate=2000.0)
     file, one, other = (tmp_path / f"{name}.estimator" for name in ("unit", "one", "other"))

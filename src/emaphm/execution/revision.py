@@ -2,8 +2,11 @@
 
 import ast
 import hashlib
+import os
 import platform
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -12,6 +15,9 @@ import emaphm
 
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "cma", "minionpy", "pymoo")
 """Libraries whose numbers are part of a result."""
+
+LENGTH = 12
+"""Characters of a fingerprint."""
 
 
 @cache
@@ -22,13 +28,57 @@ def revision_of(names: tuple[str, ...], left_out: tuple[str, ...]) -> str:
     comments and layout do not count.
     """
     root = Path(emaphm.__file__).parent
+    files = {
+        path.relative_to(root).as_posix(): path.read_text(encoding="utf-8")
+        for path in deciding_files(root, names, left_out)
+    }
+    # To read what the code means takes seconds, in each process of a study: it is done once for these files.
+    sources = _digest([*files.items(), ("", Path(__file__).read_text(encoding="utf-8"))])
+    place = _place(names, left_out)
+    found = _kept(place, sources)
+    if found is None:
+        found = _digest((name, meaning(source)) for name, source in files.items())[:LENGTH]
+        _keep(place, f"{sources} {found}")
+    return found
+
+
+def _digest(texts: Iterable[tuple[str, str]]) -> str:
+    """Return a digest of named texts, of the libraries, and of Python's version."""
     digest = hashlib.sha256(platform.python_version().rpartition(".")[0].encode())
     for name in LIBRARIES:
         digest.update(f"{name} {_version(name)}".encode())
-    for path in deciding_files(root, names, left_out):
-        digest.update(path.relative_to(root).as_posix().encode())
-        digest.update(meaning(path.read_text(encoding="utf-8")).encode())
-    return digest.hexdigest()[:12]
+    for name, text in texts:
+        digest.update(name.encode())
+        digest.update(text.encode())
+    return digest.hexdigest()
+
+
+def _place(names: tuple[str, ...], left_out: tuple[str, ...]) -> Path:
+    """Return where the fingerprint of this code is kept: in `EMAPHM_CACHE_DIR` if set, else by the source."""
+    folder = Path(os.environ.get("EMAPHM_CACHE_DIR") or Path(__file__).parent / "__pycache__")
+    which = hashlib.sha256(repr((names, left_out)).encode()).hexdigest()[:8]
+    return folder / f"revision-{which}.{sys.implementation.cache_tag}"
+
+
+def _kept(place: Path, sources: str) -> str | None:
+    """Return the fingerprint kept there, None where there is none of these `sources`."""
+    try:
+        of, _, found = place.read_text(encoding="ascii").partition(" ")
+    except (OSError, UnicodeDecodeError):
+        return None
+    return found if of == sources and len(found) == LENGTH else None
+
+
+def _keep(place: Path, text: str) -> None:
+    """Keep a text, whole or not at all; what cannot be kept is computed anew next time."""
+    part = place.with_name(f"{place.name}.{os.getpid()}")
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(text, encoding="ascii")
+        part.replace(place)
+    except OSError:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
 
 
 def deciding_files(root: Path, names: Sequence[str], left_out: Sequence[str]) -> list[Path]:
