@@ -311,3 +311,16 @@ def test_twice_the_pace_is_half_of_the_hours() -> None:
     # A unit that has always been at 310 K has aged twice as far, and goes on so.
     warm = replace(one, stresses=(StressPiece(0.0, one.hours, Stress(temperature=310.0)),))
     assert np.median(pooled(by, warm, times)) < np.median(pooled(by, one, times)) * 1.3
+
+
+def test_by_the_pace_of_fellows_too_a_stress_that_is_not_stated_stays_as_in_the_past() -> None:
+    """A load without influence, at twice that of the past, leaves a warm unit its hours."""
+    exponents = np.zeros((8, 3))
+    exponents[:, 1] = np.log(2.0)
+    by = Fellows(fellows(), NEW, StressReference(load=2.0, temperature=300.0), exponents)
+    one, times = unit(2500.0, 100, 1500.0), np.full((1, 400), 1e-3)
+    warm = replace(one, stresses=(StressPiece(0.0, one.hours, Stress(load=1.0, temperature=310.0)),))
+    as_before = pooled(by, warm, times)
+    assert pooled(by, warm, times, Stress(load=2.0)) == pytest.approx(as_before)
+    cool = pooled(by, warm, times, Stress(load=2.0, temperature=300.0))
+    assert cool[cool > 1] == pytest.approx(2 * as_before[as_before > 1])

@@ -12,7 +12,7 @@ from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.prognosis.from_fleet.memory import Memory, fingerprint
 from emaphm.prognosis.from_fleet.pace import Population, hours_left, learnt
 from emaphm.prognosis.from_fleet.passages import Passages
-from emaphm.prognosis.stress import Stress, StressReference, exposure
+from emaphm.prognosis.stress import Stress, StressReference, ageing_ahead, exposure
 from emaphm.random_streams import stream
 
 if TYPE_CHECKING:
@@ -208,13 +208,8 @@ class Fellows:
         return float(exposure(unit.stresses, self.reference, born, hours).aged(self.exponents[column]))
 
     def _pace(self, unit: "Evidence", column: int, hours: float, ahead: Stress | None) -> float:
-        """Return the hours of ageing in an hour to come, under the stress `ahead` or that of the past."""
-        if self.reference is None:
-            return 1.0
-        if ahead is not None:
-            return float(np.exp(self.exponents[column] @ self.reference.covariates(ahead)))
-        flown = exposure(unit.stresses, self.reference, 0.0, hours)
-        return float(flown.aged(self.exponents[column])) / hours if hours > 0 else 1.0
+        """Return the hours of ageing in an hour to come: see `ageing_ahead`."""
+        return float(ageing_ahead(unit.stresses, self.reference, hours, self.exponents[column], ahead))
 
 
 def _columns(limit: "Limit") -> list[int]:
