@@ -17,6 +17,7 @@ from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.forecast import Paths, State, drawn_states, paths
 from emaphm.prognosis.notes.levels import level_notes
+from emaphm.prognosis.notes.rates import rate_notes
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_times, responsible
@@ -143,6 +144,7 @@ def prognose(
             *stress_notes(question.ahead, followed.belief.prior.reference),
             *_shared_notes(followed.belief, component),
             *level_notes(evidence, made.level[0]),
+            *rate_notes(evidence),
         ),
     )
     return result if evidence.unrepaired is None else _as_failed(result, evidence.unrepaired)
