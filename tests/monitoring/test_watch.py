@@ -139,6 +139,21 @@ def test_each_piece_of_a_file_is_its_own_unit_s(inbox: Path, history: History) -
     assert "more digits than a number keeps" in history.events(kinds=["refused"])[-1].message
 
 
+@pytest.mark.parametrize("unit", ["3.10", "3.1", "1e-2"])
+def test_a_unit_that_is_a_number_with_decimals_is_refused(unit: str, inbox: Path, history: History) -> None:
+    (inbox / "day.csv").write_text(of_units(unit))
+    assert once(inbox, history, ownership=Ownership(THESIS.name)).refused == 1
+    said = history.events(kinds=["refused"])[-1].message
+    assert "with decimals" in said
+    assert "write it with a letter" in said
+
+
+def test_decimals_are_for_hours_and_for_serial_numbers_that_are_text() -> None:
+    entry = Ownership(THESIS.name).entry("day.csv", {"unit": "3.10", "hours": 812.5})
+    assert (entry.unit, entry.hours) == ("3.10", 812.5)
+    assert Ownership(THESIS.name).entry("day.csv", {"unit": 17.0, "hours": 812.5}).unit == "17"
+
+
 def of_units(*units: str) -> str:
     """Return the CSV of a file with a recording of each unit."""
     header = stand_in.content(1, 0).splitlines()[0]
