@@ -732,7 +732,8 @@ def test_rows_that_are_none_are_counted(history: History) -> None:
         '{"time_s": 9, "command_rad": 0}\n',
         '{"unit": "S1", "hours": 1.0, "time_s": 9, "command_rad": Infinity}\n',
     ]
-    assert stream(lines[:100] + odd + lines[100:], history).judged == 1
+    done = stream(lines[:100] + odd + lines[100:], history)
+    assert (done.judged, done.rows_left_out) == (1, 4)
     # One event, or two: what was left out so far is said at once, the rest at the end.
     events = history.events()
     assert {one.kind for one in events} == {"rows_skipped"}
@@ -741,7 +742,9 @@ def test_rows_that_are_none_are_counted(history: History) -> None:
 
 def test_rows_that_nobody_says_the_hours_of_are_left_out_with_what_to_do(history: History) -> None:
     lines = [{name: v for name, v in json.loads(line).items() if name != "hours"} for line in rows(1.0)]
-    assert stream([json.dumps(line) + "\n" for line in lines], history).judged == 0
+    done = stream([json.dumps(line) + "\n" for line in lines], history)
+    assert done.judged == 0
+    assert f"0 refused, {len(lines)} rows left out; 0 prognoses" in str(done)
     (event,) = history.events()
     assert event.message == (
         f"{len(lines)} rows were left out: their hours are not known; give --hours or a column 'hours'"
