@@ -121,12 +121,13 @@ def prognose(
     if keep:
         with History.open(db) as history:
             history.keep_prognosis(unit, KeptPrognosis.of(basis, result.to_dict()))
+    # First: a full disk must not take the answer too.
+    show(result.to_dict(), str(result), as_json)
     draw(result, figure)
     if report is not None:
         from emaphm.report.prognosis import write_prognosis
 
         write_prognosis(result, report, force=force)
-    show(result.to_dict(), str(result), as_json)
 
 
 def _check_choice(
