@@ -1,5 +1,6 @@
 """Training: on a problem whose posterior is known, and from simulations to a file."""
 
+import json
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -232,6 +233,16 @@ def test_two_trainings_do_not_share_a_folder(tmp_path: Path) -> None:
         train_estimator(short_setup(), CHIRP, tmp_path / "work", simulations=1024)
     with pytest.raises(ExecutionError, match=r"another setup: 'setup\.channels"):
         training_folder(tmp_path / "work", short_setup(channels=("current_A",)), 0)
+
+
+def test_shards_of_another_version_are_not_gone_on_with(tmp_path: Path) -> None:
+    folder = training_folder(tmp_path / "work", short_setup(), 0)
+    begun = json.loads(folder.settings.read_text(encoding="utf-8"))
+    for there in ({"revision": "0123456789ab"}, {}):
+        held = {key: value for key, value in begun.items() if key != "revision"} | there
+        folder.settings.write_text(json.dumps(held), encoding="utf-8")
+        with pytest.raises(ExecutionError, match=r"another version of emaphm \(.*; give another --folder"):
+            training_folder(tmp_path / "work", short_setup(), 0)
 
 
 def test_too_few_simulations_are_refused(tmp_path: Path) -> None:

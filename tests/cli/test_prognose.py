@@ -1,5 +1,6 @@
 """`emaphm prognose` and `emaphm limits`: what they answer, and what they refuse in one line."""
 
+import errno
 import importlib
 import json
 import math
@@ -220,6 +221,22 @@ def test_report_and_figure(emaphm: Emaphm, fleet: Path) -> None:
     assert "SN-2 at 200 h" in page
     assert page.count("data:image/svg+xml") == 3
     assert (fleet / "out.svg").stat().st_size > 1000
+
+
+@pytest.mark.usefixtures("fleet")
+def test_a_full_disk_takes_the_figure_and_not_the_answer(
+    emaphm: Emaphm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from matplotlib.figure import Figure
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Figure, "savefig", full)
+    code, out, err = emaphm("prognose", "--unit", "SN-2", "--no-fleet", "--json", "--figure", "out.svg")
+    assert code == 2
+    assert "No space left" in err
+    assert json.loads(out)["unit"] == "SN-2"
 
 
 def test_costs_decide_when_given(emaphm: Emaphm, fleet: Path) -> None:

@@ -131,7 +131,9 @@ def test_what_is_kept_is_not_done_again(
     with pytest.raises(ExecutionError, match=r"other settings: 'settings.seed' \(0 there, 1 here\); give"):
         diagnose_all(files, THESIS, replace(QUICK, seed=1), folder=out)
     monkeypatch.setattr(batch_module, "revision", lambda: "0123456789ab")
-    with pytest.raises(ExecutionError, match=r"other settings: 'revision' \('.*' there, '0123456789ab' here"):
+    with pytest.raises(
+        ExecutionError, match=r"made by another version of emaphm \(.*; this is 0123456789ab\)"
+    ):
         diagnose_all(files, THESIS, QUICK, folder=out)
 
 

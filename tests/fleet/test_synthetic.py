@@ -15,6 +15,7 @@ from emaphm.cli import main
 from emaphm.diagnosis import diagnose
 from emaphm.errors import ExecutionError
 from emaphm.fleet.synthetic import FleetPlan, drawn_unit, population, tasks
+from emaphm.fleet.synthetic.folder import SETTINGS, revision
 from emaphm.fleet.synthetic.growth import LAWS
 from emaphm.fleet.synthetic.population import FLEET, POPULATIONS, StressModel, Wear
 from emaphm.fleet.synthetic.unit import aged
@@ -140,6 +141,12 @@ def test_the_chain_runs_in_one_command_and_goes_on(
     assert read_recording(next(iter(written)), THESIS).labels["origin"] == "synthetic"
     assert main(["fleet", "simulate", "-o", str(folder), "--units", "3", "--flights", "1"]) == 2
     assert "holds another synthetic fleet: 'plan.units' (2 there, 3 here)" in capsys.readouterr().err
+    settings = folder / SETTINGS
+    settings.write_text(settings.read_text().replace(revision(), "0123456789ab"))
+    assert main(["fleet", "simulate", "-o", str(folder), "--units", "2", "--flights", "1"]) == 2
+    said = capsys.readouterr().err
+    assert f"made by another version of emaphm (0123456789ab; this is {revision()})" in said
+    assert "give another folder with -o" in said
 
 
 def test_a_history_is_of_one_synthetic_fleet(

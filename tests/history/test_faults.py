@@ -82,6 +82,15 @@ def add_many(path: Path, numbers: range) -> None:
             history.add(entry(hours=10.0 * number), recording(number), diagnosis(number))
 
 
+def test_of_a_folder_that_cannot_be_written_to_it_is_said_that_it_must_be(tmp_path: Path) -> None:
+    """SQLite cannot make the file next to the history that readers share, as on a read-only disk."""
+    file = tmp_path / "history.sqlite"
+    History.open(file, create=True).close()
+    (tmp_path / "history.sqlite-shm").symlink_to("history.sqlite-shm")
+    with pytest.raises(HistoryError, match=r"the folder must be writable for reading too; make it so, or"):
+        History.open(file)
+
+
 def test_a_full_disk_keeps_what_was_there(tmp_path: Path) -> None:
     path = tmp_path / "history.sqlite"
     with History.open(path, create=True) as history:

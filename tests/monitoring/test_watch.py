@@ -147,6 +147,21 @@ def test_each_piece_of_a_file_is_its_own_unit_s(inbox: Path, history: History) -
     assert "more digits than a number keeps" in history.events(kinds=["refused"])[-1].message
 
 
+@pytest.mark.parametrize("unit", ["3.10", "3.1", "1e-2"])
+def test_a_unit_that_is_a_number_with_decimals_is_refused(unit: str, inbox: Path, history: History) -> None:
+    (inbox / "day.csv").write_text(of_units(unit))
+    assert once(inbox, history, ownership=Ownership(THESIS.name)).refused == 1
+    said = history.events(kinds=["refused"])[-1].message
+    assert "with decimals" in said
+    assert "write it with a letter" in said
+
+
+def test_decimals_are_for_hours_and_for_serial_numbers_that_are_text() -> None:
+    entry = Ownership(THESIS.name).entry("day.csv", {"unit": "3.10", "hours": 812.5})
+    assert (entry.unit, entry.hours) == ("3.10", 812.5)
+    assert Ownership(THESIS.name).entry("day.csv", {"unit": 17.0, "hours": 812.5}).unit == "17"
+
+
 def of_units(*units: str) -> str:
     """Return the CSV of a file with a recording of each unit."""
     header = stand_in.content(1, 0).splitlines()[0]
@@ -725,7 +740,8 @@ def test_rows_that_are_none_are_counted(history: History) -> None:
         '{"time_s": 9, "command_rad": 0}\n',
         '{"unit": "S1", "hours": 1.0, "time_s": 9, "command_rad": Infinity}\n',
     ]
-    assert stream(lines[:100] + odd + lines[100:], history).judged == 1
+    done = stream(lines[:100] + odd + lines[100:], history)
+    assert (done.judged, done.rows_left_out) == (1, 4)
     # One event, or two: what was left out so far is said at once, the rest at the end.
     events = history.events()
     assert {one.kind for one in events} == {"rows_skipped"}
@@ -734,7 +750,9 @@ def test_rows_that_are_none_are_counted(history: History) -> None:
 
 def test_rows_that_nobody_says_the_hours_of_are_left_out_with_what_to_do(history: History) -> None:
     lines = [{name: v for name, v in json.loads(line).items() if name != "hours"} for line in rows(1.0)]
-    assert stream([json.dumps(line) + "\n" for line in lines], history).judged == 0
+    done = stream([json.dumps(line) + "\n" for line in lines], history)
+    assert done.judged == 0
+    assert f"0 refused, {len(lines)} rows left out; 0 prognoses" in str(done)
     (event,) = history.events()
     assert event.message == (
         f"{len(lines)} rows were left out: their hours are not known; give --hours or a column 'hours'"

@@ -11,7 +11,7 @@ from emaphm.actuator.requirements import Requirement
 from emaphm.arrays import Array
 from emaphm.prognosis import Evidence, Observation, prognose
 from emaphm.prognosis.bounds import bounds, to_the_end, within_bounds
-from emaphm.prognosis.level_notes import level_notes, turn_of_eccentricity
+from emaphm.prognosis.notes.levels import level_notes, turn_of_eccentricity
 from emaphm.prognosis.prior import NEW
 
 ERROR = 0.006

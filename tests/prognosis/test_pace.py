@@ -68,6 +68,11 @@ def pooled(by: Fellows, evidence: Evidence, times: Array, ahead: Stress | None =
     return by.pooled(FailureTimes(LIMITS, times), last_level(evidence, times), belief, evidence, ahead).first
 
 
+def passages(by: Fellows, evidence: Evidence) -> list[list[Passages]]:
+    """Return what the lives of a unit show of each limit."""
+    return [[Passages.of(*way) for way in lives] for lives in by._ways_of(evidence, LIMITS)]
+
+
 def last_level(evidence: Evidence, times: Array) -> Array:
     """Return levels of each path of the `times`: those of the last diagnosis."""
     level = evidence.used[-1].level if evidence.used else NEW
@@ -269,9 +274,9 @@ def test_each_life_of_a_component_teaches_a_pace_with_its_failure() -> None:
         replacements=((start, "friction"),),
         failures=(start, start + second.failures[0]),
     )
-    ((of_first, of_second),) = by._ways_of(both, LIMITS)
+    ((of_first, of_second),) = passages(by, both)
     for found, alone in ((of_first, first), (of_second, second)):
-        ((expected,),) = by._ways_of(alone, LIMITS)
+        ((expected,),) = passages(by, alone)
         assert found.passed == SHARES.size
         assert found.slowness == pytest.approx(expected.slowness)
 
@@ -300,6 +305,23 @@ def test_a_replacement_after_a_diagnosis_of_the_same_hours_says_nothing_of_then(
     assert np.array_equal(one, other)
 
 
+@pytest.mark.parametrize("share", [0.5, 0.008, 1e-4])
+def test_a_fleet_of_short_lives_lasts_as_much_shorter(share: float) -> None:
+    """What fails after some 20 h, or after minutes, is foreseen as what fails after 2,500 h."""
+
+    def shorter(one: Evidence) -> Evidence:
+        seen = tuple(replace(each, hours=share * each.hours) for each in one.observations)
+        failures = tuple(share * hours for hours in one.failures)
+        return replace(one, hours=share * one.hours, observations=seen, failures=failures)
+
+    one, times = unit(2500.0, 100, 1500.0), np.full((1, 400), 1e-9)
+    slow = pooled(of(fellows()), one, times)
+    fast = pooled(of([shorter(each) for each in fellows()]), shorter(one), times)
+    by_pace = slow > 1.0
+    assert np.median(slow[by_pace]) > 300.0
+    assert fast[by_pace] == pytest.approx(share * slow[by_pace], rel=1e-6)
+
+
 def test_twice_the_pace_is_half_of_the_hours() -> None:
     reference = StressReference(temperature=300.0)
     exponents = np.zeros((8, 3))
@@ -311,3 +333,16 @@ def test_twice_the_pace_is_half_of_the_hours() -> None:
     # A unit that has always been at 310 K has aged twice as far, and goes on so.
     warm = replace(one, stresses=(StressPiece(0.0, one.hours, Stress(temperature=310.0)),))
     assert np.median(pooled(by, warm, times)) < np.median(pooled(by, one, times)) * 1.3
+
+
+def test_by_the_pace_of_fellows_too_a_stress_that_is_not_stated_stays_as_in_the_past() -> None:
+    """A load without influence, at twice that of the past, leaves a warm unit its hours."""
+    exponents = np.zeros((8, 3))
+    exponents[:, 1] = np.log(2.0)
+    by = Fellows(fellows(), NEW, StressReference(load=2.0, temperature=300.0), exponents)
+    one, times = unit(2500.0, 100, 1500.0), np.full((1, 400), 1e-3)
+    warm = replace(one, stresses=(StressPiece(0.0, one.hours, Stress(load=1.0, temperature=310.0)),))
+    as_before = pooled(by, warm, times)
+    assert pooled(by, warm, times, Stress(load=2.0)) == pytest.approx(as_before)
+    cool = pooled(by, warm, times, Stress(load=2.0, temperature=300.0))
+    assert cool[cool > 1] == pytest.approx(2 * as_before[as_before > 1])

@@ -22,7 +22,7 @@ from emaphm.prognosis import (
 from emaphm.prognosis.evidence import follow, stress_pieces
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.prognose import stress_notes
-from emaphm.prognosis.stress import exposure
+from emaphm.prognosis.stress import ageing_ahead, exposure
 
 WORN = Actuator.thesis().model_copy(
     update={"requirements": (Requirement(component="friction", at_most=0.6),)}
@@ -83,6 +83,41 @@ def test_a_lighter_load_to_come_lets_a_unit_last_longer() -> None:
     assert heavy == pytest.approx((0.6 - 0.45) / 8e-4, rel=0.3)
     assert heavy < as_before < light
     assert light > 3 * heavy
+
+
+def test_what_a_stress_to_come_leaves_out_stays_as_in_the_past() -> None:
+    """Of 30 h, 10 were warm and heavy, 20 cold and light: the load to come is for all, warmth as it was."""
+    reference = StressReference(load=2.0, temperature=300.0)
+    pieces = (
+        StressPiece(0.0, 10.0, Stress(load=4.0, temperature=330.0)),
+        StressPiece(10.0, 30.0, Stress(load=1.0, temperature=290.0)),
+    )
+    p, b = 2.0, 0.4
+    exponents = np.array([p, b, 0.5])
+    warmth = (10 * math.exp(3 * b) + 20 * math.exp(-b)) / 30
+    past = (10 * 2**p * math.exp(3 * b) + 20 * 0.5**p * math.exp(-b)) / 30
+
+    def ahead(stress: Stress | None, hours: float = 30.0) -> float:
+        return float(ageing_ahead(pieces, reference, hours, exponents, stress))
+
+    assert ahead(None) == pytest.approx(past)
+    assert ahead(Stress(load=3.0)) == pytest.approx(1.5**p * warmth)
+    assert ahead(Stress(load=3.0, temperature=310.0)) == pytest.approx(1.5**p * math.exp(b))
+    assert ahead(Stress(cycles_per_hour=9.0)) == ahead(None)  # nobody recorded cycles
+    assert ahead(Stress()) == ahead(None)
+    assert ahead(Stress(load=3.0), hours=0.0) == pytest.approx(1.5**p)
+    assert ahead(None, hours=0.0) == 1.0
+
+
+@pytest.mark.usefixtures("few_paths")
+def test_an_unrecorded_stress_to_come_leaves_a_unit_above_the_reference_where_it_is() -> None:
+    evidence = flown(3.0, count=8)
+    prior = Prior(reference=StressReference(load=0.5))
+    as_before, cycles = (
+        prognose(evidence, WORN, Question(ahead=ahead), prior=prior)
+        for ahead in (None, Stress(cycles_per_hour=3.0))
+    )
+    assert np.array_equal(as_before.sample, cycles.sample)
 
 
 @pytest.mark.usefixtures("few_paths")

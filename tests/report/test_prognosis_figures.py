@@ -1,5 +1,6 @@
 """Figures of a prognosis: intervals can be seen, of one forecast too."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -7,9 +8,11 @@ import pytest
 from matplotlib.axes import Axes
 
 from emaphm.actuator import Actuator
-from emaphm.plotting.prognosis import draw_fan
+from emaphm.plotting.prognosis import draw_fan, draw_health, draw_life
 from emaphm.prognosis import Evidence, prognose
-from emaphm.prognosis.keeping import Curves
+from emaphm.prognosis.keeping import Curves, Seen
+from emaphm.prognosis.keeping.curves import PROBABILITIES
+from emaphm.prognosis.requirements import COMPONENTS
 from emaphm.report.prognosis import write_prognosis
 
 FIRST = (100.0, 200.0, 350.0, 500.0, 700.0, 900.0)
@@ -47,6 +50,41 @@ def test_the_intervals_of_several_forecasts_are_bands() -> None:
     for drawn in axis.collections:
         hours = np.concatenate([np.asarray(path.vertices)[:, 0] for path in drawn.get_paths()])
         assert (hours.min(), hours.max()) == (100.0, 200.0)
+
+
+def falling(now: float) -> Curves:
+    """Return those of a unit whose friction falls from 0 to -0.16, and to -0.4 in the 200 h to come."""
+    forecast = {name: tuple((0.0, 0.0) for _ in PROBABILITIES) for name in COMPONENTS}
+    forecast["friction"] = tuple((-0.16, end) for end in (-0.4, -0.35, -0.3, -0.25, -0.2))
+    at = dict.fromkeys(COMPONENTS, 0.0)
+    seen = tuple(
+        Seen(now - 800.0 + hours, True, at | {"friction": -2e-4 * hours}, at) for hours in (0.0, 400.0, 800.0)
+    )
+    hours = (now, now + 200.0)
+    limits = (("friction", -0.3), ("friction", 0.5))
+    return Curves("S1", now, 200.0, 4000.0, seen, hours, forecast, limits, hours, (0.0, 0.5), (), "", ())
+
+
+def test_the_limit_and_the_forecast_of_a_friction_that_falls_are_within_the_figure() -> None:
+    axes = {axis.get_title(loc="left"): axis for axis in draw_health(falling(800.0)).axes}
+    assert -0.5 < axes["friction"].get_ylim()[0] < -0.4
+    assert axes["backlash"].get_ylim()[0] == pytest.approx(-0.03)
+
+
+@pytest.mark.parametrize("narrow", [False, True])
+@pytest.mark.parametrize("now", [800.0, 99_999.0, 1e6, 1.23e7])
+def test_flight_hours_are_written_in_full_and_do_not_overlap(now: float, narrow: bool) -> None:
+    for figure in (draw_health(falling(now), narrow=narrow), draw_life(falling(now), narrow=narrow)):
+        figure.draw_without_rendering()
+        for axis in figure.axes:
+            assert axis.xaxis.get_offset_text().get_text() == ""
+            low, high = axis.get_xlim()
+            shown = [one for one in axis.get_xticklabels() if low <= one.get_position()[0] <= high]
+            assert [float(one.get_text().replace(",", "")) for one in shown] == pytest.approx(
+                [one.get_position()[0] for one in shown]
+            )
+            boxes = [one.get_window_extent() for one in shown if one.get_visible()]
+            assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
 
 
 @pytest.mark.usefixtures("few_paths", "undrawn_prognosis")

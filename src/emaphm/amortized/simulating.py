@@ -26,6 +26,7 @@ from emaphm.errors import ExecutionError
 from emaphm.estimation.sensors.sensor_model import all_as_described
 from emaphm.execution import Task, outcomes
 from emaphm.execution.folder import WorkFolder
+from emaphm.execution.revision import revision_of
 from emaphm.output_files import written_whole
 from emaphm.random_streams import stream
 from emaphm.simulation import REFERENCE, Inputs, Model, Plant, observe_batch
@@ -40,6 +41,19 @@ MOST_KEPT_ROWS = 1250
 top speed."""
 
 SETTINGS = "training.json"
+
+DECIDING = (
+    "actuator",
+    "simulation",
+    "estimation/space",
+    "estimation/sensors",
+    "amortized/drawing.py",
+    "amortized/recording_setup.py",
+    "amortized/simulating.py",
+    "arrays.py",
+    "random_streams.py",
+)
+"""The rooms and files whose code decides what a shard holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,22 +188,32 @@ def read_shards(folder: WorkFolder, numbers: Sequence[int]) -> TrainingSet:
 
 
 def training_folder(path: Path, setup: RecordingSetup, seed: int) -> WorkFolder:
-    """Return the folder of a training set at `path`, begun or of the same setup.
+    """Return the folder of a training set at `path`, begun or of the same setup and code.
 
     Raises
     ------
     ExecutionError
-        It holds the training set of another setup, or something else.
+        It holds the training set of another setup, one of another version, or something else.
     """
     folder = _work_folder(path)
-    text = json.dumps({"setup": setup.identity(), "seed": seed, "prior": asdict(PRIOR)}, indent=1)
-    differing = folder.begin_or_resume(text, elsewhere="another --folder")
+    here = {
+        "revision": revision(),
+        "setup": setup.identity(),
+        "seed": seed,
+        "prior": asdict(PRIOR),
+    }
+    differing = folder.begin_or_resume(json.dumps(here, indent=1), elsewhere="another --folder")
     if differing:
         raise ExecutionError(
             f"{path} holds the training set of another setup: {differing}; give another --folder, or remove "
             "it"
         )
     return folder
+
+
+def revision() -> str:
+    """Return a fingerprint of the code and libraries that decide what a shard holds."""
+    return revision_of(DECIDING, ("actuator/toml.py",))
 
 
 def remove_training_folder(path: Path) -> None:

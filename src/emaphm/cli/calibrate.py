@@ -110,8 +110,8 @@ def calibrate(
     comments = f"Calibrated on {files}: {found}; the rest as in '{described.name}'.\n{result}"
     result.actuator.to_toml(out, comments=comments)
     text = f"{result}\n\nCalibrated description written to {out}"
-    draw(result, figure)
     show(result.to_dict(), text, as_json)
+    draw(result, figure)
 
 
 def _recordings(paths: "Sequence[Path]", actuator: "Actuator") -> "list[Any]":

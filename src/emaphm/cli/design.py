@@ -119,8 +119,8 @@ def design(
         with written_whole(out) as temporary:
             result.write_command(temporary)
         text += f"\n\nCommand written to {out}; it lasts {result.found.excitation.duration:g} s."
-    draw(result, figure)
     show(result.to_dict(), text, as_json)
+    draw(result, figure)
 
 
 def _check_size(rows: float, candidates: int, tests: int) -> None:

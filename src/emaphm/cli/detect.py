@@ -107,10 +107,10 @@ def judge(
         raise MethodError("no recording to judge; name one or more files")
     results = [known.judge(recordings)] if together else [known.judge(one) for one in recordings]
     worst = max(results, key=lambda one: one.excess)
-    draw(worst, figure)
     alarms = sum(not one.like_healthy for one in results)
     values = {"not_like_healthy": alarms, "of": len(results), "results": [one.to_dict() for one in results]}
     show(values, _text(results, worst), as_json)
+    draw(worst, figure)
 
 
 def healthy_check(path: Path, recording: "Recording") -> "DetectorResult":

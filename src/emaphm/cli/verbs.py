@@ -256,13 +256,14 @@ def _diagnose_one(
     with progress("diagnosing", as_json) as advance:
         diagnosis = settings.diagnosed(recorded, described, workers=None, on_progress=advance)
     diagnosis = replace(diagnosis, healthy_check=check)
-    text = str(diagnosis)
+    # First: a full disk must not take the answer too.
+    show(diagnosis.to_dict(), str(diagnosis), as_json)
     if report:
         from emaphm.report import write_report
 
         write_report(diagnosis, report, force=force)
-        text += f"\nReport written to {report}"
-    show(diagnosis.to_dict(), text, as_json)
+        if not as_json:
+            show({}, f"Report written to {report}", as_json)
 
 
 def replay(
@@ -291,6 +292,6 @@ def replay(
     result = replay_all(recorded, described, faults=faults, model=model)
     if series:
         write_series(result.replays, series, force=force)
-    draw(result, figure)
     text = str(result) + (f"\nSignals written to {series}" if series else "")
     show(result.to_dict(), text, as_json)
+    draw(result, figure)

@@ -73,12 +73,12 @@ class WorkFolder:
         """Begin with `settings` (JSON) or resume; return how they differ from those it was begun with.
 
         The result is empty where nothing differs, and for a new folder. `elsewhere` is what messages propose
-        in place of this folder.
+        in place of this folder. `settings` name the `revision` of the code (`revision_of`).
 
         Raises
         ------
         EmaphmError
-            As `begin`, or the folder's settings cannot be read.
+            As `begin`, or the folder's settings cannot be read or are of another revision or of none.
         """
         if not self.settings.exists():
             self.begin(settings)
@@ -87,7 +87,15 @@ class WorkFolder:
         except (OSError, ValueError, RecursionError) as error:
             reason = str(error).splitlines()[0]
             raise self.error(f"{self.settings}: cannot be read ({reason}); give {elsewhere}") from None
-        return difference(there, json.loads(settings))
+        here = json.loads(settings)
+        made_by = there.get("revision") if isinstance(there, dict) else None
+        if made_by != here["revision"]:
+            raise self.error(
+                f"{self.path} holds a {self.kind} made by another version of emaphm "
+                f"({made_by or 'an earlier one'}; this is {here['revision']}); "
+                f"give {elsewhere}, or remove this one"
+            )
+        return difference(there, here)
 
     @contextmanager
     def locked(self) -> Iterator[None]:

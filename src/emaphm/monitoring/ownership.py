@@ -127,7 +127,14 @@ def _first(file: str, labels: Mapping[str, Label], names: tuple[str, ...]) -> st
         raise RecordingError(
             f"{file}: its {found}, {value:g}, has more digits than a number keeps; write it with a letter"
         )
-    return str(int(value)) if value == int(value) else repr(value)
+    if value == int(value):
+        return str(int(value))
+    if names == UNIT_LABELS:
+        raise RecordingError(
+            f"{file}: its {found}, {value!r}, is a number with decimals, which keeps no zeros at the end, so "
+            "that 3.1 and 3.10 would be one unit; write it with a letter"
+        )
+    return repr(value)
 
 
 def _number(name: str, what: str, value: object) -> float:

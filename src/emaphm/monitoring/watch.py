@@ -47,17 +47,22 @@ NOT_AGAIN = "it is set aside and not tried again; cut one manoeuvre out of it, a
 
 @dataclass
 class Watching:
-    """What was done: recordings judged, those that the history had, files or parts refused, prognoses."""
+    """What was done: recordings judged, those that the history had, files or parts refused, prognoses.
+
+    Of a stream, rows that were left out too.
+    """
 
     judged: int = 0
     known: int = 0
     refused: int = 0
     prognoses: int = 0
+    rows_left_out: int = 0
 
     def __str__(self) -> str:
+        left_out = f", {self.rows_left_out} rows left out" if self.rows_left_out else ""
         return (
             f"{self.judged} recordings judged, {self.known} were in the history already, {self.refused} "
-            f"refused; {self.prognoses} prognoses"
+            f"refused{left_out}; {self.prognoses} prognoses"
         )
 
 
@@ -371,6 +376,10 @@ class _Watcher:
     def _keep(self, events: Sequence[Event]) -> None:
         if events:
             self._insist(lambda: self.history.add_events(*events))
+            left_out = [
+                count for one in events if one.kind == "rows_skipped" for count in one.details.values()
+            ]
+            self.done.rows_left_out += sum(left_out)
             self._wake()
 
     def _wake(self) -> None:

@@ -14,6 +14,7 @@ from emaphm.plotting.style import (
     legend_beside_title,
     new_figure,
     no_formula,
+    plain_numbers,
     shortened,
     style_axis,
 )
@@ -89,6 +90,7 @@ def draw_fan(curves: Curves, *, narrow: bool = False) -> "Figure":
     axis.plot(hours, quantiles[MEDIAN], "o-", color=BLUE, markersize=3, label="median")
     axis.set_ylim(bottom=0)
     style_axis(axis, "RUL as forecast", "flight hours [h]", f"RUL [h], at most {curves.longest:,.0f}")
+    plain_numbers(axis)
     _legend(figure, axis, narrow=narrow)
     return figure
 
@@ -110,6 +112,7 @@ def _healths(figure: "Figure | SubFigure", curves: Curves, columns: int = 2) -> 
     for axis in axes[count - columns : count]:
         axis.set_xlabel("flight hours [h]")
         axis.tick_params(labelbottom=True)
+    plain_numbers(axes[0])  # of all: they share the axis
     handles, labels = axes[0].get_legend_handles_labels()
     if count % columns:
         figure.legend(handles, labels, loc="lower right", frameon=False, fontsize=8)
@@ -144,9 +147,10 @@ def _health(axis: "Axes", name: str, curves: Curves) -> None:
         if component == name:
             axis.axhline(bound, color=VERMILION, linewidth=1, linestyle="--")
     axis.plot([], [], color=VERMILION, linewidth=1, linestyle="--", label="limit")
-    # A friction may be below healthy.
-    least = min((one.levels[name] - one.halves[name] for one in curves.seen), default=0.0)
-    axis.set_ylim(min(-0.03, least), 1.03)
+    # A friction may be below healthy, and fall.
+    shown = [one.levels[name] - one.halves[name] for one in curves.seen]
+    shown += [bound for component, bound in curves.limits if component == name]
+    axis.set_ylim(min(0.0, *shown, *(min(row) for row in levels)) - 0.03, 1.03)
     style_axis(axis, name)
 
 
@@ -159,6 +163,7 @@ def _distribution(axis: "Axes", curves: Curves) -> None:
     axis.axvline(curves.now + curves.horizon, color=FAINT, linestyle=":", label="horizon")
     axis.set_ylim(0, 1.02)
     style_axis(axis, "probability of failure", "flight hours [h]")
+    plain_numbers(axis)
 
 
 def _band(low: int, high: int) -> str:

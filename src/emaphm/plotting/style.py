@@ -72,6 +72,9 @@ LETTER = 0.65
 TICKS = {0.7: range(1, 10), 3.0: (1, 2, 5)}
 """Marked multiples in each decade of a logarithmic axis that spans fewer decades than the key; else 1."""
 
+SHORT_NUMBER, FEW_NUMBERS = 6, 3
+"""Letters of a number up to which as many stand along an axis as else, and intervals between longer ones."""
+
 WIDE = 8.0
 """Decades from which on ticks are written as powers of ten."""
 
@@ -112,6 +115,21 @@ def log_axis(axis: "Axes", directions: str) -> None:
         along.set_minor_formatter(NullFormatter())
         if decades < WIDE:
             along.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.9g}"))
+
+
+def plain_numbers(axis: "Axes") -> None:
+    """Write the numbers along the horizontal axis in full, fewer of them where they are long.
+
+    To be called after the last curve: the marks follow from the span of the axis.
+    """
+    from matplotlib.ticker import FuncFormatter
+
+    def text(value: float, _: object = None) -> str:
+        return f"{value:,.9g}"
+
+    axis.xaxis.set_major_formatter(FuncFormatter(text))
+    if max(len(text(round(end))) for end in axis.get_xlim()) > SHORT_NUMBER:
+        axis.locator_params(axis="x", nbins=FEW_NUMBERS)
 
 
 def legend_beside_title(axis: "Axes", columns: int = 2) -> None:

@@ -16,13 +16,14 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
-from emaphm.prognosis.level_notes import level_notes
+from emaphm.prognosis.notes.levels import level_notes
+from emaphm.prognosis.notes.rates import rate_notes
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_times, responsible
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
-from emaphm.prognosis.stress import STRESSES, Stress, StressReference, exposure
+from emaphm.prognosis.stress import STRESSES, Stress, StressReference, ageing_ahead
 from emaphm.quantiles import normal_quantile
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class Question:
     risk
         Largest accepted probability of failure, for the advice without costs.
     ahead
-        The stress that is to come; that of the past where left out, as far as it was recorded.
+        The stress that is to come. What it leaves out stays as in the past, as far as that was recorded.
 
     Raises
     ------
@@ -143,6 +144,7 @@ def prognose(
             *stress_notes(question.ahead, followed.belief.prior.reference),
             *_shared_notes(followed.belief, component),
             *level_notes(evidence, made.level[0]),
+            *rate_notes(evidence),
         ),
     )
     return result if evidence.unrepaired is None else _as_failed(result, evidence.unrepaired)
@@ -260,16 +262,9 @@ def _paths(
 def pace_ahead(state: UnitDraws, belief: Belief, evidence: Evidence, ahead: Stress | None) -> Array | float:
     """Return by how many hours the components of `state` age in an hour to come, (n, 8) or one number.
 
-    That is under the stress `ahead`, or where it is None, under the mean stress recorded up to the belief.
+    Under the stress `ahead`, and what it leaves out as recorded up to the belief.
     """
-    reference = belief.prior.reference
-    if reference is None:
-        return 1.0
-    if ahead is not None:
-        return np.asarray(np.exp(state.exponents @ reference.covariates(ahead)))
-    if not belief.hours > 0:
-        return 1.0
-    return exposure(evidence.stresses, reference, 0.0, belief.hours).aged(state.exponents) / belief.hours
+    return ageing_ahead(evidence.stresses, belief.prior.reference, belief.hours, state.exponents, ahead)
 
 
 def stress_notes(ahead: Stress | None, reference: StressReference | None) -> list[str]:

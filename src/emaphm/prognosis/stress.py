@@ -156,6 +156,10 @@ class Exposure(NamedTuple):
         return np.asarray(np.exp(exponents @ self.covariates.T) @ self.hours)
 
 
+AT_REFERENCE = Exposure(np.ones(1), np.zeros((1, len(STRESSES))))
+"""An hour at the reference: of a unit that has not flown."""
+
+
 def exposure(
     pieces: Sequence[StressPiece], reference: StressReference | None, start: float, end: float
 ) -> Exposure:
@@ -171,6 +175,30 @@ def exposure(
     hours.append(max(rest, 0.0))
     covariates.append(np.zeros(len(STRESSES)))
     return Exposure(np.array(hours), np.array(covariates))
+
+
+def ageing_ahead(
+    pieces: Sequence[StressPiece],
+    reference: StressReference | None,
+    hours: float,
+    exponents: Array,
+    ahead: Stress | None = None,
+) -> Array | float:
+    """Return by how many hours components of `exponents` (…, 3) age in an hour to come, (…).
+
+    As in the mean of the past, up to `hours` [h], but for the covariates y that `ahead` states:
+
+        a = Σ h exp(β_x·x + β_y·y) / Σ h,   x: covariates of the h hours that were flown
+
+    A covariate stays as in the past where `ahead` leaves it out, or nobody recorded it.
+    """
+    if reference is None:
+        return 1.0
+    flown = exposure(pieces, reference, 0.0, hours) if hours > 0 else AT_REFERENCE
+    if ahead is not None:
+        stated = [None not in pair for pair in zip(ahead.values, reference.values, strict=True)]
+        flown = Exposure(flown.hours, np.where(stated, reference.covariates(ahead), flown.covariates))
+    return np.asarray(flown.aged(exponents) / flown.hours.sum())
 
 
 def stress_dict(reference: StressReference | None, ahead: Stress | None) -> dict[str, Any]:

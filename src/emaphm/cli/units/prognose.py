@@ -113,12 +113,13 @@ def prognose(
     result = _of_one(
         db, unit, described, question, seed, fleet=fleet, keep=keep, keep_past=report is not None
     )
+    # First: a full disk must not take the answer too.
+    show(result.to_dict(), str(result), as_json)
     draw(result, figure)
     if report is not None:
         from emaphm.report.prognosis import write_prognosis
 
         write_prognosis(result, report, force=force)
-    show(result.to_dict(), str(result), as_json)
 
 
 def _of_one(

@@ -228,7 +228,7 @@ REMEDIES = {
     "readonly": "make the file and its folder writable, or give another place",
     "read-only": "make it writable, or give another place",
     "permission denied": "give a user who may write there",
-    "unable to open": "check the path and its permissions",
+    "unable to open": "the folder must be writable for reading too; make it so, or copy the history",
     "password": "check the user and the password",
     "does not exist": "create it, or give another one",
 }

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from emaphm.memory import Memory
 from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.pace import PopulationDraws, hours_left, learnt
-from emaphm.prognosis.from_fleet.passages import Passages
-from emaphm.prognosis.stress import Stress, StressReference, exposure
+from emaphm.prognosis.from_fleet.passages import Passages, least_hours
+from emaphm.prognosis.stress import Stress, StressReference, ageing_ahead, exposure
 from emaphm.random_streams import stream
 
 if TYPE_CHECKING:
@@ -50,7 +50,15 @@ DRAWN = 400
 NOTHING = Passages.of(np.zeros(0), np.zeros(0))
 """In the place of a life that a component did not have, where others did."""
 
-POPULATIONS: Memory[PopulationDraws | None] = Memory(40)
+
+class _Learnt(NamedTuple):
+    """What the fellows teach of the ways to some limits, and the least hours of a step of each [h]."""
+
+    population: PopulationDraws
+    least: tuple[float, ...]
+
+
+LEARNT: Memory[_Learnt | None] = Memory(40)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +110,12 @@ class Fellows:
             self._way(evidence, one, new_at, belief.hours)
             for one, new_at in zip(times.limits, born, strict=True)
         ]
-        gone = [Passages.of(*way) for way in ways]
-        population = self._population(times.limits, belief.seed)
-        if population is None or not any(one.passed for one in gone):
+        taught = self._taught(times.limits, belief.seed)
+        if taught is None:
+            return times
+        population, least = taught
+        gone = [Passages.of(*way, hours) for way, hours in zip(ways, least, strict=True)]
+        if not any(one.passed for one in gone):
             return times
         random = stream(belief.seed, "fellows' pace", evidence.unit, belief.steps)
         share = len(self.units) / (len(self.units) + WEIGHT_OF_FILTER)
@@ -120,7 +131,7 @@ class Fellows:
             if _has_outlived(population, i, gone[i], since, random):
                 return times
             share_now = self._gone(limit, level[chosen])
-            drawn = hours_left(population, i, gone[i].waiting(now), share_now, random)
+            drawn = hours_left(population, i, gone[i].waiting(now, least[i]), share_now, random)
             hours[i, chosen] = drawn / self._pace(evidence, column, belief.hours, ahead)
         for side in times.sides:
             rows = np.array(side)[:, np.newaxis]
@@ -146,26 +157,30 @@ class Fellows:
         error = np.sqrt(np.diag(one.covariance)[columns].max())
         return bool(one.seen[columns].all() and error <= LARGEST_ERROR * self._whole(limit))
 
-    def _population(self, limits: "tuple[Limit, ...]", seed: int) -> PopulationDraws | None:
+    def _taught(self, limits: "tuple[Limit, ...]", seed: int) -> _Learnt | None:
         """Return what is learnt of the way to each of the `limits`; None where no unit has shown any pace."""
         bounds = [(one.component, one.bound, one.upper) for one in limits]
 
-        def computed() -> PopulationDraws | None:
+        def computed() -> _Learnt | None:
             ways = [self._ways_of(one, limits) for one in self.units]
-            shown = [[life for of_unit in ways for life in of_unit[i]] for i in range(len(limits))]
+            lives = [[life for of_unit in ways for life in of_unit[i]] for i in range(len(limits))]
+            least = tuple(least_hours([float(age[-1]) for age, _ in each]) for each in lives)
+            shown = [
+                [Passages.of(*life, hours) for life in each] for each, hours in zip(lives, least, strict=True)
+            ]
             most = max(map(len, shown))
             if not any(life.precision.any() for of_limit in shown for life in of_limit):
                 return None
             there = np.arange(most) < np.array([[len(one)] for one in shown])
             padded = [[*one, *[NOTHING] * (most - len(one))] for one in shown]
             fleet = Passages.stacked([Passages.stacked(one) for one in padded])
-            return learnt(fleet, stream(seed, "fellows' pace"), there)
+            return _Learnt(learnt(fleet, stream(seed, "fellows' pace"), there), least)
 
         about = (self._keys, bounds, self.reference, self.exponents.tolist(), seed)
-        return POPULATIONS.get(repr(about), computed)
+        return LEARNT.get(repr(about), computed)
 
-    def _ways_of(self, unit: "Evidence", limits: "tuple[Limit, ...]") -> list[list[Passages]]:
-        """Return what a unit shows of each limit, in each life of its component that a diagnosis has seen.
+    def _ways_of(self, unit: "Evidence", limits: "tuple[Limit, ...]") -> list[list[tuple[Array, Array]]]:
+        """Return a unit's ways to each limit, one for each life of its component that a diagnosis has seen.
 
         A failure is that of the limit which it came nearest to, among components that worked no longer then.
         """
@@ -186,7 +201,7 @@ class Fellows:
                 _, i, life, end = max(near, key=lambda one: one[0])
                 age, way = ways[i][life]
                 ways[i][life] = np.append(age, end), np.append(way, 1.0)
-        return [[Passages.of(*way) for way in each if way[0].size] for each in ways]
+        return [[way for way in each if way[0].size] for each in ways]
 
     def _way(self, unit: "Evidence", limit: "Limit", born: float, until: float) -> tuple[Array, Array]:
         """Return ages (n,) [h] at which a component `born` then was seen, and shares of its way (n,)."""
@@ -209,13 +224,8 @@ class Fellows:
         return float(exposure(unit.stresses, self.reference, born, hours).aged(self.exponents[column]))
 
     def _pace(self, unit: "Evidence", column: int, hours: float, ahead: Stress | None) -> float:
-        """Return the hours of ageing in an hour to come, under the stress `ahead` or that of the past."""
-        if self.reference is None:
-            return 1.0
-        if ahead is not None:
-            return float(np.exp(self.exponents[column] @ self.reference.covariates(ahead)))
-        flown = exposure(unit.stresses, self.reference, 0.0, hours)
-        return float(flown.aged(self.exponents[column])) / hours if hours > 0 else 1.0
+        """Return the hours of ageing in an hour to come: see `ageing_ahead`."""
+        return float(ageing_ahead(unit.stresses, self.reference, hours, self.exponents[column], ahead))
 
 
 def _columns(limit: "Limit") -> list[int]:
