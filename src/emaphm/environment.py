@@ -18,7 +18,6 @@ CORE = ("numpy", "scipy", "numba", "llvmlite", "polars", "pydantic", "matplotlib
 
 PURPOSES = {
     "cluster": "studies and batches on a Dask cluster",
-    "detection": "emaphm detect",
     "files": "recordings in TDMS, HDF5, MATLAB 7.3 and MDF files",
     "history": "emaphm history and prognose",
     "peers": "optimisers of other libraries",

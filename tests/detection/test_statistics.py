@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from emaphm.detection.statistics import HealthyScatter
+from emaphm.detection.statistics import HealthyScatter, shrunk_covariance
 from emaphm.detection.thresholds import (
     effective_number,
     highest_rate,
@@ -32,6 +32,16 @@ def test_over_all_directions_it_is_the_mahalanobis_distance() -> None:
     # Of the part off the kept directions, here one, T² leaves out what Q has, over its variance.
     assert scatter.rank == 2
     np.testing.assert_allclose(whole - scatter.t2(later), scatter.q(later) / scatter.variances[2], rtol=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(3, 12), (60, 12), (5, 1)])
+def test_the_covariance_is_shrunk_as_by_another_program(shape: tuple[int, int]) -> None:
+    from sklearn.covariance import LedoitWolf
+
+    rng = np.random.default_rng(9)
+    deviations = rng.normal(size=shape) * np.arange(1, shape[1] + 1)
+    expected = LedoitWolf(assume_centered=True).fit(deviations).covariance_
+    np.testing.assert_allclose(shrunk_covariance(deviations), expected, rtol=1e-12, atol=1e-12)
 
 
 def test_t2_of_a_gaussian_is_chi_squared() -> None:

@@ -82,7 +82,7 @@ class Detector:
             Too few runs, no channel in common, a recording is given twice, or cannot be meant for the
             actuator.
         MethodError
-            `groups` has another length, a rate is impossible, or scikit-learn is not installed.
+            `groups` has another length, or a rate is impossible.
         """
         if not recordings:
             raise RecordingError(

@@ -42,7 +42,7 @@ def judged_left_out(
         Too few runs without the one left out, no channel in common, or a recording cannot be meant for the
         actuator.
     MethodError
-        A rate is impossible, or scikit-learn is not installed.
+        A rate is impossible.
     """
     channels = common_channels(recordings)
     cycles = [cycle_of(one, channels, actuator) for one in recordings]

@@ -1,12 +1,10 @@
 """T² and Q of a feature vector against the healthy scatter, and what each feature contributes."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.errors import MethodError
 
 LEAST_SCALE = 1e-6
 """Standard deviation of a feature that did not vary: any change of it then counts."""
@@ -52,11 +50,6 @@ class HealthyScatter:
         `rank` is the smallest whose directions hold `variance_share` of the variance; one direction at least
         is left for Q. `similar` are more deviations, (m, p), that go together in a similar way: half of the
         correlations come from them. A feature that does not vary has the scale `LEAST_SCALE`.
-
-        Raises
-        ------
-        MethodError
-            scikit-learn is not installed.
         """
         scale, shrunk = _shrunk_correlations(deviations)
         if similar is not None:
@@ -95,18 +88,31 @@ class HealthyScatter:
 def _shrunk_correlations(deviations: Array) -> tuple[Array, Array]:
     """Return the standard deviations (p,) of `deviations` (n, p) and their shrunk correlations (p, p)."""
     scale = np.maximum(np.sqrt(np.mean(deviations**2, axis=0)), LEAST_SCALE)
-    covariance = _library().LedoitWolf(assume_centered=True, store_precision=False)
-    return scale, covariance.fit(deviations / scale).covariance_
+    return scale, shrunk_covariance(deviations / scale)
 
 
-def _library() -> Any:
-    try:
-        from sklearn import covariance
-    except ModuleNotFoundError as error:
-        if error.name != "sklearn":
-            raise
-        raise MethodError(
-            "learning a detector needs the library 'scikit-learn'; install it with: "
-            "pip install 'emaphm[detection]'"
-        ) from None
-    return covariance
+def shrunk_covariance(deviations: Array) -> Array:
+    """Return the covariance (p, p) of `deviations` (n, p) from their mean, shrunk by Ledoit and Wolf.
+
+        Σ = (1 - β/δ) S + (β/δ) m I,   S = XᵀX / n,   m = tr S / p
+        δ = ‖S - m I‖² / p,   β = min(δ, (Σ_k ‖x_k x_kᵀ - S‖²) / (p n²))
+
+    with ‖A‖² the sum of the squared entries.
+
+    References
+    ----------
+    [1] Ledoit, Wolf: A well-conditioned estimator for large-dimensional covariance matrices, J. Multivariate
+        Analysis 88, 2004.
+    """
+    count, features = deviations.shape
+    squares = deviations**2
+    sample = deviations.T @ deviations / count
+    mean = np.trace(sample) / features
+    of_sample = np.sum(sample**2)
+    spread = of_sample / features - mean**2
+    error = (np.sum(squares.T @ squares) / count - of_sample) / (features * count)
+    # A single feature, or features of one variance without correlation, are their target already.
+    share = min(error / spread, 1.0) if spread > 0 else 0.0
+    shrunk = (1.0 - share) * sample
+    shrunk.flat[:: features + 1] += share * mean
+    return np.asarray(shrunk)
