@@ -40,7 +40,7 @@ def test_a_speed_gain_that_is_off_is_no_sensor_and_no_friction() -> None:
 
 
 def test_shorts_are_known_no_better_than_a_motor_that_is_not_as_described() -> None:
-    found = diagnose(on_a_rig(differing(THESIS, torque_constant=0.9), FAULTS, 0.5), THESIS)
+    found = diagnose(on_a_rig(differing(THESIS, torque_constant=0.9), FAULTS, 0.3), THESIS)
     assert found.explained
     assert found.selected == tuple(f"baseline {name}" for name in MOTOR)
     assert all(covered(FAULTS.vector, found)[2:5])

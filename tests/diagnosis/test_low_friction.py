@@ -15,7 +15,7 @@ from emaphm.report.wording import component_table, headline
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED
 
-FACTORS = (0.3, 0.7)
+FACTORS = (pytest.param(0.3, marks=pytest.mark.evidence), 0.7)
 KEPT = ("time_s", "command_rad", "current_A", "voltage_V")
 
 

@@ -62,6 +62,7 @@ def test_none_is_named_where_the_inductance_is_open() -> None:
         assert low - 0.01 <= getattr(FAULTS, name) <= high + 0.01
 
 
+@pytest.mark.evidence
 def test_a_supply_that_somebody_named_is_located() -> None:
     found = diagnose(recorded(-0.1), THESIS, nuisances=("load", "temperature", "supply"), workers=2)
     assert found.selected == ()

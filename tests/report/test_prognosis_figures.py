@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from emaphm.actuator import Actuator
 from emaphm.plotting.prognosis import draw_fan, draw_health, draw_life
 from emaphm.prognosis import Evidence, prognose
-from emaphm.prognosis.keeping import Curves, Seen
-from emaphm.prognosis.keeping.curves import PROBABILITIES
+from emaphm.prognosis.keeping import Curves
+from emaphm.prognosis.keeping.curves import PROBABILITIES, Seen
 from emaphm.prognosis.requirements import COMPONENTS
 from emaphm.report.prognosis import write_prognosis
 

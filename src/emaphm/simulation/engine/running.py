@@ -195,7 +195,7 @@ def _prepared(
 
 def _known(form: Form, parameters: Mapping[str, Array], inputs: Inputs) -> tuple[tuple[str, float], ...]:
     """Return what has one value throughout, and is compiled into a kernel."""
-    known = {name: value for name, value in form.neutral.items() if np.all(parameters[name] == value)}
+    known = {name: value for name, value in form.neutral.items() if (parameters[name] == value).all()}
     if inputs.enabled.strides == (0,) and inputs.enabled[0] == 1.0:
         known["enabled"] = 1.0
     # Motion is recorded as a step has led to, or at an instant as at the step's start.

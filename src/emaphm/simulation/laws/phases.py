@@ -1,6 +1,7 @@
 """Three quantities of one kind, one a phase: what is done to them is done to each."""
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any, Self
 
 import numpy as np
@@ -46,6 +47,7 @@ class Phases(NDArrayOperatorsMixin):
         return NotImplemented if function is not np.where or options else _of_each(function, operands)
 
 
+@cache
 def phase_names(name: str) -> tuple[str, ...]:
     """Return `name`_a, `name`_b and `name`_c."""
     return tuple(f"{name}_{phase}" for phase in NAMES)

@@ -1,6 +1,7 @@
 """The motion that all models share: from the motor's torque to speeds, angles and directions."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,7 @@ def state_names(structure: Structure) -> tuple[str, ...]:
     )
 
 
+@cache
 def parameter_names(structure: Structure) -> tuple[str, ...]:
     """Return the parameters of the motion."""
     ripples = range(1, len(structure.ripples) + 1)

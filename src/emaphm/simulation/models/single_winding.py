@@ -5,6 +5,7 @@ phases, each named by the phase that idles: pair a is b with c, and so on. A DC 
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ PARAMETERS = (
 
 def of_pairs(turns: Array) -> Array:
     """Return for each phase, (3, n), the sum of the other two, which conduct while it idles."""
-    return np.stack([*Phases(*turns).of_pairs()])
+    return turns[[1, 2, 0]] + turns[[2, 0, 1]]
 
 
 def parameters(
@@ -124,6 +125,7 @@ SIX_STEP_STATE = ("current_integral", "voltage", "outgoing", "incoming_share", "
 phase still carries, the incoming phase's share of the pair's inductance, and which phase idles."""
 
 
+@cache
 def state_names(structure: Structure) -> tuple[str, ...]:
     """Return the kernel's state."""
     return (
@@ -137,6 +139,7 @@ def state_names(structure: Structure) -> tuple[str, ...]:
     )
 
 
+@cache
 def parameter_names(structure: Structure) -> tuple[str, ...]:
     """Return the kernel's parameters."""
     return (*control.PARAMETERS, *motion.parameter_names(structure), *PARAMETERS)
