@@ -65,6 +65,7 @@ class _Level(_Part):
     energy: Annotated[float, Field(ge=0)]
     alarms: Count
     runs: Annotated[int, Field(ge=2)]
+    independent: Positive | None = None  # older files have none: as many as runs
 
 
 class _Manoeuvre(_Part):
@@ -195,6 +196,7 @@ def _manoeuvre_dict(one: Manoeuvre) -> dict[str, Any]:
                 "energy": level.energy,
                 "alarms": level.alarms,
                 "runs": level.runs,
+                "independent": level.independent,
             }
             for level in one.levels
         ],
@@ -219,6 +221,7 @@ def _manoeuvre(one: _Manoeuvre) -> Manoeuvre:
                 level.energy,
                 level.alarms,
                 level.runs,
+                level.independent or float(level.runs),
             )
             for level in one.levels
         ),
