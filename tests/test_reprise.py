@@ -112,6 +112,22 @@ def test_the_limit_is_what_a_drive_gives_and_no_single_period(
     assert example.most_current(spoilt, example.date(2017, 6, 21), 1.0) < max(fast)
 
 
+def test_an_empty_period_matters_at_its_own_frequency_alone(
+    example: ModuleType, tmp_path: Path, judged: dict[str, Any], frame: pl.DataFrame
+) -> None:
+    spoilt = frame.with_columns(
+        rms_A=pl.when(pl.int_range(pl.len()) == frame["frequency_hz"].index_of(2.0))
+        .then(float("nan"))
+        .otherwise(pl.col("rms_A"))
+    )
+    spoilt.write_csv(tmp_path / "spoilt.csv")
+    read = example.read(tmp_path / "spoilt.csv", 1.0)
+    assert read.height == frame.height - 1
+    assert [one.rms for one in example.tests_of(read, 1.0)] == [one["rms_A"] for one in judged["tests"]]
+    with pytest.raises(example.RecordingError, match="of column 'rms_A' is empty"):
+        example.read(tmp_path / "spoilt.csv", 2.0)
+
+
 def test_what_says_nothing_of_the_healthy_state_is_refused(example: ModuleType, frame: pl.DataFrame) -> None:
     error = example.RecordingError
     with pytest.raises(error, match="200 periods of the condition 'no_lubricant', where 100 are usual"):

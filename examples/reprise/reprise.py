@@ -163,7 +163,7 @@ def main() -> int:
     try:
         if arguments.figure:
             check_writable(arguments.figure, force=True, endings=(".svg", ".png", ".pdf"))
-        frame = read(arguments.file)
+        frame = read(arguments.file, arguments.frequency)
         run = judge(frame, arguments.frequency, arguments.fails_at, arguments.seed)
     except EmaphmError as error:
         print(f"reprise: {error}", file=sys.stderr)
@@ -174,8 +174,11 @@ def main() -> int:
     return 0
 
 
-def read(path: Path) -> pl.DataFrame:
-    """Return the features of all tests, by day; `RecordingError` where the file is no such table."""
+def read(path: Path, frequency: float = 1.0) -> pl.DataFrame:
+    """Return the features of all tests, by day; `RecordingError` where the file is no such table.
+
+    Periods of other frequencies [Hz] than that looked at may have no current: they are left out.
+    """
     try:
         frame = pl.read_csv(path)
     except (OSError, pl.exceptions.PolarsError) as error:
@@ -186,22 +189,30 @@ def read(path: Path) -> pl.DataFrame:
     missing = [name for name in NEEDED if name not in frame.columns]
     if missing:
         raise RecordingError(f"{path}: no column {', '.join(missing)}; give the table of REPRISE's features")
-    for name in NEEDED:
-        _check_filled(path, frame[name])
     try:
-        return frame.with_columns(
+        typed = frame.with_columns(
             pl.col("date").cast(pl.String).str.to_date("%Y-%m-%d"),
             pl.col("frequency_hz").cast(pl.Float64),
             pl.col("rms_A").cast(pl.Float64),
-        ).sort("date", maintain_order=True)
+        )
     except pl.exceptions.PolarsError as error:
         raise RecordingError(f"{path}: {str(error).splitlines()[0]}; give dates as 2017-10-02") from None
+    for name in NEEDED[:-1]:
+        _check_filled(path, typed[name])
+    looked_at = typed["frequency_hz"] == frequency
+    _check_filled(path, typed["rms_A"], looked_at)
+    return typed.filter(looked_at | ~_empty(typed["rms_A"])).sort("date", maintain_order=True)
 
 
-def _check_filled(path: Path, column: pl.Series) -> None:
+def _empty(column: pl.Series) -> pl.Series:
     empty = column.is_null()
     if column.dtype.is_float():
         empty = empty | ~column.is_finite().fill_null(value=False)
+    return empty
+
+
+def _check_filled(path: Path, column: pl.Series, rows: pl.Series | None = None) -> None:
+    empty = _empty(column) if rows is None else _empty(column) & rows
     if empty.any():
         raise RecordingError(
             f"{path}: row {int(empty.arg_true()[0]) + 1} of column '{column.name}' is empty or not a finite "

@@ -58,6 +58,27 @@ def test_it_learns_and_judges(emaphm: Emaphm, folder: Path, tmp_path: Path) -> N
     assert figure.stat().st_size > 1000
 
 
+def test_files_in_folders_are_cycles_of_one_run(emaphm: Emaphm, folder: Path, tmp_path: Path) -> None:
+    healthy = sorted(folder.glob("healthy*.csv"))
+    for k, one in enumerate(healthy):
+        place = tmp_path / f"run{min(k, 4)}"  # two cycles in the last
+        place.mkdir(exist_ok=True)
+        (place / one.name).write_bytes(one.read_bytes())
+    files = sorted(tmp_path.glob("run*/*.csv"))
+    found = emaphm("detect", "learn", *files, "--out", tmp_path / "known.json", "--json")
+    answer = json.loads(found.out)
+    assert answer["group"] == "folder"
+    assert answer["manoeuvres"][0]["levels"][0]["runs"] == 5
+    (note,) = answer["notes"]
+    assert "6 files in 5 folders" in note
+    assert "--group file" in note
+    assert note in found.err
+    said = emaphm("detect", "learn", *files, "--group=file", "--out", tmp_path / "other.json", "--json")
+    answer = json.loads(said.out)
+    assert (answer["group"], answer["notes"], answer["manoeuvres"][0]["levels"][0]["runs"]) == ("file", [], 6)
+    assert said.err == ""
+
+
 def test_as_text_it_says_the_sentence_and_what_it_rests_on(emaphm: Emaphm, folder: Path) -> None:
     judged = emaphm("detect", "judge", folder / "known.json", folder / "dry.csv")
     assert "dry.csv: not like healthy (" in judged.out

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from emaphm.detection import DETECTOR, Detector, judged_left_out
-from emaphm.detection.drift import probability_by_chance
+from emaphm.detection.drift import drift_by_chance
 from emaphm.errors import MethodError, RecordingError
 from emaphm.recording import Recording
 
@@ -102,15 +102,32 @@ def test_healthy_runs_that_drift_are_named() -> None:
 def test_a_drift_is_as_unlikely_as_the_share_of_orders_that_are_as_steady() -> None:
     # Of n! orders, one rises throughout and one falls.
     for count in (4, 5, 6, 7):
-        assert probability_by_chance(np.arange(float(count))) == pytest.approx(2 / math.factorial(count))
+        assert drift_by_chance(np.arange(float(count))) == pytest.approx(2 / math.factorial(count))
     # Of a drawn 10,000, none is as steady: 1 in 10,001 is what that shows.
-    assert probability_by_chance(np.arange(20.0)) == pytest.approx(1 / 10_001)
+    assert drift_by_chance(np.arange(20.0)) == pytest.approx(1 / 10_001)
 
 
 def test_few_steady_rigs_seem_to_drift() -> None:
     found = [Detector.learn(runs(HEALTHY, 12, seed=seed)[0]).manoeuvres[0].drifting for seed in range(40)]
     # At 1 %, three or more of 40 have the probability 0.8 %.
     assert sum(map(bool, found)) <= 2
+
+
+def test_cycles_taken_for_runs_show_no_rate() -> None:
+    cycles, groups = runs(Rig(run_scatter=0.1), 5, seed=3, cycles=5)
+    taken_for_runs, grouped = Detector.learn(cycles), Detector.learn(cycles, groups=groups)
+    single = taken_for_runs.manoeuvres[0].levels[0]
+    assert single.independent < 25
+    assert "each resembles the one before it" in str(taken_for_runs)
+    assert "with 95 % confidence" not in str(taken_for_runs)
+    assert taken_for_runs.to_dict()["manoeuvres"][0]["levels"][0]["shown_rate"] is None
+    assert "at most 45 % of false alarms are shown" in str(grouped)  # 0 of 5: 1 - 0.05^(1/5)
+
+
+def test_independent_runs_seldom_seem_to_resemble_each_other() -> None:
+    found = [Detector.learn(runs(HEALTHY, 25, seed=seed)[0]) for seed in range(30)]
+    # At 1 %, three or more of 30 have the probability 0.3 %.
+    assert sum(one.manoeuvres[0].levels[0].independent < 25 for one in found) <= 2
 
 
 def test_the_nearest_seeded_fault_is_named(detector: Detector) -> None:

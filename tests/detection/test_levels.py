@@ -61,6 +61,32 @@ def test_a_result_says_which_level_judged_it() -> None:
     assert part.to_dict()["level_cycles"] == 1
 
 
+def test_of_few_runs_a_run_whose_cycles_all_alarm_is_found() -> None:
+    found, cycles_found, alarms = list[float](), list[float](), 0
+    for seed in range(3):
+        detector = learned([5] * 5, seed)
+        stiff, _ = runs(Rig(extra_up=0.1, run_scatter=0.0), 10, seed=60 + seed, cycles=5)
+        found += [not detector.judge(stiff[k : k + 5]).like_healthy for k in range(0, 50, 5)]
+        cycles_found += [not detector.judge(one).like_healthy for one in stiff]
+        healthy, _ = runs(HEALTHY, 30, seed=80 + seed, cycles=5)
+        alarms += sum(not detector.judge(healthy[k : k + 5]).like_healthy for k in range(0, 150, 5))
+    assert np.mean(cycles_found) > 0.95
+    assert np.mean(found) > 0.9
+    # At 1 %, five or more of 90 have the probability 0.2 %.
+    assert alarms < 5
+
+
+def test_cycles_that_contradict_their_run_are_counted() -> None:
+    detector = learned([5] * 20)
+    healthy, _ = runs(HEALTHY, 1, seed=7, cycles=4)
+    odd, _ = runs(Rig(extra_up=0.12, run_scatter=0.0), 1, seed=8)
+    result = detector.judge([*healthy, *odd])
+    assert not detector.judge(odd).like_healthy
+    assert (result.cycles_alarming, result.to_dict()["cycles_alarming"]) == (1, 1)
+    assert result.like_healthy == ("1 of 5 cycles alarm" in result.sentence)
+    assert detector.judge(healthy).cycles_alarming == 0
+
+
 def copied(recording: Recording) -> Recording:
     return Recording(dict(recording.channels), "instant", "copy.csv")
 

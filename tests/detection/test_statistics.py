@@ -114,7 +114,7 @@ def test_two_statistics_share_one_rate() -> None:
     rng = np.random.default_rng(11)
     runs = np.arange(2000)
     scores = np.exp(rng.normal(size=(2000, 2)))
-    thresholds = joint_thresholds(scores, runs, 0.05)
+    thresholds, _ = joint_thresholds(scores, runs, 0.05)
     later = np.exp(rng.normal(size=(20_000, 2)))
     # The largest of two normal values is a little skewed: the rate is that of the bound within a percent.
     assert np.mean(np.any(later > thresholds, axis=1)) == pytest.approx(0.05, abs=0.01)

@@ -14,7 +14,13 @@ from emaphm.calibration import sensor_lag
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
 from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import Description, Laws, described_with_laws
-from emaphm.calibration.findings import Parameter, found_parameters, found_recordings, found_values
+from emaphm.calibration.findings import (
+    Parameter,
+    found_parameters,
+    found_recordings,
+    found_values,
+    set_aside_warnings,
+)
 from emaphm.calibration.law_selection import parameters_of
 from emaphm.calibration.model_error.learned import learned_model_error
 from emaphm.calibration.motion.fit import motion_fit
@@ -262,5 +268,10 @@ def _result(
         _unexcited(description, parameters),
         choice,
         fit.uncertainty.error_correlation,
-        (*one_way_warnings(left_open), *unmodelled, *calibration_warnings(rows, found, actuator)),
+        (
+            *one_way_warnings(left_open),
+            *set_aside_warnings(fit, rows, actuator),
+            *unmodelled,
+            *calibration_warnings(rows, found, actuator),
+        ),
     )

@@ -118,17 +118,41 @@ def found_parameters(
     return parameters
 
 
+def set_aside_warnings(fit: UnitFit, rows: Sequence[CampaignRow], actuator: Actuator) -> tuple[str, ...]:
+    """Return a sentence on each recording that the others contradict: in what, and what was made of it."""
+    if fit.contradictions is None:
+        return ()
+    lines = []
+    for r, row in enumerate(rows):
+        names = [fit.fitted[i] for i in np.flatnonzero(fit.contradictions.set_aside[r])]
+        if names:
+            alone = ", ".join(f"{name} {_asked(fit, r, name, actuator)}" for name in names)
+            lines.append(
+                f"{row.recording.source} contradicts the others: alone it has {alone}; the standard errors "
+                "are by the scatter of the others; see what differs in it, or leave it out"
+            )
+    return tuple(lines)
+
+
 def _disagreement(fit: UnitFit, name: str, rows: Sequence[CampaignRow], actuator: Actuator) -> str:
     """Return what each informed recording alone would have of a parameter, in words."""
-    alone, i = fit.uncertainty.alone, fit.fitted.index(name)
-    assert alone is not None and fit.contradictions is not None  # noqa: S101, PT018 - it is contradicted
-    size = sizes(actuator, (name,))[0]
-    asked = []
-    for r in np.flatnonzero(fit.contradictions.informed[:, i]).tolist():
-        value = float(varied(actuator, name, size * alone.points[r, i]))
-        error = float(alone.covariances[r, i, i] ** 0.5) * (size if name in SIGNED else value)
-        asked.append(f"{value:.3g} ± {error:.1g} ({rows[r].recording.source})")
+    i = fit.fitted.index(name)
+    assert fit.contradictions is not None  # noqa: S101 - it is contradicted
+    asked = [
+        f"{_asked(fit, r, name, actuator)} ({rows[r].recording.source})"
+        for r in np.flatnonzero(fit.contradictions.informed[:, i]).tolist()
+    ]
     return "the recordings contradict each other: alone they would have " + ", ".join(asked)
+
+
+def _asked(fit: UnitFit, r: int, name: str, actuator: Actuator) -> str:
+    """Return what recording `r` alone would have of a parameter, with its standard error."""
+    alone, i = fit.uncertainty.alone, fit.fitted.index(name)
+    assert alone is not None  # noqa: S101 - there are several recordings
+    size = sizes(actuator, (name,))[0]
+    value = float(varied(actuator, name, size * alone.points[r, i]))
+    error = float(alone.covariances[r, i, i] ** 0.5) * (size if name in SIGNED else value)
+    return f"{value:.3g} ± {error:.1g}"
 
 
 def found_recordings(

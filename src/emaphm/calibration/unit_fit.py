@@ -13,7 +13,7 @@ from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import common_factor, joint_objective, only_ratios
 from emaphm.calibration.motion.fit import measured_start
-from emaphm.estimation.joint.contradictions import Contradictions, contradictions
+from emaphm.estimation.joint.contradictions import Contradictions, contradictions_of_most
 from emaphm.estimation.joint.correction import JointEstimate, corrected_estimate
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.search import search
@@ -179,7 +179,7 @@ def fit_unit(
 
     uncertainty = joint_uncertainty(estimate, settings.seed, unresolved)
     alone = uncertainty.alone
-    contradicted = None if alone is None else contradictions(alone, unit.priors)
+    contradicted = None if alone is None else contradictions_of_most(alone, unit.priors)
     deviations, at_bound = uncertainty.point[: len(fitted)], _at_bound(uncertainty.point, unit)
     covariance = uncertainty.covariance[: len(fitted), : len(fitted)]
     if contradicted is not None:

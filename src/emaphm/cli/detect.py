@@ -1,5 +1,7 @@
 """The verbs `detect learn` and `detect judge`: they read recordings, call the detector, and print."""
 
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -15,8 +17,8 @@ from emaphm.cli.options import (
     described_actuator,
     recording_of,
 )
-from emaphm.cli.output import draw, progress, show
-from emaphm.errors import MethodError
+from emaphm.cli.output import draw, progress, say, show
+from emaphm.errors import MethodError, RecordingError
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -33,9 +35,12 @@ def learn(
     *recording: Annotated[Path, Parameter(help=f"Healthy recordings of one cycle each: {RECORDING_KINDS}.")],
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Detector to write: .json.")],
     group: Annotated[
-        Literal["file", "folder"],
-        Parameter(help="What holds the cycles of one run: each file, or all files of a folder."),
-    ] = "file",
+        Literal["file", "folder"] | None,
+        Parameter(
+            help="What holds the cycles of one run: each file, or all files of a folder. Where left out: "
+            "folders, if there are several and one has several files; else files."
+        ),
+    ] = None,
     model: Annotated[
         bool, Parameter(help="Take off what the actuator's model explains; else channels as measured.")
     ] = True,
@@ -63,21 +68,33 @@ def learn(
     from emaphm.detection import DETECTOR, Detector
     from emaphm.detection.cycle import shared_channels
 
-    with progress("learning", as_json):
-        detector = Detector.learn(
-            recordings,
-            groups=[
-                str(path.resolve().parent if group == "folder" else path.resolve()) for path in recording
-            ],
-            actuator=described if model else None,
-            settings=replace(DETECTOR, false_alarm_rate=false_alarm_rate),
-        ).with_seeded(examples)
+    by, notes = (group, []) if group else _grouping(recording)
+    try:
+        with progress("learning", as_json):
+            detector = Detector.learn(
+                recordings,
+                groups=[
+                    str(path.resolve().parent if by == "folder" else path.resolve()) for path in recording
+                ],
+                actuator=described if model else None,
+                settings=replace(DETECTOR, false_alarm_rate=false_alarm_rate),
+            ).with_seeded(examples)
+    except RecordingError as error:
+        raise RecordingError("; ".join([str(error), *notes])) from None
     detector.save(out)
+    for note in notes:
+        say(f"note: {note}")
     repeated = [name for name in shared_channels(recordings) if name not in detector.channels]
     text = str(detector)
     if repeated:
         text += f"\nNot looked at, as the same in all recordings row by row: {', '.join(repeated)}."
-    values = {"detector": str(out), **detector.to_dict(), "repeated_channels": repeated}
+    values = {
+        "detector": str(out),
+        "group": by,
+        "notes": notes,
+        **detector.to_dict(),
+        "repeated_channels": repeated,
+    }
     show(values, f"{text}\nWritten to {out}", as_json)
 
 
@@ -86,7 +103,7 @@ def judge(
     detector: DetectorFile,
     *recording: Annotated[Path, Parameter(help=f"Recordings of one cycle each: {RECORDING_KINDS}.")],
     together: Annotated[
-        bool, Parameter(negative="", help="Judge all as the cycles of one run: more sensitive.")
+        bool, Parameter(negative="", help="Judge the mean of all, as the cycles of one run.")
     ] = False,
     figure: Annotated[
         Path | None,
@@ -118,6 +135,22 @@ def healthy_check(path: Path, recording: "Recording") -> "DetectorResult":
     from emaphm.detection import Detector
 
     return Detector.load(path).judge(recording)
+
+
+def _grouping(files: Sequence[Path]) -> tuple[Literal["file", "folder"], list[str]]:
+    """Return what holds the cycles of a run, as far as the places of the files say, and a note on it.
+
+    Cycles of a run taken for runs of their own have several times the stated rate of false alarms; runs taken
+    for cycles only make for wider thresholds, or are refused as too few.
+    """
+    folders = Counter(path.resolve().parent for path in files)
+    if len(folders) == 1 or max(folders.values(), default=1) == 1:
+        return "file", []
+    note = (
+        f"{len(files)} files in {len(folders)} folders: all files of a folder count as cycles of one run "
+        "(--group folder); if each file is a run of its own, give --group file"
+    )
+    return "folder", [note]
 
 
 def _text(results: "list[DetectorResult]", worst: "DetectorResult") -> str:

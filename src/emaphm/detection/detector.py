@@ -12,7 +12,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.detection.cycle import Cycle, check_each_once, common_channels, cycle_of
 from emaphm.detection.features import feature_names
-from emaphm.detection.level import Level
+from emaphm.detection.level import Level, judging
 from emaphm.detection.manoeuvre import (
     HealthyAtLoad,
     HealthyManoeuvre,
@@ -155,8 +155,9 @@ class Detector:
         Parameters
         ----------
         recordings
-            One cycle; or several of the same manoeuvre and load, whose mean features are judged: more
-            sensitive, as what differs between cycles of one run averages out.
+            One cycle; or several of the same manoeuvre and load, whose mean features are judged: by the
+            scatter of means of healthy runs, and by that of single cycles, which few runs show better. What
+            differs between cycles of one run averages out in their mean.
 
         Raises
         ------
@@ -181,31 +182,44 @@ class Detector:
                 )
         manoeuvre = self.manoeuvres[places[0][0]]
         at = manoeuvre.loads[places[0][1]]
-        level = [one for one in manoeuvre.levels if one.cycles <= len(cycles)][-1]
-        deviation = manoeuvre.deviations(cycles, at, self.settings).mean(axis=0, keepdims=True)
+        each = manoeuvre.deviations(cycles, at, self.settings)
+        deviation = each.mean(axis=0, keepdims=True)
+        level, by = judging(manoeuvre.levels, deviation, len(cycles))
         return DetectorResult(
             recording=cycles[0].source,
             cycles=len(cycles),
-            level_cycles=level.cycles,
+            cycles_alarming=int(np.sum(manoeuvre.levels[0].excess(each) > 1)),
+            level_cycles=by.cycles,
             manoeuvre=f"{manoeuvre.name}, {at.name}",
-            t2=float(level.scatter.t2(deviation)[0]),
-            q=float(level.scatter.q(deviation)[0]),
-            t2_threshold=level.t2_threshold,
-            q_threshold=level.q_threshold,
-            contributions=self._contributions(manoeuvre, level, deviation),
-            nearest=nearest_seeded(self.seeded, level, places[0], deviation, self.settings),
+            t2=float(by.scatter.t2(deviation)[0]),
+            q=float(by.scatter.q(deviation)[0]),
+            t2_threshold=by.t2_threshold,
+            q_threshold=by.q_threshold,
+            contributions=self._contributions(manoeuvre, by, deviation),
+            nearest=nearest_seeded(self.seeded, by, places[0], deviation, self.settings),
             false_alarm_rate=self.settings.false_alarm_rate,
             shown=self.shown(level) + (f"; {drift_note([at])}" if places[0][1] in manoeuvre.drifting else ""),
         )
 
-    def shown_rate(self, level: Level) -> float:
-        """Return the highest rate of false alarms that the healthy runs of `level` leave room for."""
+    def shown_rate(self, level: Level) -> float | None:
+        """Return the highest rate of false alarms that the healthy runs of `level` leave room for.
+
+        None where the runs are not independent: each resembles the one before it.
+        """
+        if level.independent < level.runs:
+            return None
         return highest_rate(level.alarms, level.runs, self.settings.confidence)
 
     def shown(self, level: Level) -> str:
         """Return which rate of false alarms the healthy runs of `level` can show, in words."""
         s = self.settings
         bound = self.shown_rate(level)
+        if bound is None:
+            return (
+                f"{level.alarms} of {level.runs} healthy runs left out alarmed, but each resembles the one "
+                f"before it: they are worth {level.independent:.2g} independent ones, which show no rate of "
+                "false alarms; if several files are cycles of one run, say so (--group folder, groups=)"
+            )
         needed = runs_to_show(s.false_alarm_rate, s.confidence)
         text = (
             f"{level.alarms} of {level.runs} healthy runs left out alarmed: at most {100 * bound:.2g} % of "
@@ -246,6 +260,7 @@ class Detector:
                             "q_threshold": level.q_threshold,
                             "alarms": level.alarms,
                             "runs": level.runs,
+                            "independent": level.independent,
                             "shown_rate": self.shown_rate(level),
                         }
                         for level in one.levels

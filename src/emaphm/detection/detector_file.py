@@ -65,6 +65,7 @@ class _Level(_Part):
     energy: Annotated[float, Field(ge=0)]
     alarms: Count
     runs: Annotated[int, Field(ge=2)]
+    independent: Positive | None = None  # older files have none: as many as runs
 
 
 class _HealthyManoeuvre(_Part):
@@ -194,6 +195,7 @@ def _manoeuvre(one: _HealthyManoeuvre) -> HealthyManoeuvre:
                 level.energy,
                 level.alarms,
                 level.runs,
+                level.independent or float(level.runs),
             )
             for level in one.levels
         ),

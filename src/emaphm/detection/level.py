@@ -1,14 +1,20 @@
 """Scatter of healthy cycles, or of the means of healthy runs, with thresholds from runs left out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
+from emaphm.detection.drift import serial_correlation
 from emaphm.detection.settings import DetectorSettings
 from emaphm.detection.statistics import HealthyScatter
 from emaphm.detection.thresholds import Labels, joint_thresholds
+
+MORE = 1.25
+"""Ratio of independent values from which single cycles judge a mean too: where the cycles of a run are
+nearly the same, they would say the same again, and two thresholds have more false alarms than one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +32,11 @@ class Level:
     energy
         Mean squared size of healthy whitened deviations, of runs left out.
     alarms, runs
-        Runs left out of scatter and thresholds in which something exceeded them, and how many there were.
+        Runs left out of scatter and thresholds in which something exceeded them, and how many there were. The
+        mean of a run alarms by the thresholds of single cycles too.
+    independent
+        How many independent values the thresholds rest on: between the number of runs and that of cycles, or
+        fewer where runs resemble those before them.
     """
 
     cycles: int
@@ -36,11 +46,33 @@ class Level:
     energy: float
     alarms: int
     runs: int
+    independent: float
 
     @property
     def name(self) -> str:
         """What is judged, in words."""
         return level_name(self.cycles)
+
+    def excess(self, deviations: Array) -> Array:
+        """Return the larger of T² and Q of `deviations` (n, p), each relative to its threshold: (n,)."""
+        return np.asarray(
+            np.maximum(
+                self.scatter.t2(deviations) / self.t2_threshold,
+                self.scatter.q(deviations) / self.q_threshold,
+            )
+        )
+
+
+def judging(levels: Sequence[Level], deviation: Array, cycles: int) -> tuple[Level, Level]:
+    """Return the level of means of `cycles`, and that by which the `deviation` (1, p) of one is farthest off.
+
+    The same, or that of single cycles: a mean scatters no more than a cycle, and of few runs the thresholds
+    of means are wider than those of the many cycles.
+    """
+    single, means = levels[0], [one for one in levels if one.cycles <= cycles][-1]
+    if single.independent <= MORE * means.independent:
+        return means, means
+    return means, max((means, single), key=lambda one: float(one.excess(deviation)[0]))
 
 
 def level_name(cycles: int) -> str:
@@ -54,23 +86,7 @@ def learn_levels(
     """Return the level of single cycles, then those of means at numbers of cycles that enough runs have.
 
     Each is learned from the runs that have as many: a short run takes no level from the others. A number that
-    is not twice that of the level before has none of its own. Arguments as in `learn_level`.
-    """
-    _, of, counts = np.unique(
-        np.stack([runs, loads], axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    levels = [learn_level(features, runs, loads, 1, settings)]
-    for cycles in np.unique(counts).tolist():
-        taken = (counts >= cycles)[of]
-        if cycles >= 2 * levels[-1].cycles and _enough(runs, loads, taken, settings):
-            levels.append(learn_level(features[taken], runs[taken], loads[taken], cycles, settings))
-    return tuple(levels)
-
-
-def learn_level(
-    features: Array, runs: Labels, loads: Labels, cycles: int, settings: DetectorSettings
-) -> Level:
-    """Return the scatter and the thresholds of healthy cycles, by cross-validation over runs.
+    is not twice that of the level before has none of its own.
 
     Parameters
     ----------
@@ -78,32 +94,103 @@ def learn_level(
         Of all cycles, (n, p).
     runs, loads
         Which run and load each is of, (n,).
-    cycles
-        1, or the number from which on the means of runs are judged.
     """
+    _, of, counts = np.unique(
+        np.stack([runs, loads], axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    likeness = 0.0
+    if np.unique(runs).size == len(features):  # as where nobody has said which are cycles of one run
+        scatter = _scatter(features, runs, loads, 1, settings)
+        likeness = serial_correlation(features, runs, loads, scatter, settings)
+    singles = _left_out_scores(features, runs, loads, 1, likeness, settings)
+    levels = [_level(features, runs, loads, 1, singles, singles, settings)]
+    for cycles in np.unique(counts).tolist():
+        taken = (counts >= cycles)[of]
+        if cycles >= 2 * levels[-1].cycles and _enough(runs, loads, taken, settings):
+            those = (features[taken], runs[taken], loads[taken])
+            means = _left_out_scores(*those, cycles, likeness, settings)
+            levels.append(_level(*those, cycles, means, singles, settings))
+    return tuple(levels)
+
+
+@dataclass(frozen=True, eq=False)
+class _LeftOutScores:
+    """T² and Q of what is judged together, (n, 2), each by runs of other folds, and the run of each, (n,).
+
+    `by_single`, (n, 2), are those by the scatter of single cycles; `energies`, (n,), the squared sizes of the
+    whitened deviations; `likeness` is the correlation of a run with the one before it.
+    """
+
+    scores: Array
+    by_single: Array
+    energies: Array
+    runs: Labels
+    likeness: float
+
+    def thresholds(self, rate: float, without: int | None = None) -> tuple[Array, float]:
+        """Return those of T² and Q, (2,), from all runs or without one, and how many values they rest on."""
+        taken = self.runs != without
+        return joint_thresholds(self.scores[taken], self.runs[taken], rate, self.likeness)
+
+
+def _left_out_scores(
+    features: Array, runs: Labels, loads: Labels, cycles: int, likeness: float, settings: DetectorSettings
+) -> _LeftOutScores:
+    """Return the statistics of healthy cycles (n, p), or of means of runs, by cross-validation over runs."""
     # By load, so that runs at one load are in different folds: each fold leaves some of it to learn from.
     order = np.array(list(dict.fromkeys(runs[np.lexsort((runs, loads))].tolist())))
     fold_of = {run: place % settings.most_folds for place, run in enumerate(order.tolist())}
     folds = np.array([fold_of[run] for run in runs.tolist()])
-    scores, energies, of_run = [], [], []
+    scores, by_single, energies, of_run = [], [], [], []
     for fold in np.unique(folds):
         left = folds == fold
-        scatter = _scatter(features[~left], runs[~left], loads[~left], cycles, settings)
+        rest = (features[~left], runs[~left], loads[~left])
+        scatter = _scatter(*rest, cycles, settings)
+        single = scatter if cycles == 1 else _scatter(*rest, 1, settings)
         centres = _centres(features, loads, ~left)
         deviations, run, _ = _together(features[left] - centres[left], runs[left], loads[left], cycles)
         scores.append(np.stack([scatter.t2(deviations), scatter.q(deviations)], axis=1))
+        by_single.append(np.stack([single.t2(deviations), single.q(deviations)], axis=1))
         energies.append(np.sum(scatter.whitened(deviations) ** 2, axis=1))
         of_run.append(run)
-    found, run = np.concatenate(scores), np.concatenate(of_run)
-    rate = settings.false_alarm_rate
-    thresholds = joint_thresholds(found, run, rate)
-    alarms = sum(
-        bool(np.any(found[run == one] > joint_thresholds(found[run != one], run[run != one], rate)))
-        for one in order
+    return _LeftOutScores(
+        np.concatenate(scores),
+        np.concatenate(by_single),
+        np.concatenate(energies),
+        np.concatenate(of_run),
+        likeness,
     )
+
+
+def _level(
+    features: Array,
+    runs: Labels,
+    loads: Labels,
+    cycles: int,
+    found: _LeftOutScores,
+    singles: _LeftOutScores,
+    settings: DetectorSettings,
+) -> Level:
+    """Return the scatter and thresholds of healthy cycles (n, p), or of means, by their scores left out."""
+    rate = settings.false_alarm_rate
+    thresholds, number = found.thresholds(rate)
+    every = np.unique(found.runs)
+    alarms = sum(_alarms_left_out(one, found, singles, rate) for one in every)
     scatter = _scatter(features, runs, loads, cycles, settings)
-    energy = float(np.mean(np.concatenate(energies)))
-    return Level(cycles, scatter, float(thresholds[0]), float(thresholds[1]), energy, alarms, order.size)
+    energy = float(np.mean(found.energies))
+    t2, q = thresholds.tolist()
+    return Level(cycles, scatter, t2, q, energy, alarms, every.size, number)
+
+
+def _alarms_left_out(one: int, found: _LeftOutScores, singles: _LeftOutScores, rate: float) -> bool:
+    """Return whether run `one` exceeds thresholds without it: its level's, or those of single cycles."""
+    own = found.runs == one
+    by_own, number = found.thresholds(rate, one)
+    by_single, of_singles = singles.thresholds(rate, one)
+    alarms = np.any(found.scores[own] > by_own)
+    if of_singles > MORE * number:
+        alarms = alarms or np.any(found.by_single[own] > by_single)
+    return bool(alarms)
 
 
 def _enough(runs: Labels, loads: Labels, taken: NDArray[np.bool_], settings: DetectorSettings) -> bool:

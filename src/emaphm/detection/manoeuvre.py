@@ -150,7 +150,7 @@ def learn_manoeuvre(
         for k, load in enumerate(profiles)
     )
     levels = learn_levels(features, runs, at, settings)
-    drifting = drifting_loads(features, runs, at, levels[0], settings)
+    drifting = drifting_loads(features, runs, at, levels[0].scatter, settings)
     return HealthyManoeuvre(command, first.interval_s, segments, scales, drifting, loads, levels)
 
 

@@ -44,8 +44,11 @@ class DetectorResult:
     ----------
     cycles
         How many were judged together.
+    cycles_alarming
+        How many of them are not like healthy singly.
     level_cycles
-        Whose scatter judged them: 1, that of single cycles; else that of means of as many cycles.
+        By whose scatter they are farthest from healthy: 1, that of single cycles; else that of means of as
+        many cycles.
     t2, q, t2_threshold, q_threshold
         The statistics and what a healthy one exceeds with the rate of false alarms in one of the two.
     contributions
@@ -60,6 +63,7 @@ class DetectorResult:
 
     recording: str
     cycles: int
+    cycles_alarming: int
     level_cycles: int
     manoeuvre: str
     t2: float
@@ -101,7 +105,7 @@ class DetectorResult:
         """The verdict in one sentence, without a full stop."""
         t2, q = self.t2 / self.t2_threshold, self.q / self.q_threshold
         if self.like_healthy:
-            return f"like healthy (T² {t2:.2g}, Q {q:.2g} × threshold{self._coarse})"
+            return f"like healthy (T² {t2:.2g}, Q {q:.2g} × threshold{self._coarse}){self._contradicted}"
         size = f"Q {q:.2g} × threshold" if q >= t2 else f"T² {t2:.2g} × threshold"
         channel, stroke, share = self._most()
         place = f"in the {stroke}" if stroke == "hold" else f"on the {stroke}"
@@ -119,6 +123,7 @@ class DetectorResult:
         return {
             "recording": self.recording,
             "cycles": self.cycles,
+            "cycles_alarming": self.cycles_alarming,
             "level_cycles": self.level_cycles,
             "manoeuvre": self.manoeuvre,
             "like_healthy": self.like_healthy,
@@ -174,10 +179,17 @@ class DetectorResult:
 
     @property
     def _coarse(self) -> str:
-        """Return that a mean was judged by the wider scatter of single cycles, or nothing."""
+        """Return that it was the scatter of single cycles that judged a mean, or nothing."""
         if self.cycles == 1 or self.level_cycles > 1:
             return ""
         return f", {self.cycles} cycles by the scatter of single ones"
+
+    @property
+    def _contradicted(self) -> str:
+        """Return how many cycles of a run that is like healthy are not so singly, or nothing."""
+        if self.cycles == 1 or not self.cycles_alarming:
+            return ""
+        return f", but {self.cycles_alarming} of {self.cycles} cycles alarm singly"
 
     def _by_q(self) -> bool:
         return self.q / self.q_threshold >= self.t2 / self.t2_threshold

@@ -39,7 +39,7 @@ class DetectorSettings:
         its rows by which they may begin earlier or later.
     drift_directions, drift_significance
         Principal directions in which healthy runs are tested for a drift with their order, and the
-        significance of all tests together.
+        significance of all tests together; also of the test whether runs resemble those before them.
     alike
         Share of a deviation, less what healthy scatter adds to its square, that must lie along a seeded
         fault's direction to be called alike: half.

@@ -16,7 +16,12 @@ LEAST_DEVIATION = 1e-6
 """Standard deviation of a statistic's logarithm where all healthy cycles are the same, as in simulations."""
 
 
-def joint_thresholds(scores: Array, runs: Labels, rate: float) -> Array:
+FEWEST_INDEPENDENT = 3.0
+"""Values that runs of which each resembles the one before are worth at least: Student's quantile of 1 % is 7
+for them, and 32 for two."""
+
+
+def joint_thresholds(scores: Array, runs: Labels, rate: float, likeness: float = 0.0) -> tuple[Array, float]:
     """Return what a further healthy cycle exceeds, in any of several statistics, with the probability `rate`.
 
     The logarithms of each statistic are brought to mean 0 and standard deviation 1; what counts is the
@@ -31,17 +36,27 @@ def joint_thresholds(scores: Array, runs: Labels, rate: float) -> Array:
         Which run each is of, (n,).
     rate
         Above 0, below 1.
+    likeness
+        Correlation r of a run with the one before it, from 0 to 1: as many values of an autoregressive series
+        of first order are worth (1 - r) / (1 + r) of as many independent ones [1].
 
     Returns
     -------
-    (statistics,), in their units.
+    (statistics,), in their units, and how many independent values they rest on.
+
+    References
+    ----------
+    [1] Bayley, Hammersley: The "effective" number of independent observations, J. R. Stat. Soc. 8, 1946.
     """
     logs = np.log(np.maximum(scores, FEWEST_POSITIVE))
     mean, deviation = logs.mean(axis=0), logs.std(axis=0, ddof=1)
     deviation = np.maximum(deviation, LEAST_DEVIATION)
     largest = ((logs - mean) / deviation).max(axis=1)
-    bound = prediction_bound(largest, effective_number(largest, runs), rate)
-    return np.asarray(np.exp(mean + deviation * bound))
+    number = effective_number(largest, runs)
+    if likeness:
+        number = max(number * (1 - likeness) / (1 + likeness), FEWEST_INDEPENDENT)
+    bound = prediction_bound(largest, number, rate)
+    return np.asarray(np.exp(mean + deviation * bound)), number
 
 
 def prediction_bound(values: Array, number: float, rate: float) -> float:
@@ -82,7 +97,7 @@ def effective_number(values: Array, runs: Labels) -> float:
     m = n / g
     total = between + (m - 1) * within
     correlation = min(max((between - within) / total, 0.0), 1.0) if total > 0 else 1.0
-    return n / (1 + (m - 1) * correlation)
+    return max(n / (1 + (m - 1) * correlation), float(g))
 
 
 def highest_rate(alarms: int, of: int, confidence: float) -> float:

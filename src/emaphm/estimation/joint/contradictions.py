@@ -1,6 +1,6 @@
 """Parameters that the recordings of a campaign contradict each other in."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,16 +21,54 @@ INFORMED = 0.5
 """A recording with a standard error above this share of the prior's says nothing of a parameter."""
 
 
+FEWEST_OTHERS = 3
+"""Recordings by whose scatter another's estimate is called an outlier: that of two says next to nothing."""
+
+
 @dataclass(frozen=True, eq=False)
 class Contradictions:
     """Which of p parameters are contradicted, (p,), and what covers it: a covariance (p, p) to be added.
 
-    `informed`, (n, p), is whether each recording has information of its own on each parameter.
+    `informed`, (n, p), is whether each recording has information of its own on each parameter, `set_aside`,
+    (n, p), whether that is an outlier, which has no part in the scatter.
     """
 
     contradicted: NDArray[np.bool_]
     informed: NDArray[np.bool_]
     covariance: Array
+    set_aside: NDArray[np.bool_]
+
+
+def contradictions_of_most(alone: AloneEstimates, prior_deviations: Array) -> Contradictions:
+    """Return what the recordings contradict each other in, where one of many is off set aside.
+
+    By parameter, an estimate that is farther from the meta-analysis of the others than chance explains, their
+    scatter included, has no part in the scatter, if `FEWEST_OTHERS` have information on it. A joint fit still
+    has that recording: how far it moves the weighted mean is added.
+    """
+    aside = np.zeros(alone.points.shape, bool)
+    variances = np.diagonal(alone.covariances, axis1=1, axis2=2)
+    informed = variances < (INFORMED * prior_deviations) ** 2
+    moved = np.zeros(prior_deviations.size)
+    for j, prior in enumerate(prior_deviations):
+        every = np.flatnonzero(informed[:, j])
+        left = every
+        while left.size > FEWEST_OTHERS:
+            far = [_away(alone, int(r), left[left != r], j, float(prior)) for r in left]
+            if max(far) <= 1 or 2 * (left.size - 1) <= every.size:
+                break
+            left = np.delete(left, int(np.argmax(far)))
+        aside[np.setdiff1d(every, left), j] = True
+        if left.size < every.size:
+            means = [
+                np.average(alone.points[ones, j], weights=1 / variances[ones, j]) for ones in (every, left)
+            ]
+            moved[j] = means[0] - means[1]
+    variance = np.where(aside, np.square(prior_deviations), 0.0)
+    covariances = alone.covariances + variance[:, :, np.newaxis] * np.eye(prior_deviations.size)
+    meta = random_effects(alone.points, covariances, prior_deviations)
+    most = contradictions(replace(alone, covariances=covariances, meta=meta), prior_deviations)
+    return replace(most, covariance=most.covariance + np.diag(moved**2), set_aside=aside)
 
 
 def contradictions(alone: AloneEstimates, prior_deviations: Array) -> Contradictions:
@@ -54,7 +92,7 @@ def contradictions(alone: AloneEstimates, prior_deviations: Array) -> Contradict
             least = float(np.var(values, ddof=1)) * wider**2
             covariance[j, j] = max(covariance[j, j], least)
             contradicted[j] = covariance[j, j] > MATERIAL**2
-    return Contradictions(contradicted, informed, covariance)
+    return Contradictions(contradicted, informed, covariance, np.zeros_like(informed))
 
 
 def dissenting(alone: AloneEstimates, prior_deviations: Array) -> NDArray[np.bool_]:
@@ -83,14 +121,22 @@ def _distance(alone: AloneEstimates, r: int, others: NDArray[np.intp], prior_dev
     """
     if not others.size:
         return 0.0
-    p, largest = prior_deviations.size, 0.0
-    limit = chi_squared_quantile(1, 1 - CHANCE / (p * (others.size + 1)))
-    for j, prior in enumerate(prior_deviations):
-        own = float(alone.covariances[r, j, j])
-        one = slice(j, j + 1)
-        points, variances = alone.points[others, one], alone.covariances[others, one, one]
-        meta = random_effects(points, variances, prior_deviations[one])
-        away, variance = float(alone.points[r, j] - meta.mean[0]), own + float(meta.covariance[0, 0])
-        if variance < (INFORMED * prior) ** 2 and abs(away) > MATERIAL:
-            largest = max(largest, away**2 / variance / limit)
-    return largest
+    return max(
+        _away(alone, r, others, j, float(prior), prior_deviations.size)
+        for j, prior in enumerate(prior_deviations)
+    )
+
+
+def _away(
+    alone: AloneEstimates, r: int, others: NDArray[np.intp], j: int, prior: float, parameters: int = 1
+) -> float:
+    """Return how far recording `r` is from the `others` in parameter `j`, of `parameters` tested."""
+    limit = chi_squared_quantile(1, 1 - CHANCE / (parameters * (others.size + 1)))
+    one = slice(j, j + 1)
+    points, variances = alone.points[others, one], alone.covariances[others, one, one]
+    meta = random_effects(points, variances, np.array([prior]))
+    away = float(alone.points[r, j] - meta.mean[0])
+    variance = float(alone.covariances[r, j, j] + meta.covariance[0, 0])
+    if variance < (INFORMED * prior) ** 2 and abs(away) > MATERIAL:
+        return away**2 / variance / limit
+    return 0.0
