@@ -213,7 +213,7 @@ def training_folder(path: Path, setup: RecordingSetup, seed: int) -> WorkFolder:
 
 def revision() -> str:
     """Return a fingerprint of the code and libraries that decide what a shard holds."""
-    return revision_of(DECIDING, ("actuator/toml.py",))
+    return revision_of(DECIDING, ("actuator/toml",))
 
 
 def remove_training_folder(path: Path) -> None:

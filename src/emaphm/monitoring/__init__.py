@@ -2,6 +2,7 @@
 
 from emaphm.monitoring.ownership import NamePattern, Ownership
 from emaphm.monitoring.settings import WATCH, WatchSettings
-from emaphm.monitoring.watch import Watching, WatchTask, watch
+from emaphm.monitoring.task import WatchTask
+from emaphm.monitoring.watch import Watching, watch
 
 __all__ = ["WATCH", "NamePattern", "Ownership", "WatchSettings", "WatchTask", "Watching", "watch"]

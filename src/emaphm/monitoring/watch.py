@@ -1,6 +1,5 @@
 """Watching: what arrives is judged, the history and the prognoses follow, events are sent."""
 
-import os
 import threading
 import time
 import traceback
@@ -8,37 +7,30 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from emaphm.actuator import Actuator
 from emaphm.errors import EmaphmError, HistoryFormError, HistoryUnavailableError, MonitoringError
 from emaphm.execution.one_process import Calls, EndedError, StoppedError
 from emaphm.history import Entry, Event, History
-from emaphm.history.writing import storable
 from emaphm.monitoring.arrival import Arrival, Call, Source, call_here
 from emaphm.monitoring.delivery import Delivery, Receiver, close_all
-from emaphm.monitoring.diagnosers import Diagnose, load, refusal_of, search
+from emaphm.monitoring.diagnosers import load, refusal_of
 from emaphm.monitoring.folder import FolderSource
-from emaphm.monitoring.judging import Cut, Judge, cut_stretches
+from emaphm.monitoring.judging import Judge
 from emaphm.monitoring.outlook import NoPrognosisError, Outlook
-from emaphm.monitoring.ownership import Ownership
 from emaphm.monitoring.pressure import Pressure
 from emaphm.monitoring.receivers import Lines, Webhook
 from emaphm.monitoring.settings import WATCH, IsolationSettings, WatchSettings
 from emaphm.monitoring.stream.source import StreamSource
+from emaphm.monitoring.task import WatchTask
 from emaphm.monitoring.watch_state import JUDGED, PARTLY, REFUSED, SET_ASIDE, WatchState
 from emaphm.recording import Recording
-
-if TYPE_CHECKING:
-    from emaphm.detection import Detector
 
 T = TypeVar("T")
 
 IDLE_S = 0.05
 """Pause where nothing is to be done [s]."""
-
-STDIN = "stdin"
 
 TOO_MUCH_MEMORY = "it takes more memory than it may have; cut one manoeuvre out of it"
 
@@ -64,69 +56,6 @@ class Watching:
             f"{self.judged} recordings judged, {self.known} were in the history already, {self.refused} "
             f"refused{left_out}; {self.prognoses} prognoses"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class WatchTask:
-    """What is watched, and how.
-
-    Attributes
-    ----------
-    source
-        A folder, or the file descriptor of a stream.
-    ownership
-        How the unit and the hours of a recording are known.
-    name
-        Of the watcher: what it has done stands in the history under this name; the folder's path, or "stdin",
-        where left out.
-    split
-        What a file is cut by into recordings, as in `emaphm.read_recordings`.
-    cut
-        Returns the stretches of a recording that identify something; None where it is judged as a whole.
-    diagnose
-        What diagnoses them, as `emaphm.diagnose` does, which is the usual; or an estimator.
-    detector
-        Says in addition whether they are like healthy ones.
-    takes_new_units
-        Whether units that the history does not know are added to it.
-    isolated
-        Whether recordings are read and diagnosed in a process of their own, and prognoses made in another.
-        A recording that kills its process, or takes too long, is tried once more and then set aside. Without
-        it, `stop` waits for what is under way. A script needs the usual ``if __name__ == "__main__":``.
-    once
-        Whether to end when all that is there is judged.
-    webhook, lines
-        Where events go: an address; a file descriptor.
-    """
-
-    source: Path | int
-    ownership: Ownership
-    name: str = ""
-    split: str | None = None
-    cut: Cut | None = cut_stretches
-    diagnose: Diagnose = search
-    detector: "Detector | None" = None
-    takes_new_units: bool = False
-    isolated: bool = False
-    once: bool = False
-    seed: int = 0
-    webhook: str | None = None
-    lines: int | None = None
-
-    @property
-    def watcher(self) -> str:
-        """The name of the watcher."""
-        return storable(self.name or (STDIN if isinstance(self.source, int) else str(self.source.absolute())))
-
-    def check(self) -> None:
-        """Refuse a folder or an address that cannot be used, `MonitoringError`."""
-        if isinstance(self.source, Path) and not self.source.is_dir():
-            what = "is no folder" if self.source.exists() else "no such folder"
-            raise MonitoringError(f"{self.source}: {what}; give one where recordings arrive, or - for stdin")
-        if isinstance(self.source, Path) and not os.access(self.source, os.R_OK | os.X_OK):
-            raise MonitoringError(f"{self.source}: cannot be read; let this user read the folder")
-        if self.webhook is not None:
-            Webhook(self.webhook, WATCH.delivery.timeout_s)
 
 
 def watch(
