@@ -12,7 +12,7 @@ from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.rests import Rests
 from emaphm.estimation.search import search
-from emaphm.estimation.standstill import command_stands, stretches, with_rests
+from emaphm.estimation.standstill import command_stands, with_rests
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -59,12 +59,6 @@ def test_what_is_left_out_is_the_chance_s_most_probable_value() -> None:
             np.testing.assert_allclose(moved, np.outer(chance * patterns[k], np.ones(after - first)))
     outside = np.r_[0:2, 9:12]
     np.testing.assert_array_equal(drawn[:, :, outside], shown[:, :, outside])
-
-
-def test_stretches_are_found_from_end_to_end() -> None:
-    rows = np.array([True, True, False, True, False, True, True, True])
-    np.testing.assert_array_equal(stretches(rows, 2), [[0, 2], [5, 8]])
-    assert not len(stretches(np.zeros(4, bool), 1))
 
 
 def test_a_chirp_has_no_rest_and_steps_have() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Flags, runs
 from emaphm.estimation.discrepancy import REFERENCE_RUNS, runs_about, with_all_phases
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
@@ -36,11 +36,13 @@ def with_rests(
         return objective
     if not command_stands(problem):
         return objective
-    bounds = stretches(_standing(objective, point, reference), LEAST_REST_S / problem.inputs.interval)
-    if not len(bounds):
+    least = LEAST_REST_S / problem.inputs.interval
+    stretches = runs(_standing(objective, point, reference))
+    bounds = np.array([(first, after) for first, after in stretches if after - first >= least])
+    if not bounds.size:
         return objective
-    runs = runs_about(objective, point[np.newaxis], with_all_phases(reference), rng, REFERENCE_RUNS)[0]
-    rows = runs[:, : objective.channel_rows].reshape(len(runs), len(problem.channels), -1)
+    outputs = runs_about(objective, point[np.newaxis], with_all_phases(reference), rng, REFERENCE_RUNS)[0]
+    rows = outputs[:, : objective.channel_rows].reshape(len(outputs), len(problem.channels), -1)
     rows /= problem.weights[:, np.newaxis]
     noise = np.array([_noise(problem, name, rows[:, i]) for i, name in enumerate(problem.channels)])
     rests = Rests.of(bounds, _patterns(rows, bounds, noise), noise)
@@ -64,7 +66,7 @@ def command_stands(problem: Problem) -> bool:
     return bool((np.ptp(windows, axis=1) <= still).any())
 
 
-def _standing(objective: MapObjective, point: Array, reference: Problem) -> NDArray[np.bool_]:
+def _standing(objective: MapObjective, point: Array, reference: Problem) -> Flags:
     """Return in which rows the shaft of the `reference` model stands at `point` (d,), (samples,).
 
     The fitted model's only creeps there: no switching drives it beyond where friction would hold it.
@@ -74,27 +76,21 @@ def _standing(objective: MapObjective, point: Array, reference: Problem) -> NDAr
     return np.asarray(reference.exact(faults, parameters, ("speed_rad_s",))[0, 0] == 0.0)
 
 
-def stretches(rows: NDArray[np.bool_], least: float) -> NDArray[np.intp]:
-    """Return the first row of each stretch of true `rows` (n,), and the one after it, (k, 2)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
-    bounds = edges.reshape(-1, 2)
-    return bounds[np.diff(bounds, axis=1)[:, 0] >= least]
-
-
-def _noise(problem: Problem, channel: str, runs: Array) -> float:
+def _noise(problem: Problem, channel: str, outputs: Array) -> float:
     """Return the rms of what is white in a row of a `channel`: of its sensor, and of switching."""
     of_sensor = measured_noise(problem.measured[channel], problem.inputs.interval)
-    return max(of_sensor, float(np.median([noise_level(run) for run in runs])), TINY)
+    return max(of_sensor, float(np.median([noise_level(run) for run in outputs])), TINY)
 
 
-def _patterns(runs: Array, bounds: NDArray[np.intp], noise: Array) -> Array:
-    """Return what the means of rests differ by between `runs` (n, channels, rows) most, (k, channels).
+def _patterns(outputs: Array, bounds: NDArray[np.intp], noise: Array) -> Array:
+    """Return what the means of rests differ by most between runs, (k, channels).
 
-    One direction of the channels for each: one number, the error of position, makes what all of them show.
+    `outputs`, (n, channels, rows), are those of the runs. One direction of the channels for each rest: one
+    number, the error of position, makes what all of them show.
     """
-    patterns = np.zeros((len(bounds), runs.shape[1]))
+    patterns = np.zeros((len(bounds), outputs.shape[1]))
     for k, (first, after) in enumerate(bounds):
-        means = runs[:, :, first:after].mean(axis=2)
+        means = outputs[:, :, first:after].mean(axis=2)
         _, sizes, axes = np.linalg.svd((means - means.mean(axis=0)) / noise, full_matrices=False)
-        patterns[k] = axes[0] * sizes[0] / np.sqrt(len(runs) - 1) * noise
+        patterns[k] = axes[0] * sizes[0] / np.sqrt(len(outputs) - 1) * noise
     return patterns
