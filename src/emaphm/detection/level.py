@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,9 +71,14 @@ def judging(levels: Sequence[Level], deviation: Array, cycles: int) -> tuple[Lev
     of means are wider than those of the many cycles.
     """
     single, means = levels[0], [one for one in levels if one.cycles <= cycles][-1]
-    if single.independent <= MORE * means.independent:
+    if not _singles_judge(single.independent, means.independent):
         return means, means
     return means, max((means, single), key=lambda one: float(one.excess(deviation)[0]))
+
+
+def _singles_judge(of_singles: float, of_means: float) -> bool:
+    """Return whether single cycles judge a mean too, by how many independent values each level rests on."""
+    return of_singles > MORE * of_means
 
 
 def level_name(cycles: int) -> str:
@@ -118,7 +124,8 @@ class _LeftOutScores:
     """T² and Q of what is judged together, (n, 2), each by runs of other folds, and the run of each, (n,).
 
     `by_single`, (n, 2), are those by the scatter of single cycles; `energies`, (n,), the squared sizes of the
-    whitened deviations; `likeness` is the correlation of a run with the one before it.
+    whitened deviations; `likeness` is the correlation of a run with the one before it, and `rate` that of
+    false alarms.
     """
 
     scores: Array
@@ -126,11 +133,17 @@ class _LeftOutScores:
     energies: Array
     runs: Labels
     likeness: float
+    rate: float
 
-    def thresholds(self, rate: float, without: int | None = None) -> tuple[Array, float]:
+    def thresholds(self, without: int | None = None) -> tuple[Array, float]:
         """Return those of T² and Q, (2,), from all runs or without one, and how many values they rest on."""
         taken = self.runs != without
-        return joint_thresholds(self.scores[taken], self.runs[taken], rate, self.likeness)
+        return joint_thresholds(self.scores[taken], self.runs[taken], self.rate, self.likeness)
+
+    @cached_property
+    def thresholds_without(self) -> dict[int, tuple[Array, float]]:
+        """The `thresholds` without each run: those of single cycles are asked for by every level."""
+        return {run: self.thresholds(run) for run in np.unique(self.runs).tolist()}
 
 
 def _left_out_scores(
@@ -159,6 +172,7 @@ def _left_out_scores(
         np.concatenate(energies),
         np.concatenate(of_run),
         likeness,
+        settings.false_alarm_rate,
     )
 
 
@@ -172,23 +186,22 @@ def _level(
     settings: DetectorSettings,
 ) -> Level:
     """Return the scatter and thresholds of healthy cycles (n, p), or of means, by their scores left out."""
-    rate = settings.false_alarm_rate
-    thresholds, number = found.thresholds(rate)
-    every = np.unique(found.runs)
-    alarms = sum(_alarms_left_out(one, found, singles, rate) for one in every)
+    thresholds, number = found.thresholds()
+    every = found.thresholds_without
+    alarms = sum(_alarms_left_out(run, found, singles) for run in every)
     scatter = _scatter(features, runs, loads, cycles, settings)
     energy = float(np.mean(found.energies))
     t2, q = thresholds.tolist()
-    return Level(cycles, scatter, t2, q, energy, alarms, every.size, number)
+    return Level(cycles, scatter, t2, q, energy, alarms, len(every), number)
 
 
-def _alarms_left_out(one: int, found: _LeftOutScores, singles: _LeftOutScores, rate: float) -> bool:
-    """Return whether run `one` exceeds thresholds without it: its level's, or those of single cycles."""
-    own = found.runs == one
-    by_own, number = found.thresholds(rate, one)
-    by_single, of_singles = singles.thresholds(rate, one)
+def _alarms_left_out(run: int, found: _LeftOutScores, singles: _LeftOutScores) -> bool:
+    """Return whether a run exceeds thresholds without it: its level's, or those of single cycles."""
+    own = found.runs == run
+    by_own, number = found.thresholds_without[run]
+    by_single, of_singles = singles.thresholds_without[run]
     alarms = np.any(found.scores[own] > by_own)
-    if of_singles > MORE * number:
+    if _singles_judge(of_singles, number):
         alarms = alarms or np.any(found.by_single[own] > by_single)
     return bool(alarms)
 
