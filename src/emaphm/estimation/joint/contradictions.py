@@ -47,17 +47,11 @@ def contradictions_of_most(alone: AloneEstimates, prior_deviations: Array) -> Co
     has that recording: how far it moves the weighted mean is added.
     """
     aside = np.zeros(alone.points.shape, bool)
-    variances = np.diagonal(alone.covariances, axis1=1, axis2=2)
-    informed = variances < (INFORMED * prior_deviations) ** 2
+    informed, variances = _informed(alone, prior_deviations)
     moved = np.zeros(prior_deviations.size)
     for j, prior in enumerate(prior_deviations):
         every = np.flatnonzero(informed[:, j])
-        left = every
-        while left.size > FEWEST_OTHERS:
-            far = [_away(alone, int(r), left[left != r], j, float(prior)) for r in left]
-            if max(far) <= 1 or 2 * (left.size - 1) <= every.size:
-                break
-            left = np.delete(left, int(np.argmax(far)))
+        left = _agreeing(alone, every, j, float(prior))
         aside[np.setdiff1d(every, left), j] = True
         if left.size < every.size:
             means = [
@@ -71,6 +65,23 @@ def contradictions_of_most(alone: AloneEstimates, prior_deviations: Array) -> Co
     return replace(most, covariance=most.covariance + np.diag(moved**2), set_aside=aside)
 
 
+def _informed(alone: AloneEstimates, prior_deviations: Array) -> tuple[NDArray[np.bool_], Array]:
+    """Return whether each recording has information on each parameter, (n, p), and its variances."""
+    variances = np.diagonal(alone.covariances, axis1=1, axis2=2)
+    return variances < (INFORMED * prior_deviations) ** 2, variances
+
+
+def _agreeing(alone: AloneEstimates, every: NDArray[np.intp], j: int, prior: float) -> NDArray[np.intp]:
+    """Return which of the recordings `every` are no outliers in parameter `j`: more than half of them."""
+    left = every
+    while left.size > FEWEST_OTHERS and 2 * (left.size - 1) > every.size:
+        far = [_away(alone, int(r), left[left != r], j, prior) for r in left]
+        if max(far) <= 1:
+            break
+        left = np.delete(left, int(np.argmax(far)))
+    return left
+
+
 def contradictions(alone: AloneEstimates, prior_deviations: Array) -> Contradictions:
     """Return what the estimates of each recording alone differ in by more than their errors explain.
 
@@ -79,8 +90,7 @@ def contradictions(alone: AloneEstimates, prior_deviations: Array) -> Contradict
     of the random-effects meta-analysis, and of a contradicted parameter at least the variance between the
     recordings, as wide as Student's t of so few values.
     """
-    variances = np.diagonal(alone.covariances, axis1=1, axis2=2)
-    informed = variances < (INFORMED * prior_deviations) ** 2
+    informed, variances = _informed(alone, prior_deviations)
     contradicted = np.zeros(prior_deviations.size, bool)
     covariance = alone.meta.scatter.copy()
     for j in np.flatnonzero(informed.sum(axis=0) > 1):
