@@ -22,6 +22,7 @@ from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.amortized.drawing import PRIOR, draw
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.arrays import Array
+from emaphm.diagnosis.deciding_code import NOT_DECIDING
 from emaphm.errors import ExecutionError
 from emaphm.estimation.sensors.sensor_model import all_as_described
 from emaphm.execution import Task, outcomes
@@ -213,7 +214,7 @@ def training_folder(path: Path, setup: RecordingSetup, seed: int) -> WorkFolder:
 
 def revision() -> str:
     """Return a fingerprint of the code and libraries that decide what a shard holds."""
-    return revision_of(DECIDING, ("actuator/toml",))
+    return revision_of(DECIDING, NOT_DECIDING)
 
 
 def remove_training_folder(path: Path) -> None:
