@@ -456,17 +456,22 @@ def test_a_real_machine_from_calibration_to_diagnosis(emaphm: Emaphm, desk: Path
     assert (desk / "unit.html").is_file()
 
 
+def check_demo(said: dict[str, Any], desk: Path) -> None:
+    """Check what the demonstration has `said`, in JSON, and written."""
+    assert said.keys() >= DIAGNOSIS
+    assert np.abs(np.array(said["k"]) - said["true_k"]).max() < 0.02
+    assert 0 < said["error_percent"] < 2
+    assert {path.name for path in (desk / "demo").iterdir()} == {"report.html", "diagnosis.svg"}
+    assert said["report"] == str(Path("demo", "report.html"))
+    assert "<html" in (desk / said["report"]).read_text(encoding="utf-8")
+    assert (desk / said["figure"]).read_bytes().startswith(b"<?xml")
+
+
 # With every correction; its quick test is the next one.
 @pytest.mark.evidence
 def test_the_demo_finds_what_it_simulated(emaphm: Emaphm, desk: Path) -> None:
-    told = parsed(emaphm, "demo")
-    assert told.keys() >= DIAGNOSIS
-    assert np.abs(np.array(told["k"]) - told["true_k"]).max() < 0.02
-    assert 0 < told["error_percent"] < 2
-    assert {path.name for path in (desk / "demo").iterdir()} == {"report.html", "diagnosis.svg"}
-    assert told["report"] == str(Path("demo", "report.html"))
-    assert "<html" in (desk / told["report"]).read_text(encoding="utf-8")
-    assert (desk / told["figure"]).read_bytes().startswith(b"<?xml")
+    said = parsed(emaphm, "demo")
+    check_demo(said, desk)
 
 
 def test_the_demo_prints_the_estimate_and_the_truth(
@@ -481,14 +486,8 @@ def test_the_demo_prints_the_estimate_and_the_truth(
         return made[0]
 
     monkeypatch.setattr("emaphm.demo.diagnose", once)
-    told = parsed(emaphm, "demo", "--seed", "1")
-    assert told.keys() >= DIAGNOSIS
-    assert np.abs(np.array(told["k"]) - told["true_k"]).max() < 0.02
-    assert 0 < told["error_percent"] < 2
-    assert {path.name for path in (desk / "demo").iterdir()} == {"report.html", "diagnosis.svg"}
-    assert told["report"] == str(Path("demo", "report.html"))
-    assert "<html" in (desk / told["report"]).read_text(encoding="utf-8")
-    assert (desk / told["figure"]).read_bytes().startswith(b"<?xml")
+    said = parsed(emaphm, "demo", "--seed", "1")
+    check_demo(said, desk)
     # Its figures have been drawn.
     monkeypatch.setattr("emaphm.demo.draw_diagnosis", lambda *_: Figure())
     monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")
