@@ -120,6 +120,17 @@ def test_other_settings_give_another_diagnosis_and_the_last_counts(history: Hist
     assert json.loads(line.document)["recording"] == "2.csv"
 
 
+def test_list_and_server_show_the_same_diagnosis_of_a_flight_with_two_recordings(history: History) -> None:
+    for number in (1, 2):
+        history.add(entry(hours=10.0), recording(number), diagnosis(number))
+    history.add(entry(hours=10.0), recording(1), diagnosis(1, seed=5))
+    (line,) = history.overviews()
+    with history.database.reading() as connection:
+        (state,) = states(connection).values()
+    assert json.loads(line.document) == state.document
+    assert (state.document["recording"], state.document["seed"]) == ("1.csv", 5)
+
+
 def test_units_are_listed_by_part_number(history: History) -> None:
     fill(history, range(1, 3), "S2")
     fill(history, range(3, 4), "S1")

@@ -12,7 +12,7 @@ from emaphm.history.storage.tables import DIAGNOSES, FLIGHTS, RECORDINGS
 class Overview:
     """A unit's latest hours [h] and cycles, how many recordings it has, and how many of them are explained.
 
-    `document` is the JSON of its latest diagnosis.
+    `document` is the JSON of the last diagnosis of its last flight.
     """
 
     unit: UnitRow
@@ -53,7 +53,7 @@ def _counted(connection: sa.Connection) -> dict[int, tuple[int, int]]:
 
 
 def _last_documents(connection: sa.Connection) -> dict[int, str]:
-    """Return the JSON of the last diagnosis by unit."""
+    """Return the JSON of the last diagnosis of each unit's last flight."""
     ranked = _ranked()
     query = (
         sa.select(ranked.c.unit_id, DIAGNOSES.c.document)
@@ -66,7 +66,7 @@ def _last_documents(connection: sa.Connection) -> dict[int, str]:
 def _ranked() -> sa.Subquery:
     """Return the diagnoses, each with its rank among its recording's and its unit's; 1 is the last."""
     of_recording = sa.func.row_number().over(partition_by=RECORDINGS.c.id, order_by=DIAGNOSES.c.id.desc())
-    latest = (FLIGHTS.c.hours.desc(), RECORDINGS.c.id.desc(), DIAGNOSES.c.id.desc())
+    latest = (FLIGHTS.c.hours.desc(), DIAGNOSES.c.id.desc())
     of_unit = sa.func.row_number().over(partition_by=FLIGHTS.c.unit_id, order_by=latest)
     return (
         sa.select(
