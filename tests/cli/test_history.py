@@ -196,6 +196,37 @@ def test_removals_and_findings(emaphm: Emaphm, flown: Path) -> None:
     assert "position not known" in text
 
 
+@pytest.mark.parametrize(
+    ("removed", "found", "words"),
+    [
+        ("120", "121", "no removal at 121 h, the nearest is at 120 h"),
+        (None, "40000", "last recording of SN-7 is of 100 h, and it has no removal"),
+        ("120", "120", None),
+        (None, "90", None),
+    ],
+)
+def test_a_finding_of_other_hours_than_the_units_is_doubted(
+    emaphm: Emaphm, flown: Path, removed: str | None, found: str, words: str | None
+) -> None:
+    assert flown.is_dir()
+    if removed is not None:
+        answer(emaphm, "removal", "--unit", "SN-7", "--hours", removed)
+    finding = (
+        "finding",
+        "--unit",
+        "SN-7",
+        "--hours",
+        found,
+        "--component",
+        "friction",
+        "--condition",
+        "failed",
+    )
+    doubt = answer(emaphm, *finding)["doubt"]
+    assert doubt is None if words is None else words in doubt
+    assert ("Note: " in emaphm("history", *finding).out) == (words is not None)
+
+
 def test_a_mistake_is_withdrawn(emaphm: Emaphm, flown: Path) -> None:
     assert flown.is_dir()
     wrong = ("--unit", "SN-7", "--hours", "120")

@@ -49,7 +49,11 @@ def refusal(call: Callable[[], object]) -> str:
 
 
 CONTRADICTIONS = {
-    "hours going backwards": (Entry("SN-0042", made_up.PART, 25.0), 7, "30 h already, 25 h .* --late"),
+    "hours going backwards": (
+        Entry("SN-0042", made_up.PART, 25.0),
+        7,
+        "30 h already, by a recording .*, 25 h .* --late",
+    ),
     "the recording of another unit": (Entry("SN-0043", made_up.PART, 50.0), 2, "'2.csv' of unit 'SN-0042'"),
     "the recording at other hours": (
         Entry("SN-0042", made_up.PART, 40.0),
@@ -71,6 +75,14 @@ CONTRADICTIONS = {
         "10 cycles at 20 h, so 12 at 15 h",
     ),
 }
+
+
+def test_hours_behind_a_finding_are_refused(flown: History) -> None:
+    flown.add_finding("SN-0042", Finding(4e4, "friction", "degraded", replaced=True))
+    message = refusal(lambda: flown.add(Entry("SN-0042", made_up.PART, 40.0), recording(7), diagnosis(7)))
+    assert "40000 h already, by a finding on friction" in message
+    flown.withdraw("SN-0042", Mistake("finding", 4e4, "400 was meant"))
+    assert flown.add(Entry("SN-0042", made_up.PART, 40.0), recording(7), diagnosis(7)).added
 
 
 def test_a_contradiction_is_refused_before_and_after_the_diagnosis(flown: History) -> None:

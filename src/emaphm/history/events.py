@@ -21,6 +21,7 @@ KINDS = (
     "sensor_fault",
     "not_like_healthy",
     "not_explained",
+    "hours_behind",
     "refused",
     "rows_skipped",
     "back_pressure",
@@ -39,6 +40,7 @@ CONDITION_KINDS = (
     "sensor_fault",
     "not_like_healthy",
     "not_explained",
+    "hours_behind",
     "back_pressure",
     "source_lost",
 )

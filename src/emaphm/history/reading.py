@@ -123,6 +123,35 @@ def _spread(ids: Sequence[int], most: int) -> Sequence[int]:
     return ids[::step] if most else ()
 
 
+def latest_entry(connection: sa.Connection, unit_id: int) -> tuple[float, str]:
+    """Return the latest hours of a unit [h] and the entry that has them: a recording, removal or finding."""
+    entries = (
+        (FLIGHTS.c.hours, sa.literal("recording"), FLIGHTS.c.unit_id),
+        (REMOVALS.c.hours, sa.literal("removal"), REMOVALS.c.unit_id),
+        (FINDINGS.c.hours, sa.literal("finding on ") + FINDINGS.c.component, FINDINGS.c.unit_id),
+    )
+    found = [
+        connection.execute(
+            sa.select(hours, what).where(unit == unit_id).order_by(hours.desc()).limit(1)
+        ).one_or_none()
+        for hours, what, unit in entries
+    ]
+    hours, what = max((row for row in found if row is not None), key=lambda row: row[0], default=(0.0, ""))
+    return float(hours), str(what)
+
+
+def hours_last_added(connection: sa.Connection, unit_id: int, count: int) -> tuple[float, ...]:
+    """Return the hours of the `count` recordings of a unit that were added last [h], in that order."""
+    query = (
+        sa.select(FLIGHTS.c.hours)
+        .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
+        .where(FLIGHTS.c.unit_id == unit_id)
+        .order_by(RECORDINGS.c.id.desc())
+        .limit(count)
+    )
+    return tuple(connection.execute(query).scalars())[::-1]
+
+
 def diagnosis_counts(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, int]:
     """Return by unit how many diagnoses it has had, those among them that others have replaced since."""
     query = (

@@ -9,7 +9,7 @@ import sqlalchemy as sa
 
 from emaphm.errors import HistoryError
 from emaphm.history.columns import columns_of
-from emaphm.history.reading import UnitRow, has_diagnosis, unit_or_none
+from emaphm.history.reading import UnitRow, has_diagnosis, latest_entry, unit_or_none
 from emaphm.history.records import Entry, Finding, Removal
 from emaphm.history.storage.tables import (
     DESCRIPTIONS,
@@ -75,15 +75,12 @@ def _is_there(connection: sa.Connection, entry: Entry, recording_hash: str) -> b
 
 def _check_hours(connection: sa.Connection, unit: UnitRow, entry: Entry) -> None:
     """Refuse hours below what the unit has flown, unless it was said that they are."""
-    latest = max(
-        connection.execute(sa.select(sa.func.max(table.c.hours)).where(table.c.unit_id == unit.id)).scalar()
-        or 0.0
-        for table in (FLIGHTS, REMOVALS)
-    )
+    latest, what = latest_entry(connection, unit.id)
     if entry.hours < latest and not entry.late:
         raise HistoryError(
-            f"unit '{entry.unit}' has {latest:g} h already, {entry.hours:g} h would be going backwards; "
-            "check --hours, or give --late for an old recording that is added late"
+            f"unit '{entry.unit}' has {latest:g} h already, by a {what} ('emaphm history withdraw' takes out "
+            f"a mistake), {entry.hours:g} h would be going backwards; check --hours, or give --late for an "
+            "old recording that is added late"
         )
 
 

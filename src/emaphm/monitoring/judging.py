@@ -1,18 +1,19 @@
 """Judging one recording: cut into stretches, diagnosed, added to the history, and what that changes."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError
-from emaphm.history import Entry, Event, History
+from emaphm.history import Entry, Event, History, KeptDiagnosis
 from emaphm.history.events import read_events
 from emaphm.history.fingerprint import recording_hash
 from emaphm.history.reading import unit_or_none
 from emaphm.monitoring.arrival import Call, call_here
 from emaphm.monitoring.conditions import Situation, health_events, reach_far_enough
 from emaphm.monitoring.diagnosers import Diagnose, methods_of
+from emaphm.monitoring.order import Arrivals, hours_events
 from emaphm.monitoring.settings import AlarmSettings
 from emaphm.recording import Recording
 
@@ -125,8 +126,8 @@ class Judge:
     ) -> list[Event]:
         """Add what `judged` gave and the events that follow from it to the history; return these.
 
-        May be repeated, also where it was interrupted: each is there once. There are no events where the unit
-        has a later diagnosis: an old recording that arrives late says nothing of its health now.
+        May be repeated, also where it was interrupted: each is there once. Where a unit has a later diagnosis
+        there is none on its health: an old recording that arrives late says nothing of its health now.
 
         Parameters
         ----------
@@ -142,16 +143,21 @@ class Judge:
 
     def _events(self, entry: Entry, key: str, details: dict[str, Any]) -> list[Event]:
         with self.history.database.reading() as connection:
-            if unit_or_none(connection, entry.unit) is None:
+            row = unit_or_none(connection, entry.unit)
+            if row is None:
                 return []
             # Another watcher, or the server, may have seen the same recording.
             before = read_events(connection, unit=entry.unit, recording_hash=key)
+            arrivals = Arrivals.of(connection, row)
         unit = self.history.unit(entry.unit)
-        diagnoses = unit.diagnoses(count := self.settings.window)
-        if not diagnoses or diagnoses[-1].recording_hash != key:
-            return []
+        diagnoses: Sequence[KeptDiagnosis] = unit.diagnoses(count := self.settings.window)
         while len(diagnoses) == count and not reach_far_enough(diagnoses, self.settings):
             diagnoses = unit.diagnoses(count := 2 * count)
+        is_latest = bool(diagnoses) and diagnoses[-1].recording_hash == key
+        if not is_latest and arrivals.are_behind:  # all are read: a wrong hour, which somebody is to correct
+            diagnoses = tuple(one for one in unit.diagnoses() if one.recording_hash == key)
+        elif not is_latest:
+            return []
         now = Situation(
             entry.unit,
             diagnoses,
@@ -161,5 +167,6 @@ class Judge:
             self.watcher,
             details,
         )
+        found = [*(health_events(now) if is_latest else []), *hours_events(now, arrivals)]
         known = {(one.state, one.condition) for one in before if one.watcher != self.watcher}
-        return [one for one in health_events(now) if (one.state, one.condition) not in known]
+        return [one for one in found if (one.state, one.condition) not in known]

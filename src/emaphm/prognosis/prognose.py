@@ -16,6 +16,7 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
+from emaphm.prognosis.notes.hours import hours_notes
 from emaphm.prognosis.notes.levels import level_notes
 from emaphm.prognosis.notes.rates import rate_notes
 from emaphm.prognosis.prior import NEW, Prior
@@ -145,6 +146,7 @@ def prognose(
             *_shared_notes(followed.belief, component),
             *level_notes(evidence, made.level[0]),
             *rate_notes(evidence),
+            *hours_notes(evidence),
         ),
     )
     return result if evidence.unrepaired is None else _as_failed(result, evidence.unrepaired)

@@ -240,7 +240,14 @@ def data_health(request: Request, server: Server) -> Response:
     """Return the page on what cannot be trusted."""
     found = api.data_health(server)
     events = server.history.events(
-        kinds=("sensor_fault", "not_explained", "not_like_healthy", "refused", "rows_skipped"),
+        kinds=(
+            "sensor_fault",
+            "not_explained",
+            "not_like_healthy",
+            "hours_behind",
+            "refused",
+            "rows_skipped",
+        ),
         newest_first=True,
         limit=MOST_LISTED,
     )

@@ -246,10 +246,12 @@ def finding(
 ) -> None:
     """Add what a shop found of a component, and whether it replaced it."""
     from emaphm.history import Finding, History
+    from emaphm.history.doubt import doubt
 
     entry = Finding(hours, component, condition, level, replaced, note)
     with History.open(db) as history:
         added = history.add_finding(unit, entry)
+        doubted = doubt(history.unit(unit), entry)
     values = {
         "unit": unit,
         "hours": hours,
@@ -259,8 +261,10 @@ def finding(
         "replaced": replaced,
         "note": note,
         "added": added,
+        "doubt": doubted,
     }
-    show(values, f"finding on {component} of {unit} at {hours:g} h {_added(added)}", as_json)
+    text = f"finding on {component} of {unit} at {hours:g} h {_added(added)}"
+    show(values, text if doubted is None else f"{text}\nNote: {doubted}.", as_json)
 
 
 @app.command

@@ -1,0 +1,28 @@
+"""Whether the hours of a shop's finding fit the other entries of its unit, or may be wrong."""
+
+from emaphm.history.records import Finding
+from emaphm.history.unit import Unit
+
+
+def doubt(unit: Unit, finding: Finding) -> str | None:
+    """Return what may be wrong with the hours of a finding on a unit of a history, None where they fit.
+
+    They fit where they are those of a removal; without any removal, up to those of the last recording.
+    """
+    removed = [one.hours for one in unit.removals()]
+    if finding.hours in removed:
+        return None
+    if removed:
+        near = min(removed, key=lambda hours: abs(hours - finding.hours))
+        return (
+            f"{unit.serial_number} has no removal at {finding.hours:g} h, the nearest is at {near:g} h: "
+            "whether the unit had failed there is judged by findings of the same hours only; if these hours "
+            "are wrong, 'emaphm history withdraw' takes the finding out"
+        )
+    last = max((one.hours for one in unit.flights()), default=0.0)
+    if finding.hours <= last:
+        return None
+    return (
+        f"the last recording of {unit.serial_number} is of {last:g} h, and it has no removal; if "
+        f"{finding.hours:g} h is wrong, 'emaphm history withdraw' takes the finding out"
+    )
