@@ -46,7 +46,7 @@ def diagnosed(recordings: list[Recording]) -> Diagnoses:
 
 @pytest.fixture(scope="module")
 def of_singles() -> Diagnoses:
-    return diagnosed(reference_recordings(SINGLE_FAULTS))
+    return diagnosed(reference_recordings(SINGLE_FAULTS, duration=DURATION))
 
 
 @pytest.fixture(scope="module")

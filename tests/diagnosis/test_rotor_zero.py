@@ -30,6 +30,8 @@ from emaphm.report.wording import headline
 from emaphm.simulated_recording import simulate
 from simulation.rig import altered
 
+pytestmark = pytest.mark.usefixtures("one_search")
+
 TURNED_RAD = 0.12
 """Electrical."""
 

@@ -21,6 +21,8 @@ from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
+pytestmark = pytest.mark.usefixtures("one_search")
+
 SHOWN = ("time_s", "command_rad", "current_A", "voltage_V")
 FAULTS = Faults(0.95, 0.5, 0.5, 0.05, 0.35, 0.35, 0.25, 0.25)
 """Of which all supplies tried were found; where friction is small, some recordings are explained without."""

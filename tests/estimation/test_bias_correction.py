@@ -135,12 +135,14 @@ def test_an_actuator_that_does_not_move_is_called_so_and_its_faults_are_not_gues
 def test_an_actuator_that_hardly_moves_is_diagnosed() -> None:
     # Channels that hardly show anything there would tell everything, if their size were taken for it.
     edge = np.array([0.8702, 0.2868, 0.7111, 0.7721, 0.7506, 0.9154, 0.8604, 0.9182])
-    found = diagnose(reference_recordings([edge])[0], THESIS, nuisances=(), max_corrections=1, seed=9)
+    found = diagnose(
+        reference_recordings([edge], duration=BRIEF)[0], THESIS, nuisances=(), max_corrections=1, seed=9
+    )
     assert np.all(np.isfinite(found.covariance))
 
 
 def test_an_actuator_that_moves_is_not() -> None:
-    found = diagnose(reference_recordings(FAULTS[:1])[0], THESIS, max_corrections=0)
+    found = diagnose(reference_recordings(FAULTS[:1], duration=BRIEF)[0], THESIS, max_corrections=0)
     assert found.moves
     assert "does NOT move" not in str(found)
 
