@@ -18,7 +18,7 @@ from emaphm.simulated_recording import simulate
 Diagnoses = dict[int, list[Diagnosis]]
 """By the most correction iterations."""
 
-DURATION = 0.3
+DURATION = 0.25
 """Of most chirps [s]; published is half a second."""
 
 CORRECTIONS = (0, MAX_CORRECTIONS)

@@ -22,7 +22,7 @@ from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording
 
-pytestmark = pytest.mark.usefixtures("one_search")
+pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
 
 LIMIT = THESIS.controller.current_limit
 FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)

@@ -22,7 +22,7 @@ from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation.engine import running
 
-pytestmark = pytest.mark.usefixtures("one_search")
+pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
 
 SHOWN = ("time_s", "command_rad", "current_A", "voltage_V")
 FAULTS = [Faults(), Faults.from_vector(drawn(1, seed=5)[0])]

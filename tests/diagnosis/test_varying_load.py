@@ -18,7 +18,7 @@ from emaphm.recording import Recording
 from emaphm.report import write_report
 from emaphm.simulated_recording import simulate
 
-pytestmark = pytest.mark.usefixtures("one_search")
+pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
 
 DURATION = 0.3
 TRUTH = Faults(friction=0.2, short_a=0.1, gain=0.6)
@@ -39,7 +39,7 @@ def recorded(actuator: Actuator = THESIS, *, channels: tuple[str, ...] = CHANNEL
 
 
 @pytest.fixture(scope="module")
-def found(one_search: None) -> Diagnosis:  # noqa: ARG001 - patches
+def found(one_search: None, unrefined: None) -> Diagnosis:  # noqa: ARG001 - patch what it calls
     """Return what is found of a load that is asked for."""
     return diagnose(recorded(), WITH_HINGE, nuisances=(*USUAL, LOAD_VARIATION, "hinge"), workers=1)
 

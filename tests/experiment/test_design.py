@@ -85,7 +85,7 @@ def test_voltage_narrows_the_intervals() -> None:
         assert both.half_widths[name] < alone.half_widths[name] / 3
 
 
-LINEAR_CHIRP = Excitation(Chirp(stop_hz=3.0), 0.5)
+LINEAR_CHIRP = Excitation(Chirp(stop_hz=6.0, duration=0.25), 0.25)
 
 
 @pytest.fixture(scope="module")
