@@ -2,6 +2,7 @@
 
 import math
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -42,6 +43,7 @@ PMSM, SIX_STEP = Actuator.pmsm(), Actuator.six_step()
 FAULTS = Faults(0.3, 0.4, 0.1, 0.25, 0.2, 0.35, 0.7, 0.4)
 
 
+@cache
 def near_the_truth(unit: Actuator, described: Actuator, duration: float = DURATION) -> SearchResult:
     """Return the estimate of what is `described`, next to the true faults of a `unit`."""
     problem = Problem.of(on_a_rig(unit, FAULTS, duration), described, channels=("current_A", "voltage_V"))

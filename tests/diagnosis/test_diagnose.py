@@ -169,7 +169,20 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
     assert reported == counted
 
 
-@pytest.mark.parametrize("method", [*METHODS, "random+lsq", "pymoo-ga"])
+QUICK = ("hybrid", "dragonfly", "random+lsq", "cma-es")
+"""A method of each kind: with starts of its own or an optimiser's, and an optimiser alone, ours or another's.
+
+That the other optimisers report each population is tested in `tests/optimizers`.
+"""
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        name if name in QUICK else pytest.param(name, marks=pytest.mark.evidence)
+        for name in (*METHODS, "random+lsq", "pymoo-ga")
+    ],
+)
 def test_progress_only_grows(method: str) -> None:
     brief = simulate(THESIS, Chirp(duration=0.02), duration=0.02)
     reported: list[float] = []
