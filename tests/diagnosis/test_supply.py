@@ -21,8 +21,6 @@ from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
-pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
-
 SHOWN = ("time_s", "command_rad", "current_A", "voltage_V")
 FAULTS = Faults(0.95, 0.5, 0.5, 0.05, 0.35, 0.35, 0.25, 0.25)
 """Of which all supplies tried were found; where friction is small, some recordings are explained without."""
@@ -30,7 +28,7 @@ FAULTS = Faults(0.95, 0.5, 0.5, 0.05, 0.35, 0.35, 0.25, 0.25)
 ROWS = 2500
 
 
-def recorded(supply: float, *, duration: float = 0.3) -> Recording:
+def recorded(supply: float, *, duration: float = 0.5) -> Recording:
     assert THESIS.electrical is not None
     present = with_lumped_parameters(THESIS, {"supply": (1 + supply) * THESIS.electrical.supply})
     command = Chirp(duration=duration)

@@ -18,8 +18,6 @@ from emaphm.recording import Recording
 from emaphm.report import write_report
 from emaphm.simulated_recording import simulate
 
-pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
-
 DURATION = 0.3
 TRUTH = Faults(friction=0.2, short_a=0.1, gain=0.6)
 WITH_HINGE = Actuator.from_dict(THESIS.model_dump() | {"nuisances": {"hinge": 20.0}})
@@ -39,7 +37,7 @@ def recorded(actuator: Actuator = THESIS, *, channels: tuple[str, ...] = CHANNEL
 
 
 @pytest.fixture(scope="module")
-def found(one_search: None, unrefined: None) -> Diagnosis:  # noqa: ARG001 - patch what it calls
+def found() -> Diagnosis:
     """Return what is found of a load that is asked for."""
     return diagnose(recorded(), WITH_HINGE, nuisances=(*USUAL, LOAD_VARIATION, "hinge"), workers=1)
 
