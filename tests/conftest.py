@@ -13,6 +13,7 @@ from cases import THESIS
 from emaphm.actuator import Chirp, Faults
 from emaphm.actuator.unit.model_error import NOT_LEARNED
 from emaphm.amortized import delays
+from emaphm.diagnosis.selection.laws import law_fit
 from emaphm.estimation.global_search import restarts
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -54,6 +55,18 @@ def one_search() -> Iterator[None]:
     """
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(restarts, "MAX_RESTARTS", 0)
+        yield
+
+
+@pytest.fixture(scope="module")
+def unrefined() -> Iterator[None]:
+    """Take a search that does not explain a recording as it ends: where what follows is tested, to save time.
+
+    Steps by the reference model are tested in `tests/estimation/test_reference_refinement.py`.
+    """
+    with pytest.MonkeyPatch.context() as patched:
+        for module in (restarts, law_fit):
+            patched.setattr(module, "refine_by_reference", lambda result, _: result)
         yield
 
 

@@ -169,7 +169,20 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
     assert reported == counted
 
 
-@pytest.mark.parametrize("method", [*METHODS, "random+lsq", "pymoo-ga"])
+QUICK = ("hybrid", "dragonfly", "random+lsq", "cma-es")
+"""A method of each kind: with starts of its own or an optimiser's, and an optimiser alone, ours or another's.
+
+That the other optimisers report each population is tested in `tests/optimizers`.
+"""
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        name if name in QUICK else pytest.param(name, marks=pytest.mark.evidence)
+        for name in (*METHODS, "random+lsq", "pymoo-ga")
+    ],
+)
 def test_progress_only_grows(method: str) -> None:
     brief = simulate(THESIS, Chirp(duration=0.02), duration=0.02)
     reported: list[float] = []
@@ -186,7 +199,7 @@ def with_channels(recording: Recording, *names: str) -> Recording:
 
 
 def test_heat_is_identified_by_the_voltage_and_collinear_without() -> None:
-    whole = simulate(THESIS, Chirp(), faults=MIXED, load=0.1, noise=0.05)
+    whole = simulate(THESIS, Chirp(duration=0.3), faults=MIXED, duration=0.3, load=0.1, noise=0.05)
     blind = diagnose(with_channels(whole, "current_A"), THESIS, nuisances=USUAL)
     assert blind.channels == ("current_A",)
     # Heat and a short in all phases differ in resistance alone, which a current hardly shows.
@@ -294,7 +307,9 @@ def bare() -> Actuator:
 
 def test_an_actuator_that_can_show_little_is_asked_for_that() -> None:
     ideal = bare()
-    recording = simulate(ideal, Chirp(), faults=Faults(gain=0.7), sampling="instant")
+    recording = simulate(
+        ideal, Chirp(duration=0.2), faults=Faults(gain=0.7), duration=0.2, sampling="instant"
+    )
     found = diagnose(recording, ideal)
     # Every drive has a position gain, so that no actuator can show no fault.
     assert found.coordinates == ("gain", "load")

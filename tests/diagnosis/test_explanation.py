@@ -266,7 +266,7 @@ def test_noise_is_no_motion(command: Array, position: Array, moved: bool) -> Non
 
 
 @pytest.mark.usefixtures("one_search")
-@pytest.mark.parametrize("late", [-1, 1])
+@pytest.mark.parametrize("late", [pytest.param(-1, marks=pytest.mark.evidence), 1])
 def test_a_row_of_delay_is_no_degraded_gain(late: int) -> None:
     assert diagnosed(late, nuisances=USUAL).components["gain"].verdict != "degraded"
 

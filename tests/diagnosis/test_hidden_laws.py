@@ -1,6 +1,7 @@
 """What a motor or an inverter loses is no fault, although faults or another inertia would make up for it."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,6 +23,8 @@ from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording
 
+pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
+
 LIMIT = THESIS.controller.current_limit
 FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
 
@@ -37,6 +40,12 @@ def near_the_truth(recording: Recording, actuator: Actuator = THESIS) -> SearchR
     return correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
 
 
+@cache
+def as_described() -> SearchResult:
+    """Return the estimate of a unit that is as described."""
+    return near_the_truth(on_a_rig(THESIS, FAULTS, 0.2))
+
+
 @pytest.mark.parametrize("value", [0.01, -0.01])
 def test_a_saturation_is_suspected_where_there_is_one(value: float) -> None:
     result = near_the_truth(on_a_rig(with_law("saturation", value), FAULTS, 0.3))
@@ -47,7 +56,7 @@ def test_a_saturation_is_suspected_where_there_is_one(value: float) -> None:
 
 def test_a_law_that_is_certain_and_leaves_as_much_is_an_alternative(monkeypatch: pytest.MonkeyPatch) -> None:
     """As of a current control that lags, which the lag of the speed feedback takes up for the most part."""
-    result = near_the_truth(on_a_rig(THESIS, FAULTS, 0.2))
+    result = as_described()
     with_lag = near_the_truth(on_a_rig(THESIS, FAULTS, 0.2), with_law("speed-lag", 1e-4))
     scores = {"speed-lag": Score(np.array([1e-4]), np.array([[1e-10]]))}
     monkeypatch.setattr(deviations, "suspected_laws", lambda *_: scores)
@@ -68,7 +77,7 @@ def test_a_law_that_is_certain_and_leaves_as_much_is_an_alternative(monkeypatch:
 
 
 def test_a_law_that_would_explain_as_well_is_named() -> None:
-    result = near_the_truth(on_a_rig(THESIS, FAULTS, 0.2))
+    result = as_described()
     law = LAWS["cogging"]
     objective = with_free_law(result.objective, law, law.parameters[:4])
     point = objective.space.carried_over(result.point, result.objective.space)
@@ -82,7 +91,7 @@ def test_a_law_that_would_explain_as_well_is_named() -> None:
 
 
 def test_none_is_suspected_where_there_is_none_or_it_is_described() -> None:
-    assert suspected_laws(near_the_truth(on_a_rig(THESIS, FAULTS, 0.2)), seed=0) == {}
+    assert suspected_laws(as_described(), seed=0) == {}
     described = with_law("saturation", 0.01)
     assert suspected_laws(near_the_truth(on_a_rig(described, FAULTS, 0.2), described), seed=0) == {}
 

@@ -20,6 +20,8 @@ from emaphm.recording import Recording, acquire, write_recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED
 
+pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
+
 CHANNELS = ("time_s", "command_rad", "current_A", "position_rad")
 NOISE = {"current_A": 0.3, "position_rad": 5e-5}
 IDEAL = Actuator.from_dict(
@@ -38,7 +40,7 @@ def recorded(
     *,
     actuator: Actuator = IDEAL,
     stop_hz: float = 15.0,
-    duration: float = 0.2,
+    duration: float = 0.15,
     channels: tuple[str, ...] = CHANNELS,
 ) -> Recording:
     """Return what the reference model records, so that only the noise is unexplained."""
@@ -63,7 +65,6 @@ def errors(diagnosis: JointDiagnosis) -> np.ndarray:
     return np.asarray(np.sqrt(np.diag(diagnosis.covariance)))
 
 
-@pytest.mark.usefixtures("one_search")
 def test_a_delay_that_looks_alike_leaves_the_gain_open_as_in_one_recording() -> None:
     whole = simulate(THESIS, Chirp(duration=0.2), duration=0.2, noise=0.05, adc_bits=12)
     late = np.clip(np.arange(whole.samples) - 1, 0, None)
@@ -120,7 +121,12 @@ def test_the_intervals_hold_the_truth() -> None:
         faults = Faults(friction=friction, backlash=backlash, gain=gain)
         loads = rng.normal(0.0, 0.03, 3)
         days = [
-            recorded(faults, 10 * case + i, actuator=with_lumped_parameters(IDEAL, {"offset": load}))
+            recorded(
+                faults,
+                10 * case + i,
+                actuator=with_lumped_parameters(IDEAL, {"offset": load}),
+                duration=0.2,
+            )
             for i, load in enumerate(loads)
         ]
         found = joint(days)
@@ -134,7 +140,7 @@ def test_the_intervals_hold_the_truth() -> None:
 def test_the_reference_model_corrects_every_recording() -> None:
     faults, days = Faults(friction=0.3, short_b=0.2, eccentricity=0.4, gain=0.4), []
     for seed in range(3):
-        whole = simulate(THESIS, Chirp(duration=0.25), faults=faults, duration=0.25, noise=0.05, seed=seed)
+        whole = simulate(THESIS, Chirp(duration=0.15), faults=faults, duration=0.15, noise=0.05, seed=seed)
         days.append(Recording({name: whole[name] for name in CHANNELS[:3]}))
     found = diagnose_joint(days, THESIS, nuisances=USUAL, max_corrections=3)
     alone = diagnose(days[0], THESIS, nuisances=USUAL, max_corrections=3)
@@ -256,7 +262,7 @@ def test_the_command_prints_one_object(tmp_path: Path, capsys: pytest.CaptureFix
     files = [tmp_path / f"day{i}.csv" for i in range(2)]
     for i, path in enumerate(files):
         whole = simulate(
-            THESIS, Chirp(duration=0.1), faults=Faults(friction=0.3), duration=0.1, noise=0.05, seed=i
+            THESIS, Chirp(duration=0.2), faults=Faults(friction=0.3), duration=0.2, noise=0.05, seed=i
         )
         write_recording(Recording({name: whole[name] for name in CHANNELS[:3]}), path)
     arguments = ["diagnose", str(tmp_path), "--joint"]

@@ -112,7 +112,7 @@ def test_without_the_law_nothing_is_called_healthy_or_degraded(recording: Record
 @pytest.fixture(scope="module")
 def at_the_truth() -> SearchResult:
     truth = drawn(1, seed=7)
-    problem = Problem.of(reference_recordings(truth, noise=0.05, duration=0.3)[0], THESIS)
+    problem = Problem.of(reference_recordings(truth, noise=0.05, duration=0.2)[0], THESIS)
     objective = faults_objective(problem, ("load",))
     return with_discrepancy(SearchResult.at(objective, objective.space.points(truth[0])), seed=0)
 

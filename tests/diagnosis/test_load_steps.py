@@ -23,6 +23,8 @@ from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED
 
+pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
+
 DURATION = 0.25
 TRUTH = Faults(friction=0.2, short_a=0.1, gain=0.6)
 
@@ -50,7 +52,7 @@ def recorded(load: Any, actuator: Actuator = THESIS) -> Recording:
 
 
 @pytest.fixture(scope="module")
-def found() -> Diagnosis:
+def found(one_search: None, unrefined: None) -> Diagnosis:  # noqa: ARG001 - patch what it calls
     """Return what is found of a load that nobody named."""
     return diagnose(recorded(put_on), THESIS, workers=1)
 

@@ -24,7 +24,7 @@ def square(t: Array) -> Array:
     return 5e-3 * np.sign(np.sin(2 * np.pi * 4.3 * t - 0.2))
 
 
-@pytest.mark.parametrize("share", [-0.1, 0.1])
+@pytest.mark.parametrize("share", [-0.1, pytest.param(0.1, marks=pytest.mark.evidence)])
 def test_an_inertia_that_deviates_is_found(share: float) -> None:
     inertia = lumped_parameters(DC, ("inertia",))["inertia"]
     found = diagnose(

@@ -105,6 +105,7 @@ def test_the_scatter_is_that_of_searches_from_other_seeds() -> None:
     assert 0.4 < np.median(ratios) < 2.5
 
 
+@pytest.mark.evidence
 def test_heavy_shorts_in_all_phases_are_found() -> None:
     # Of the search alone: no law or further nuisance is tried where it has failed.
     named = THESIS.nuisances.estimated
@@ -118,7 +119,7 @@ STUCK = np.array([0.6, 0.1, 0.7, 0.85, 0.85, 0.4, 0.1, 0.6])
 """With two phases shorted so far, the motor cannot overcome the friction."""
 
 
-@pytest.mark.usefixtures("one_search")
+@pytest.mark.usefixtures("one_search", "unrefined")
 def test_an_actuator_that_does_not_move_is_called_so_and_its_faults_are_not_guessed() -> None:
     recording = reference_recordings([STUCK], noise=0.05, duration=BRIEF)[0]
     found = diagnose(recording, THESIS, max_corrections=1)
@@ -135,12 +136,14 @@ def test_an_actuator_that_does_not_move_is_called_so_and_its_faults_are_not_gues
 def test_an_actuator_that_hardly_moves_is_diagnosed() -> None:
     # Channels that hardly show anything there would tell everything, if their size were taken for it.
     edge = np.array([0.8702, 0.2868, 0.7111, 0.7721, 0.7506, 0.9154, 0.8604, 0.9182])
-    found = diagnose(reference_recordings([edge])[0], THESIS, nuisances=(), max_corrections=1, seed=9)
+    found = diagnose(
+        reference_recordings([edge], duration=BRIEF)[0], THESIS, nuisances=(), max_corrections=1, seed=9
+    )
     assert np.all(np.isfinite(found.covariance))
 
 
 def test_an_actuator_that_moves_is_not() -> None:
-    found = diagnose(reference_recordings(FAULTS[:1])[0], THESIS, max_corrections=0)
+    found = diagnose(reference_recordings(FAULTS[:1], duration=BRIEF)[0], THESIS, max_corrections=0)
     assert found.moves
     assert "does NOT move" not in str(found)
 

@@ -221,7 +221,7 @@ def test_units_are_those_of_the_description() -> None:
 
 def found_of(actuator: Actuator, load: Load = 0.0, **known: float) -> Array:
     """Return the faults found of an actuator by the plain one's description, and what was recorded."""
-    whole = simulate(actuator, Chirp(duration=0.3), duration=0.3, faults=TRUTH, noise=0.05, load=load)
+    whole = simulate(actuator, Chirp(duration=0.2), duration=0.2, faults=TRUTH, noise=0.05, load=load)
     rows = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
     channels = {name: np.full(whole.samples, value) for name, value in known.items()}
     nuisances = None if known else ()

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -143,6 +143,7 @@ def test_a_fault_that_cannot_show_is_fixed_with_its_reason(
         assert (faults[i] == HEALTHY[i]) == (name in names)
 
 
+@settings(max_examples=15)
 @given(actuator=actuators())
 def test_every_fault_is_either_estimated_or_fixed(actuator: Actuator) -> None:
     space = ParameterSpace.of(actuator)

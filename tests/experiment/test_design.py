@@ -51,8 +51,8 @@ def improved() -> Design:
 
 
 def linear_design(workers: int) -> Design:
-    chirp = Chirp(stop_hz=3.0, duration=0.3)
-    return design(EMPS, chirp, duration=0.3, noise=0.02, candidates=2, tests=4, seed=2, workers=workers)
+    chirp = Chirp(stop_hz=6.0, duration=0.15)
+    return design(EMPS, chirp, duration=0.15, noise=0.02, candidates=2, tests=4, seed=2, workers=workers)
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_voltage_narrows_the_intervals() -> None:
         assert both.half_widths[name] < alone.half_widths[name] / 3
 
 
-LINEAR_CHIRP = Excitation(Chirp(stop_hz=3.0), 0.5)
+LINEAR_CHIRP = Excitation(Chirp(stop_hz=6.0, duration=0.25), 0.25)
 
 
 @pytest.fixture(scope="module")

@@ -93,7 +93,7 @@ def test_a_fitness_may_change_its_points(make: Make) -> None:
 
 
 @every_peer
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     lower=st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=5),
     width=st.floats(1e-3, 1e3),
