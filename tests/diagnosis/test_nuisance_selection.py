@@ -79,8 +79,6 @@ def test_a_deviation_that_every_actuator_may_have_is_not_selected() -> None:
     assert diagnose(whole, THESIS).selected == ()
 
 
-# That a bias of a sensor is found is tested of a position in `test_sensor_faults.py`.
-@pytest.mark.evidence
 def test_an_offset_of_the_current_sensors_is_found() -> None:
     whole = recorded(THESIS, FAULTS[1])
     columns = {name: whole[name] + 0.1 if name == "current_A" else whole[name] for name in whole}

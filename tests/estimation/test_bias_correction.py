@@ -105,7 +105,6 @@ def test_the_scatter_is_that_of_searches_from_other_seeds() -> None:
     assert 0.4 < np.median(ratios) < 2.5
 
 
-@pytest.mark.evidence
 def test_heavy_shorts_in_all_phases_are_found() -> None:
     # Of the search alone: no law or further nuisance is tried where it has failed.
     named = THESIS.nuisances.estimated
