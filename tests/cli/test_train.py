@@ -127,6 +127,17 @@ def test_a_file_that_appears_while_it_learns_is_replaced_only_by_force(
     assert {path.name for path in tmp_path.iterdir()} == {out.name, written.name}
 
 
+def test_an_estimator_that_cannot_be_written_where_it_should_is_kept(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    away, kept = tmp_path / "away", tmp_path / "kept"
+    away.mkdir()
+    trained_by(folder, monkeypatch, lambda _: away.rmdir())
+    assert main(["train", "-o", str(away / "new.estimator"), "--folder", str(kept)]) == 2
+    assert f"the estimator is in {kept / 'new.estimator'}: copy it from there" in capsys.readouterr().err
+    assert Estimator.load(kept / "new.estimator").setup.actuator == THESIS
+
+
 def test_simulations_that_another_training_uses_by_now_are_kept(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

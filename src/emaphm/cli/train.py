@@ -30,6 +30,7 @@ from emaphm.cli.options import (
     whole_number,
 )
 from emaphm.cli.output import counter, say, show
+from emaphm.errors import OutputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -127,7 +128,7 @@ def train(
             on_stage=_printed(quiet=as_json),
             on_epoch=_printed(quiet=as_json),
         )
-    written = _saved(estimator, out, force=force)
+    written = _saved(estimator, out, place, force=force)
     if folder is None:
         remove_training_folder(place)
     size = written.stat().st_size
@@ -147,13 +148,28 @@ def _training_settings(epochs: int | None) -> "TrainingSettings":
     return replace(TRAINING, epochs=epochs, most_steps=None)
 
 
-def _saved(estimator: "Estimator", out: Path, *, force: bool) -> Path:
-    """Return where the estimator is now: in `out`, or next to a file that has appeared there meanwhile."""
+def _saved(estimator: "Estimator", out: Path, folder: Path, *, force: bool) -> Path:
+    """Return where the estimator is now: in `out`, or next to a file that has appeared there meanwhile.
+
+    `OutputError` where it cannot be written there; it is in the training folder then, unless that is as full.
+    """
     written = out if force else _not_taken(out)
-    estimator.save(written)
+    try:
+        estimator.save(written)
+    except OutputError as error:
+        raise OutputError(f"{error}{_spared(estimator, folder / out.name)}") from None
     if written != out:
         say(f"{out} has appeared meanwhile and is left as it is; the estimator is in {written}")
     return written
+
+
+def _spared(estimator: "Estimator", path: Path) -> str:
+    """Save an estimator elsewhere and return what says so, nothing where that is not writable either."""
+    try:
+        estimator.save(path)
+    except OutputError:
+        return ""
+    return f"; the estimator is in {path}: copy it from there"
 
 
 def _not_taken(out: Path) -> Path:
