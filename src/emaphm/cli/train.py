@@ -73,7 +73,10 @@ def train(
     ] = 196_608,
     epochs: Annotated[
         int | None,
-        Parameter(converter=whole_number, help="Most passes over them; it stops when it learns no more."),
+        Parameter(
+            converter=whole_number,
+            help="Most passes of the first network over them; it stops when it learns no more.",
+        ),
     ] = None,
     folder: Annotated[
         Path | None,
