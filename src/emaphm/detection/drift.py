@@ -15,6 +15,9 @@ from emaphm.random_streams import stream
 PERMUTATIONS = 10_000
 """By which an order is judged: all of 7 runs, and enough to know a probability of 1 % to a tenth."""
 
+AT_ONCE = 1000
+"""Of these, drawn together: some megabytes for a hundred runs."""
+
 ROUNDING = 1e-9
 """Of a sum of products, relative: an order and its reverse have the same."""
 
@@ -103,9 +106,10 @@ def likeness_by_chance(values: Array) -> float:
     random = stream(0, "orders of runs")
     own = float(np.diagonal(products, 1).sum())
     as_alike = 1
-    for _ in range(PERMUTATIONS):
-        order = random.permutation(len(values))
-        as_alike += float(products[order[1:], order[:-1]].sum()) >= own * (1 - ROUNDING)
+    for _ in range(PERMUTATIONS // AT_ONCE):
+        orders = random.permuted(np.tile(np.arange(len(values)), (AT_ONCE, 1)), axis=1)
+        drawn = products[orders[:, 1:], orders[:, :-1]].sum(axis=1)
+        as_alike += int(np.count_nonzero(drawn >= own * (1 - ROUNDING)))
     return as_alike / (PERMUTATIONS + 1)
 
 
