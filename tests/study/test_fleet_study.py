@@ -140,6 +140,12 @@ def test_a_unit_is_removed_where_it_must_not_fly_until_the_next_check_flight() -
     assert (young[BY_RISK_OR_INSPECTED], old[BY_RISK_OR_INSPECTED]) == (None, None)
 
 
+def test_a_way_that_gives_one_number_is_taken_to_be_certain_of_it() -> None:
+    said = [(hours, np.array([490.0 - hours])) for hours in (100.0, 200.0, 300.0, 400.0)]
+    removed = track(said, 450.0, 100.0)["removed"]
+    assert (removed[BY_RISK], removed[BY_COSTS]) == (400.0, 400.0)
+
+
 def test_predictions_over_a_life_are_scored_as_defined() -> None:
     """Two check flights: one right, one late by 150 % that sees no failure within 400 h."""
     made = (100.0, np.full(11, 500.0)), (400.0, np.full(11, 500.0))

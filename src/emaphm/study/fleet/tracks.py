@@ -19,7 +19,7 @@ from emaphm.prognosis.metrics import (
     late_prediction_rate,
     prognostic_horizon,
 )
-from emaphm.study.fleet.baselines import LONGEST_H
+from emaphm.study.fleet.baselines import LONGEST_H, PATHS
 
 HORIZON_H, RISK = 400.0, 0.05
 """A unit is warned of where its probability of failure within the horizon [h] exceeds the risk."""
@@ -82,7 +82,9 @@ def track(said: Sequence[tuple[float, Array]], failure: float, interval: float) 
 def _removed(predictions: Sequence[Prediction], interval: float, rule: Rule) -> float | None:
     """Return the hours of the first check flight from which the rule does not allow to fly to the next."""
     for one in predictions:
-        advised = advice(one.sample, interval, risk=RISK, age=one.hours, costs=rule.costs)
+        # A way that gives one number is certain of it: no sample of one, of which the costs would be unknown.
+        sample = np.repeat(one.sample, PATHS) if one.sample.size == 1 else one.sample
+        advised = advice(sample, interval, risk=RISK, age=one.hours, costs=rule.costs)
         if advised.action in rule.actions:
             return one.hours
     return None
