@@ -90,6 +90,16 @@ def few_paths(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def few_steps(few_paths: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001 - changes the same
+    """Let a prognosis look ahead in a quarter of its steps too, which take most of its time."""
+    module = importlib.import_module("emaphm.prognosis.prognose")  # a function has its name
+    few = module.prognose.__kwdefaults__["settings"]
+    few = replace(few, steps=few.steps // 4)
+    monkeypatch.setitem(module.prognose.__kwdefaults__, "settings", few)
+    monkeypatch.setattr(module.past_lives, "__defaults__", (few,))
+
+
+@pytest.fixture
 def undrawn_prognosis(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures of a prognosis's report empty where only its text matters, to save time.
 

@@ -18,7 +18,7 @@ from emaphm.prognosis.keeping import update_prognosis
 
 from .stand_in import ROOMY, THESIS, fly
 
-pytestmark = pytest.mark.usefixtures("few_paths")
+pytestmark = pytest.mark.usefixtures("few_steps")
 
 
 @pytest.fixture
