@@ -10,6 +10,7 @@ import pytest
 from hypothesis import settings
 
 from cases import THESIS
+from dask_processes import Forks, forking
 from emaphm.actuator import Chirp, Faults
 from emaphm.actuator.unit.model_error import NOT_LEARNED
 from emaphm.amortized import delays
@@ -62,6 +63,13 @@ def warm_workers() -> Iterator[None]:
     """Start the workers of this module's tests from a process that has loaded what they need."""
     with warm_processes():
         yield
+
+
+@pytest.fixture(scope="session")
+def forks() -> Iterator[Forks]:
+    """Return what forks the processes of all Dask clusters."""
+    with forking() as process:
+        yield process
 
 
 @pytest.fixture
