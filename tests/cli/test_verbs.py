@@ -221,7 +221,7 @@ def test_the_same_seed_gives_the_same_diagnosis(
 @pytest.mark.usefixtures("desk")
 def test_diagnose_samples_the_posterior_on_request(emaphm: Emaphm) -> None:
     # Short and slow: a walk takes its time by the row.
-    short = ("--duration", "0.1", "--sample-rate", "1000")
+    short = ("--duration", "0.15", "--sample-rate", "2000")
     assert emaphm("simulate", "faulty.csv", *TRUTH, *short).code == 0
     plain = ("diagnose", "faulty.csv", *QUICK)
     found = parsed(emaphm, *plain, "--posterior")
