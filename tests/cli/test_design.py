@@ -87,8 +87,7 @@ def test_the_command_written_is_one_that_simulate_plays(
 
 @pytest.mark.usefixtures("desk")
 def test_a_file_may_be_the_given_command(emaphm: Emaphm) -> None:
-    assert emaphm("design", *SOON, "--out", "plan.csv").code == 0
-    by_name = parsed(emaphm, "design", *SOON)["given"]
+    by_name = parsed(emaphm, "design", *SOON, "--out", "plan.csv")["given"]
     by_file = parsed(emaphm, "design", *SOON, "--command", "plan.csv")["given"]
     assert by_file["manoeuvre"]["command"] == "command from a file"
     for name, half in by_name["expected"].items():
