@@ -10,6 +10,7 @@ import pytest
 from hypothesis import settings
 
 from cases import THESIS
+from dask_processes import Forks, forking
 from emaphm.actuator import Chirp, Faults
 from emaphm.actuator.unit.model_error import NOT_LEARNED
 from emaphm.amortized import delays
@@ -77,6 +78,13 @@ def warm_workers() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session")
+def forks() -> Iterator[Forks]:
+    """Return what forks the processes of all Dask clusters."""
+    with forking() as process:
+        yield process
+
+
 @pytest.fixture
 def no_prognoses(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let watchers make no prognosis, which takes most of their time and has tests of its own."""
@@ -98,6 +106,16 @@ def few_paths(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a prognosis draw a quarter of its paths where no number of it needs them all, to save time."""
     module = importlib.import_module("emaphm.prognosis.prognose")  # a function has its name
     few = replace(module.FORECAST, paths=module.FORECAST.paths // 4)
+    monkeypatch.setitem(module.prognose.__kwdefaults__, "settings", few)
+    monkeypatch.setattr(module.past_lives, "__defaults__", (few,))
+
+
+@pytest.fixture
+def few_steps(few_paths: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001 - changes the same
+    """Let a prognosis look ahead in a quarter of its steps too, which take most of its time."""
+    module = importlib.import_module("emaphm.prognosis.prognose")  # a function has its name
+    few = module.prognose.__kwdefaults__["settings"]
+    few = replace(few, steps=few.steps // 4)
     monkeypatch.setitem(module.prognose.__kwdefaults__, "settings", few)
     monkeypatch.setattr(module.past_lives, "__defaults__", (few,))
 

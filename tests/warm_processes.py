@@ -7,15 +7,18 @@ from types import SimpleNamespace
 
 import pytest
 
-from emaphm.execution import one_process
+from emaphm.execution import one_process, processes
 
-LOADED = ("emaphm.diagnosis", "emaphm.monitoring", "emaphm.prognosis", "emaphm.report", "pytest")
-"""What workers of `emaphm watch` and `emaphm serve` spend most of their start on."""
+LOADED = (
+    *("emaphm.diagnosis", "emaphm.fleet", "emaphm.monitoring", "emaphm.prognosis", "emaphm.report"),
+    *("emaphm.study", "pytest"),
+)
+"""What workers of this machine spend most of their start on."""
 
 
 @contextmanager
 def warm_processes() -> Iterator[None]:
-    """Let each `OneProcess` be forked from one that has loaded `LOADED`, instead of starting from nothing.
+    """Let each worker be forked from a process that has loaded `LOADED`, instead of starting from nothing.
 
     It takes a twentieth of the time. How they start without it is tested in `tests/execution`, and wherever
     the command runs as a process.
@@ -26,5 +29,6 @@ def warm_processes() -> Iterator[None]:
     first.start()
     first.join()
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(one_process, "multiprocessing", SimpleNamespace(get_context=lambda _: context))
+        for module in (one_process, processes):
+            patched.setattr(module, "multiprocessing", SimpleNamespace(get_context=lambda _: context))
         yield

@@ -146,13 +146,13 @@ def exact_answers(count: int, stated: float, rng: np.random.Generator) -> tuple[
 
 def test_right_answers_are_judged_right_and_sure_ones_wrong() -> None:
     rng = np.random.default_rng(7)
-    answers, truths = exact_answers(800, 1.0, rng)
+    answers, truths = exact_answers(500, 1.0, rng)
     right = judged(answers, truths, SPACE, rng)
-    limits = binom.interval(0.9999, 800, 0.95)
-    assert np.all((800 * right.coverage >= limits[0]) & (800 * right.coverage <= limits[1]))
+    limits = binom.interval(0.9999, 500, 0.95)
+    assert np.all((500 * right.coverage >= limits[0]) & (500 * right.coverage <= limits[1]))
     assert np.all(right.rank_statistic < chi2.ppf(0.9999, 15))
     assert right.rank_limit == pytest.approx(chi2.ppf(0.99, 15), rel=0.03)
-    answers, truths = exact_answers(800, 0.5, rng)
+    answers, truths = exact_answers(500, 0.5, rng)
     sure = judged(answers, truths, SPACE, rng)
     assert np.all(sure.coverage < 0.8)
     assert np.all(sure.rank_statistic > sure.rank_limit)

@@ -60,7 +60,7 @@ def test_the_posterior_of_a_linear_problem_is_learned() -> None:
         patience=20,
     )
     trained = train_network(
-        linear(5000, np.random.default_rng(0)),
+        linear(3000, np.random.default_rng(0)),
         linear(1000, np.random.default_rng(1)),
         noise,
         np.ones(3),

@@ -19,7 +19,8 @@ PATIENCE_S = 120
 # Polars must not be used before a fork: its threads would be missing in the child.
 FORKS = """
 import json, os, sys
-import emaphm.calibration, emaphm.diagnosis, emaphm.recording, emaphm.report, rich.progress
+import emaphm.calibration, emaphm.cli.verbs, emaphm.diagnosis, emaphm.fleet, emaphm.recording, emaphm.report
+import polars, rich.progress
 from emaphm.cli import main
 
 for line in sys.stdin:

@@ -1,7 +1,6 @@
 """`emaphm prognose` and `emaphm limits`: what they answer, and what they refuse in one line."""
 
 import errno
-import importlib
 import json
 import math
 from dataclasses import replace
@@ -20,16 +19,7 @@ from history import made_up
 
 from .conftest import Emaphm, Refusal
 
-
-@pytest.fixture(autouse=True)
-def _few_steps(few_paths: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001 - changes the same
-    """Let a prognosis look ahead in a quarter of its steps, which take most of its time."""
-    module = importlib.import_module("emaphm.prognosis.prognose")  # a function has its name
-    few = module.prognose.__kwdefaults__["settings"]
-    few = replace(few, steps=few.steps // 4)
-    monkeypatch.setitem(module.prognose.__kwdefaults__, "settings", few)
-    monkeypatch.setattr(module.past_lives, "__defaults__", (few,))
-
+pytestmark = pytest.mark.usefixtures("few_steps")
 
 LIMITED = 'component = "friction"\nat_most = 0.6\n'
 

@@ -294,14 +294,13 @@ def _kept(file: Path) -> int:
     return 0  # its table is still to be made
 
 
+# Its quick tests: the next two, amid the work of one process and while others start; the exit code of SIGTERM
+# in `test_process.py`, and workers that are interrupted amid their work in `tests/execution`.
+@pytest.mark.evidence
 @pytest.mark.skipif(sys.platform == "win32", reason="needs process groups")
 @pytest.mark.parametrize(
     ("kill", "number", "code"),
-    [
-        (os.killpg, signal.SIGINT, 130),
-        pytest.param(os.kill, signal.SIGINT, 130, marks=pytest.mark.evidence),
-        (os.kill, signal.SIGTERM, 143),
-    ],
+    [(os.killpg, signal.SIGINT, 130), (os.kill, signal.SIGINT, 130), (os.kill, signal.SIGTERM, 143)],
 )
 def test_an_interruption_says_how_to_go_on(
     start: Start, desk: Path, kill: Callable[[int, int], None], number: int, code: int

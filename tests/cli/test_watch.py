@@ -180,17 +180,17 @@ def check_that_it_ends(line: list[str], number: int, code: int) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX pipe")
-def test_a_reader_that_left_ends_it(arrived: Path, desk: Path) -> None:
+def test_a_reader_that_left_ends_it(
+    desk: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     (desk / "in").mkdir()
-    shutil.copy(arrived / "SN-7_90.csv", desk / "in")  # refused, which is an event
-    line = [sys.executable, "-m", "emaphm.cli", "watch", "in", *NAME, "--settle", "0"]
-    out, into = os.pipe()
-    os.close(out)
-    with subprocess.Popen(line, stdout=into, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603
-        os.close(into)
-        assert process.wait(60) == 0
-        assert process.stderr is not None
-        assert "Traceback" not in process.stderr.read()
+    (desk / "in" / "nameless.csv").write_text("no recording")  # refused, which is an event
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as pipe:
+        monkeypatch.setattr(sys, "stdout", pipe)
+        assert main(["watch", "in", *NAME, "--settle", "0"]) == 0
+    assert "Traceback" not in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -3,20 +3,18 @@
 import asyncio
 import json
 import os
-import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
+from dask_processes import Cluster, Forks, with_tests
 from emaphm.cli import main
 from emaphm.errors import ExecutionError, StudyError
 from emaphm.execution import ResultStore, dask_cluster, outcomes, run_tasks
@@ -36,120 +34,9 @@ TOTAL = 40
 TASKS = toy.tasks(TOTAL, toy.square, 0.01)
 """Long enough for a worker to be lost while they run."""
 
-TESTS = str(Path(__file__).parents[1])
-"""Where workers find the functions of `toy`."""
-
-FORKS = """
-import json, os, signal, sys
-from importlib import import_module
-import dask, emaphm.diagnosis, emaphm.fleet, emaphm.study
-
-MAINS = {kind: import_module(f"distributed.cli.dask_{kind}").main for kind in ("scheduler", "worker")}
-children = []
-for line in sys.stdin:
-    order = json.loads(line)
-    child = os.fork()
-    if not child:
-        nothing = os.open(os.devnull, os.O_RDWR)
-        for stream in range(3):
-            os.dup2(nothing, stream)
-        os.chdir(order["folder"])
-        os.environ.update(order["variables"])
-        dask.config.refresh()
-        MAINS[order["kind"]](args=order["arguments"], standalone_mode=False)
-        sys.exit()
-    children.append(child)
-    print(child, flush=True)
-for child in children:
-    os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-"""
-"""Forks schedulers and workers, which loading takes most of their time; Polars must not be used before."""
-
-DOES_NOT_WAIT_LONG = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "5s"}
-"""For a worker that has been killed: a scheduler wants its last results, and asks 30 s long by default."""
-
-
-@dataclass(frozen=True)
-class Process:
-    """A scheduler or a worker."""
-
-    pid: int
-
-    def kill(self) -> None:
-        """Kill it; one that was killed already stays until the process that has forked it ends."""
-        os.kill(self.pid, signal.SIGKILL)
-
-
-class Cluster:
-    """A scheduler and its workers, each a process of its own that says nothing."""
-
-    def __init__(self, forks: "subprocess.Popen[str]", folder: Path, **variables: str) -> None:
-        self._forks = forks
-        self._folder = folder
-        self._file = folder / "scheduler.json"
-        self.workers: list[Process] = []
-        self.scheduler = self._start("scheduler", "--port", "0", **variables)
-        deadline = time.monotonic() + PATIENCE_S
-        # The scheduler opens the file before it writes it.
-        while not (self._file.exists() and self._file.stat().st_size):
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
-        self.address: str = json.loads(self._file.read_text(encoding="utf-8"))["address"]
-
-    def add_worker(self, *options: str) -> None:
-        """Start a worker of one thread; it need not be there yet."""
-        self.workers.append(self._start("worker", "--no-nanny", "--nthreads", "1", *options))
-
-    def _start(self, kind: str, *options: str, **variables: str) -> Process:
-        # No port is fixed, so that several clusters do not collide.
-        places = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0", "--no-dashboard")
-        arguments = ("--scheduler-file", str(self._file), *places, *options)
-        order = {
-            "kind": kind,
-            "folder": str(self._folder),
-            "variables": variables,
-            "arguments": arguments,
-        }
-        assert self._forks.stdin is not None
-        assert self._forks.stdout is not None
-        self._forks.stdin.write(f"{json.dumps(order)}\n")
-        self._forks.stdin.flush()
-        return Process(int(self._forks.stdout.readline()))
-
-    def close(self) -> None:
-        """End every process, also one that was killed already."""
-        for process in (*self.workers, self.scheduler):
-            process.kill()
-
-
-def _with_tests() -> dict[str, str]:
-    return {"PYTHONPATH": os.pathsep.join(filter(None, [TESTS, os.environ.get("PYTHONPATH")]))}
-
-
-@contextmanager
-def forking() -> "Iterator[subprocess.Popen[str]]":
-    """Yield what forks the processes of clusters, ended with the block."""
-    with subprocess.Popen(  # noqa: S603 - the arguments are this file's
-        [sys.executable, "-W", "ignore", "-c", FORKS],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env=os.environ | DOES_NOT_WAIT_LONG | _with_tests(),
-    ) as process:
-        yield process
-        process.communicate()
-
 
 @pytest.fixture(scope="module")
-def forks() -> "Iterator[subprocess.Popen[str]]":
-    """Return what forks the processes of the clusters here."""
-    with forking() as process:
-        yield process
-
-
-@pytest.fixture(scope="module")
-def cluster(forks: "subprocess.Popen[str]", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+def cluster(forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """Return a cluster of two workers."""
     opened = Cluster(forks, tmp_path_factory.mktemp("cluster"))
     for _ in range(2):
@@ -197,7 +84,7 @@ def test_a_killed_client_goes_on(cluster: Cluster, store: ResultStore) -> None:
     )
     with subprocess.Popen(  # noqa: S603 - the arguments are this file's
         [sys.executable, "-c", program, store.path, cluster.address],
-        env=os.environ | _with_tests(),
+        env=os.environ | with_tests(),
         stdout=subprocess.PIPE,
         text=True,
     ) as client:
@@ -250,7 +137,7 @@ def test_workers_of_another_version_are_refused(
 
 
 @pytest.fixture
-def fragile(forks: "subprocess.Popen[str]", tmp_path: Path) -> Iterator[Cluster]:
+def fragile(forks: Forks, tmp_path: Path) -> Iterator[Cluster]:
     """Return a cluster without workers that gives a run up with the first worker lost."""
     folder = tmp_path / "cluster"
     folder.mkdir()

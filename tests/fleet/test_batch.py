@@ -37,6 +37,7 @@ def untimed(results: list[BatchResult]) -> list[dict[str, Any]]:
     return [{key: value for key, value in one.values.items() if key != "seconds"} for one in results]
 
 
+@pytest.mark.usefixtures("warm_workers")
 def test_each_result_is_that_of_the_recording_alone_whatever_the_number_of_workers(made: list[Path]) -> None:
     order = [made[2], made[0], made[3], made[1]]
     alone = [

@@ -10,10 +10,10 @@ import polars as pl
 import pytest
 
 from cases import THESIS
+from dask_processes import Cluster, Forks
 from emaphm.fleet import diagnose_all
 from emaphm.fleet.synthetic import Chain, FleetFolder, FleetPlan, prognoses, run_chain
 from emaphm.history import History
-from execution.test_dask_cluster import Cluster, forking
 
 from .files import QUICK, written
 
@@ -21,13 +21,12 @@ pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="Dask i
 
 
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+def cluster(forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """Return a cluster of one worker."""
-    with forking() as forks:
-        opened = Cluster(forks, tmp_path_factory.mktemp("cluster"))
-        opened.add_worker()
-        yield opened
-        opened.close()
+    opened = Cluster(forks, tmp_path_factory.mktemp("cluster"))
+    opened.add_worker()
+    yield opened
+    opened.close()
 
 
 def test_a_batch_has_the_same_results_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ def quick_diagnoses(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tasks, "diagnose", quick)
 
 
-@pytest.mark.usefixtures("one_search", "quick_diagnoses")
+@pytest.mark.usefixtures("one_search", "quick_diagnoses", "few_steps")
 def test_the_chain_runs_in_one_command_and_goes_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,10 +1,8 @@
 """The prognosis of each unit is kept up to date, one for all of its new diagnoses."""
 
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from datetime import timedelta
-from pathlib import Path
 
 import pytest
 
@@ -18,13 +16,7 @@ from emaphm.prognosis.keeping import update_prognosis
 
 from .stand_in import ROOMY, THESIS, fly
 
-pytestmark = pytest.mark.usefixtures("few_paths")
-
-
-@pytest.fixture
-def history(tmp_path: Path) -> Iterator[History]:
-    with History.open(tmp_path / "history.sqlite", create=True) as opened:
-        yield opened
+pytestmark = pytest.mark.usefixtures("few_steps")
 
 
 def test_it_is_that_of_the_verb_and_one_for_all_diagnoses(history: History) -> None:

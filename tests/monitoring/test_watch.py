@@ -76,12 +76,6 @@ def inbox(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.fixture
-def history(tmp_path: Path) -> Iterator[History]:
-    with History.open(tmp_path / "history.sqlite", create=True) as opened:
-        yield opened
-
-
 def judged(history: History) -> list[tuple[str, float]]:
     return [(unit.serial_number, one.hours) for unit in history.units() for one in unit.diagnoses()]
 

@@ -47,8 +47,8 @@ def test_a_fast_logger_in_milliseconds_is_noticed_by_the_speed() -> None:
 
 
 @pytest.mark.parametrize("faults", FAULTS)
-@pytest.mark.parametrize("rate", [10.0, 25.0, 40.0])
-@pytest.mark.parametrize("rows_a_cycle", [5.0, 20.0, 100.0])
+@pytest.mark.parametrize("rate", [10.0, 40.0])
+@pytest.mark.parametrize("rows_a_cycle", [5.0, 100.0])
 def test_slow_rows_in_seconds_are_accepted(faults: Faults, rate: float, rows_a_cycle: float) -> None:
     fastest = rate / rows_a_cycle
     for command in (Chirp(stop_hz=fastest, duration=20.0), Sine(frequency_hz=fastest)):

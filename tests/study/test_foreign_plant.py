@@ -28,6 +28,8 @@ from simulation.rig import FREE, altered, rms
 
 THESIS = Actuator.thesis()
 CHIRP = Chirp()
+BRIEF = Chirp(duration=0.2)
+"""As far in frequency; for two implementations of the same steps, 200,000 of them are enough."""
 STEP = 1e-6
 MIXED = Faults(0.3, 0.4, 0.1, 0.25, 0.0, 0.35, 0.2, 0.4)
 CASES = {
@@ -50,7 +52,7 @@ def assert_same_but_for_rounding(ours: Recording, theirs: Recording) -> None:
     """Compare every channel of ours with theirs."""
     for name in ours.names:
         # Rounding alone separates two implementations of the same step, unless it decides a switching: then
-        # the two go apart as far as docs/physics.md, section 3, says: not in these half seconds.
+        # the two go apart as far as docs/physics.md, section 3, says: not in these fifths of a second.
         np.testing.assert_allclose(
             ours[name], theirs[name], rtol=0, atol=1e-9 * np.abs(theirs[name]).max(), err_msg=name
         )
@@ -59,8 +61,9 @@ def assert_same_but_for_rounding(ours: Recording, theirs: Recording) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_without_its_features_it_is_the_reference_model(case: str) -> None:
     actuator = with_lumped_parameters(THESIS, {"offset": 0.07, "supply": 46.0, "inertia": 2.7e-5})
-    ours = simulate(actuator, CHIRP, Features(), faults=CASES[case])
-    theirs = simulated_recording.simulate(actuator, CHIRP, faults=CASES[case])
+    options: dict[str, Any] = {"faults": CASES[case], "duration": BRIEF.duration}
+    ours = simulate(actuator, BRIEF, Features(), **options)
+    theirs = simulated_recording.simulate(actuator, BRIEF, **options)
     assert_same_but_for_rounding(ours, theirs)
 
 
@@ -80,8 +83,9 @@ def test_with_its_commutation_it_is_the_reference_model_with_these_laws(
     early = zip("abc", features.get("hall", (0.0, 0.0, 0.0)), strict=True)
     motor = {f"hall_{name}": math.radians(degrees) for name, degrees in early}
     sensed = altered(THESIS, motor=motor, drive={"kind": "hysteresis"} | lag)
-    ours = simulate(THESIS, CHIRP, Features(**features), faults=CASES[case])
-    theirs = simulated_recording.simulate(sensed, CHIRP, faults=CASES[case])
+    options: dict[str, Any] = {"faults": CASES[case], "duration": BRIEF.duration}
+    ours = simulate(THESIS, BRIEF, Features(**features), **options)
+    theirs = simulated_recording.simulate(sensed, BRIEF, **options)
     assert_same_but_for_rounding(ours, theirs)
 
 

@@ -85,6 +85,7 @@ def test_what_a_method_compiles_is_compiled_before_its_time_is_taken(monkeypatch
 # The same bits
 
 
+@pytest.mark.usefixtures("warm_workers")
 def test_workers_do_not_change_results(undisturbed_hybrid: pl.DataFrame, tmp_path: Path) -> None:
     store = run_study(WITH_HYBRID, tmp_path / "study", workers=2)
     assert small.table(store).equals(undisturbed_hybrid)

@@ -85,7 +85,7 @@ class KeptDiagnosis:
         matrix = {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()}
         return {**json.loads(self.text), "covariance": matrix}
 
-    @property
+    @cached_property
     def verdicts(self) -> dict[str, str]:
         """The verdict on each component: "healthy", "degraded" or "cannot tell"."""
         return {name: one["verdict"] for name, one in self.document["faults"].items()}

@@ -1,0 +1,25 @@
+"""Histories that nothing was added to."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from emaphm.history import History
+
+
+@pytest.fixture(scope="session")
+def new_history(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """Return the file of a new history: to make its tables takes ten times as long as to open it."""
+    file = tmp_path_factory.mktemp("new") / "history.sqlite"
+    History.open(file, create=True).close()
+    return file.read_bytes()
+
+
+@pytest.fixture
+def history(tmp_path: Path, new_history: bytes) -> Iterator[History]:
+    """Return a new history, in the file `history.sqlite` of the test's folder."""
+    file = tmp_path / "history.sqlite"
+    file.write_bytes(new_history)
+    with History.open(file) as opened:
+        yield opened
