@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from emaphm.arrays import Array
 from emaphm.detection.drift import serial_correlation
 from emaphm.detection.settings import DetectorSettings
-from emaphm.detection.statistics import HealthyScatter
+from emaphm.detection.statistics import HealthyScatter, shrunk_correlations
 from emaphm.detection.thresholds import Labels, joint_thresholds
 
 MORE = 1.25
@@ -104,19 +104,67 @@ def learn_levels(
     _, of, counts = np.unique(
         np.stack([runs, loads], axis=1), axis=0, return_inverse=True, return_counts=True
     )
-    likeness = 0.0
+    healthy, likeness = _Healthy(features, runs, loads, settings), 0.0
     if np.unique(runs).size == len(features):  # as where nobody has said which are cycles of one run
-        scatter = _scatter(features, runs, loads, 1, settings)
-        likeness = serial_correlation(features, runs, loads, scatter, settings)
-    singles = _left_out_scores(features, runs, loads, 1, likeness, settings)
-    levels = [_level(features, runs, loads, 1, singles, singles, settings)]
+        likeness = serial_correlation(features, runs, loads, healthy.scatter(1), settings)
+    singles = _left_out_scores(healthy, 1, likeness)
+    levels = [_level(healthy, 1, singles, singles)]
     for cycles in np.unique(counts).tolist():
         taken = (counts >= cycles)[of]
         if cycles >= 2 * levels[-1].cycles and _enough(runs, loads, taken, settings):
-            those = (features[taken], runs[taken], loads[taken])
-            means = _left_out_scores(*those, cycles, likeness, settings)
-            levels.append(_level(*those, cycles, means, singles, settings))
+            those = healthy if taken.all() else healthy.part(taken)
+            levels.append(_level(those, cycles, _left_out_scores(those, cycles, likeness), singles))
     return tuple(levels)
+
+
+@dataclass(frozen=True, eq=False)
+class _Healthy:
+    """Healthy cycles by their features (n, p), with the run and the load of each, (n,).
+
+    What is known of single cycles is kept: every level asks for it.
+    """
+
+    features: Array
+    runs: Labels
+    loads: Labels
+    settings: DetectorSettings
+
+    def part(self, taken: NDArray[np.bool_]) -> "_Healthy":
+        """Return those `taken` (n,)."""
+        return _Healthy(self.features[taken], self.runs[taken], self.loads[taken], self.settings)
+
+    def scatter(self, cycles: int) -> HealthyScatter:
+        """Return the scatter of cycles, or of means: those are few, so cycles say half of how they vary."""
+        if cycles == 1:
+            return self._of_singles
+        means, _, _ = _together(self._deviations, self.runs, self.loads, cycles)
+        scale, correlations = shrunk_correlations(means)
+        both = (correlations + self._correlations[1]) / 2
+        return HealthyScatter.of(scale, both, self.settings.variance_share)
+
+    @cached_property
+    def folds(self) -> list[tuple[NDArray[np.bool_], "_Healthy"]]:
+        """What each fold leaves out, (n,), and the rest.
+
+        By load, so that runs at one load are in different folds: each fold leaves some of it to learn from.
+        """
+        order = np.array(list(dict.fromkeys(self.runs[np.lexsort((self.runs, self.loads))].tolist())))
+        fold_of = {run: place % self.settings.most_folds for place, run in enumerate(order.tolist())}
+        folds = np.array([fold_of[run] for run in self.runs.tolist()])
+        return [(folds == fold, self.part(folds != fold)) for fold in np.unique(folds)]
+
+    @cached_property
+    def _deviations(self) -> Array:
+        everything = np.ones(len(self.features), dtype=bool)
+        return self.features - _centres(self.features, self.loads, everything)
+
+    @cached_property
+    def _correlations(self) -> tuple[Array, Array]:
+        return shrunk_correlations(self._deviations)
+
+    @cached_property
+    def _of_singles(self) -> HealthyScatter:
+        return HealthyScatter.of(*self._correlations, self.settings.variance_share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,20 +194,12 @@ class _LeftOutScores:
         return {run: self.thresholds(run) for run in np.unique(self.runs).tolist()}
 
 
-def _left_out_scores(
-    features: Array, runs: Labels, loads: Labels, cycles: int, likeness: float, settings: DetectorSettings
-) -> _LeftOutScores:
-    """Return the statistics of healthy cycles (n, p), or of means of runs, by cross-validation over runs."""
-    # By load, so that runs at one load are in different folds: each fold leaves some of it to learn from.
-    order = np.array(list(dict.fromkeys(runs[np.lexsort((runs, loads))].tolist())))
-    fold_of = {run: place % settings.most_folds for place, run in enumerate(order.tolist())}
-    folds = np.array([fold_of[run] for run in runs.tolist()])
+def _left_out_scores(healthy: _Healthy, cycles: int, likeness: float) -> _LeftOutScores:
+    """Return the statistics of healthy cycles, or of means of runs, by cross-validation over runs."""
+    features, runs, loads = healthy.features, healthy.runs, healthy.loads
     scores, by_single, energies, of_run = [], [], [], []
-    for fold in np.unique(folds):
-        left = folds == fold
-        rest = (features[~left], runs[~left], loads[~left])
-        scatter = _scatter(*rest, cycles, settings)
-        single = scatter if cycles == 1 else _scatter(*rest, 1, settings)
+    for left, rest in healthy.folds:
+        scatter, single = rest.scatter(cycles), rest.scatter(1)
         centres = _centres(features, loads, ~left)
         deviations, run, _ = _together(features[left] - centres[left], runs[left], loads[left], cycles)
         scores.append(np.stack([scatter.t2(deviations), scatter.q(deviations)], axis=1))
@@ -172,27 +212,18 @@ def _left_out_scores(
         np.concatenate(energies),
         np.concatenate(of_run),
         likeness,
-        settings.false_alarm_rate,
+        healthy.settings.false_alarm_rate,
     )
 
 
-def _level(
-    features: Array,
-    runs: Labels,
-    loads: Labels,
-    cycles: int,
-    found: _LeftOutScores,
-    singles: _LeftOutScores,
-    settings: DetectorSettings,
-) -> Level:
-    """Return the scatter and thresholds of healthy cycles (n, p), or of means, by their scores left out."""
+def _level(healthy: _Healthy, cycles: int, found: _LeftOutScores, singles: _LeftOutScores) -> Level:
+    """Return the scatter and thresholds of healthy cycles, or of means, by their scores left out."""
     thresholds, number = found.thresholds()
     every = found.thresholds_without
     alarms = sum(_alarms_left_out(run, found, singles) for run in every)
-    scatter = _scatter(features, runs, loads, cycles, settings)
     energy = float(np.mean(found.energies))
     t2, q = thresholds.tolist()
-    return Level(cycles, scatter, t2, q, energy, alarms, len(every), number)
+    return Level(cycles, healthy.scatter(cycles), t2, q, energy, alarms, len(every), number)
 
 
 def _alarms_left_out(run: int, found: _LeftOutScores, singles: _LeftOutScores) -> bool:
@@ -216,16 +247,6 @@ def _enough(runs: Labels, loads: Labels, taken: NDArray[np.bool_], settings: Det
     found = np.unique(runs[taken]).size
     half = 2 * found >= np.unique(runs).size
     return half and found >= settings.fewest_runs and min(at_loads) >= settings.fewest_runs_of_load
-
-
-def _scatter(
-    features: Array, runs: Labels, loads: Labels, cycles: int, settings: DetectorSettings
-) -> HealthyScatter:
-    """Return the scatter of cycles, or of means: those are few, so cycles say half of how they vary."""
-    everything = np.ones(len(features), dtype=bool)
-    single = features - _centres(features, loads, everything)
-    deviations, _, _ = _together(single, runs, loads, cycles)
-    return HealthyScatter.learn(deviations, settings.variance_share, single if cycles > 1 else None)
 
 
 def _centres(features: Array, loads: Labels, taken: NDArray[np.bool_]) -> Array:

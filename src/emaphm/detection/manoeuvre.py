@@ -137,9 +137,10 @@ def learn_manoeuvre(
     rows = _rows_of_several(signals, runs, at)
     signals, command = signals[:, rows], first.command[rows]
     residuals = np.empty_like(signals)
-    for k in range(len(signals)):
-        others = signals[(at == at[k]) & (runs != runs[k])]
-        residuals[k] = with_nearest(signals[k] - np.nanmean(others, axis=0))
+    for run, load in np.unique(np.stack([runs, at], axis=1), axis=0):
+        others = np.nanmean(signals[(at == load) & (runs != run)], axis=0)
+        for k in np.flatnonzero((at == load) & (runs == run)):
+            residuals[k] = with_nearest(signals[k] - others)
     sizes = np.nanmax(np.abs(signals), axis=(0, 1))
     scales = np.sqrt(np.mean(residuals**2, axis=(0, 1)))
     scales = np.maximum(scales, np.where(sizes > 0, LEAST_SCALE * sizes, 1.0))
@@ -159,8 +160,11 @@ def same_load(one: Array, other: Array, largest: float, settings: DetectorSettin
 
     What a load cell's noise makes of them is no difference.
     """
+    difference = root_mean_square(one - other)
+    if difference <= settings.load_tolerance * largest:
+        return True
     noise = np.hypot(robust_noise_level(one, 2), robust_noise_level(other, 2))
-    return bool(root_mean_square(one - other) <= max(settings.load_tolerance * largest, LOAD_NOISE * noise))
+    return bool(difference <= LOAD_NOISE * noise)
 
 
 def _loads(cycles: Sequence[Cycle], largest: float, settings: DetectorSettings) -> tuple[list[Array], Groups]:

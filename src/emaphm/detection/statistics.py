@@ -43,24 +43,24 @@ class HealthyScatter:
     rank: int
 
     @classmethod
-    def learn(
-        cls, deviations: Array, variance_share: float, similar: Array | None = None
-    ) -> "HealthyScatter":
-        """Return the scatter of healthy `deviations` from their mean, (n, p).
-
-        `rank` is the smallest whose directions hold `variance_share` of the variance; one direction at least
-        is left for Q. `similar` are more deviations, (m, p), that go together in a similar way: half of the
-        correlations come from them. A feature that does not vary has the scale `LEAST_SCALE`.
+    def learn(cls, deviations: Array, variance_share: float) -> "HealthyScatter":
+        """Return the scatter of healthy `deviations` from their mean, (n, p); as `of` their correlations.
 
         Raises
         ------
         MethodError
             scikit-learn is not installed.
         """
-        scale, shrunk = _shrunk_correlations(deviations)
-        if similar is not None:
-            shrunk = (shrunk + _shrunk_correlations(similar)[1]) / 2
-        variances, directions = np.linalg.eigh(shrunk)
+        return cls.of(*shrunk_correlations(deviations), variance_share)
+
+    @classmethod
+    def of(cls, scale: Array, correlations: Array, variance_share: float) -> "HealthyScatter":
+        """Return the scatter of features with the standard deviations `scale` (p,) and `correlations` (p, p).
+
+        `rank` is the smallest whose directions hold `variance_share` of the variance; one direction at least
+        is left for Q.
+        """
+        variances, directions = np.linalg.eigh(correlations)
         variances, directions = variances[::-1].copy(), np.ascontiguousarray(directions[:, ::-1])
         share = np.cumsum(variances) / variances.sum()
         rank = min(int(np.searchsorted(share, variance_share)) + 1, max(variances.size - 1, 1))
@@ -91,9 +91,21 @@ class HealthyScatter:
         return np.asarray(along @ self.directions.T)
 
 
-def _shrunk_correlations(deviations: Array) -> tuple[Array, Array]:
-    """Return the standard deviations (p,) of `deviations` (n, p) and their shrunk correlations (p, p)."""
+def shrunk_correlations(deviations: Array) -> tuple[Array, Array]:
+    """Return the standard deviations (p,) of `deviations` (n, p) and their shrunk correlations (p, p).
+
+    A feature that does not vary has the standard deviation `LEAST_SCALE`.
+
+    Raises
+    ------
+    MethodError
+        scikit-learn is not installed.
+    """
     scale = np.maximum(np.sqrt(np.mean(deviations**2, axis=0)), LEAST_SCALE)
     estimators = import_library("learning a detector", "sklearn.covariance", "detection")
-    covariance = estimators.LedoitWolf(assume_centered=True, store_precision=False)
-    return scale, covariance.fit(deviations / scale).covariance_
+    relative = deviations / scale
+    shrinkage = float(estimators.ledoit_wolf_shrinkage(relative, assume_centered=True))
+    correlations = relative.T @ relative / len(relative)
+    shrunk = (1.0 - shrinkage) * correlations
+    shrunk.flat[:: scale.size + 1] += shrinkage * (np.trace(correlations) / scale.size)
+    return scale, shrunk
