@@ -127,6 +127,21 @@ def test_an_unexplained_diagnosis_is_not_fed() -> None:
 
 
 @pytest.mark.usefixtures("few_paths")
+def test_a_unit_whose_newest_recordings_are_not_explained_is_not_advised_to_fly_on() -> None:
+    """The forecast, from the diagnoses before, sees no failure; what came since is like none of them."""
+    usual = wearing(8, rate=0.0)
+    odd = [observation(hours, friction=0.9, explained=False) for hours in (360.0, 390.0)]
+    blind = Evidence("S1", "P1", 400.0, (*usual.observations, *odd))
+    made = prognose(blind, WORN)
+    assert prognose(usual, WORN).advice.action == "fly on"
+    assert (made.advice.action, made.advice.hours, made.advice.risk) == ("inspect by", 0.0, 0.0)
+    assert "advice: inspect now (no recording since 360 h is explained" in str(made)
+    seen = replace(blind, observations=(*blind.observations, observation(395.0)))
+    assert prognose(seen, WORN).advice.action == "fly on"
+    assert replace(blind, replacements=((395.0, "friction"),)).unexplained_since is None
+
+
+@pytest.mark.usefixtures("few_paths")
 def test_what_diagnoses_share_is_said_where_it_is_most_of_what_is_not_known() -> None:
     worn, shared = wearing(12), np.zeros((8, 8))
     shared[0, 0] = 0.05**2

@@ -127,3 +127,18 @@ def _until(ordered: Array, risk: float, age: float, costs: Costs | None) -> tupl
     if rates[best] >= never * (1 - 1 / math.sqrt(ordered.size)):
         return math.inf, "a replacement is cheaper"
     return float(ends[best]), "a replacement is cheaper"
+
+
+def without_new_diagnoses(given: Advice, since: float, failed: float) -> Advice:
+    """Return the advice where no diagnosis since `since` [h] is explained: to inspect now, or to replace.
+
+    A forecast from older diagnoses does not know what has changed the unit's recordings meanwhile. `failed`
+    is its probability that the unit has failed already.
+    """
+    if given.action == "replace before":
+        return given
+    why = (
+        f"no recording since {since:g} h is explained, so the forecast does not know what they show; record "
+        "again, and look for the cause where that is not explained either"
+    )
+    return Advice("inspect by", 0.0, failed, why)

@@ -107,6 +107,17 @@ class Evidence:
         )
 
     @property
+    def unexplained_since(self) -> float | None:
+        """Hours [h] since which no diagnosis is explained; None where the newest is, or a part is newer."""
+        since = None
+        for one in reversed(self.observations):
+            if one.explained:
+                break
+            since = one.hours
+        newest = self.observations[-1].hours if self.observations else 0.0
+        return None if any(hours >= newest for hours, _ in self.replacements) else since
+
+    @property
     def used(self) -> tuple[Observation, ...]:
         """The observations that the model explains."""
         return tuple(one for one in self.observations if one.explained)

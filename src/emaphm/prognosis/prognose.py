@@ -11,7 +11,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
-from emaphm.prognosis.advice import Advice, Costs, advice
+from emaphm.prognosis.advice import Advice, Costs, advice, without_new_diagnoses
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
@@ -129,13 +129,7 @@ def prognose(
         paths=made,
         component=component,
         limit=None if limit is None else times.limits[limit],
-        advice=advice(
-            times.first,
-            question.horizon,
-            risk=question.risk,
-            age=evidence.hours - float(born),
-            costs=question.costs,
-        ),
+        advice=_advice(evidence, times.first, question, age=evidence.hours - float(born)),
         belief=followed.belief,
         past=followed.past,
         seed=seed,
@@ -150,6 +144,13 @@ def prognose(
         ),
     )
     return result if evidence.unrepaired is None else _as_failed(result, evidence.unrepaired)
+
+
+def _advice(evidence: Evidence, rul: Array, question: Question, *, age: float) -> Advice:
+    """Return the advice for a sample of the RUL [h], which knows of explained diagnoses only."""
+    given = advice(rul, question.horizon, risk=question.risk, age=age, costs=question.costs)
+    since = evidence.unexplained_since
+    return given if since is None else without_new_diagnoses(given, since, float(np.mean(rul == 0)))
 
 
 def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:

@@ -219,6 +219,8 @@ def requirement_row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
 
 def advice_text(given: Advice) -> str:
     """Return advice as a sentence with its risk."""
+    if given.action == "inspect by" and given.hours == 0:
+        return f"inspect now ({given.reason})"
     when = f"for {given.hours:,.0f} h" if given.action == "fly on" else f"within {given.hours:,.0f} h"
     return f"{given.action}: {when}, at a risk of {100 * given.risk:.1f} % ({given.reason})"
 
