@@ -10,7 +10,7 @@ from emaphm.actuator import Chirp, Command, Faults
 from emaphm.arrays import Array
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.recording import Recording, reconstructed
-from emaphm.recording.jumps import Jumps
+from emaphm.recording.jumps import Jumps, with_jumps
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, Plant, observe_batch
 
@@ -67,6 +67,12 @@ def test_smooth_signals_and_noise_do_not_jump(means: bool) -> None:
         np.ones(2),
     ):
         assert Jumps.of(values, means=means).before.size == 0
+
+
+def test_a_jump_between_curves_that_agree_has_a_time() -> None:
+    values = np.repeat([0.0, 1.0], 20)
+    curve = with_jumps(values, 1e-3, lambda *_: np.zeros_like, means=True)
+    assert np.array_equal(curve(np.arange(40) * 1e-3), np.zeros(40))
 
 
 def test_a_square_wave_drives_the_model_as_it_drove_the_actuator() -> None:

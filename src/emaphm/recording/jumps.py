@@ -97,7 +97,9 @@ def with_jumps(
             np.array([float(curve(middle[i : i + 1])[0]) for i, curve in enumerate(some)])
             for some in (curves[:-1], curves[1:])
         )
-        share = np.clip((right - values[firsts[1:] - 1]) / (right - left), 0.0, 1.0)
+        # Where both curves agree in the row, no time of a jump is likelier than its begin.
+        missing, step = right - values[firsts[1:] - 1], right - left
+        share = np.clip(np.divide(missing, step, out=np.zeros_like(step), where=step != 0), 0.0, 1.0)
         times = times - (1 - share) * interval
     return _joined(curves, times - ROUNDING * interval)
 
