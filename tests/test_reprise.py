@@ -145,8 +145,8 @@ def test_what_says_nothing_of_the_healthy_state_is_refused(example: ModuleType, 
 def test_without_a_healthy_day_the_next_condition_is_still_judged(
     example: ModuleType, frame: pl.DataFrame, day: tuple[int, int, int]
 ) -> None:
-    run = example.judge(frame.filter(pl.col("date") != example.date(*day))).to_dict()
-    assert next(one["date"] for one in run["tests"] if one["bound_A"] is not None) == "2017-07-31"
+    run = example.judge(frame.filter(pl.col("date") != example.date(*day)))
+    assert run.monitored[0].test.day == example.date(2017, 7, 31)
     # As the page says of these days.
-    assert run["first_alarm"] == "2017-10-09"
-    assert [one["holds_jam"] for one in run["tests"][-3:]] == [True] * 3
+    assert run.first_alarm == example.date(2017, 10, 9)
+    assert [one.holds_jam for one in run.judged[-3:]] == [True] * 3

@@ -16,6 +16,7 @@ import os
 import sys
 from dataclasses import dataclass
 from datetime import date
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,12 +85,21 @@ class Test:
 
 @dataclass(frozen=True)
 class Judged:
-    """A test by those up to it: the alarm's `bound` [A], and the prognosis; None for the first tests."""
+    """A test by those up to it: the alarm's `bound` [A], and their `indicator`; None for the first tests.
+
+    `seed` is that of the prognosis, which is made when it is asked for.
+    """
 
     test: Test
     bound: float | None
     alarm: bool
-    prognosis: IndicatorPrognosis | None
+    indicator: Indicator | None
+    seed: int = 0
+
+    @cached_property
+    def prognosis(self) -> IndicatorPrognosis | None:
+        """What is to be expected after the test; None for the first tests."""
+        return None if self.indicator is None else prognose_indicator(self.indicator, QUESTION, seed=self.seed)
 
     @property
     def to_jam(self) -> float:
@@ -274,7 +284,7 @@ def judge(frame: pl.DataFrame, frequency: float = 1.0, fails_at: float | None = 
         raise RecordingError(
             f"it fails at {fails_at:g} A, where {healthy:.3g} A are healthy; give more with --fails-at"
         )
-    judged = [Judged(one, None, alarm=False, prognosis=None) for one in tests[:first]]
+    judged = [Judged(one, None, alarm=False, indicator=None) for one in tests[:first]]
     for i in range(first, len(tests)):
         one, n = tests[i], len(ordinary)
         deviation = float(np.std(ordinary, ddof=1))
@@ -286,19 +296,15 @@ def judge(frame: pl.DataFrame, frequency: float = 1.0, fails_at: float | None = 
         if not alarm:
             ordinary.append(one.rms)
         share = float(np.std(ordinary, ddof=1) / np.mean(ordinary))
-        prognosis = prognose_indicator(
-            Indicator(
-                "REPRISE",
-                healthy,
-                fails_at,
-                tuple(reading(past, share) for past in tests[: i + 1]),
-                one.hours,
-                f"RMS current at {frequency:g} Hz [A]",
-            ),
-            QUESTION,
-            seed=seed,
+        indicator = Indicator(
+            "REPRISE",
+            healthy,
+            fails_at,
+            tuple(reading(past, share) for past in tests[: i + 1]),
+            one.hours,
+            f"RMS current at {frequency:g} Hz [A]",
         )
-        judged.append(Judged(one, bound, alarm, prognosis))
+        judged.append(Judged(one, bound, alarm, indicator, seed))
     return Run(tuple(judged), healthy, fails_at, frequency)
 
 

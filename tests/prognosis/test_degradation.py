@@ -116,7 +116,7 @@ def test_a_level_may_fall() -> None:
 
 def test_a_sudden_onset_is_followed() -> None:
     # Few particles follow an onset, and each seed's rate is that of its own: the mean of five is asked.
-    level = [max(0.0, 1e-3 * (50 * (i + 1) - 1000)) for i in range(26)]
+    level = [max(0.0, 1e-3 * (50 * (i + 1) - 500)) for i in range(16)]
     beliefs = [flown(level, seed=seed) for seed in range(5)]
     assert all(one.mean_level[0] == pytest.approx(0.3, abs=0.03) for one in beliefs)
     assert np.mean([mean_rate(one)[0] for one in beliefs]) == pytest.approx(1e-3, rel=0.15)
@@ -126,8 +126,7 @@ WEAR = [2e-4 * 50 * (i + 1) for i in range(25)]
 """Levels that rise by 2e-4 per hour to 0.25, each known to 0.01."""
 
 
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("at", [16, 22])
+@pytest.mark.parametrize(("seed", "at"), [(0, 16), (1, 22)])
 def test_a_single_diagnosis_that_is_far_off_is_forgotten(seed: int, at: int) -> None:
     """It is 30 standard errors off, among 25; what is believed after is what is true."""
     off = WEAR.copy()

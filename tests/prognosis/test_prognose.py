@@ -60,7 +60,7 @@ def wearing(
 
 
 def test_a_straight_line_is_followed_to_its_limit() -> None:
-    made = prognose(wearing(40), WORN)
+    made = prognose(wearing(20, every=100.0), WORN)
     true = 0.6 / 2e-4 - 2000
     assert made.median == pytest.approx(true, rel=0.15)
     low, high = made.interval90
@@ -70,15 +70,16 @@ def test_a_straight_line_is_followed_to_its_limit() -> None:
 
 
 def test_an_eccentricity_grows_along_its_direction() -> None:
-    observations = tuple(observation(50.0 * i, x=0.01 * i * 0.6, y=0.01 * i * 0.8) for i in range(1, 31))
+    observations = tuple(observation(100.0 * i, x=0.02 * i * 0.6, y=0.02 * i * 0.8) for i in range(1, 16))
     made = prognose(Evidence("S1", "P1", 1500.0, observations), WORN)
     assert made.component == "eccentricity"
     assert made.median == pytest.approx(1000.0, rel=0.25)
     assert made.levels()["eccentricity"]["median"] == pytest.approx(0.3, abs=0.02)
 
 
+@pytest.mark.usefixtures("few_paths")
 def test_what_is_violated_has_no_life_left() -> None:
-    made = prognose(wearing(10, start=0.7), WORN)
+    made = prognose(wearing(4, start=0.7), WORN)
     assert made.to_dict()["rul_hours"] == {"median": 0.0, "interval90": [0.0, 0.0]}
     assert made.probability_of_failure == 1
     assert "violated already: friction at most 0.6" in made.notes
@@ -87,7 +88,7 @@ def test_what_is_violated_has_no_life_left() -> None:
 
 @pytest.mark.usefixtures("few_paths")
 def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
-    made = prognose(wearing(10), requiring(Requirement(measure="free_play", at_most=1.0)))
+    made = prognose(wearing(3), requiring(Requirement(measure="free_play", at_most=1.0)))
     assert math.isinf(made.median)
     assert "no single fault at the end of its scale violates: free_play at most 1 rad" in made.notes
 
@@ -95,7 +96,7 @@ def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
 @pytest.mark.usefixtures("few_paths")
 def test_a_level_cannot_fall_below_the_end_of_its_scale() -> None:
     """As `failure_levels` has it of a healthy unit, of which diagnoses scatter to both sides of 0."""
-    made = prognose(wearing(6, rate=0.0), requiring(Requirement(component="backlash", at_least=0.0)))
+    made = prognose(wearing(3, rate=0.0), requiring(Requirement(component="backlash", at_least=0.0)))
     assert math.isinf(made.median)
     assert made.probability_of_failure == 0
     assert "no single fault at the end of its scale violates: backlash at least 0" in made.notes
@@ -111,19 +112,19 @@ def test_a_friction_below_that_of_a_new_unit_is_no_nearer_to_its_limit() -> None
 
 def test_a_friction_that_falls_fails_where_its_line_does() -> None:
     lost_preload = requiring(Requirement(component="friction", at_least=-0.3))
-    made = prognose(wearing(20, rate=-2e-4), lost_preload)
+    made = prognose(wearing(10, rate=-2e-4, every=100.0), lost_preload)
     assert made.component == "friction"
     assert made.median == pytest.approx(0.3 / 2e-4 - made.evidence.hours, rel=0.15)
 
 
 @pytest.mark.usefixtures("few_paths")
 def test_an_unexplained_diagnosis_is_not_fed() -> None:
-    usual = wearing(8)
-    odd = observation(390.0, friction=0.9, explained=False)
-    with_odd = Evidence("S1", "P1", 400.0, (*usual.observations, odd))
+    usual = wearing(3)
+    odd = observation(140.0, friction=0.9, explained=False)
+    with_odd = Evidence("S1", "P1", 150.0, (*usual.observations, odd))
     one, other = prognose(usual, WORN), prognose(with_odd, WORN)
     assert np.array_equal(one.sample, other.sample)
-    assert "1 of 9 diagnoses are not explained and not used" in other.notes
+    assert "1 of 4 diagnoses are not explained and not used" in other.notes
 
 
 @pytest.mark.usefixtures("few_paths")
@@ -156,7 +157,7 @@ def test_what_diagnoses_share_is_said_where_it_is_most_of_what_is_not_known() ->
 
 @pytest.mark.usefixtures("few_paths")
 def test_a_replacement_gives_a_new_life() -> None:
-    worn = wearing(25)
+    worn = wearing(12, rate=4e-4)
     replaced = Evidence("S1", "P1", worn.hours, worn.observations, ((worn.hours, "friction"),))
     whole = Evidence("S1", "P1", worn.hours, worn.observations, ((worn.hours, "unit"),))
     before, after, new = (prognose(one, WORN) for one in (worn, replaced, whole))
@@ -180,10 +181,10 @@ def test_what_no_diagnosis_sees_is_taken_as_healthy_and_named() -> None:
     unseen = EVERYTHING.copy()
     unseen[2:5] = False
     observations = tuple(
-        Observation(one.hours, one.level, one.covariance, unseen) for one in wearing(10).observations
+        Observation(one.hours, one.level, one.covariance, unseen) for one in wearing(3).observations
     )
     narrow = requiring(Requirement(component="short_a", at_most=0.02))
-    made = prognose(Evidence("S1", "P1", 500.0, observations), narrow, Question(horizon=20_000.0))
+    made = prognose(Evidence("S1", "P1", 150.0, observations), narrow, Question(horizon=20_000.0))
     assert "never seen by a diagnosis, and taken as healthy: short_a, short_b, short_c" in made.notes
     assert made.probabilities()["short_a at most 0.02"] == 0
 
@@ -320,7 +321,7 @@ def _given_failure(sample: Array, low: float, high: float) -> Array:
 
 
 def test_a_fleet_narrows_the_first_life_of_a_new_unit() -> None:
-    fleet = fleet_prior([wearing(15, rate=4e-4, unit=f"F{i}", seed=i, every=100.0) for i in range(6)])
+    fleet = fleet_prior([wearing(7, rate=4e-4, unit=f"F{i}", seed=i, every=200.0) for i in range(6)])
     assert (fleet.units, fleet.fleet_share) == (6, 0.75)
     new = wearing(2, rate=4e-4, unit="new", seed=99)
     alone, taught = prognose(new, WORN), prognose(new, WORN, prior=fleet)
@@ -343,12 +344,14 @@ def test_a_diagnosis_that_is_not_finite_is_refused() -> None:
 
 @pytest.mark.usefixtures("few_paths")
 def test_same_seed_same_numbers() -> None:
-    one, same, other = (prognose(wearing(6), WORN, seed=seed) for seed in (1, 1, 2))
+    one, same, other = (prognose(wearing(2), WORN, seed=seed) for seed in (1, 1, 2))
     assert np.array_equal(one.sample, same.sample)
     assert not np.array_equal(one.sample, other.sample)
 
 
-@pytest.mark.parametrize("case", range(16))
+@pytest.mark.parametrize(
+    "case", [*range(8), *(pytest.param(case, marks=pytest.mark.evidence) for case in range(8, 16))]
+)
 def test_odd_histories_have_a_prognosis_too(case: int) -> None:
     """Gaps of years, singular or tiny covariances, levels beyond bounds, replacements: numbers, no error."""
     random = np.random.default_rng(case)

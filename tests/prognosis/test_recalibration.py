@@ -199,7 +199,7 @@ def test_a_shape_that_no_law_has_is_foreseen_where_the_fleet_has_shown_it(
 def test_forecasts_made_together_are_those_made_one_by_one(fleet: list[Evidence]) -> None:
     past = follow(fleet[0], Prior(), settings=FilterSettings(particles=200)).past
     chosen = [past[5], past[-1]]
-    settings = replace(FORECAST, paths=600)
+    settings = replace(FORECAST, paths=300)
     together = uncorrected(chosen, fleet[0], ACTUATOR, settings)
     for times, (_, one) in zip(together, lives(chosen, fleet[0], ACTUATOR, settings=settings), strict=True):
         assert times.first.shape == one.shape
@@ -225,6 +225,7 @@ def test_a_unit_that_was_diagnosed_at_its_failure_alone_corrects_nothing(
     seldom: list[Evidence], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(record, "PATHS", FEW)
+    monkeypatch.setattr(record, "AT", (0.5,))
     failed, known = seldom[:FEWEST_FAILED], seldom[0]
     failed_at = known.observations[-1].hours
     # Three diagnoses on one day: no forecast of it was made before.

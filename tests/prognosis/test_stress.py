@@ -111,7 +111,7 @@ def test_what_a_stress_to_come_leaves_out_stays_as_in_the_past() -> None:
 
 @pytest.mark.usefixtures("few_paths")
 def test_an_unrecorded_stress_to_come_leaves_a_unit_above_the_reference_where_it_is() -> None:
-    evidence = flown(3.0, count=8)
+    evidence = flown(3.0, count=3)
     prior = Prior(reference=StressReference(load=0.5))
     as_before, cycles = (
         prognose(evidence, WORN, Question(ahead=ahead), prior=prior)
@@ -122,7 +122,7 @@ def test_an_unrecorded_stress_to_come_leaves_a_unit_above_the_reference_where_it
 
 @pytest.mark.usefixtures("few_paths")
 def test_without_records_of_it_a_stress_to_come_changes_nothing_and_is_said() -> None:
-    evidence = flown(1.0, count=6)
+    evidence = flown(1.0, count=2)
     plain = Evidence("S1", "P1", evidence.hours, evidence.observations)
     one, other = (prognose(plain, WORN, Question(ahead=ahead)) for ahead in (None, HEAVY))
     assert np.array_equal(one.sample, other.sample)
@@ -130,7 +130,7 @@ def test_without_records_of_it_a_stress_to_come_changes_nothing_and_is_said() ->
 
 
 def test_a_fleet_teaches_exponents_at_its_own_reference() -> None:
-    taught = fleet_prior([flown(3.0, count=20, unit=f"F{i}", seed=i) for i in range(4)])
+    taught = fleet_prior([flown(3.0, count=20, unit=f"F{i}", seed=i) for i in range(3)])
     assert taught.reference == StressReference(load=1.5)
     assert taught.fleet is not None
     moving = taught.fleet.law[:, 0] > 0

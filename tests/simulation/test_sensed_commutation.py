@@ -73,7 +73,7 @@ def test_with_hysteresis_each_edge_is_late_in_the_direction_of_rotation(
     early: Phases, lag: float, backward: bool
 ) -> None:
     # In the second turn: in the first, what the sensors showed at its start may have been within a band.
-    turn = np.tile(ANGLES[::3], 2)[:: -1 if backward else 1]
+    turn = np.tile(ANGLES[::6], 2)[:: -1 if backward else 1]
     signals, idle = hall_signals(LOW, phase_angles(turn[0]), early, 0.0), list[int]()
     for angle in turn:
         signals = hall_signals(signals, phase_angles(angle), early, lag)

@@ -9,7 +9,7 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.bounds import BEYOND, bounds, within_bounds
 from emaphm.prognosis.filter.degradation import LARGEST_RATE
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined, systematic
-from emaphm.prognosis.laws import Numbers, breaks, in_common, is_moving, noises, transition
+from emaphm.prognosis.laws import Numbers, breaks, in_common, is_moving, noise_rates, transition
 from emaphm.prognosis.prior import Prior, is_waiting, with_laws, with_rows
 from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
 from emaphm.random_streams import stream
@@ -118,12 +118,9 @@ def paths(
             state.law, state.life_scale, state.shape, state.aged, part * step, s, prior.references
         )
         reach = np.where(is_waiting(state.law), 0.0, reach)
-        of_level, _, _ = noises(
-            state.law, state.life_scale, state.roughness, pace, replace(s, rate_noise=0.0)
-        )
-        _, _, of_rate = noises(state.law, state.life_scale, state.roughness, step, s)
-        noise[i] = np.sqrt(of_level)
-        shock = np.sqrt(of_rate) * random.standard_normal(state.law.shape)
+        of_level, of_rate = noise_rates(state.law, state.life_scale, state.roughness, s)
+        noise[i] = np.sqrt(of_level * pace)
+        shock = np.sqrt(of_rate * step) * random.standard_normal(state.law.shape)
         # The mean rate of the step has half of the shock: the integral of a Wiener process, to first order.
         level = state.level + reach * state.rate + 0.5 * step * shock
         level += noise[i] * np.sqrt(flown) * random.standard_normal(state.law.shape)

@@ -97,28 +97,33 @@ def transition(
     h, age = np.broadcast_to(hours, law.shape), np.broadcast_to(age, law.shape)
     reach = np.where(law == CONSTANT, 0.0, h)
     growth = np.ones(law.shape)
-    rows = law == EXPONENTIAL
-    if rows.any():
-        tau = shape[rows] * life_scale[rows]
-        exponent = np.minimum(h[rows] / tau, LARGEST_EXPONENT)
-        reach[rows], growth[rows] = tau * np.expm1(exponent), np.exp(exponent)
-    rows = law == POWER_LAW
-    if rows.any():
-        a = np.maximum(age[rows], settings.first_hours)
-        ratio, p = (a + h[rows]) / a, shape[rows]
-        reach[rows], growth[rows] = a / p * (ratio**p - 1), ratio ** (p - 1)
-    rows = law == CRACK_GROWTH
-    if rows.any():
-        q = shape[rows]
-        left = np.maximum(life_scale[rows] - age[rows], LEAST_LEFT * life_scale[rows])
-        ratio = np.minimum(left / np.maximum(left - h[rows], 1e-300), np.exp(LARGEST_EXPONENT / (q + 1)))
-        reach[rows], growth[rows] = left / q * (ratio**q - 1), ratio ** (q + 1)
-    rows = law == AS_ANOTHER
-    if references is not None and rows.any():
-        unit, scale = shape[rows].astype(int), life_scale[rows]
-        column = np.nonzero(rows)[-1]
-        end = references.moved(unit, (age[rows] + h[rows]) / scale, column)
-        reach[rows] = scale * (end - references.moved(unit, age[rows] / scale, column))
+    every = law.ravel(), h.ravel(), age.ravel(), life_scale.ravel(), shape.ravel()
+    reaches, growths = reach.reshape(-1), growth.reshape(-1)
+
+    def of(one: int) -> tuple[NDArray[np.intp], list[Array]]:
+        rows = np.flatnonzero(every[0] == one)
+        return rows, [values[rows] for values in every[1:]]
+
+    rows, (step, _, scale, s) = of(EXPONENTIAL)
+    if rows.size:
+        tau = s * scale
+        exponent = np.minimum(step / tau, LARGEST_EXPONENT)
+        reaches[rows], growths[rows] = tau * np.expm1(exponent), np.exp(exponent)
+    rows, (step, a, _, p) = of(POWER_LAW)
+    if rows.size:
+        a = np.maximum(a, settings.first_hours)
+        ratio = (a + step) / a
+        reaches[rows], growths[rows] = a / p * (ratio**p - 1), ratio ** (p - 1)
+    rows, (step, a, scale, q) = of(CRACK_GROWTH)
+    if rows.size:
+        left = np.maximum(scale - a, LEAST_LEFT * scale)
+        ratio = np.minimum(left / np.maximum(left - step, 1e-300), np.exp(LARGEST_EXPONENT / (q + 1)))
+        reaches[rows], growths[rows] = left / q * (ratio**q - 1), ratio ** (q + 1)
+    if references is not None:
+        rows, (step, a, scale, unit) = of(AS_ANOTHER)
+        column, unit = rows % law.shape[-1], unit.astype(int)
+        end = references.moved(unit, (a + step) / scale, column)
+        reaches[rows] = scale * (end - references.moved(unit, a / scale, column))
     return reach, growth
 
 
@@ -178,8 +183,15 @@ def noises(
     Variance of the level [-], covariance [1/h], variance of the rate [1/h²].
     """
     h = np.asarray(hours, float)
-    moving = is_moving(law)
-    q = np.where(moving, 1.0, settings.quiet**2) * (roughness * settings.noise) ** 2 / life_scale
+    q, r = noise_rates(law, life_scale, roughness, settings)
+    return q * h + r * h**3 / 3, r * h**2 / 2, r * h
+
+
+def noise_rates(
+    law: Numbers, life_scale: Array, roughness: Array, settings: DegradationSettings
+) -> tuple[Array, Array]:
+    """Return q² [1/h] and r² [1/h³] of `noises`, the variances an hour of level and rate by themselves."""
+    q = np.where(is_moving(law), 1.0, settings.quiet**2) * (roughness * settings.noise) ** 2 / life_scale
     wanders = law == CHANGING_RATE
     r = np.where(wanders, (roughness * settings.rate_noise / life_scale) ** 2 / life_scale, 0.0)
-    return q * h + r * h**3 / 3, r * h**2 / 2, r * h
+    return q, r
