@@ -95,10 +95,8 @@ def transition(
     d [h], g [-].
     """
     h, age = np.broadcast_to(hours, law.shape), np.broadcast_to(age, law.shape)
-    reach = np.where(law == CONSTANT, 0.0, h)
-    growth = np.ones(law.shape)
     every = law.ravel(), h.ravel(), age.ravel(), life_scale.ravel(), shape.ravel()
-    reaches, growths = reach.reshape(-1), growth.reshape(-1)
+    reach, growth = np.where(law == CONSTANT, 0.0, h).ravel(), np.ones(law.size)
 
     def of(one: int) -> tuple[NDArray[np.intp], list[Array]]:
         rows = np.flatnonzero(every[0] == one)
@@ -108,23 +106,23 @@ def transition(
     if rows.size:
         tau = s * scale
         exponent = np.minimum(step / tau, LARGEST_EXPONENT)
-        reaches[rows], growths[rows] = tau * np.expm1(exponent), np.exp(exponent)
+        reach[rows], growth[rows] = tau * np.expm1(exponent), np.exp(exponent)
     rows, (step, a, _, p) = of(POWER_LAW)
     if rows.size:
         a = np.maximum(a, settings.first_hours)
         ratio = (a + step) / a
-        reaches[rows], growths[rows] = a / p * (ratio**p - 1), ratio ** (p - 1)
+        reach[rows], growth[rows] = a / p * (ratio**p - 1), ratio ** (p - 1)
     rows, (step, a, scale, q) = of(CRACK_GROWTH)
     if rows.size:
         left = np.maximum(scale - a, LEAST_LEFT * scale)
         ratio = np.minimum(left / np.maximum(left - step, 1e-300), np.exp(LARGEST_EXPONENT / (q + 1)))
-        reaches[rows], growths[rows] = left / q * (ratio**q - 1), ratio ** (q + 1)
+        reach[rows], growth[rows] = left / q * (ratio**q - 1), ratio ** (q + 1)
     if references is not None:
-        rows, (step, a, scale, unit) = of(AS_ANOTHER)
-        column, unit = rows % law.shape[-1], unit.astype(int)
+        rows, (step, a, scale, number) = of(AS_ANOTHER)
+        column, unit = rows % law.shape[-1], number.astype(int)
         end = references.moved(unit, (a + step) / scale, column)
-        reaches[rows] = scale * (end - references.moved(unit, a / scale, column))
-    return reach, growth
+        reach[rows] = scale * (end - references.moved(unit, a / scale, column))
+    return reach.reshape(law.shape), growth.reshape(law.shape)
 
 
 def is_moving(law: Numbers) -> Mask:
