@@ -108,12 +108,9 @@ class Evidence:
 
     @property
     def unexplained_since(self) -> float | None:
-        """Hours [h] since which no diagnosis is explained; None where the newest is, or a part is newer."""
-        since = None
-        for one in reversed(self.observations):
-            if one.explained:
-                break
-            since = one.hours
+        """Hours [h] since which no diagnosis is explained; None where the last are, or a part is newer."""
+        explained = max((one.hours for one in self.used), default=-np.inf)
+        since = min((one.hours for one in self.observations if one.hours > explained), default=None)
         newest = self.observations[-1].hours if self.observations else 0.0
         return None if any(hours >= newest for hours, _ in self.replacements) else since
 

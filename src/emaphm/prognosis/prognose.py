@@ -147,7 +147,7 @@ def prognose(
 
 
 def _advice(evidence: Evidence, rul: Array, question: Question, *, age: float) -> Advice:
-    """Return the advice for a sample of the RUL [h], which knows of explained diagnoses only."""
+    """Return the advice for a sample of the RUL [h], which follows from explained diagnoses alone."""
     given = advice(rul, question.horizon, risk=question.risk, age=age, costs=question.costs)
     since = evidence.unexplained_since
     return given if since is None else without_new_diagnoses(given, since, float(np.mean(rul == 0)))
