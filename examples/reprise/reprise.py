@@ -99,7 +99,9 @@ class Judged:
     @cached_property
     def prognosis(self) -> IndicatorPrognosis | None:
         """What is to be expected after the test; None for the first tests."""
-        return None if self.indicator is None else prognose_indicator(self.indicator, QUESTION, seed=self.seed)
+        if self.indicator is None:
+            return None
+        return prognose_indicator(self.indicator, QUESTION, seed=self.seed)
 
     @property
     def to_jam(self) -> float:
