@@ -17,7 +17,7 @@ from emaphm.study.rig import Manoeuvre, Rig
 ROOT = Path(__file__).resolve().parents[1]
 PLAN = Plan.load("pmsm")
 RIGS = PLAN.rig_named
-BRIEF = Manoeuvre(duration=0.3)
+BRIEF = Manoeuvre(duration=0.2)
 
 
 def test_preset_example_and_plan_describe_the_same_actuator() -> None:

@@ -32,7 +32,7 @@ def found(example: ModuleType) -> dict[str, Any]:
     path = folder / "friction_torque.csv"
     if not path.is_file():
         pytest.skip(f"the XJTU data are not at {folder}; set EMAPHM_DATA to the folder that holds them")
-    vars(example)["EVERY"] = 10  # fewer forecasts a screw are enough here, and quicker
+    vars(example)["EVERY"] = 20  # fewer forecasts a screw are enough here, and quicker
     hours, torques = example.read(path)
     screws = [example.judge(name, hours, torques[name], 0.75, 0) for name in example.SCREWS]
     return {one.name: json.loads(json.dumps(one.to_dict(), allow_nan=False)) for one in screws}

@@ -244,7 +244,7 @@ def test_a_deviation_is_an_actuator_of_other_values() -> None:
 
 def test_friction_is_known_no_better_than_its_baseline() -> None:
     # A fault multiplies all friction by 1 + 2 k: of 5 % in the healthy friction, 0.025 (1 + 2 k) are left.
-    recording = simulate(THESIS, Chirp(duration=0.3), duration=0.3, faults=Faults(friction=0.3), noise=0.05)
+    recording = simulate(THESIS, Chirp(duration=0.2), duration=0.2, faults=Faults(friction=0.3), noise=0.05)
     recording = Recording({name: recording[name] for name in ("time_s", "command_rad", *VOLTAGE)})
     frictionless = with_lumped_parameters(THESIS, {"viscous": 0.0})
     loose = diagnose(recording, with_baseline({"coulomb": 0.05}, frictionless), nuisances=(), workers=1)

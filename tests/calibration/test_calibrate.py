@@ -63,7 +63,7 @@ def found(instants: Recording) -> Calibration:
 
 @pytest.fixture(scope="module")
 def reference() -> Recording:
-    return simulate(UNIT, Chirp(), noise=0.05)
+    return simulate(UNIT, Chirp(duration=0.3), noise=0.05, duration=0.3)
 
 
 @pytest.mark.parametrize("factors", WRONG_STARTS)
@@ -79,7 +79,9 @@ def test_a_unit_is_found_again_from_starts_that_are_30_percent_wrong(
     )
 
 
-@pytest.mark.parametrize("factors", WRONG_STARTS[:2])
+@pytest.mark.parametrize(
+    "factors", [WRONG_STARTS[0], pytest.param(WRONG_STARTS[1], marks=pytest.mark.evidence)]
+)
 def test_a_unit_recorded_by_the_reference_model_is_found_again(
     reference: Recording, factors: Sequence[float]
 ) -> None:
@@ -122,18 +124,18 @@ def test_standard_errors_are_how_much_estimates_scatter() -> None:
         calibrate(
             current_of(own_recording(duration=0.2, seed=i)), guess, FREE, nuisances=(), max_corrections=0
         )
-        for i in range(24)
+        for i in range(16)
     ]
     for name in FREE:
         values = np.array([one.parameters[name].value for one in found])
         claimed = np.sqrt(np.mean([one.parameters[name].standard_error ** 2 for one in found]))
-        # A deviation from 24 values is known to 1 / sqrt(48) = 14 %.
+        # A deviation from 16 values is known to 1 / sqrt(32) = 18 %.
         assert claimed / values.std(ddof=1) == pytest.approx(1, abs=0.35)
-        assert abs(values.mean() - TRUE[name]) < 4 * claimed / np.sqrt(24)
+        assert abs(values.mean() - TRUE[name]) < 4 * claimed / np.sqrt(16)
 
 
 def test_a_unit_recorded_in_interval_means_by_the_averaged_model_is_found_exactly() -> None:
-    recording = simulate(UNIT, Chirp(), model="averaged")
+    recording = simulate(UNIT, Chirp(duration=0.25), model="averaged", duration=0.25)
     found = calibrate(recording, misdescribed(WRONG_STARTS[0]), FREE, max_corrections=0)
     assert found.parameters["viscous"].value == pytest.approx(TRUE["viscous"], rel=5e-3)
 
@@ -166,7 +168,7 @@ def test_everything_else_stays(instants: Recording) -> None:
 def test_a_gentle_manoeuvre_does_not_identify_the_resistance() -> None:
     # The current loop follows its reference whatever the resistance, short of the supply's limit.
     gentle = current_of(simulate(THESIS, Chirp(amplitude=2e-3, stop_hz=4), noise=0.05))
-    found = calibrate(gentle, THESIS, ["inertia", "coulomb", "resistance"])
+    found = calibrate(gentle, THESIS, ["inertia", "coulomb", "resistance"], max_corrections=0)
     identifiable = {name: p.identifiable for name, p in found.parameters.items()}
     assert identifiable == {"inertia": True, "coulomb": True, "resistance": False}
     resistance = found.parameters["resistance"]
@@ -182,21 +184,28 @@ def test_a_scale_that_no_current_shows_is_not_identifiable() -> None:
     assert not any(p.identifiable for p in found.parameters.values())
 
 
-@pytest.mark.parametrize("free", [["static"], ["coulomb", "static"]])
-def test_static_friction_may_be_as_small_as_dynamic_friction(free: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("free", "seed"),
+    [
+        (["static"], 0),
+        (["coulomb", "static"], 1),
+        pytest.param(["static"], 1, marks=pytest.mark.evidence),
+        pytest.param(["coulomb", "static"], 0, marks=pytest.mark.evidence),
+    ],
+)
+def test_static_friction_may_be_as_small_as_dynamic_friction(free: list[str], seed: int) -> None:
     equal = with_lumped_parameters(THESIS, {"static": THESIS.mechanics.dynamic_friction})
     recording = simulate(equal, Chirp(duration=0.25), duration=0.25)
     guess = with_lumped_parameters(equal, {"static": 1.3 * equal.mechanics.static_friction})
     # Below dynamic friction nothing changes, so where a descent ends there depends on where it began.
-    for seed in range(2):
-        found = calibrate(recording, guess, free, seed=seed).actuator.mechanics
-        assert found.dynamic_friction == pytest.approx(equal.mechanics.dynamic_friction, rel=0.01)
-        assert found.static_friction >= found.dynamic_friction
+    found = calibrate(recording, guess, free, seed=seed).actuator.mechanics
+    assert found.dynamic_friction == pytest.approx(equal.mechanics.dynamic_friction, rel=0.01)
+    assert found.static_friction >= found.dynamic_friction
 
 
 def test_a_recorded_load_is_no_offset() -> None:
     load = Sampled([0.0, 0.5], [0.05, 0.15])
-    recording = own_recording(load=load)
+    recording = own_recording(duration=0.25, load=load)
     found = calibrate(recording, misdescribed(WRONG_STARTS[1]), FREE, max_corrections=0)
     assert all(abs(deviation) < 4 for deviation in deviations(found).values())
 
@@ -216,17 +225,17 @@ def test_the_json_has_what_the_design_asks_for(found: Calibration) -> None:
 def test_a_linear_actuator_is_calibrated_in_its_units() -> None:
     values = UNIT.model_dump() | {"coordinates": "linear"}
     linear = Actuator.from_dict(values)
-    recording = simulate(linear, Chirp(), model="averaged", sampling="instant")
+    recording = simulate(linear, Chirp(duration=0.1), model="averaged", sampling="instant", duration=0.1)
     found = calibrate(recording, linear, FREE, max_corrections=0)
     assert [p.unit for p in found.parameters.values()] == ["kg", "N·s/m", "N", "N"]
 
 
 def test_same_seed_same_bits_whatever_the_workers() -> None:
-    recording = simulate(UNIT, Chirp(duration=0.2), duration=0.2, noise=0.05)
+    recording = simulate(UNIT, Chirp(duration=0.1), duration=0.1, noise=0.05)
 
     def bits(**options: Any) -> str:
         guess = misdescribed(WRONG_STARTS[2])
-        found = calibrate(recording, guess, FREE, max_corrections=2, **options).to_dict()
+        found = calibrate(recording, guess, FREE, max_corrections=1, **options).to_dict()
         return json.dumps({name: value for name, value in found.items() if name != "seconds"})
 
     assert bits(workers=1) == bits(workers=2) == bits()

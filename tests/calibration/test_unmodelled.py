@@ -24,12 +24,23 @@ def calibrated(unit: Actuator, *commands: Command, noise: float = 0.02) -> Calib
     return calibrate(days, DC, ("inertia", "viscous"), nuisances=(), max_corrections=0, workers=1)
 
 
+@pytest.fixture(scope="module")
+def chirp() -> Calibration:
+    return calibrated(LOADED, CHIRP)
+
+
+@pytest.fixture(scope="module")
+def slow() -> Calibration:
+    return calibrated(LOADED, SLOW)
+
+
 def of_few(found: Calibration) -> list[str]:
     return [one for one in found.warnings if "that is no noise" in one]
 
 
-def test_one_manoeuvre_does_not_show_what_another_would_ask_for() -> None:
-    chirp, slow = calibrated(LOADED, CHIRP), calibrated(LOADED, SLOW)
+def test_one_manoeuvre_does_not_show_what_another_would_ask_for(
+    chirp: Calibration, slow: Calibration
+) -> None:
     found = [one.parameters["inertia"] for one in (chirp, slow)]
     # What each claims is wrong by more than chance has it: so each of them warns.
     true = lumped_parameters(DC, ("inertia",))["inertia"]
@@ -50,10 +61,9 @@ def test_a_model_that_lacks_nothing_has_no_warning(commands: tuple[Command, ...]
     assert calibrated(DC, *commands).warnings == ()
 
 
-def test_more_than_a_diagnosis_allows_is_said() -> None:
-    assert not any("diagnosis allows" in one for one in calibrated(LOADED, CHIRP).warnings)
-    found = calibrated(LOADED, SLOW)
-    (warning,) = [one for one in found.warnings if "diagnosis allows" in one]
-    share = found.relative_error["current_A"]
+def test_more_than_a_diagnosis_allows_is_said(chirp: Calibration, slow: Calibration) -> None:
+    assert not any("diagnosis allows" in one for one in chirp.warnings)
+    (warning,) = [one for one in slow.warnings if "diagnosis allows" in one]
+    share = slow.relative_error["current_A"]
     assert share > 0.05
     assert warning.startswith(f"day 0: {100 * share:.3g} % of current_A is left, more than noise and the 5 %")

@@ -38,14 +38,14 @@ def test_an_indicator_is_followed_to_its_limit_rising_or_falling(sign: float) ->
 
 
 def test_units_of_the_indicator_do_not_matter() -> None:
-    one = Indicator("A", 2.0, 6.0, readings(2e-3), 1160.0)
+    one = Indicator("A", 2.0, 6.0, readings(2e-3, count=8), 320.0)
     scaled = tuple(Reading(x.hours, 1e3 * x.value, 1e6 * x.variance) for x in one.readings)
-    other = Indicator("A", 2e3, 6e3, scaled, 1160.0)
+    other = Indicator("A", 2e3, 6e3, scaled, 320.0)
     assert prognose_indicator(one).sample == pytest.approx(prognose_indicator(other).sample, rel=1e-6)
 
 
 def test_what_has_passed_its_limit_has_no_life_left() -> None:
-    made = prognose_indicator(Indicator("A", 2.0, 4.0, readings(2e-3), 1160.0))
+    made = prognose_indicator(Indicator("A", 2.0, 4.0, readings(0.0, start=4.3, count=5), 160.0))
     assert made.interval90 == (0.0, 0.0)
     assert made.advice.action == "replace before"
 
