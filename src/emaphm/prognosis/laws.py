@@ -120,8 +120,8 @@ def transition(
         ratio = np.minimum(left / np.maximum(left - step, 1e-300), np.exp(LARGEST_EXPONENT / (q + 1)))
         reaches[rows], growths[rows] = left / q * (ratio**q - 1), ratio ** (q + 1)
     if references is not None:
-        rows, (step, a, scale, unit) = of(AS_ANOTHER)
-        column, unit = rows % law.shape[-1], unit.astype(int)
+        rows, (step, a, scale, number) = of(AS_ANOTHER)
+        unit, column = number.astype(int), rows % law.shape[-1]
         end = references.moved(unit, (a + step) / scale, column)
         reaches[rows] = scale * (end - references.moved(unit, a / scale, column))
     return reach, growth
