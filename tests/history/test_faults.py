@@ -176,8 +176,8 @@ def test_an_old_history_is_brought_up_to_date_in_place(oldest: str) -> None:
     assert form(oldest) == NEWEST
 
 
-# Of each age every third statement is enough here, the others are `evidence`. On a server, where all that happens
-# until the end is one transaction, half of them are.
+# Of each age every third statement is enough here, the others are `evidence`. On a server, where all that
+# happens until the end is one transaction, half of them are.
 @pytest.mark.parametrize(
     ("age", "each"),
     [
