@@ -1,7 +1,6 @@
 """A lag of the drive's current sensors shows in the ripple, whatever the residual as a whole."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -24,7 +23,6 @@ LAG = LAWS["sensor-lag"]
 FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
 
 
-@cache
 def at_the_truth(lag: float, actuator: Actuator = THESIS, noise: float = 0.05) -> SearchResult:
     """Return the true faults as an estimate of `actuator`, of a recording with a `lag` [s] of the current."""
     present = with_lumped_parameters(LAG.added_to(THESIS), {"current_lag": lag}) if lag else THESIS

@@ -151,13 +151,13 @@ class Judge:
             arrivals = Arrivals.of(connection, row)
         unit = self.history.unit(entry.unit)
         diagnoses: Sequence[KeptDiagnosis] = unit.diagnoses(count := self.settings.window)
-        while len(diagnoses) == count and not reach_far_enough(diagnoses, self.settings):
-            diagnoses = unit.diagnoses(count := 2 * count)
         is_latest = bool(diagnoses) and diagnoses[-1].recording_hash == key
-        if not is_latest and arrivals.are_behind:  # all are read: a wrong hour, which somebody is to correct
-            diagnoses = tuple(one for one in unit.diagnoses() if one.recording_hash == key)
-        elif not is_latest:
+        if not (is_latest or arrivals.are_behind):
             return []
+        if not is_latest:  # all are read: a wrong hour, which somebody is to correct
+            diagnoses = tuple(one for one in unit.diagnoses() if one.recording_hash == key)
+        while is_latest and len(diagnoses) == count and not reach_far_enough(diagnoses, self.settings):
+            diagnoses = unit.diagnoses(count := 2 * count)
         now = Situation(
             entry.unit,
             diagnoses,
