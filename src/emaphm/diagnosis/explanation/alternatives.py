@@ -28,9 +28,9 @@ class AlternativeSettings:
     with it has less than `share` of the misfit. Nearly healthy actuators in time had 1.15 and more, at 0.2
     and 0.4 ms (12 recordings); those that were 0.2 ms late had 0.92 to 1.06 at 0.2 ms, and 1.04 to 1.15 at
     0.4 ms: both are tried. None is tried of which the linear model at the estimate leaves `hopeless` times
-    the residual: descents then left 1.7 and more (140 recordings). Intervals include what explains as well. A
-    component counts as another where it is off by more than `difference` and more than the half-width of its
-    interval.
+    the residual: descents then left 1.7 and more (140 recordings). Intervals include what explains as well;
+    where all of such an interval says the same, the verdict stays. A direction counts as another where it is
+    off by more than `difference` and more than the half-width of its interval.
 
     A delay up to `tolerance` standard deviations of its prior is never excluded; by the usual prior 0.23 ms,
     one row at 5 kHz or the lag of a filter at 700 Hz. A gain that is nearer to healthy than such a delay
@@ -142,8 +142,8 @@ def taken_back(rows: Array, late: int) -> Array:
 def _including(name: str, estimate: Estimate, first: Estimate, other: float, delay: float) -> Estimate:
     """Return an `estimate` whose interval has the value of an alternative too.
 
-    It is undecided where that is another value, and where the interval now says another thing. `first` is the
-    estimate without alternatives; the alternative is known as well as that.
+    It is undecided where that interval says another thing than `first`, the estimate without alternatives,
+    and a direction where it is another one. The alternative is known as well as the first.
     """
     if first.unconstrained:
         return estimate
@@ -158,9 +158,10 @@ def _including(name: str, estimate: Estimate, first: Estimate, other: float, del
         max(estimate.interval95[1], min(other + half_width, most)),
     )
     estimate = replace(estimate, interval95=interval)
-    another = abs(other - first.value) > max(ALTERNATIVES.difference, half_width)
-    if name != "eccentricity_phase":  # a direction is neither good nor bad
-        another |= verdict_of(interval, getattr(HEALTHY, name)) != first.verdict
+    if name == "eccentricity_phase":  # a direction is neither good nor bad
+        another = abs(other - first.value) > max(ALTERNATIVES.difference, half_width)
+    else:
+        another = verdict_of(interval, getattr(HEALTHY, name)) != first.verdict
     if first.verdict == "cannot tell" or not another:
         return estimate
     way = "late" if delay > 0 else "early"
