@@ -1,13 +1,18 @@
 """Laws are chosen by the error in recordings left out of the fit, and their parameters found."""
 
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
 import pytest
 
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Command
 from emaphm.actuator.calibrated_laws import laws_to_calibrate
-from emaphm.actuator.laws import LAWS
+from emaphm.actuator.laws import LAWS, Law
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
-from emaphm.calibration import Calibration, calibrate, description
+from emaphm.calibration import Calibration, calibrate, description, law_selection
+from emaphm.calibration.unit_fit import FitSettings
 from emaphm.errors import MethodError
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
@@ -72,6 +77,51 @@ def test_a_machine_without_further_laws_gets_none() -> None:
     assert found.laws == ()
     assert found.parameters["inertia"].value == pytest.approx(2.7e-5, rel=0.01)
     assert found.actuator.friction == THESIS.friction
+
+
+@pytest.mark.parametrize(
+    ("with_compliance", "with_cogging", "expected"),
+    [
+        (0.87, 0.87, ["presliding", "compliance"]),
+        (0.89, 0.87, ["presliding"]),
+        (0.87, 0.84, ["presliding", "cogging"]),
+    ],
+)
+def test_a_law_that_was_worth_it_before_another_came_is_kept(
+    monkeypatch: pytest.MonkeyPatch, with_compliance: float, with_cogging: float, expected: list[str]
+) -> None:
+    errors = {
+        (): 1.0,
+        ("presliding",): 0.88,
+        ("compliance",): 0.92,
+        ("cogging",): 0.995,
+        ("presliding", "compliance"): with_compliance,
+        ("presliding", "cogging"): with_cogging,
+    }
+
+    class Table(law_selection._Trials):
+        """Fits whose errors are known, about the same of four recordings; a third law changes nothing."""
+
+        def fit(self, names: tuple[str, ...]) -> Any:
+            logs = np.log(errors.get(names, errors[names[:2]])) + 1e-3 * np.arange(4) * len(names)
+            return law_selection._Fit(THESIS, names, self.base.joint, np.zeros(len(names)), logs, logs)
+
+        def described(self, *_: object) -> Any:
+            return self.fit(())
+
+        def cross_validated(self, fitted: Any) -> Any:
+            return fitted
+
+        def with_law(self, current: Any, law: Law, _: float) -> Any:
+            return self.fit((*current.free, law.name))
+
+    monkeypatch.setattr(law_selection, "_Trials", Table)
+    monkeypatch.setattr(law_selection, "typical_motor_speed", lambda _: 60.0)
+    candidates = [LAWS[name] for name in ("presliding", "compliance", "cogging")]
+    base: Any = SimpleNamespace(joint=None)
+    rows: Any = range(4)
+    choice = law_selection.select_laws(rows, base, THESIS, (), candidates, FitSettings((), 0, 0, 1))
+    assert [law.name for law in choice.laws] == expected
 
 
 def test_named_laws_are_added_and_the_usual_parameters_are_free() -> None:
