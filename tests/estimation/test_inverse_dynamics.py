@@ -3,6 +3,8 @@
 import json
 import math
 from collections.abc import Callable, Mapping
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,6 +27,7 @@ from emaphm.estimation.inverse_dynamics.filtering import (
     low_pass,
 )
 from emaphm.estimation.inverse_dynamics.result import with_parameters
+from emaphm.estimation.inverse_dynamics.search import _solved
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import REFERENCE, Inputs, Plant, run
@@ -381,6 +384,19 @@ def test_static_friction_is_not_below_coulomb_friction() -> None:
     assert found.values["static"] == pytest.approx(found.values["coulomb"], rel=1e-4)
     assert found.standard_errors["stribeck_speed"] > found.values["stribeck_speed"]
     assert found.identified.mechanics.static_friction >= found.values["coulomb"]
+
+
+def test_a_value_on_its_bound_is_not_beyond_it() -> None:
+    rng = np.random.default_rng(0)
+    lower, upper = np.full(2, 0.1), np.full(2, 0.7)
+    for _ in range(100):
+        columns = rng.normal(size=(5, 2)) * 10 ** rng.uniform(-3, 3, 2)
+        problem: Any = SimpleNamespace(
+            jacobian=lambda *_, rows=columns: rows,
+            residual=lambda point, rows=columns: rows @ (np.array([-1.0, 2.0]) - point),
+        )
+        found = _solved(problem, np.full(2, 0.4), np.full(2, True), lower, upper)
+        assert np.all((found >= lower) & (found <= upper))
 
 
 def test_friction_that_grows_with_motor_and_external_torque() -> None:

@@ -163,7 +163,8 @@ def _solved(
     target = problem.residual(point) + columns @ point[linear]
     found = lsq_linear(columns / size, target, (lower[linear] * size, upper[linear] * size), method="bvls")
     solved = point.copy()
-    solved[linear] = found.x / size
+    # Scaling back rounds: a value on its bound would lie beyond it.
+    solved[linear] = np.clip(found.x / size, lower[linear], upper[linear])
     return solved
 
 
