@@ -131,12 +131,12 @@ def test_named_laws_are_added_and_the_usual_parameters_are_free() -> None:
     assert (found.laws, found.selection) == (("stribeck",), ())
 
 
-def test_a_law_that_nothing_excites_is_named_with_its_manoeuvre() -> None:
+def test_a_law_that_is_not_determined_is_named_with_its_manoeuvre() -> None:
     # Without a load that changes and at one temperature, heat has no effect to be seen.
     found = calibrated(THESIS, ["viscous-temperature"])
     assert found.unexcited == {"viscous-temperature": LAWS["viscous-temperature"].excited_by}
     assert not found.parameters["viscous_temperature"].identifiable
-    assert "Nothing in these recordings excites the law 'viscous-temperature'; recordings at" in str(found)
+    assert "These recordings do not determine the law 'viscous-temperature'; recordings at" in str(found)
 
 
 def test_what_cannot_be_chosen_is_refused() -> None:

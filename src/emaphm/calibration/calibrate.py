@@ -217,7 +217,7 @@ def _name_of(actuator: Actuator) -> str:
 
 
 def _unexcited(description: Description, parameters: Mapping[str, Parameter]) -> dict[str, str]:
-    """Return the laws that nothing in the recordings excites, each with the manoeuvre that would."""
+    """Return the laws that the recordings do not determine, each with the manoeuvre that would."""
     return {
         law.name: law.excited_by
         for law in description.laws

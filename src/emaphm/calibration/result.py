@@ -43,7 +43,7 @@ class Calibration:
     laws, selection
         Names of the laws that were added to the description, and how they were chosen.
     unexcited
-        Laws that nothing in the recordings excites, each with the manoeuvre that would.
+        Laws that the recordings do not determine, each with the manoeuvre that would.
     loop
         Whether the fit was in closed loop or to the measured motion, and why.
     error_correlation
@@ -164,7 +164,7 @@ class Calibration:
         lines += [f"{name} is {p.remark}." for name, p in self.parameters.items() if p.reason]
         lines += [str(one) for one in self.collinear_sets]
         lines += [
-            f"Nothing in these recordings excites the law '{name}'; {manoeuvre} would."
+            f"These recordings do not determine the law '{name}'; {manoeuvre} would."
             for name, manoeuvre in self.unexcited.items()
         ]
         lines += recording_notes(self.recordings, self.birge_ratio, self.scattered, self.error_correlation)
