@@ -13,7 +13,7 @@ from emaphm.blas_threads import one_blas_thread
 from emaphm.calibration import sensor_lag
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
 from emaphm.calibration.conditions import check_nuisances
-from emaphm.calibration.description import Description, Laws, described_with_laws
+from emaphm.calibration.description import AUTO, Description, Laws, described_with_laws
 from emaphm.calibration.findings import (
     Parameter,
     found_parameters,
@@ -36,7 +36,7 @@ from emaphm.calibration.motion.result import (
 )
 from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
-from emaphm.calibration.shaft import fit_description
+from emaphm.calibration.shaft import fit_description, with_shaft_that_shows
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
 from emaphm.calibration.warnings.one_way import one_way_warnings, open_members, with_open
 from emaphm.calibration.warnings.units_and_signs import calibration_warnings, unit_or_sign
@@ -135,6 +135,8 @@ def calibrate(
             choice = LoopChoice("closed", reason)
     share = 0.0 if laws is None else 0.5
     description = described_with_laws(rows, bare, names, laws, settings, subprogress(on_progress, 0.0, share))
+    if laws == AUTO:
+        description = with_shaft_that_shows(rows, description, settings)
     _check_described(rows, actuator, description)
     lag = None
     if sensor_lag.NAME in description.free and max_corrections > 0:
@@ -274,4 +276,5 @@ def _result(
             *unmodelled,
             *calibration_warnings(rows, found, actuator),
         ),
+        description.law_notes,
     )

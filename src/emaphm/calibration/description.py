@@ -39,7 +39,8 @@ FURTHER = ("offset", "torque_constant", "resistance")
 class Description:
     """An actuator with the `laws` that were added to it, and its `free` parameters.
 
-    `start` has coordinates of parameters to start from, by name; `selection` how the laws were chosen.
+    `start` has coordinates of parameters to start from, by name; `selection` how the laws were chosen,
+    `law_notes` what else is to be said of that.
     """
 
     actuator: Actuator
@@ -47,6 +48,7 @@ class Description:
     laws: tuple[Law, ...] = ()
     start: Mapping[str, float] = field(default_factory=dict)
     selection: tuple[LawTrial, ...] = ()
+    law_notes: tuple[str, ...] = ()
 
 
 def laws_named(laws: Laws, actuator: Actuator) -> tuple[Law, ...]:

@@ -52,6 +52,8 @@ class Calibration:
     warnings
         Sentences on signs, units, channels that the calibrated model does not resemble, and what the
         recordings leave open all the same.
+    law_notes
+        Sentences on a law that was not chosen by the selection.
     """
 
     parameters: Mapping[str, Parameter]
@@ -69,6 +71,7 @@ class Calibration:
     loop: LoopChoice = CLOSED
     error_correlation: float | None = None
     warnings: tuple[str, ...] = ()
+    law_notes: tuple[str, ...] = ()
 
     @property
     def replays(self) -> tuple[Replay, ...]:
@@ -113,6 +116,7 @@ class Calibration:
             "collinear": [asdict(one) for one in self.collinear_sets],
             "laws": list(self.laws),
             "selection": [asdict(one) for one in self.selection],
+            "law_notes": list(self.law_notes),
             "unexcited": dict(self.unexcited),
             "recordings": [
                 {
@@ -159,7 +163,7 @@ class Calibration:
 
     def notes(self) -> list[str]:
         """Return what was done to the recordings, what is doubtful, each one's own, and warnings."""
-        lines = [f"{self.loop}."]
+        lines = [f"{self.loop}.", *self.law_notes]
         lines += [f"{one.recording.source}: {note}." for one in self.replays for note in one.recording.notes]
         lines += [f"{name} is {p.remark}." for name, p in self.parameters.items() if p.reason]
         lines += [str(one) for one in self.collinear_sets]

@@ -1,8 +1,9 @@
-"""The fit of a compliant shaft, and its starts: by the reference model, on a grid.
+"""A compliant shaft: whether there is one, its fit and its starts, by the reference model, on a grid.
 
 The averaged model shows a swing of some kilohertz wrongly, if at all, so that its best fit leads astray: a
 shaft of 985 N·m/rad was taken for one of 713, with three times its damping. The reference model with all else
-as of a stiff shaft shows both to a factor of two, and the correction of the bias goes on from there.
+as of a stiff shaft shows both to a factor of two, and the correction of the bias goes on from there. For the
+same reason a choice of laws by the averaged model does not find the law: the reference model is asked.
 """
 
 import math
@@ -11,12 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.description import Description
 from emaphm.calibration.findings import found_values
 from emaphm.calibration.held_out import subset
+from emaphm.calibration.law_selection import parameters_of, typical_motor_speed
 from emaphm.calibration.unit_fit import (
     FitSettings,
     SearchedUnit,
@@ -43,6 +46,10 @@ class ShaftScanSettings:
     Stiffnesses are `stiffness_factors` times that of the description or law, dampings `damping_ratios` of the
     critical; about the best, once more by `finer` factors of both. `starts` of the best are corrected. The
     `recordings` shortest ones are compared: a reference run takes a twentieth of a recording's time.
+
+    There is such a shaft where the best leaves less than `shown` of the mean squared residual of a rigid one.
+    Healthy foreign plants left 0.26 and 0.39 with a shaft of 62 and 986 N·m/rad, 0.69 with two further laws
+    that were not described, and 0.91 to 2.8 without such a shaft (six plants).
     """
 
     stiffness_factors: tuple[float, ...] = tuple(2.0**i for i in range(-3, 6))
@@ -50,9 +57,44 @@ class ShaftScanSettings:
     finer: tuple[float, ...] = (0.7, 1.0, 1.4)
     starts: int = 2
     recordings: int = 3
+    shown: float = 0.8
 
 
 SCAN = ShaftScanSettings()
+
+
+def with_shaft_that_shows(
+    rows: Sequence[CampaignRow], description: Description, settings: FitSettings
+) -> Description:
+    """Return a description with a compliant shaft where the reference model shows one, else as it is."""
+    law, rigid = LAWS["compliance"], description.actuator
+    if not settings.max_corrections or not law.is_possible(rigid):
+        return description
+    every = replace(settings, every_row=True)
+    fitted = fitted_parameters(rows, rigid, description.free)
+    found = searched(rows, rigid, fitted, every, description.start)
+    actuator = law.added_to(rigid, typical_motor_speed(found.joint))
+    extended = replace(
+        description,
+        actuator=actuator,
+        free=(*description.free, *parameters_of(law, actuator)),
+        laws=(*description.laws, law),
+        start=found.start,
+    )
+    joint = every.objective(rows, actuator, every.variation(actuator, (*fitted, *NAMES)))
+    if not all(has_reference(term.objective.problem) for term in joint.terms):
+        return description
+    before = _with_costs(found.joint, [found.point], settings.seed)[0][0]
+    places = [len(fitted), len(fitted) + 1]
+    best = _grid(joint, _with_shaft(found, len(fitted), places), places, settings.seed)[0][0]
+    if best >= SCAN.shown * before:
+        return description
+    left = f"{100 * best / before:.2g} %"
+    note = (
+        f"The shaft gives, by the reference model: with one that does {left} of the mean squared residual is "
+        "left. The averaged model, which compares the laws, hardly shows its swing."
+    )
+    return replace(extended, law_notes=(note,))
 
 
 def fit_description(
@@ -116,16 +158,19 @@ def shaft_starts(
     others = tuple(name for name in fitted if name not in NAMES)
     start = {name: value for name, value in description.start.items() if name in others}
     found = searched(rows, stiff, others, settings, start)
-    point = np.zeros(joint.box.lower.size)
-    point[[fitted.index(name) for name in others]] = found.point[: len(others)]
-    point[len(fitted) :] = found.point[len(others) :]
     places = [fitted.index(name) for name in NAMES]
-    grid = _grid(joint, point, places, settings.seed)
-    return tuple(SearchedUnit(joint, one) for one in grid[: SCAN.starts])
+    grid = _grid(joint, _with_shaft(found, len(others), places), places, settings.seed)
+    return tuple(SearchedUnit(joint, one) for _, one in grid[: SCAN.starts])
 
 
-def _grid(joint: JointObjective, point: Array, places: Sequence[int], seed: int) -> list[Array]:
-    """Return points (d,) with other shafts than that of `point`, the best first."""
+def _with_shaft(found: SearchedUnit, shared: int, places: Sequence[int]) -> Array:
+    """Return the point (d,) that was found, `shared` parameters first, with those of a shaft at `places`."""
+    point = np.insert(found.point[:shared], [place - i for i, place in enumerate(places)], 0.0)
+    return np.concatenate([point, found.point[shared:]])
+
+
+def _grid(joint: JointObjective, point: Array, places: Sequence[int], seed: int) -> list[tuple[float, Array]]:
+    """Return points (d,) with other shafts than that of `point`, with what each leaves, the best first."""
     m = joint.terms[0].objective.problem.actuator.mechanics
     described = lumped_parameters(joint.terms[0].objective.problem.actuator, NAMES)
     critical = 2 * math.sqrt(described["stiffness"] * m.inertia_motor * m.inertia_user / m.inertia)
@@ -148,7 +193,7 @@ def _grid(joint: JointObjective, point: Array, places: Sequence[int], seed: int)
             moved[places] += math.log(stiffer), 2 * math.log(damped)
             near.append(joint.box.project(moved))
         tried += _with_costs(joint, near, seed)
-    return [one for _, one in sorted(tried, key=lambda one: one[0])]
+    return sorted(tried, key=lambda one: one[0])
 
 
 def _with_costs(joint: JointObjective, points: Sequence[Array], seed: int) -> list[tuple[float, Array]]:
