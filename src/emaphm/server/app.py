@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from fastapi import FastAPI, Request
+from fastapi import Depends, FastAPI, Request
 from fastapi.encoders import jsonable_encoder
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
@@ -14,6 +14,7 @@ from emaphm.errors import EmaphmError, HistoryError, ServerError
 from emaphm.server import api, pages
 from emaphm.server.guard import HEADERS, Guard
 from emaphm.server.html import render
+from emaphm.server.query import check_query
 from emaphm.server.uploads import BusyError
 from emaphm.version import VERSION
 
@@ -39,6 +40,7 @@ def create_app(state: "ServerState", *, only_loopback: bool = True) -> FastAPI:
         openapi_url="/openapi.json",
         docs_url=None,  # its scripts would come from elsewhere
         redoc_url=None,
+        dependencies=[Depends(check_query)],
         middleware=[
             Middleware(
                 Guard, settings=state.settings, doorkeeper=state.doorkeeper, only_loopback=only_loopback
@@ -77,6 +79,9 @@ def _invalid(request: Request, error: Exception) -> Response:
     if request.url.path.startswith("/api/"):
         found = [{key: one[key] for key in ("loc", "msg", "type")} for one in error.errors()]
         return JSONResponse({"detail": jsonable_encoder(found)}, 422)
+    of_query = [one["msg"] for one in error.errors() if one["loc"][0] == "query"]
+    if of_query:
+        return _answer(request, 422, f"The address cannot be used as it is: {'; '.join(of_query)}.")
     return _answer(request, 404, "There is no such page.")
 
 
