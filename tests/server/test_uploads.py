@@ -63,6 +63,71 @@ def test_what_is_said_must_be_right(idle: "ServerState", fields: dict[str, str],
     assert not list(idle.folder.uploads.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"unit": "sn-0001"}, "no unit 'sn-0001' in the history (did you mean 'SN-0001'?)"),
+        ({"unit": "SN-001"}, "choose a description to add a new unit"),
+        ({"part": "EMA-7"}, "has the part number 'EMA-1', the diagnosis is of 'EMA-7'; check 'unit'"),
+        ({"hours": "149"}, "150 h already, by a recording"),
+        ({"hours": "149"}, "check 'hours', or give 'late'"),
+        ({"unit": "SN-0002", "hours": "155"}, "160 h already, by a removal"),
+    ],
+)
+def test_what_contradicts_the_history_is_refused_at_once(
+    idle: "ServerState", fields: dict[str, str], reason: str
+) -> None:
+    answer = sent(client_of(idle), **fields)
+    assert answer.status_code == 422
+    assert reason in answer.json()["detail"]
+    assert not list(idle.folder.uploads.iterdir())
+    assert not idle.queue.jobs(1)
+
+
+def test_a_form_that_is_refused_is_shown_to_be_corrected(idle: "ServerState") -> None:
+    client = client_of(idle)
+    fields = {"unit": "sn-0001", "hours": "<1250>", "position": "left", "actuator": "thesis", "late": "on"}
+    answer = client.post("/upload", files={"recording": ("a.csv", CSV)}, data=fields)
+    assert answer.status_code == 422
+    assert "hours: give a number" in answer.text
+    for kept in (
+        'value="sn-0001"',
+        'value="&lt;1250&gt;"',
+        'value="left"',
+        'thesis" selected',
+        'late" checked',
+    ):
+        assert kept in answer.text
+    sent(client)
+    sent(client)
+    sent(client)
+    answer = client.post("/upload", files={"recording": ("a.csv", CSV)}, data=GOOD)
+    assert answer.status_code == 503
+    assert "3 uploads wait already" in answer.text
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"hours": "149", "late": "true"},
+        {"hours": "100"},  # it may be the recording that is there
+        {"unit": "SN-9", "actuator": "thesis"},
+        {"unit": "SN-9"},  # which the one before may begin
+    ],
+)
+def test_what_may_be_right_is_left_to_the_job(idle: "ServerState", fields: dict[str, str]) -> None:
+    if fields == {"unit": "SN-9"}:
+        assert sent(client_of(idle), actuator="thesis", **fields).status_code == 202
+    assert sent(client_of(idle), **fields).status_code == 202
+
+
+def test_an_upload_is_taken_while_the_history_is_away(idle: "ServerState", fleet: Path) -> None:
+    idle.history.close()
+    away = fleet.rename(fleet.with_name("away.sqlite"))
+    assert sent(client_of(idle), unit="nobody").status_code == 202
+    away.rename(fleet)
+
+
 @pytest.mark.parametrize("name", ["a.exe", "a", ".csv", "a.csv.gz", "a.pkl"])
 def test_only_recordings_are_taken(idle: "ServerState", name: str) -> None:
     assert sent(client_of(idle), name).status_code == 422

@@ -267,7 +267,8 @@ async def upload(request: Request, server: Server) -> JobAnswer:
     """Take a recording to be diagnosed; the job says what becomes of it."""
     from starlette.concurrency import run_in_threadpool
 
-    number = await server.uploads.received(request)
+    async with server.uploads.form(request) as form:
+        number = await run_in_threadpool(server.uploads.received, form)
     return await run_in_threadpool(job, server, number)
 
 

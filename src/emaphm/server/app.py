@@ -10,12 +10,12 @@ from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
-from emaphm.errors import EmaphmError, HistoryError, ServerError
+from emaphm.errors import EmaphmError
 from emaphm.server import api, pages
 from emaphm.server.guard import HEADERS, Guard
 from emaphm.server.html import render
 from emaphm.server.query import check_query
-from emaphm.server.uploads import BusyError
+from emaphm.server.uploads import BusyError, status_of
 from emaphm.version import VERSION
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def _invalid(request: Request, error: Exception) -> Response:
 def _refused(request: Request, error: Exception) -> Response:
     if isinstance(error, BusyError):
         return _answer(request, 503, str(error), {"retry-after": "30"})
-    return _answer(request, 503 if isinstance(error, HistoryError | ServerError) else 422, str(error))
+    return _answer(request, status_of(error), str(error))
 
 
 def _defect(request: Request, error: Exception) -> Response:

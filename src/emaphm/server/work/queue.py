@@ -33,6 +33,8 @@ UPDATE jobs SET state = ? WHERE id = (
 ) RETURNING *
 """
 
+OF_UNIT = "SELECT id FROM jobs WHERE state IN (?, ?) AND json_extract(request, '$.unit') = ? LIMIT 1"
+
 TABLE = """
 CREATE TABLE IF NOT EXISTS jobs (
     id INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -176,6 +178,12 @@ class Queue:
                 "SELECT count(*) FROM jobs WHERE state IN (?, ?)", (WAITING, RUNNING)
             ).fetchone()
         return int(row[0])
+
+    def has_unit(self, unit: str) -> bool:
+        """Return whether a job of a unit waits or runs."""
+        with self._working() as connection:
+            row = connection.execute(OF_UNIT, (WAITING, RUNNING, unit)).fetchone()
+        return row is not None
 
     @contextmanager
     def _working(self) -> Iterator[sqlite3.Connection]:
