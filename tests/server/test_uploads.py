@@ -186,6 +186,58 @@ def test_two_of_one_unit_are_not_diagnosed_at_once(idle: "ServerState") -> None:
     assert found.id == second
 
 
+def added(queue: Queue, *jobs: tuple[str, float]) -> None:
+    for unit, hours in jobs:
+        queue.add({"unit": unit, "hours": hours, "name": "a.csv"}, "a.csv")
+
+
+def in_order(queue: Queue, quiet_s: float = 0.0) -> list[tuple[str, float]]:
+    """Return unit and hours of the jobs that are taken until none is, each done before the next is."""
+    found = []
+    while (job := queue.take(quiet_s)) is not None:
+        queue.end(job.id, DONE, "", {})
+        found.append((job.request["unit"], job.request["hours"]))
+    return found
+
+
+def test_those_of_a_unit_are_taken_in_the_order_of_hours(tmp_path: Path) -> None:
+    queue = Queue(tmp_path / "queue.sqlite")
+    added(queue, ("A", 30), ("A", 20), ("B", 9), ("A", 100), ("A", 20.5), ("B", 8))
+    assert in_order(queue) == [("A", 20), ("A", 20.5), ("A", 30), ("B", 8), ("B", 9), ("A", 100)]
+    queue.close()
+
+
+def test_none_is_taken_while_more_come_of_its_unit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 1000.0
+    monkeypatch.setattr("time.monotonic", lambda: now)
+    queue = Queue(tmp_path / "queue.sqlite")
+    added(queue, ("A", 30))
+    now += 1.5
+    added(queue, ("A", 20), ("B", 5))
+    now += 1.5
+    added(queue, ("B", 4))
+    assert in_order(queue, 2.0) == []
+    now += 1.0
+    assert in_order(queue, 2.0) == [("A", 20), ("A", 30)]
+    now += 1.5
+    assert in_order(queue, 2.0) == [("B", 4), ("B", 5)]
+    for hours in range(61, 0, -1):  # without an end
+        added(queue, ("A", hours))
+        now += 1.0
+    assert queue.take(2.0) is not None
+    queue.close()
+
+
+def test_jobs_of_a_server_that_has_ended_need_not_be_waited_for(tmp_path: Path) -> None:
+    queue = Queue(tmp_path / "queue.sqlite")
+    added(queue, ("A", 30), ("A", 20))
+    assert in_order(queue, 1e9) == []
+    queue.close()
+    queue = Queue(tmp_path / "queue.sqlite")
+    assert in_order(queue, 1e9) == [("A", 20), ("A", 30)]
+    queue.close()
+
+
 def test_an_upload_waits_where_the_history_is_away(idle: "ServerState", fleet: Path) -> None:
     sent(client_of(idle))
     job = idle.queue.take()
