@@ -100,6 +100,12 @@ def test_a_query_that_would_select_nothing_is_refused(
     assert all(reason in answer.text for reason in reasons)
 
 
+def test_an_address_of_nothing_says_where_all_stand(client: "TestClient") -> None:
+    answer = client.get(f"{API}/unit/3")
+    assert answer.status_code == 404
+    assert "/openapi.json" in answer.json()["detail"]
+
+
 def test_what_is_sent_stands_in_the_form_alone(client: "TestClient") -> None:
     answer = client.post(f"{API}/recordings?late=true", data={"unit": "SN-0001", "hours": "900"})
     assert answer.status_code == 422

@@ -77,7 +77,7 @@ def test_what_is_said_must_be_right(idle: "ServerState", fields: dict[str, str],
 def test_what_contradicts_the_history_is_refused_at_once(
     idle: "ServerState", fields: dict[str, str], reason: str
 ) -> None:
-    answer = sent(client_of(idle), **fields)
+    answer = sent(client_of(idle), "a.csv", CSV, **fields)
     assert answer.status_code == 422
     assert reason in answer.json()["detail"]
     assert not list(idle.folder.uploads.iterdir())
@@ -117,8 +117,8 @@ def test_a_form_that_is_refused_is_shown_to_be_corrected(idle: "ServerState") ->
 )
 def test_what_may_be_right_is_left_to_the_job(idle: "ServerState", fields: dict[str, str]) -> None:
     if fields == {"unit": "SN-9"}:
-        assert sent(client_of(idle), actuator="thesis", **fields).status_code == 202
-    assert sent(client_of(idle), **fields).status_code == 202
+        assert sent(client_of(idle), "a.csv", CSV, actuator="thesis", **fields).status_code == 202
+    assert sent(client_of(idle), "a.csv", CSV, **fields).status_code == 202
 
 
 def test_an_upload_is_taken_while_the_history_is_away(idle: "ServerState", fleet: Path) -> None:
@@ -158,6 +158,12 @@ def test_a_broken_form_is_refused(idle: "ServerState") -> None:
     for kind in ("multipart/form-data", "multipart/form-data; boundary=x", "application/json", "text/plain"):
         answer = client.post("/api/v1/recordings", content=b"--y\r\n\r\n", headers={"content-type": kind})
         assert 400 <= answer.status_code < 500
+
+
+def test_a_field_is_given_once(idle: "ServerState") -> None:
+    answer = sent(client_of(idle), unit=["SN-0001", "SN-0002"])
+    assert answer.status_code == 422
+    assert answer.json()["detail"] == "unit: is given 2 times; give it once"
 
 
 def test_an_accepted_upload_survives_the_server(fleet: Path, idle: "ServerState") -> None:

@@ -1,5 +1,6 @@
 """The application: pages and API behind the guard."""
 
+from http import HTTPStatus
 from typing import TYPE_CHECKING
 
 from fastapi import Depends, FastAPI, Request
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 
 SMALLEST_ZIPPED = 1000
 """Of an answer that is compressed [bytes]."""
+
+
+NO_ROUTE = "there is nothing at this address; /openapi.json lists those of the API"
 
 
 def create_app(state: "ServerState", *, only_loopback: bool = True) -> FastAPI:
@@ -71,7 +75,8 @@ def _answer(request: Request, status: int, text: str, headers: dict[str, str] | 
 
 def _http(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)  # noqa: S101 - it is registered for these
-    return _answer(request, error.status_code, str(error.detail), dict(error.headers or {}))
+    text = NO_ROUTE if error.detail == HTTPStatus.NOT_FOUND.phrase else str(error.detail)
+    return _answer(request, error.status_code, text, dict(error.headers or {}))
 
 
 def _invalid(request: Request, error: Exception) -> Response:

@@ -3,12 +3,13 @@
 import math
 import os
 import shutil
+from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from starlette.datastructures import UploadFile
+from starlette.datastructures import FormData, UploadFile
 from starlette.formparsers import MultiPartException
 from starlette.requests import ClientDisconnect, Request
 
@@ -61,13 +62,19 @@ class Uploads:
 
     @asynccontextmanager
     async def form(self, request: Request) -> AsyncIterator[dict[str, Any]]:
-        """Yield the fields of a form that is sent; `RecordingError` where it cannot be read."""
+        """Yield the fields of a form that is sent.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be read, or has a field twice.
+        """
         try:
             found = await request.form(max_files=1, max_fields=MOST_FIELDS)
         except (MultiPartException, ClientDisconnect, ValueError):
             raise RecordingError("the form cannot be read; send multipart/form-data") from None
         try:
-            yield dict(found)
+            yield _each_once(found)
         finally:
             await found.close()
 
@@ -126,6 +133,14 @@ class Uploads:
             return  # the job waits until it is back
         except HistoryError as error:
             raise RecordingError(in_fields(str(error))) from None
+
+
+def _each_once(form: FormData) -> dict[str, Any]:
+    counts = Counter(name for name, _ in form.multi_items())
+    for name, count in counts.items():
+        if count > 1:
+            raise RecordingError(f"{shown_name(name)}: is given {count} times; give it once")
+    return dict(form)
 
 
 def request_of(form: dict[str, Any], actuators: tuple[str, ...]) -> dict[str, Any]:
