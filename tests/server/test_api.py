@@ -69,6 +69,8 @@ def test_events(client: "TestClient") -> None:
         ("/units?sort=shoe-size", 422),
         ("/units?limit=0", 422),
         ("/diagnoses/999", 404),
+        ("/diagnoses?unit_id=999", 404),
+        ("/events?unit_id=999", 404),
         ("/events?kind=party", 422),
         ("/jobs/1", 404),
     ],

@@ -53,7 +53,8 @@ def idle(fleet: Path) -> Any:
         ({"cycles": "99999999999"}, "whole number"),
         ({"actuator": "../../etc/passwd"}, "unknown description 'passwd'"),
         ({"late": "perhaps"}, "late: give true"),
-        ({"colour": "red"}, "unknown field 'colour'"),
+        ({"x": "red"}, "unknown field 'x' (known: actuator, cycles, "),
+        ({"Late": "true"}, "unknown field 'Late' (did you mean 'late'?)"),
     ],
 )
 def test_what_is_said_must_be_right(idle: "ServerState", fields: dict[str, str], reason: str) -> None:
@@ -158,6 +159,16 @@ def test_a_broken_form_is_refused(idle: "ServerState") -> None:
     for kind in ("multipart/form-data", "multipart/form-data; boundary=x", "application/json", "text/plain"):
         answer = client.post("/api/v1/recordings", content=b"--y\r\n\r\n", headers={"content-type": kind})
         assert 400 <= answer.status_code < 500
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"files": {"file": ("a.csv", CSV)}, "data": GOOD}, {"data": {"recording": "a.csv"}}, {"json": GOOD}],
+)
+def test_a_file_stands_in_its_field(idle: "ServerState", fields: dict[str, Any]) -> None:
+    answer = client_of(idle).post("/api/v1/recordings", **fields)
+    assert answer.status_code == 422
+    assert "as 'recording'" in answer.json()["detail"]
 
 
 def test_a_field_is_given_once(idle: "ServerState") -> None:

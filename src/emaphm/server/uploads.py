@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from emaphm.history import History
     from emaphm.server.work.pool import Pool
 
+MULTIPART = "multipart/form-data"
+
 MOST_FIELDS = 20
 
 STATED = ("unit", "hours", "cycles", "position", "part", "actuator", "late")
@@ -69,10 +71,14 @@ class Uploads:
         RecordingError
             It cannot be read, or has a field twice.
         """
+        if not request.headers.get("content-type", "").lower().startswith(MULTIPART):
+            raise RecordingError(
+                f"this is no form with a file; send {MULTIPART}, with the file as 'recording'"
+            )
         try:
             found = await request.form(max_files=1, max_fields=MOST_FIELDS)
         except (MultiPartException, ClientDisconnect, ValueError):
-            raise RecordingError("the form cannot be read; send multipart/form-data") from None
+            raise RecordingError(f"the form cannot be read; send {MULTIPART}") from None
         try:
             yield _each_once(found)
         finally:
@@ -91,7 +97,8 @@ class Uploads:
         fields = dict(form)
         sent = fields.pop("recording", None)
         if not isinstance(sent, UploadFile) or not sent.filename or not sent.size:
-            raise RecordingError("no recording was sent, or an empty one; choose a file")
+            raise RecordingError("no recording was sent, or an empty one; choose a file, as 'recording'")
+        _check_names(fields)
         details = request_of(fields, self.actuators)
         name = shown_name(sent.filename)
         ending = os.path.splitext(name)[1].lower()  # noqa: PTH122 - of no file
@@ -143,12 +150,16 @@ def _each_once(form: FormData) -> dict[str, Any]:
     return dict(form)
 
 
+def _check_names(fields: dict[str, Any]) -> None:
+    for name in fields:
+        if name not in STATED:
+            shown = shown_name(name)
+            raise RecordingError(f"unknown field '{shown}'{nearest(shown, STATED)}")
+
+
 def request_of(form: dict[str, Any], actuators: tuple[str, ...]) -> dict[str, Any]:
     """Return what the fields of an upload say; `EmaphmError` names the first that is wrong."""
     given = {name: value.strip() for name, value in form.items() if isinstance(value, str)}
-    unknown = sorted(set(form) - set(STATED))
-    if unknown:
-        raise RecordingError(f"unknown field '{shown_name(unknown[0])}'; see /openapi.json")
     actuator = given.get("actuator", AS_BEFORE)
     if actuator != AS_BEFORE and actuator not in actuators:
         raise RecordingError(f"unknown description '{shown_name(actuator)}'{nearest(actuator, actuators)}")
