@@ -80,12 +80,18 @@ def nearest(name: str, known: Iterable[str], listed_as: str = "known") -> str:
     `listed_as` is what the list begins with.
     """
     options = sorted(known)
-    written = {one.lower(): one for one in options}
-    close = get_close_matches(name.lower(), list(written), n=1, cutoff=0.5)
-    if close:
-        return f" (did you mean '{_short(written[close[0]])}'?)"
+    close = closest(name, options)
+    if close is not None:
+        return f" (did you mean '{_short(close)}'?)"
     more = f" and {len(options) - MOST_LISTED} more" if len(options) > MOST_LISTED else ""
     return f" ({listed_as}: {', '.join(map(_short, options[:MOST_LISTED]))}{more})"
+
+
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name closest to `name`, None where none is similar; capitals do not matter."""
+    written = {one.lower(): one for one in known}
+    close = get_close_matches(name.lower(), list(written), n=1, cutoff=0.5)
+    return written[close[0]] if close else None
 
 
 def _short(name: str) -> str:

@@ -101,7 +101,7 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
 
 def test_the_library_of_units_is_loaded_only_for_a_unit() -> None:
     check = (
-        "import sys, emaphm.cli.main, emaphm.diagnosis.diagnose; "
+        "import sys, emaphm.cli.command_line, emaphm.diagnosis.diagnose; "
         "from emaphm.actuator import Actuator; Actuator.thesis(); assert 'pint' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", check], check=True)  # noqa: S603 - this Python

@@ -415,3 +415,12 @@ def test_a_message_survives_ascii(start: Start) -> None:
     assert (code, out) == (2, "")
     assert len(err.splitlines()) == 1
     assert "no such file" in err
+
+
+def test_the_command_is_a_function_whatever_has_run(emaphm: Emaphm) -> None:
+    from emaphm import cli
+
+    assert emaphm("--version").code == 0
+    modules = {path.stem for path in Path(cli.__file__).parent.iterdir()}
+    assert cli.main is main
+    assert not modules & set(cli.__all__)

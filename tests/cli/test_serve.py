@@ -51,7 +51,12 @@ def test_options_that_cannot_be(refused: Refusal, db: str, options: tuple[str, .
 def test_a_database_that_is_missing_or_of_something_else(refused: Refusal, tmp_path: Path) -> None:
     import sqlite3
 
-    assert "no such history" in refused("serve", "--db", tmp_path / "absent.sqlite", "--port", 0)
+    absent, empty = tmp_path / "absent.sqlite", tmp_path / "empty.sqlite"
+    empty.touch()
+    for path, reason in ((absent, "no such history"), (empty, "holds no history")):
+        message = refused("serve", "--db", path, "--port", 0)
+        assert f"{reason}; begin one by its first recording: emaphm history add RECORDING" in message
+        assert f"--unit SERIAL --hours HOURS --db {path};" in message
     with sqlite3.connect(tmp_path / "other.sqlite") as connection:
         connection.execute("CREATE TABLE music (name TEXT)")
     connection.close()

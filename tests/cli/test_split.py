@@ -67,6 +67,21 @@ def test_split_writes_recordings_and_their_description(emaphm: Emaphm, log: Path
     assert "log_0002_run_2.csv" in emaphm(*arguments, "--force").out
 
 
+def test_what_was_cleaned_or_was_not_to_be_is_read_back_unchanged(
+    emaphm: Emaphm, log: Path, tmp_path: Path
+) -> None:
+    frame = pl.read_csv(log)
+    raw = frame["current_A"].to_numpy().copy()
+    raw[150] = 9.0  # an outlier
+    frame.with_columns(current_A=raw).write_csv(log)
+    rig = tmp_path / "rig.toml"
+    rig.write_text(f"{rig.read_text()}outliers = false\n")
+    assert emaphm("split", log, "-o", tmp_path / "out", "--actuator", rig).code == 0
+    for description in (tmp_path / "out" / "actuator.toml", rig):
+        read = read_recording(tmp_path / "out" / "log_0002_run_2.csv", Actuator.from_toml(description))
+        np.testing.assert_array_equal(read["current_A"], 2 * raw[100:200])
+
+
 def test_a_file_is_cut_where_time_jumps(emaphm: Emaphm, tmp_path: Path) -> None:
     time = np.arange(100) / 1e3
     frame = {"time_s": np.r_[time, 9.0 + time], "command_rad": np.sin(np.r_[time, time])}

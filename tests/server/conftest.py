@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from emaphm.server.state import ServerState
 
 UNITS = 12
-SMALL = replace(SETTINGS, workers=1, upload_bytes=300_000, most_waiting=3, units_a_page=8)
+SMALL = replace(SETTINGS, workers=1, upload_bytes=300_000, most_waiting=3, units_a_page=8, quiet_seconds=0.0)
 
 
 @pytest.fixture(scope="session")

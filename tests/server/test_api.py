@@ -69,6 +69,8 @@ def test_events(client: "TestClient") -> None:
         ("/units?sort=shoe-size", 422),
         ("/units?limit=0", 422),
         ("/diagnoses/999", 404),
+        ("/diagnoses?unit_id=999", 404),
+        ("/events?unit_id=999", 404),
         ("/events?kind=party", 422),
         ("/jobs/1", 404),
     ],
@@ -77,6 +79,39 @@ def test_what_is_wrong_is_refused(client: "TestClient", path: str, status: int) 
     answer = client.get(API + path)
     assert answer.status_code == status
     assert answer.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("path", "reasons"),
+    [
+        ("/api/v1/events?since=2026-01-01", ["unknown name 'since'", "known: unit_id, kind, after"]),
+        ("/api/v1/units?serch=SN-0001", ["unknown name 'serch' (did you mean 'search'?); known: sort, "]),
+        ("/api/v1/units?Limit=1", ["unknown name 'Limit' (did you mean 'limit'?)"]),
+        ("/api/v1/units/3/prognosis?hours=1", ["unknown name 'hours'; this address has no query"]),
+        ("/api/v1/recordings?unit_id=1&unit_id=2", ["'unit_id' is given 2 times"]),
+        ("/api/v1/jobs?a=1&b=2", ["unknown name 'a'", "unknown name 'b'"]),
+        ("/?advise=fly+on", ["unknown name &#39;advise&#39; (did you mean &#39;advice&#39;?)"]),
+        ("/units/3?explained=true", ["this address has no query"]),
+    ],
+)
+def test_a_query_that_would_select_nothing_is_refused(
+    client: "TestClient", path: str, reasons: list[str]
+) -> None:
+    answer = client.get(path)
+    assert answer.status_code == 422
+    assert all(reason in answer.text for reason in reasons)
+
+
+def test_an_address_of_nothing_says_where_all_stand(client: "TestClient") -> None:
+    answer = client.get(f"{API}/unit/3")
+    assert answer.status_code == 404
+    assert "/openapi.json" in answer.json()["detail"]
+
+
+def test_what_is_sent_stands_in_the_form_alone(client: "TestClient") -> None:
+    answer = client.post(f"{API}/recordings?late=true", data={"unit": "SN-0001", "hours": "900"})
+    assert answer.status_code == 422
+    assert answer.json()["detail"][0]["loc"] == ["query", "late"]
 
 
 def test_the_schema_names_every_way_in(client: "TestClient") -> None:

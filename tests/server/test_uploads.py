@@ -53,7 +53,8 @@ def idle(fleet: Path) -> Any:
         ({"cycles": "99999999999"}, "whole number"),
         ({"actuator": "../../etc/passwd"}, "unknown description 'passwd'"),
         ({"late": "perhaps"}, "late: give true"),
-        ({"colour": "red"}, "unknown field 'colour'"),
+        ({"x": "red"}, "unknown field 'x' (known: actuator, cycles, "),
+        ({"Late": "true"}, "unknown field 'Late' (did you mean 'late'?)"),
     ],
 )
 def test_what_is_said_must_be_right(idle: "ServerState", fields: dict[str, str], reason: str) -> None:
@@ -61,6 +62,71 @@ def test_what_is_said_must_be_right(idle: "ServerState", fields: dict[str, str],
     assert answer.status_code == 422
     assert reason in answer.json()["detail"]
     assert not list(idle.folder.uploads.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"unit": "sn-0001"}, "no unit 'sn-0001' in the history (did you mean 'SN-0001'?)"),
+        ({"unit": "SN-001"}, "choose a description to add a new unit"),
+        ({"part": "EMA-7"}, "has the part number 'EMA-1', the diagnosis is of 'EMA-7'; check 'unit'"),
+        ({"hours": "149"}, "150 h already, by a recording"),
+        ({"hours": "149"}, "check 'hours', or give 'late'"),
+        ({"unit": "SN-0002", "hours": "155"}, "160 h already, by a removal"),
+    ],
+)
+def test_what_contradicts_the_history_is_refused_at_once(
+    idle: "ServerState", fields: dict[str, str], reason: str
+) -> None:
+    answer = sent(client_of(idle), "a.csv", CSV, **fields)
+    assert answer.status_code == 422
+    assert reason in answer.json()["detail"]
+    assert not list(idle.folder.uploads.iterdir())
+    assert not idle.queue.jobs(1)
+
+
+def test_a_form_that_is_refused_is_shown_to_be_corrected(idle: "ServerState") -> None:
+    client = client_of(idle)
+    fields = {"unit": "sn-0001", "hours": "<1250>", "position": "left", "actuator": "thesis", "late": "on"}
+    answer = client.post("/upload", files={"recording": ("a.csv", CSV)}, data=fields)
+    assert answer.status_code == 422
+    assert "hours: give a number" in answer.text
+    for kept in (
+        'value="sn-0001"',
+        'value="&lt;1250&gt;"',
+        'value="left"',
+        'thesis" selected',
+        'late" checked',
+    ):
+        assert kept in answer.text
+    sent(client)
+    sent(client)
+    sent(client)
+    answer = client.post("/upload", files={"recording": ("a.csv", CSV)}, data=GOOD)
+    assert answer.status_code == 503
+    assert "3 uploads wait already" in answer.text
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"hours": "149", "late": "true"},
+        {"hours": "100"},  # it may be the recording that is there
+        {"unit": "SN-9", "actuator": "thesis"},
+        {"unit": "SN-9"},  # which the one before may begin
+    ],
+)
+def test_what_may_be_right_is_left_to_the_job(idle: "ServerState", fields: dict[str, str]) -> None:
+    if fields == {"unit": "SN-9"}:
+        assert sent(client_of(idle), "a.csv", CSV, actuator="thesis", **fields).status_code == 202
+    assert sent(client_of(idle), "a.csv", CSV, **fields).status_code == 202
+
+
+def test_an_upload_is_taken_while_the_history_is_away(idle: "ServerState", fleet: Path) -> None:
+    idle.history.close()
+    away = fleet.rename(fleet.with_name("away.sqlite"))
+    assert sent(client_of(idle), unit="nobody").status_code == 202
+    away.rename(fleet)
 
 
 @pytest.mark.parametrize("name", ["a.exe", "a", ".csv", "a.csv.gz", "a.pkl"])
@@ -95,6 +161,22 @@ def test_a_broken_form_is_refused(idle: "ServerState") -> None:
         assert 400 <= answer.status_code < 500
 
 
+@pytest.mark.parametrize(
+    "fields",
+    [{"files": {"file": ("a.csv", CSV)}, "data": GOOD}, {"data": {"recording": "a.csv"}}, {"json": GOOD}],
+)
+def test_a_file_stands_in_its_field(idle: "ServerState", fields: dict[str, Any]) -> None:
+    answer = client_of(idle).post("/api/v1/recordings", **fields)
+    assert answer.status_code == 422
+    assert "as 'recording'" in answer.json()["detail"]
+
+
+def test_a_field_is_given_once(idle: "ServerState") -> None:
+    answer = sent(client_of(idle), unit=["SN-0001", "SN-0002"])
+    assert answer.status_code == 422
+    assert answer.json()["detail"] == "unit: is given 2 times; give it once"
+
+
 def test_an_accepted_upload_survives_the_server(fleet: Path, idle: "ServerState") -> None:
     number = sent(client_of(idle)).json()["id"]
     assert idle.queue.take() is not None  # a worker had it when the server was killed
@@ -119,6 +201,58 @@ def test_two_of_one_unit_are_not_diagnosed_at_once(idle: "ServerState") -> None:
     found = idle.queue.take()
     assert found is not None
     assert found.id == second
+
+
+def added(queue: Queue, *jobs: tuple[str, float]) -> None:
+    for unit, hours in jobs:
+        queue.add({"unit": unit, "hours": hours, "name": "a.csv"}, "a.csv")
+
+
+def in_order(queue: Queue, quiet_s: float = 0.0) -> list[tuple[str, float]]:
+    """Return unit and hours of the jobs that are taken until none is, each done before the next is."""
+    found = []
+    while (job := queue.take(quiet_s)) is not None:
+        queue.end(job.id, DONE, "", {})
+        found.append((job.request["unit"], job.request["hours"]))
+    return found
+
+
+def test_those_of_a_unit_are_taken_in_the_order_of_hours(tmp_path: Path) -> None:
+    queue = Queue(tmp_path / "queue.sqlite")
+    added(queue, ("A", 30), ("A", 20), ("B", 9), ("A", 100), ("A", 20.5), ("B", 8))
+    assert in_order(queue) == [("A", 20), ("A", 20.5), ("A", 30), ("B", 8), ("B", 9), ("A", 100)]
+    queue.close()
+
+
+def test_none_is_taken_while_more_come_of_its_unit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 1000.0
+    monkeypatch.setattr("time.monotonic", lambda: now)
+    queue = Queue(tmp_path / "queue.sqlite")
+    added(queue, ("A", 30))
+    now += 1.5
+    added(queue, ("A", 20), ("B", 5))
+    now += 1.5
+    added(queue, ("B", 4))
+    assert in_order(queue, 2.0) == []
+    now += 1.0
+    assert in_order(queue, 2.0) == [("A", 20), ("A", 30)]
+    now += 1.5
+    assert in_order(queue, 2.0) == [("B", 4), ("B", 5)]
+    for hours in range(61, 0, -1):  # without an end
+        added(queue, ("A", hours))
+        now += 1.0
+    assert queue.take(2.0) is not None
+    queue.close()
+
+
+def test_jobs_of_a_server_that_has_ended_need_not_be_waited_for(tmp_path: Path) -> None:
+    queue = Queue(tmp_path / "queue.sqlite")
+    added(queue, ("A", 30), ("A", 20))
+    assert in_order(queue, 1e9) == []
+    queue.close()
+    queue = Queue(tmp_path / "queue.sqlite")
+    assert in_order(queue, 1e9) == [("A", 20), ("A", 30)]
+    queue.close()
 
 
 def test_an_upload_waits_where_the_history_is_away(idle: "ServerState", fleet: Path) -> None:

@@ -19,14 +19,14 @@ def main(arguments: list[str] | None = None) -> int:
     was by SIGTERM.
     """
     if arguments is not None:
-        from emaphm.cli.main import run
+        from emaphm.cli.command_line import run
 
         return run(arguments)
     signals = awaited()
     try:
         # Ends the process at once: Python would print where in an import it was.
         _handle(signals, signal.SIG_DFL)
-        from emaphm.cli.main import run
+        from emaphm.cli.command_line import run
 
         print_no_lost_one()
         _handle(signals, interrupt)

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
 
 DESCRIPTION = "actuator.toml"
 
+HEADING = """\
+Describes the recordings that `emaphm split` has written into this folder. Their columns have the names
+and SI units of emaphm, so [channels] names none; they have been cut and cleaned, so [reading] does not
+ask for it again."""
+
 
 def split(
     recording: RecordingFile,
@@ -104,7 +109,9 @@ def _write_description(actuator: "Actuator", path: Path, *, force: bool) -> None
 
     check_writable(path, force=force, endings=(".toml",))
     plain = Channels(sampling=actuator.channels.sampling)
-    actuator.model_copy(update={"channels": plain, "reading": Reading()}).to_toml(path)
+    # What the first search for outliers has left, or was not to look for, is measured.
+    cleaned = Reading(outliers=False)
+    actuator.model_copy(update={"channels": plain, "reading": cleaned}).to_toml(path, comments=HEADING)
 
 
 def _text(found: "list[Recording]", files: list[Path], refused: list[str], out: Path) -> str:

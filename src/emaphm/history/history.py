@@ -120,6 +120,11 @@ class History:
         with self.database.reading() as connection:
             return overviews(connection, part_number)
 
+    def check(self, entry: Entry) -> None:
+        """Refuse an entry that contradicts the history whatever its recording is; `HistoryError`."""
+        with self.database.reading() as connection:
+            writing.check_statement(connection, entry)
+
     def missing(
         self,
         entry: Entry,

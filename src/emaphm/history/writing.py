@@ -30,19 +30,40 @@ if TYPE_CHECKING:
 
 def check_entry(connection: sa.Connection, entry: Entry, recording_hash: str) -> None:
     """Refuse an entry that contradicts the history, `HistoryError`; reading alone."""
+    found = _unit_of(connection, entry)
+    is_there = _is_there(connection, entry, recording_hash)
+    if found is not None:
+        _check_flight(connection, found, entry, has_new_recording=not is_there)
+
+
+def check_statement(connection: sa.Connection, entry: Entry) -> None:
+    """Refuse an entry that contradicts the history whatever its recording is; errors as `check_entry`."""
+    found = _unit_of(connection, entry)
+    if found is None:
+        return
+    of_flight = sa.select(FLIGHTS.c.id).where(FLIGHTS.c.unit_id == found.id, FLIGHTS.c.hours == entry.hours)
+    # Where there is a flight, the recording may be the one that is there already.
+    is_new = connection.execute(of_flight).first() is None
+    _check_flight(connection, found, entry, has_new_recording=is_new)
+
+
+def _unit_of(connection: sa.Connection, entry: Entry) -> UnitRow | None:
+    """Return the unit of an entry, None for a new one; one of another part number is refused."""
     found = unit_or_none(connection, entry.unit)
     if found is not None and found.part_number != entry.part_number:
         raise HistoryError(
             f"unit '{entry.unit}' has the part number '{found.part_number}', the diagnosis is of "
             f"'{entry.part_number}'; check --unit and --actuator, or give --part"
         )
-    is_there = _is_there(connection, entry, recording_hash)
-    if found is None:
-        return
-    if not is_there:
-        _check_hours(connection, found, entry)
-    _check_cycles(connection, found, entry)
-    _check_stress(connection, found, entry)
+    return found
+
+
+def _check_flight(connection: sa.Connection, unit: UnitRow, entry: Entry, *, has_new_recording: bool) -> None:
+    """Refuse hours, cycles, load and temperature that contradict the unit's flights."""
+    if has_new_recording:
+        _check_hours(connection, unit, entry)
+    _check_cycles(connection, unit, entry)
+    _check_stress(connection, unit, entry)
 
 
 def _is_there(connection: sa.Connection, entry: Entry, recording_hash: str) -> bool:

@@ -152,8 +152,8 @@ def prognoses(server: Server) -> dict[str, dict[str, Any]]:
     return {unit: _kept(one) for unit, one in server.history.prognoses().items()}
 
 
-@router.get("/recordings", name="recordings")
-@router.get("/diagnoses")
+@router.get("/recordings", name="recordings", responses=NOT_FOUND)
+@router.get("/diagnoses", responses=NOT_FOUND)
 def diagnoses(
     server: Server,
     unit_id: UnitId = None,
@@ -162,6 +162,8 @@ def diagnoses(
     limit: Limit = 100,
 ) -> Diagnoses:
     """Return the last diagnosis of each recording in short, the newest first."""
+    if unit_id is not None:
+        row_of(server, unit_id)
     with server.history.database.reading() as connection:
         found = diagnosis_lines(connection, unit_id=unit_id, explained=explained, before=before, limit=limit)
     return Diagnoses(diagnoses=list(found))
@@ -182,7 +184,7 @@ def one_diagnosis(server: Server, diagnosis_id: Id) -> dict[str, Any]:
     )
 
 
-@router.get("/events")
+@router.get("/events", responses=NOT_FOUND)
 def events(
     server: Server,
     unit_id: UnitId = None,
@@ -267,7 +269,8 @@ async def upload(request: Request, server: Server) -> JobAnswer:
     """Take a recording to be diagnosed; the job says what becomes of it."""
     from starlette.concurrency import run_in_threadpool
 
-    number = await server.uploads.received(request)
+    async with server.uploads.form(request) as form:
+        number = await run_in_threadpool(server.uploads.received, form)
     return await run_in_threadpool(job, server, number)
 
 

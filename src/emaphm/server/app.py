@@ -1,8 +1,9 @@
 """The application: pages and API behind the guard."""
 
+from http import HTTPStatus
 from typing import TYPE_CHECKING
 
-from fastapi import FastAPI, Request
+from fastapi import Depends, FastAPI, Request
 from fastapi.encoders import jsonable_encoder
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
@@ -10,11 +11,12 @@ from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
-from emaphm.errors import EmaphmError, HistoryError, ServerError
+from emaphm.errors import EmaphmError
 from emaphm.server import api, pages
 from emaphm.server.guard import HEADERS, Guard
 from emaphm.server.html import render
-from emaphm.server.uploads import BusyError
+from emaphm.server.query import check_query
+from emaphm.server.uploads import BusyError, status_of
 from emaphm.version import VERSION
 
 if TYPE_CHECKING:
@@ -22,6 +24,9 @@ if TYPE_CHECKING:
 
 SMALLEST_ZIPPED = 1000
 """Of an answer that is compressed [bytes]."""
+
+
+NO_ROUTE = "there is nothing at this address; /openapi.json lists those of the API"
 
 
 def create_app(state: "ServerState", *, only_loopback: bool = True) -> FastAPI:
@@ -39,6 +44,7 @@ def create_app(state: "ServerState", *, only_loopback: bool = True) -> FastAPI:
         openapi_url="/openapi.json",
         docs_url=None,  # its scripts would come from elsewhere
         redoc_url=None,
+        dependencies=[Depends(check_query)],
         middleware=[
             Middleware(
                 Guard, settings=state.settings, doorkeeper=state.doorkeeper, only_loopback=only_loopback
@@ -69,7 +75,8 @@ def _answer(request: Request, status: int, text: str, headers: dict[str, str] | 
 
 def _http(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)  # noqa: S101 - it is registered for these
-    return _answer(request, error.status_code, str(error.detail), dict(error.headers or {}))
+    text = NO_ROUTE if error.detail == HTTPStatus.NOT_FOUND.phrase else str(error.detail)
+    return _answer(request, error.status_code, text, dict(error.headers or {}))
 
 
 def _invalid(request: Request, error: Exception) -> Response:
@@ -77,13 +84,16 @@ def _invalid(request: Request, error: Exception) -> Response:
     if request.url.path.startswith("/api/"):
         found = [{key: one[key] for key in ("loc", "msg", "type")} for one in error.errors()]
         return JSONResponse({"detail": jsonable_encoder(found)}, 422)
+    of_query = [one["msg"] for one in error.errors() if one["loc"][0] == "query"]
+    if of_query:
+        return _answer(request, 422, f"The address cannot be used as it is: {'; '.join(of_query)}.")
     return _answer(request, 404, "There is no such page.")
 
 
 def _refused(request: Request, error: Exception) -> Response:
     if isinstance(error, BusyError):
         return _answer(request, 503, str(error), {"retry-after": "30"})
-    return _answer(request, 503 if isinstance(error, HistoryError | ServerError) else 422, str(error))
+    return _answer(request, status_of(error), str(error))
 
 
 def _defect(request: Request, error: Exception) -> Response:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Form, HTTPException, Request
+from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
 from emaphm.errors import EmaphmError
@@ -21,6 +22,7 @@ from emaphm.server.folders import content_key
 from emaphm.server.guard import COOKIE, session_in
 from emaphm.server.html import render
 from emaphm.server.state import ServerState
+from emaphm.server.uploads import STATED, status_of
 from emaphm.server.work.drawing import estimates
 
 router = APIRouter(include_in_schema=False)
@@ -204,11 +206,14 @@ def upload_form(request: Request, server: Server, unit: str = "") -> Response:
 
 @router.post("/upload")
 async def upload(request: Request, server: Server) -> Response:
-    """Take an upload, and go to its page."""
+    """Take an upload, and go to its page; one that is refused is shown to be corrected."""
+    given: dict[str, str] = {}
     try:
-        number = await server.uploads.received(request)
+        async with server.uploads.form(request) as form:
+            given = {name: value[:200] for name, value in form.items() if isinstance(value, str)}
+            number = await run_in_threadpool(server.uploads.received, form)
     except EmaphmError as error:
-        return _upload_page(request, server, {}, str(error), 422)
+        return await run_in_threadpool(_upload_page, request, server, given, str(error), status_of(error))
     return RedirectResponse(f"/jobs/{number}", status_code=303)
 
 
@@ -219,7 +224,7 @@ def _upload_page(
         "upload.html.jinja",
         request,
         status,
-        given=given,
+        given=dict.fromkeys(STATED, "") | given,
         error=error,
         actuators=server.uploads.actuators,
         endings=tuple(READERS),

@@ -168,7 +168,7 @@ def running(
                 pool=pool,
                 drawer=drawer,
                 fleet=fleet,
-                uploads=Uploads(folder, queue, pool, tuple(actuators), settings.most_waiting),
+                uploads=Uploads(history, folder, queue, pool, tuple(actuators), settings.most_waiting),
                 doorkeeper=None if tokens is None else Doorkeeper(dict(tokens), settings.session_hours),
                 settings=settings,
                 kept=Kept(Memory(settings.pages_kept)),

@@ -31,6 +31,12 @@ class ServerSettings:
     most_waiting: int = 200
     """Uploads that wait for a process: 12 GiB on disk at most. A further one is asked to come again."""
 
+    quiet_seconds: float = 2.0
+    """Without an upload of a unit, until those that wait are diagnosed in the order of their hours [s].
+
+    Files that a browser or a script sends one after the other come at intervals of a fraction of a second.
+    """
+
     job_seconds: float = 600.0
     """Of a job [s], whose process is then ended: the slowest diagnosis of a recording takes a tenth."""
 

@@ -3,24 +3,40 @@
 import math
 import os
 import shutil
+from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from starlette.datastructures import UploadFile
+from starlette.datastructures import FormData, UploadFile
 from starlette.formparsers import MultiPartException
 from starlette.requests import ClientDisconnect, Request
 
-from emaphm.errors import EmaphmError, HistoryError, RecordingError, ServerError, nearest
+from emaphm.errors import (
+    EmaphmError,
+    HistoryError,
+    HistoryUnavailableError,
+    RecordingError,
+    ServerError,
+    nearest,
+)
 from emaphm.history.records import Entry
 from emaphm.recording.io.read import READERS
 from emaphm.server.folders import PARTIAL, ServerFolder, new_upload, on_disk
 from emaphm.server.work.queue import Queue
-from emaphm.server.work.worker import AS_BEFORE
+from emaphm.server.work.statement import AS_BEFORE, check_statement, in_fields
 
 if TYPE_CHECKING:
+    from emaphm.history import History
     from emaphm.server.work.pool import Pool
 
+MULTIPART = "multipart/form-data"
+
 MOST_FIELDS = 20
+
+STATED = ("unit", "hours", "cycles", "position", "part", "actuator", "late")
+"""The fields that say something of a recording."""
 
 LONGEST_NAME = 100
 """Characters of a file's name that are shown; it names nothing on this machine."""
@@ -30,45 +46,65 @@ class BusyError(EmaphmError):
     """The queue is full: no further upload is taken."""
 
 
+def status_of(error: Exception) -> int:
+    """Return the status of an answer: whether what was asked is wrong, or the server cannot do it now."""
+    return 503 if isinstance(error, BusyError | HistoryError | ServerError) else 422
+
+
 @dataclass(frozen=True)
 class Uploads:
     """Where uploads go."""
 
+    history: "History"
     folder: ServerFolder
     queue: Queue
     pool: "Pool"
     actuators: tuple[str, ...]
     most_waiting: int
 
-    async def received(self, request: Request) -> int:
+    @asynccontextmanager
+    async def form(self, request: Request) -> AsyncIterator[dict[str, Any]]:
+        """Yield the fields of a form that is sent.
+
+        Raises
+        ------
+        RecordingError
+            It cannot be read, or has a field twice.
+        """
+        if not request.headers.get("content-type", "").lower().startswith(MULTIPART):
+            raise RecordingError(
+                f"this is no form with a file; send {MULTIPART}, with the file as 'recording'"
+            )
+        try:
+            found = await request.form(max_files=1, max_fields=MOST_FIELDS)
+        except (MultiPartException, ClientDisconnect, ValueError):
+            raise RecordingError(f"the form cannot be read; send {MULTIPART}") from None
+        try:
+            yield _each_once(found)
+        finally:
+            await found.close()
+
+    def received(self, form: dict[str, Any]) -> int:
         """Return the number of the job that an upload has become; it is on disk then.
 
         Raises
         ------
         EmaphmError
-            A field is missing or wrong, or the form cannot be read.
+            A field is missing, wrong or contradicts the history.
         BusyError
             Too many wait already.
         """
-        from starlette.concurrency import run_in_threadpool
-
-        try:
-            async with request.form(max_files=1, max_fields=MOST_FIELDS) as form:
-                return await run_in_threadpool(self._accepted, dict(form))
-        except EmaphmError:
-            raise
-        except (MultiPartException, ClientDisconnect, ValueError):
-            raise RecordingError("the form cannot be read; send multipart/form-data") from None
-
-    def _accepted(self, form: dict[str, Any]) -> int:
-        sent = form.pop("recording", None)
+        fields = dict(form)
+        sent = fields.pop("recording", None)
         if not isinstance(sent, UploadFile) or not sent.filename or not sent.size:
-            raise RecordingError("no recording was sent, or an empty one; choose a file")
-        details = request_of(form, self.actuators)
+            raise RecordingError("no recording was sent, or an empty one; choose a file, as 'recording'")
+        _check_names(fields)
+        details = request_of(fields, self.actuators)
         name = shown_name(sent.filename)
         ending = os.path.splitext(name)[1].lower()  # noqa: PTH122 - of no file
         if ending not in READERS:
             raise RecordingError(f"{name}: is no recording; it ends in {', '.join(READERS)}")
+        self._check(details)
         if self.queue.waiting() >= self.most_waiting:
             raise BusyError(f"{self.most_waiting} uploads wait already; try again later")
         kept = new_upload(ending)
@@ -95,13 +131,35 @@ class Uploads:
         self.pool.wake()
         return number
 
+    def _check(self, details: dict[str, Any]) -> None:
+        """Refuse what the history contradicts already, with what the job would say."""
+        is_begun = self.queue.has_unit(details["unit"])  # first: what was waiting is in the history then
+        try:
+            check_statement(self.history, details, is_begun=is_begun)
+        except HistoryUnavailableError:
+            return  # the job waits until it is back
+        except HistoryError as error:
+            raise RecordingError(in_fields(str(error))) from None
+
+
+def _each_once(form: FormData) -> dict[str, Any]:
+    counts = Counter(name for name, _ in form.multi_items())
+    for name, count in counts.items():
+        if count > 1:
+            raise RecordingError(f"{shown_name(name)}: is given {count} times; give it once")
+    return dict(form)
+
+
+def _check_names(fields: dict[str, Any]) -> None:
+    for name in fields:
+        if name not in STATED:
+            shown = shown_name(name)
+            raise RecordingError(f"unknown field '{shown}'{nearest(shown, STATED)}")
+
 
 def request_of(form: dict[str, Any], actuators: tuple[str, ...]) -> dict[str, Any]:
     """Return what the fields of an upload say; `EmaphmError` names the first that is wrong."""
     given = {name: value.strip() for name, value in form.items() if isinstance(value, str)}
-    unknown = sorted(set(form) - {"unit", "hours", "cycles", "position", "part", "actuator", "late"})
-    if unknown:
-        raise RecordingError(f"unknown field '{shown_name(unknown[0])}'; see /openapi.json")
     actuator = given.get("actuator", AS_BEFORE)
     if actuator != AS_BEFORE and actuator not in actuators:
         raise RecordingError(f"unknown description '{shown_name(actuator)}'{nearest(actuator, actuators)}")

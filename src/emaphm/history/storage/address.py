@@ -1,5 +1,6 @@
 """Where a history is: a SQLite file, or a PostgreSQL database by its URL."""
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -56,6 +57,14 @@ class Address:
         return cls(
             url.set(query={}).render_as_string(hide_password=True),
             url=url.set(drivername="postgresql+psycopg"),
+        )
+
+    @property
+    def remedy(self) -> str:
+        """What to do where there is no history yet."""
+        return (
+            "begin one by its first recording: emaphm history add RECORDING --unit SERIAL --hours HOURS "
+            f"--db {shlex.quote(self.shown)}; or give another --db"
         )
 
     @property

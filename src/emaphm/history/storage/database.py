@@ -143,9 +143,7 @@ def _of_file(address: Address, *, create: bool) -> sa.Engine:
             raise HistoryError(f"{path}: is no file; give the name of a file for the history")
         if not found and not create:
             # It may be on a disk that is away for now.
-            raise HistoryUnavailableError(
-                f"{path}: no such history; 'emaphm history add' makes one, or give another --db"
-            )
+            raise HistoryUnavailableError(f"{path}: no such history; {address.remedy}")
         if not found and not path.absolute().parent.is_dir():
             raise HistoryError(
                 f"{path}: there is no folder '{path.parent}'; create it, or give another place"

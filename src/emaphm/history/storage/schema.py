@@ -80,9 +80,7 @@ def _revision(database: Database, *, create: bool) -> str | None:
                 f"{shown}: is no history, it has a table '{min(others)}'; give a history, or a new name"
             )
         if not create:
-            raise HistoryError(
-                f"{shown}: holds no history; 'emaphm history add' makes one, or give another --db"
-            )
+            raise HistoryError(f"{shown}: holds no history; {database.address.remedy}")
         return None
     if marks[0] not in KNOWN:
         raise _newer(shown, marks[0])

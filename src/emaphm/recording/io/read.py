@@ -193,7 +193,8 @@ def _table_in(
     passed_by = {*constants, *actuator.reading.ignore}
     sources, is_own = sources_in_file(held, actuator.channels, source, passed_by)
     # What emaphm wrote for this rig has been cut and masked already, and lacks the columns to do it by.
-    reading = Reading(longest_gap=actuator.reading.longest_gap) if is_own else actuator.reading
+    wanted = actuator.reading
+    reading = Reading(longest_gap=wanted.longest_gap, outliers=wanted.outliers) if is_own else wanted
     every = [*held.numeric, *held.unusable]
     passed_over = _passed_over(actuator, reading, sources, constants) if is_own else []
     named = list(columns_in(split or reading.split or ""))

@@ -112,7 +112,7 @@ class Pool:
 
     def _next(self, process: OneProcess) -> bool:
         """Do one job; return whether there was one."""
-        job = self._queue.take()
+        job = self._queue.take(self._settings.quiet_seconds)
         if job is not None:
             self._upload(job, process)
             return True

@@ -3,6 +3,7 @@
 import json
 import sqlite3
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -26,12 +27,23 @@ FORM = 1
 """Of the table; a file of another form is refused."""
 
 TAKEN = """
-UPDATE jobs SET state = ? WHERE id = (
-    SELECT min(id) FROM jobs WHERE state = ? AND json_extract(request, '$.unit') NOT IN (
-        SELECT json_extract(request, '$.unit') FROM jobs WHERE state = ?
-    )
+WITH of_units AS (
+    SELECT id, state, json_extract(request, '$.unit') AS unit, json_extract(request, '$.hours') AS hours
+    FROM jobs WHERE state IN (:waiting, :running)
+)
+UPDATE jobs SET state = :running WHERE id = (
+    SELECT id FROM of_units WHERE state = :waiting
+    AND unit NOT IN (SELECT unit FROM of_units WHERE state = :running)
+    AND unit NOT IN (SELECT value FROM json_each(:arriving))
+    ORDER BY min(id) OVER (PARTITION BY unit), hours, id LIMIT 1
 ) RETURNING *
 """
+"""Of the unit that has waited longest, the job of the lowest hours."""
+
+MOST_QUIETS = 30
+"""How long a unit's uploads may follow each other until one is taken all the same, in quiet times."""
+
+OF_UNIT = "SELECT id FROM jobs WHERE state IN (?, ?) AND json_extract(request, '$.unit') = ? LIMIT 1"
 
 TABLE = """
 CREATE TABLE IF NOT EXISTS jobs (
@@ -85,7 +97,7 @@ class Job:
 
 
 class Queue:
-    """Jobs in the order in which they were accepted; what a method has written is on disk when it returns."""
+    """Jobs, those of a unit in the order of hours; what a method has written is on disk when it returns."""
 
     def __init__(self, file: Path) -> None:
         try:
@@ -102,6 +114,7 @@ class Queue:
             raise ServerError(f"{file}: cannot be used as a queue ({error}); give another --work") from None
         self._file = file
         self._lock = threading.Lock()
+        self._arrivals: dict[str, tuple[float, float]] = {}  # of a unit that uploads come of: first and last
 
     def close(self) -> None:
         """Give the file back."""
@@ -115,16 +128,31 @@ class Queue:
                 "INSERT INTO jobs (state, request, file, added_at) VALUES (?, ?, ?, ?)",
                 (WAITING, json.dumps(request), file, timestamp()),
             )
+            now, unit = time.monotonic(), request["unit"]
+            self._arrivals[unit] = (self._arrivals.get(unit, (now, now))[0], now)
         return int(cursor.lastrowid or 0)
 
-    def take(self) -> Job | None:
-        """Return the job that has waited longest, now running; None where none waits.
+    def take(self, quiet_s: float = 0.0) -> Job | None:
+        """Return the job that is next, now running; None where none is.
 
-        None of a unit that another is running of: what a recording says depends on those before it.
+        Of one unit that is the job of the lowest hours, and none while another is running of it: what a
+        recording says depends on those before it. So none is taken of a unit either whose last job was added
+        less than `quiet_s` [s] ago: files that are sent together come in any order.
         """
         with self._working() as connection:
-            row = connection.execute(TAKEN, (RUNNING, WAITING, RUNNING)).fetchone()
+            names = {"waiting": WAITING, "running": RUNNING, "arriving": json.dumps(self._arriving(quiet_s))}
+            row = connection.execute(TAKEN, names).fetchone()
         return None if row is None else _job(row)
+
+    def _arriving(self, quiet_s: float) -> list[str]:
+        """Return the units that further uploads are expected of; forget the others' times."""
+        now = time.monotonic()
+        self._arrivals = {
+            unit: (first, last)
+            for unit, (first, last) in self._arrivals.items()
+            if now - last < quiet_s and now - first < MOST_QUIETS * quiet_s
+        }
+        return list(self._arrivals)
 
     def end(self, job: int, state: str, message: str, result: dict[str, Any]) -> None:
         """Write what became of a job."""
@@ -176,6 +204,12 @@ class Queue:
                 "SELECT count(*) FROM jobs WHERE state IN (?, ?)", (WAITING, RUNNING)
             ).fetchone()
         return int(row[0])
+
+    def has_unit(self, unit: str) -> bool:
+        """Return whether a job of a unit waits or runs."""
+        with self._working() as connection:
+            row = connection.execute(OF_UNIT, (WAITING, RUNNING, unit)).fetchone()
+        return row is not None
 
     @contextmanager
     def _working(self) -> Iterator[sqlite3.Connection]:

@@ -2,7 +2,6 @@
 
 import logging
 import os
-import re
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -15,6 +14,7 @@ from emaphm.execution.one_process import prepare_worker
 from emaphm.monitoring.settings import WATCH, PrognosisSettings
 from emaphm.server.folders import ServerFolder
 from emaphm.server.work.queue import AGAIN, DONE, FAILED, REFUSED
+from emaphm.server.work.statement import AS_BEFORE, entry_of, in_fields, known_unit
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -30,13 +30,6 @@ LOG = logging.getLogger("emaphm.server")
 
 SERVER = "server"
 """The watcher of events that follow from what the server has diagnosed and forecast."""
-
-AS_BEFORE = ""
-"""The description of a unit's last diagnosis."""
-
-
-OPTION = re.compile(r"--([a-z]+)")
-"""An option of the command line in a message; the field of an upload has the same name."""
 
 NICENESS = 3
 """Of a worker, which takes all of a core for seconds: pages go first. It has half the share of others
@@ -111,7 +104,7 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> JobOut
         text = str(error)
         if isinstance(job, Upload):
             text = text.replace(str(job.file), job.name)  # where it is kept is nobody's business
-            text = OPTION.sub(r"'\1'", text)
+            text = in_fields(text)
         return JobOutcome(REFUSED, text)
     except MemoryError:
         return JobOutcome(
@@ -120,18 +113,13 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> JobOut
 
 
 def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection) -> JobOutcome:
-    from emaphm.history import Entry
     from emaphm.monitoring.judging import Judge
     from emaphm.recording import read_recording
     from emaphm.recording.io.limits import ReadLimits
 
-    request = job.request
-    known = {unit.serial_number: unit for unit in history.units()}.get(request["unit"])
-    actuator = _described(history, known, request, place)
-    part = request["part"] or (known.part_number if known else actuator.name)
-    entry = Entry(
-        request["unit"], part, request["hours"], request["cycles"], request["position"], request["late"]
-    )
+    known = known_unit(history, job.request)
+    actuator = _described(known, job.request, place)
+    entry = entry_of(job.request, actuator.name if known is None else known.part_number)
     recording = read_recording(job.file, actuator, limits=ReadLimits(file_bytes=place.upload_bytes))
     recording = replace(recording, source=job.name)
     judge = Judge(
@@ -173,16 +161,10 @@ def _searched(
     return diagnose(recording, actuator, seed=seed, workers=1, on_progress=on_progress)
 
 
-def _described(history: "History", known: "Unit | None", request: dict[str, Any], place: Place) -> "Actuator":
-    """Return the description to diagnose with: the unit's last one, or one of the server's."""
-    if request["actuator"] != AS_BEFORE:
+def _described(known: "Unit | None", request: dict[str, Any], place: Place) -> "Actuator":
+    """Return the description to diagnose with: one of the server's, or that of the unit's last diagnosis."""
+    if known is None or request["actuator"] != AS_BEFORE:
         return place.actuators[request["actuator"]]
-    if known is None:
-        try:
-            history.unit(request["unit"])
-        except HistoryError as error:
-            raise HistoryError(f"{error}; correct it, or choose a description to add a new unit") from None
-    assert known is not None  # noqa: S101 - for the type checker
     return known.actuator
 
 

@@ -1,0 +1,82 @@
+"""What is said of an upload, compared with the history: when it is sent, and again when it is diagnosed."""
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from emaphm.errors import HistoryError, HistoryUnavailableError
+from emaphm.history.reading import unit_or_none
+from emaphm.history.records import Entry
+from emaphm.history.unit import Unit
+
+if TYPE_CHECKING:
+    from emaphm.history import History
+
+AS_BEFORE = ""
+"""The description of a unit's last diagnosis."""
+
+OPTION = re.compile(r"--([a-z]+)")
+"""An option of the command line in a message; the field of an upload has the same name."""
+
+
+def known_unit(history: "History", request: dict[str, Any]) -> Unit | None:
+    """Return the unit of an upload, None where it is to be begun with one of the server's descriptions.
+
+    Raises
+    ------
+    HistoryError
+        It is unknown, and no description is named.
+    """
+    with history.database.reading() as connection:
+        row = unit_or_none(connection, request["unit"])
+    if row is not None:
+        return Unit(history.database, row)
+    if request["actuator"] == AS_BEFORE:
+        try:
+            history.unit(request["unit"])
+        except HistoryUnavailableError:
+            raise
+        except HistoryError as error:
+            raise HistoryError(f"{error}; correct it, or choose a description to add a new unit") from None
+    return None
+
+
+def entry_of(request: dict[str, Any], part_number: str) -> Entry:
+    """Return the entry of an upload, of `part_number` where none is said."""
+    return Entry(
+        request["unit"],
+        request["part"] or part_number,
+        request["hours"],
+        request["cycles"],
+        request["position"],
+        request["late"],
+    )
+
+
+def check_statement(history: "History", request: dict[str, Any], *, is_begun: bool) -> None:
+    """Refuse at once what is refused of an upload whatever its recording holds.
+
+    Parameters
+    ----------
+    is_begun
+        Whether an upload that waits may begin the unit.
+
+    Raises
+    ------
+    HistoryError
+        As for its job; `HistoryUnavailableError` where the history is away.
+    """
+    try:
+        unit = known_unit(history, request)
+    except HistoryUnavailableError:
+        raise
+    except HistoryError:
+        if is_begun:
+            return
+        raise
+    if unit is not None:
+        history.check(entry_of(request, unit.part_number))
+
+
+def in_fields(message: str) -> str:
+    """Return a message with the fields of an upload in place of the options of the command line."""
+    return OPTION.sub(r"'\1'", message)
