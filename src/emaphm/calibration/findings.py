@@ -1,5 +1,6 @@
 """What a joint fit has found, in the parameters' units: values, errors, contradictions, recordings' own."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -25,6 +26,9 @@ class Parameter:
 
     Attributes
     ----------
+    standard_error
+        Of a positive parameter that is not identifiable, how far above its value it may be: such a parameter
+        is known by its logarithm, within the `factor`, and its value may lie far below the truth.
     identifiable
         Whether the recordings determine it; a parameter at its bound is not.
     doubtful
@@ -48,6 +52,20 @@ class Parameter:
     def remark(self) -> str:
         """Its reason, and whether that makes it doubtful."""
         return f"doubtful: {self.reason}" if self.doubtful else self.reason
+
+    @property
+    def factor(self) -> float | None:
+        """The factor that its standard error amounts to; None where the value is not above 0."""
+        return 1 + self.standard_error / self.value if self.value > 0 else None
+
+
+def absolute_error(value: float, error: float) -> float:
+    """Return the standard error of a positive parameter in its unit, by that of its logarithm.
+
+    The value times the error, as long as that is small. Beyond `LARGEST_ERROR` the product would say that a
+    small value is known well; there it is how far above the value one standard error reaches.
+    """
+    return abs(value) * (math.expm1(error) if error >= LARGEST_ERROR else error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +126,7 @@ def found_parameters(
             )
         parameters[name] = Parameter(
             value,
-            float(error * (size[i] if name in SIGNED else value)),
+            float(error * size[i]) if name in SIGNED else absolute_error(value, error),
             unit_for(LUMPED_PARAMETERS[name], actuator.coordinates),
             identifiable=bool(error < LARGEST_ERROR) and not at_bound,
             doubtful=doubtful,

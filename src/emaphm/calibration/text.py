@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 from emaphm.actuator import NAMES
 from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.actuator.unit.model_error import CHANNELS, ModelError
 from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
@@ -23,14 +24,21 @@ def parameter_table(parameters: Mapping[str, Parameter], collinear: Collection[s
     source = "this recording" if recordings == 1 else "these recordings"
     rows = []
     for name, p in parameters.items():
-        marks = [] if p.identifiable else [f"not identifiable from {source}"]
+        marks = [] if p.identifiable else [f"not identifiable from {source}{_known_within(name, p)}"]
         marks = ["at its bound"] if p.at_bound else marks
         marks += ["doubtful"] if p.doubtful else []
         marks += ["collinear"] if name in collinear else []
-        value = _rounded(p.value, p.standard_error)
+        error = f"{p.standard_error:.2g}" if p.identifiable or name in SIGNED else NOTHING
         unit = f"{p.unit}  ({', '.join(marks)})" if marks else p.unit
-        rows.append((name, value, f"{p.standard_error:.2g}", unit))
+        rows.append((name, _rounded(p.value, p.standard_error), error, unit))
     return format_table(("parameter", "value", "std. error", "unit"), rows)
+
+
+def _known_within(name: str, parameter: Parameter) -> str:
+    """Return within which factor a positive parameter is known that the recordings do not show."""
+    if name in SIGNED or parameter.factor is None:
+        return ""
+    return f": known within a factor of {parameter.factor:.2g} only"
 
 
 def _rounded(value: float, error: float) -> str:
