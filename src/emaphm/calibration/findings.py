@@ -76,7 +76,8 @@ class RecordingResult:
     estimated of that recording: its `nuisances`, each in its unit, and its `own` parameters. `known` is what
     was given of it. `misfit_ratio` is its rms residual in the joint fit over that of a fit of it alone; None
     of one recording. `force_error` is the relative error of its torque by the measured motion; None in closed
-    loop.
+    loop. `residual_over_noise` is its rms residual over what noise, rounding and switching explain; None by
+    the measured motion.
     """
 
     replay: Replay
@@ -85,6 +86,7 @@ class RecordingResult:
     known: Mapping[str, float]
     misfit_ratio: float | None
     force_error: float | None = None
+    residual_over_noise: float | None = None
 
 
 def found_values(fit: UnitFit, actuator: Actuator) -> dict[str, float]:
@@ -191,6 +193,7 @@ def found_recordings(
                 own,
                 dict(row.known),
                 None if alone is None else float(alone.residual_ratios[r]),
+                residual_over_noise=fit.lacks[r].ratio,
             )
         )
     return tuple(results)

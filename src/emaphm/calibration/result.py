@@ -122,6 +122,7 @@ class Calibration:
                     "own": dict(one.own),
                     "known": dict(one.known),
                     "misfit_ratio": one.misfit_ratio,
+                    "residual_over_noise": one.residual_over_noise,
                     "force_error": one.force_error,
                 }
                 for one in self.recordings
