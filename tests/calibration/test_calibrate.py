@@ -9,9 +9,14 @@ import pytest
 
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Sampled
-from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.actuator.lumped_parameters import (
+    lumped_parameters,
+    not_calibrated,
+    with_lumped_parameters,
+)
 from emaphm.calibration import Calibration, calibrate
 from emaphm.calibration.findings import absolute_error
+from emaphm.diagnosis import diagnose
 from emaphm.errors import MethodError, RecordingError
 from emaphm.estimation.space.parameter_variation import WIDEST_FACTOR
 from emaphm.recording import Recording, acquire
@@ -138,6 +143,29 @@ def test_a_unit_recorded_in_interval_means_by_the_averaged_model_is_found_exactl
     recording = simulate(UNIT, Chirp(duration=0.25), model="averaged", duration=0.25)
     found = calibrate(recording, misdescribed(WRONG_STARTS[0]), FREE, max_corrections=0)
     assert found.parameters["viscous"].value == pytest.approx(TRUE["viscous"], rel=5e-3)
+
+
+def test_what_was_kept_from_the_description_is_said_not_to_be_measured(found: Calibration) -> None:
+    kept = json.loads(found.to_json())["kept"]
+    assert kept["backlash"] == {"value": UNIT.mechanics.backlash, "unit": "rad"}
+    assert not set(kept) & set(FREE)
+    (line,) = [one for one in found.notes() if "not measured by this calibration" in one]
+    assert f"backlash {UNIT.mechanics.backlash:.4g} rad" in line
+    assert "(in its described ratio to coulomb)" in line
+
+
+def test_a_diagnosis_says_what_the_calibration_has_not_measured(
+    found: Calibration, instants: Recording
+) -> None:
+    calibrated = diagnose(instants, found.actuator, nuisances=(), max_corrections=0, workers=1)
+    left = ["static", "backlash", "position_gain", "torque_constant", "resistance"]
+    assert calibrated.to_dict()["not_calibrated"] == left
+    assert any(
+        line.startswith(f"The calibration has not measured {', '.join(left)}") for line in calibrated.notes()
+    )
+    # Of a description without calibration nothing was measured, and nothing is said.
+    plain = found.actuator.model_copy(update={"baseline": None})
+    assert not_calibrated(plain) == ()
 
 
 def test_shares_of_motor_and_user_are_kept(found: Calibration) -> None:

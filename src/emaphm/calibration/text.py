@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 
 from emaphm.actuator import NAMES
+from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS
 from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.actuator.unit.model_error import CHANNELS, ModelError
@@ -95,6 +96,18 @@ def recording_notes(
             "what is common to them is not averaged away in the standard errors, and shows in no scatter."
         )
     return lines
+
+
+def kept_notes(kept: Mapping[str, float], coordinates: str, estimated: Collection[str]) -> list[str]:
+    """Return a line on the parameters that were `kept` as described while others were `estimated`."""
+    if not kept:
+        return []
+    values = ", ".join(
+        f"{name} {value:.4g} {unit_for(LUMPED_PARAMETERS[name], coordinates)}".removesuffix(" -")
+        + (" (in its described ratio to coulomb)" if name == "static" and "coulomb" in estimated else "")
+        for name, value in kept.items()
+    )
+    return [f"Kept from the description, not measured by this calibration: {values}."]
 
 
 def model_error_notes(learned: ModelError, coordinates: str) -> list[str]:
