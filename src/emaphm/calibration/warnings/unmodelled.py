@@ -2,8 +2,8 @@
 
 A standard error covers noise, and what the model lacks as far as recordings show it: it is another in each
 manoeuvre. One manoeuvre does not show that at all, and two hardly do: the standard deviation of values may be
-16 times that which two of them have (95 %). Forward strokes of EMPS have an inertia of 94.4 kg ± 0.2 kg,
-backward ones of 95.7 kg ± 0.3 kg.
+16 times that which two of them have (95 %). Forward strokes of EMPS have an inertia of 94.4 kg, backward ones
+of 95.7 kg, with 0.2 to 0.3 kg of standard error by their residuals alone.
 """
 
 from collections.abc import Iterator, Sequence
