@@ -13,6 +13,7 @@ import numpy as np
 from emaphm.actuator.unit.model_error import ModelError
 from emaphm.calibration.lack_of_fit import BY_CHANCE, slow_share
 from emaphm.calibration.unit_fit import UnitFit
+from emaphm.calibration.warnings.units_and_signs import UNRESEMBLED
 from emaphm.diagnosis.diagnose import TORQUE_CURRENTS
 from emaphm.diagnosis.explanation.reasons import EXPLAINED, is_explained
 from emaphm.estimation.discrepancy import resolves_switching
@@ -42,7 +43,12 @@ def unmodelled_warnings(fit: UnitFit, sources: Sequence[str], learned: ModelErro
 
 def _missing_law(fit: UnitFit, sources: Sequence[str]) -> Iterator[str]:
     """Yield a sentence on the recordings of which more is left than noise and switching."""
-    lacking = [(one, source) for one, source in zip(fit.lacks, sources, strict=True) if one.has_any]
+    # Of a channel that the model does not resemble, another warning says more.
+    lacking = [
+        (one, source)
+        for one, source in zip(fit.lacks, sources, strict=True)
+        if one.has_any and one.relative**2 <= UNRESEMBLED
+    ]
     if not lacking:
         return
     worst, source = max(lacking, key=lambda one: one[0].ratio)

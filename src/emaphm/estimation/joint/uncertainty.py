@@ -89,6 +89,7 @@ def joint_uncertainty(
             stream(seed, "Jacobians of the covariance", r),
         )
     )
+    repeated = _repeated_errors(estimate, jacobians)
     statistics, normals, gradients = list[ScoreStatistics](), list[Array](), list[Array]()
     for r, (term, residual) in enumerate(zip(joint.terms, estimate.corrected_residuals, strict=True)):
         channels, problem, replicates = (
@@ -97,11 +98,11 @@ def joint_uncertainty(
             jacobians[r],
         )
         mean = replicates.mean(axis=0)
-        unseen = rounding_scores(problem, mean) + hidden(r, mean)
+        # What the model lacks is the same in each repetition of a manoeuvre.
+        unseen = rounding_scores(problem, mean) + repeated.repetitions[r] * hidden(r, mean)
         statistics.append(score_statistics(replicates, channels, len(problem.channels), unseen))
         normals.append(information(replicates) / np.mean(channels**2))
         gradients.append(replicates.mean(axis=0) @ channels / np.mean(channels**2))
-    repeated = _repeated_errors(estimate, jacobians)
     total = ScoreStatistics(
         joint.summed_matrices([one.information for one in statistics]),
         joint.summed_matrices([one.score_covariance for one in statistics])
