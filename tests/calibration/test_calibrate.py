@@ -1,7 +1,6 @@
 """Calibration finds the parameters of a synthetic unit again, and says how sure it is of each."""
 
 import json
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,8 +9,14 @@ import pytest
 
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Sampled
-from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.actuator.lumped_parameters import (
+    lumped_parameters,
+    not_calibrated,
+    with_lumped_parameters,
+)
 from emaphm.calibration import Calibration, calibrate
+from emaphm.calibration.findings import absolute_error
+from emaphm.diagnosis import diagnose
 from emaphm.errors import MethodError, RecordingError
 from emaphm.estimation.space.parameter_variation import WIDEST_FACTOR
 from emaphm.recording import Recording, acquire
@@ -140,6 +145,29 @@ def test_a_unit_recorded_in_interval_means_by_the_averaged_model_is_found_exactl
     assert found.parameters["viscous"].value == pytest.approx(TRUE["viscous"], rel=5e-3)
 
 
+def test_what_was_kept_from_the_description_is_said_not_to_be_measured(found: Calibration) -> None:
+    kept = json.loads(found.to_json())["kept"]
+    assert kept["backlash"] == {"value": UNIT.mechanics.backlash, "unit": "rad"}
+    assert not set(kept) & set(FREE)
+    (line,) = [one for one in found.notes() if "not measured by this calibration" in one]
+    assert f"backlash {UNIT.mechanics.backlash:.4g} rad" in line
+    assert "(in its described ratio to coulomb)" in line
+
+
+def test_a_diagnosis_says_what_the_calibration_has_not_measured(
+    found: Calibration, instants: Recording
+) -> None:
+    calibrated = diagnose(instants, found.actuator, nuisances=(), max_corrections=0, workers=1)
+    left = ["static", "backlash", "position_gain", "torque_constant", "resistance"]
+    assert calibrated.to_dict()["not_calibrated"] == left
+    assert any(
+        line.startswith(f"The calibration has not measured {', '.join(left)}") for line in calibrated.notes()
+    )
+    # Of a description without calibration nothing was measured, and nothing is said.
+    plain = found.actuator.model_copy(update={"baseline": None})
+    assert not_calibrated(plain) == ()
+
+
 def test_shares_of_motor_and_user_are_kept(found: Calibration) -> None:
     mechanics, true = found.actuator.mechanics, UNIT.mechanics
     for name in ("inertia", "viscous", "dynamic_friction", "static_friction"):
@@ -173,8 +201,17 @@ def test_a_gentle_manoeuvre_does_not_identify_the_resistance() -> None:
     assert identifiable == {"inertia": True, "coulomb": True, "resistance": False}
     resistance = found.parameters["resistance"]
     # What the data do not tell keeps the width that it was given.
-    assert resistance.standard_error == pytest.approx(math.log(WIDEST_FACTOR) * resistance.value, rel=0.01)
-    assert "not identifiable" in str(found)
+    assert resistance.factor == pytest.approx(WIDEST_FACTOR, rel=0.03)
+    (line,) = [one for one in str(found).splitlines() if one.startswith("resistance")]
+    assert "not identifiable from this recording: known within a factor of 30 only" in line
+    assert f"{resistance.standard_error:.2g}" not in line
+
+
+def test_the_error_of_what_is_not_identifiable_covers_a_value_far_too_small() -> None:
+    # Friction of 0.3 A in the unit, 0.02 A in the estimate: within the factor that its logarithm has.
+    assert absolute_error(0.02, 3.0) > 0.3 - 0.02
+    # What is known well has the error that its logarithm implies, on both sides.
+    assert absolute_error(0.02, 0.1) == pytest.approx(0.002)
 
 
 def test_a_scale_that_no_current_shows_is_not_identifiable() -> None:

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from cases import THESIS
-from emaphm.actuator import Actuator
+from emaphm.actuator import Actuator, Ramp
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
-from emaphm.calibration import separation
+from emaphm.calibration import calibrate, separation
 from emaphm.estimation.space.parameter_variation import ParameterVariation
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
 
 NAMES = ("viscous", "coulomb", "offset")
 COULOMB = 0.02
@@ -61,3 +63,23 @@ def test_advised_manoeuvres_have_units(coordinates: str, unit: str) -> None:
     assert f"0.246 {unit} at 0.5 Hz" in slow
     assert f"0.246 {unit} in 2 s" in ramp
     assert f"0.246 {unit} up to 10 Hz" in chirp
+
+
+@pytest.mark.parametrize(
+    ("recorded", "free"),
+    [
+        # The current along the flux is held at 0; that across it is the equivalent current.
+        ("current_A", ("viscous", "coulomb", "offset")),
+        ("current_q_A", ("inertia", "viscous", "coulomb")),
+    ],
+)
+def test_a_current_that_is_the_recorded_one_or_none_is_not_advised(
+    recorded: str, free: tuple[str, ...]
+) -> None:
+    pmsm = Actuator.pmsm()
+    whole = simulate(pmsm, Ramp(0.2), model="averaged", noise=0.3)
+    kept = {name: whole[name] for name in ("time_s", "command_rad", recorded)}
+    found = calibrate(Recording(kept, whole.sampling), pmsm, free, nuisances=(), max_corrections=0, workers=1)
+    assert found.collinear_sets
+    for one in found.collinear_sets:
+        assert not {"current_A", "current_q_A", "current_d_A"} & set(one.channels)

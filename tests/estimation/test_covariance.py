@@ -8,7 +8,11 @@ from hypothesis.extra.numpy import arrays
 from scipy.signal import lfilter
 
 from emaphm.arrays import Array
-from emaphm.estimation.uncertainty.covariance import LEAST_SCORE_VARIANCE, sandwich_covariance
+from emaphm.estimation.uncertainty.covariance import (
+    LEAST_SCORE_VARIANCE,
+    ScoreStatistics,
+    sandwich_covariance,
+)
 from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
 
 SAMPLES = 2500
@@ -206,3 +210,15 @@ def test_the_long_run_covariance_is_one(scores: Array, factor: float) -> None:
     np.testing.assert_allclose(long_run_covariance(factor * scores), factor**2 * found, rtol=1e-9, atol=1e-9)
     # A constant is what the sum is about, not its scatter.
     np.testing.assert_allclose(long_run_covariance(scores + factor), found, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("apart", [1e-3, 1e-6, 1e-9, 0.0])
+def test_what_acts_alike_is_known_no_better_than_before_whatever_the_rounding(apart: float) -> None:
+    # Two coordinates with some million times the information of the prior, on their sum alone.
+    jacobian = 3e3 * np.array([[1.0, 0.0], [1.0, apart]])
+    information = jacobian @ jacobian.T
+    found = ScoreStatistics(information, 2 * information).covariance(np.full(2, 3.4))
+    exact = np.linalg.inv(information / 2 + np.eye(2) / 3.4**2)
+    assert np.linalg.eigvalsh(found).min() > 0
+    difference = np.array([1.0, -1.0]) / 2**0.5
+    assert difference @ found @ difference == pytest.approx(difference @ exact @ difference, rel=1e-3)

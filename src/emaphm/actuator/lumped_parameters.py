@@ -1,6 +1,6 @@
 """Lumped parameters: sums over motor and user, referred to the motor shaft, as calibration estimates them."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,9 @@ __all__ = [
     "LUMPED_PARAMETERS",
     "PARTS",
     "check_lumped_parameters",
+    "kept_parameters",
     "lumped_parameters",
+    "not_calibrated",
     "static_follows",
     "with_lumped_parameters",
 ]
@@ -32,6 +34,9 @@ OPTIONAL = (
     *HALL_SENSORS,
 )
 """Sections, and parameters, whose values are laws of their own: one that is not described is not there."""
+
+LIKE_FAULTS = ("coulomb", "static", "backlash", "position_gain", "torque_constant", "resistance")
+"""Parameters that the faults change: a healthy unit that differs in one of them seems to have that fault."""
 
 
 def check_lumped_parameters(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...]) -> None:
@@ -57,6 +62,25 @@ def lumped_parameters(actuator: Actuator, names: tuple[str, ...]) -> dict[str, f
     """Return the described values of the named parameters, in the units of `LUMPED_PARAMETERS`."""
     check_lumped_parameters(actuator, names)
     return {name: float(sum(described_parts(actuator, name) or ())) for name in names}
+
+
+def kept_parameters(actuator: Actuator, estimated: Collection[str]) -> dict[str, float]:
+    """Return the parameters that are described, other than 0, and not among those `estimated`."""
+    values = {name: sum(described_parts(actuator, name) or ()) for name in LUMPED_PARAMETERS}
+    return {name: float(one) for name, one in values.items() if one and name not in estimated}
+
+
+def not_calibrated(actuator: Actuator) -> tuple[str, ...]:
+    """Return the parameters `LIKE_FAULTS` that a calibrated actuator has as described; none without one.
+
+    Those with a tolerance are estimated in a diagnosis, and are left out.
+    """
+    if actuator.baseline is None:
+        return ()
+    tolerances = actuator.open_tolerances
+    known = {*actuator.baseline.names, *(tolerances.names if tolerances else ())}
+    kept = kept_parameters(actuator, known)
+    return tuple(name for name in LIKE_FAULTS if name in kept)
 
 
 def static_follows(actuator: Actuator, values: Mapping[str, Any]) -> dict[str, Any]:

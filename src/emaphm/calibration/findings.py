@@ -1,5 +1,6 @@
 """What a joint fit has found, in the parameters' units: values, errors, contradictions, recordings' own."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -25,6 +26,9 @@ class Parameter:
 
     Attributes
     ----------
+    standard_error
+        Of a positive parameter that is not identifiable, how far above its value it may be: such a parameter
+        is known by its logarithm, within the `factor`, and its value may lie far below the truth.
     identifiable
         Whether the recordings determine it; a parameter at its bound is not.
     doubtful
@@ -49,6 +53,20 @@ class Parameter:
         """Its reason, and whether that makes it doubtful."""
         return f"doubtful: {self.reason}" if self.doubtful else self.reason
 
+    @property
+    def factor(self) -> float | None:
+        """The factor that its standard error amounts to; None where the value is not above 0."""
+        return 1 + self.standard_error / self.value if self.value > 0 else None
+
+
+def absolute_error(value: float, error: float) -> float:
+    """Return the standard error of a positive parameter in its unit, by that of its logarithm.
+
+    The value times the error, as long as that is small. Beyond `LARGEST_ERROR` the product would say that a
+    small value is known well; there it is how far above the value one standard error reaches.
+    """
+    return abs(value) * (math.expm1(error) if error >= LARGEST_ERROR else error)
+
 
 @dataclass(frozen=True, eq=False)
 class RecordingResult:
@@ -58,7 +76,8 @@ class RecordingResult:
     estimated of that recording: its `nuisances`, each in its unit, and its `own` parameters. `known` is what
     was given of it. `misfit_ratio` is its rms residual in the joint fit over that of a fit of it alone; None
     of one recording. `force_error` is the relative error of its torque by the measured motion; None in closed
-    loop.
+    loop. `residual_over_noise` is its rms residual over what noise, rounding and switching explain; None by
+    the measured motion.
     """
 
     replay: Replay
@@ -67,6 +86,7 @@ class RecordingResult:
     known: Mapping[str, float]
     misfit_ratio: float | None
     force_error: float | None = None
+    residual_over_noise: float | None = None
 
 
 def found_values(fit: UnitFit, actuator: Actuator) -> dict[str, float]:
@@ -108,7 +128,7 @@ def found_parameters(
             )
         parameters[name] = Parameter(
             value,
-            float(error * (size[i] if name in SIGNED else value)),
+            float(error * size[i]) if name in SIGNED else absolute_error(value, error),
             unit_for(LUMPED_PARAMETERS[name], actuator.coordinates),
             identifiable=bool(error < LARGEST_ERROR) and not at_bound,
             doubtful=doubtful,
@@ -173,6 +193,7 @@ def found_recordings(
                 own,
                 dict(row.known),
                 None if alone is None else float(alone.residual_ratios[r]),
+                residual_over_noise=fit.lacks[r].ratio,
             )
         )
     return tuple(results)

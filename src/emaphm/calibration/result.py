@@ -6,11 +6,13 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, kept_parameters
+from emaphm.actuator.quantity import unit_for
 from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
 from emaphm.calibration.motion.loop import CLOSED, LoopChoice
 from emaphm.calibration.separation import CollinearParameters
-from emaphm.calibration.text import law_table, model_error_notes, parameter_table, recording_notes
+from emaphm.calibration.text import kept_notes, law_table, model_error_notes, parameter_table, recording_notes
 from emaphm.estimation.replay import Replay
 from emaphm.text_table import format_table
 from emaphm.version import VERSION
@@ -87,6 +89,11 @@ class Calibration:
         return tuple(one.nuisances for one in self.recordings)
 
     @property
+    def kept(self) -> Mapping[str, float]:
+        """The parameters that were kept as described, none of them measured; in their units."""
+        return kept_parameters(self.actuator, self.parameters)
+
+    @property
     def relative_error(self) -> Mapping[str, float]:
         """The relative error of each channel, as a fraction: of the recording where it is largest."""
         worst: dict[str, float] = {}
@@ -105,6 +112,10 @@ class Calibration:
         """Return what `emaphm calibrate --json` prints."""
         return {
             "parameters": {name: asdict(p) for name, p in self.parameters.items()},
+            "kept": {
+                name: {"value": value, "unit": unit_for(LUMPED_PARAMETERS[name], self.actuator.coordinates)}
+                for name, value in self.kept.items()
+            },
             "loop": self.loop.loop,
             "loop_reason": self.loop.reason,
             "relative_error": dict(self.relative_error),
@@ -126,6 +137,7 @@ class Calibration:
                     "own": dict(one.own),
                     "known": dict(one.known),
                     "misfit_ratio": one.misfit_ratio,
+                    "residual_over_noise": one.residual_over_noise,
                     "force_error": one.force_error,
                 }
                 for one in self.recordings
@@ -172,5 +184,6 @@ class Calibration:
             for name, manoeuvre in self.unexcited.items()
         ]
         lines += recording_notes(self.recordings, self.birge_ratio, self.scattered, self.error_correlation)
+        lines += kept_notes(self.kept, self.actuator.coordinates, self.parameters)
         lines += model_error_notes(self.actuator.model_error, self.actuator.coordinates)
         return [*lines, *(f"Warning: {warning}." for warning in self.warnings)]

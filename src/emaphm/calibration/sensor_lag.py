@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.description import Description
-from emaphm.calibration.findings import LARGEST_ERROR, Parameter
+from emaphm.calibration.findings import LARGEST_ERROR, Parameter, absolute_error
 from emaphm.calibration.unit_fit import FitSettings, fitted_parameters, searched
 from emaphm.estimation.joint.correction import JointEstimate, corrected_estimate
 from emaphm.estimation.reference.scan import CURRENT_LAGS_S, scan
@@ -40,6 +40,6 @@ def found_lag(rows: Sequence[CampaignRow], description: Description, settings: F
     found = scan(CURRENT_LAGS_S, evaluate, lambda one: one.primary_variance)
     known = found.deviation < LARGEST_ERROR
     deviation = min(found.deviation, math.log(CURRENT_LAGS_S[-1] / CURRENT_LAGS_S[0]))
-    parameter = Parameter(found.value, found.value * deviation, "s", known)
+    parameter = Parameter(found.value, absolute_error(found.value, deviation), "s", known)
     lagging = with_lumped_parameters(actuator, {NAME: found.value})
     return FoundLag(replace(description, actuator=lagging, free=free, start=start), parameter)

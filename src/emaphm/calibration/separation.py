@@ -9,17 +9,18 @@ from emaphm.actuator import Actuator, Chirp, Command, Ramp, Sine
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.calibration.unit_fit import UnitFit
-from emaphm.diagnosis.identifiability import UNRECORDED_NOISE
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.joint.objective import JointObjective
-from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.problem import comparable_channels, rms
 from emaphm.estimation.search_result import DEFAULT_SCATTER
 from emaphm.estimation.space.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.space.parameter_variation import sizes
 from emaphm.estimation.uncertainty.collinearity import collinear_coordinates, listed, resolving_channels
-from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
+from emaphm.estimation.uncertainty.further_channels import (
+    further_channels_information,
+    signal_information,
+)
 from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP, REPLICATES
 from emaphm.random_streams import stream
 from emaphm.simulation import Initial, Inputs, Plant, observe_batch
@@ -112,10 +113,12 @@ def _channel_information(fit: UnitFit, seed: int) -> dict[str, Array]:
             if name in KNOWN_BY:
                 add(KNOWN_BY[name], r, np.diag(np.eye(local.size)[i]) / DEFAULT_SCATTER**2)
         problem = objective.problem
-        missing = tuple(n for n in comparable_channels(problem.actuator) if n not in problem.channels)
+        comparable = comparable_channels(problem.actuator)
+        missing = tuple(name for name in comparable if name not in problem.measured)
         if not missing:
             continue
-        other = problem.observing(missing)
+        channels = (*missing, *problem.channels)
+        other = problem.observing(channels)
 
         def signals(points: Array, objective: Any = objective, other: Any = other) -> Array:
             predicted = other.predict(objective.space.faults(points), objective.lumped_parameters(points))
@@ -123,18 +126,16 @@ def _channel_information(fit: UnitFit, seed: int) -> dict[str, Array]:
 
         rng = stream(seed, "Jacobians of further channels", r)
         jacobians = replicated_jacobians(signals, local, objective.space, JACOBIAN_STEP, REPLICATES, rng)
-        level = np.split(signals(local[np.newaxis])[0], len(missing))
-        for name, signal, part in zip(missing, level, np.split(jacobians, len(missing), axis=2), strict=True):
-            add(name, r, _information(part, signal))
+        level = np.split(signals(local[np.newaxis])[0], len(channels))
+        parts = np.split(jacobians, len(channels), axis=2)
+        further = further_channels_information(
+            dict(zip(channels, level, strict=True)),
+            dict(zip(channels, parts, strict=True)),
+            problem.channels,
+        )
+        for name, information in further.items():
+            add(name, r, information)
     return total
-
-
-def _information(jacobians: Array, signal: Array) -> Array:
-    """Return the information (d, d) of a signal that is fitted to `UNRECORDED_NOISE`."""
-    size = rms(signal)
-    if size == 0:
-        return np.zeros((jacobians.shape[1],) * 2)
-    return information_lower_bound(jacobians) / ((UNRECORDED_NOISE * size) ** 2 * CORRELATED_ROWS)
 
 
 def _manoeuvre_information(fit: UnitFit, seed: int) -> dict[str, Array]:
@@ -159,7 +160,8 @@ def _manoeuvre_information(fit: UnitFit, seed: int) -> dict[str, Array]:
         jacobians = replicated_jacobians(signals, point, space, JACOBIAN_STEP, REPLICATES, rng)
         level = np.split(signals(point[np.newaxis])[0], len(channels))
         parts = np.split(jacobians, len(channels), axis=2)
-        total = np.sum([_information(j, one) for j, one in zip(parts, level, strict=True)], axis=0)
+        by_channel = [signal_information(j, rms(one)) for j, one in zip(parts, level, strict=True)]
+        total = np.sum(by_channel, axis=0)
         own, added = term.own, np.zeros_like(fit.uncertainty.covariance)
         priors = space.prior_deviations[:own]
         known = np.linalg.inv(total[:own, :own] + np.diag(1 / priors**2))

@@ -4,7 +4,9 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 
 from emaphm.actuator import NAMES
+from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS
 from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.actuator.unit.model_error import CHANNELS, ModelError
 from emaphm.calibration.findings import Parameter, RecordingResult
 from emaphm.calibration.law_selection import LawTrial
@@ -23,14 +25,21 @@ def parameter_table(parameters: Mapping[str, Parameter], collinear: Collection[s
     source = "this recording" if recordings == 1 else "these recordings"
     rows = []
     for name, p in parameters.items():
-        marks = [] if p.identifiable else [f"not identifiable from {source}"]
+        marks = [] if p.identifiable else [f"not identifiable from {source}{_known_within(name, p)}"]
         marks = ["at its bound"] if p.at_bound else marks
         marks += ["doubtful"] if p.doubtful else []
         marks += ["collinear"] if name in collinear else []
-        value = _rounded(p.value, p.standard_error)
+        error = f"{p.standard_error:.2g}" if p.identifiable or name in SIGNED else NOTHING
         unit = f"{p.unit}  ({', '.join(marks)})" if marks else p.unit
-        rows.append((name, value, f"{p.standard_error:.2g}", unit))
+        rows.append((name, _rounded(p.value, p.standard_error), error, unit))
     return format_table(("parameter", "value", "std. error", "unit"), rows)
+
+
+def _known_within(name: str, parameter: Parameter) -> str:
+    """Return within which factor a positive parameter is known that the recordings do not show."""
+    if name in SIGNED or parameter.factor is None:
+        return ""
+    return f": known within a factor of {parameter.factor:.2g} only"
 
 
 def _rounded(value: float, error: float) -> str:
@@ -87,6 +96,18 @@ def recording_notes(
             "what is common to them is not averaged away in the standard errors, and shows in no scatter."
         )
     return lines
+
+
+def kept_notes(kept: Mapping[str, float], coordinates: str, estimated: Collection[str]) -> list[str]:
+    """Return a line on the parameters that were `kept` as described while others were `estimated`."""
+    if not kept:
+        return []
+    values = ", ".join(
+        f"{name} {value:.4g} {unit_for(LUMPED_PARAMETERS[name], coordinates)}".removesuffix(" -")
+        + (" (in its described ratio to coulomb)" if name == "static" and "coulomb" in estimated else "")
+        for name, value in kept.items()
+    )
+    return [f"Kept from the description, not measured by this calibration: {values}."]
 
 
 def model_error_notes(learned: ModelError, coordinates: str) -> list[str]:

@@ -12,6 +12,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import common_factor, joint_objective, only_ratios
+from emaphm.calibration.lack_of_fit import LackOfFit, lack_of_fit
 from emaphm.calibration.motion.fit import measured_start
 from emaphm.estimation.joint.contradictions import Contradictions, contradictions_of_most
 from emaphm.estimation.joint.correction import JointEstimate, corrected_estimate
@@ -73,6 +74,8 @@ class UnitFit:
         What the recordings contradict each other in; None of one recording.
     fitted
         The parameters that have coordinates in the fit: all but one that only ratios are known to.
+    lacks
+        What the fit leaves of each recording; the covariance has what the model lacks there.
     """
 
     free: tuple[str, ...]
@@ -83,6 +86,7 @@ class UnitFit:
     estimate: JointEstimate
     uncertainty: JointUncertainty
     contradictions: Contradictions | None
+    lacks: tuple[LackOfFit, ...]
 
     @property
     def joint(self) -> JointObjective:
@@ -177,7 +181,12 @@ def fit_unit(
         scale = settings.unknown_constant * common_factor(described, unit.parameters, point)
         return open_scales[r] * np.outer(scale, scale)
 
-    uncertainty = joint_uncertainty(estimate, settings.seed, unresolved)
+    lacks = lack_of_fit(estimate)
+
+    def hidden(r: int, jacobian: Array) -> Array | float:
+        return lacks[r].scores(jacobian) if lacks[r].has_any else 0.0
+
+    uncertainty = joint_uncertainty(estimate, settings.seed, unresolved, hidden=hidden)
     alone = uncertainty.alone
     contradicted = None if alone is None else contradictions_of_most(alone, unit.priors)
     deviations, at_bound = uncertainty.point[: len(fitted)], _at_bound(uncertainty.point, unit)
@@ -200,6 +209,7 @@ def fit_unit(
         estimate,
         uncertainty,
         contradicted,
+        lacks,
     )
 
 

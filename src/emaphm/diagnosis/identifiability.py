@@ -7,20 +7,17 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.unexplained import alternatives_covariance, inflation, unexplained_scores
 from emaphm.diagnosis.verdict import VERDICT, Z95
-from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
-from emaphm.estimation.problem import comparable_channels, rms
+from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.problem import comparable_channels
 from emaphm.estimation.search_result import DEFAULT_SCATTER, SearchResult
 from emaphm.estimation.space.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, resolving_channels
-from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
+from emaphm.estimation.uncertainty.further_channels import further_channels_information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, jacobians_of, local_covariance
 from emaphm.estimation.uncertainty.model_error import apparent_fault_covariance
 from emaphm.estimation.uncertainty.slow_rows import step_by_other_command
 from emaphm.random_streams import stream
-
-UNRECORDED_NOISE = 0.03
-"""Assumed noise of an unrecorded channel, relative to its rms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,23 +103,23 @@ def _parameter_name(coordinate: str) -> str:
 def further_information(result: SearchResult, seed: int) -> dict[str, Array]:
     """Return the information (d, d) that each channel that was not recorded would add, by its name."""
     objective = result.objective
-    information = _of_known_nuisances(objective)
-    measured = objective.problem.channels
-    comparable = comparable_channels(objective.problem.actuator, objective.problem.model)
-    missing = tuple(name for name in comparable if name not in measured)
+    problem, information = objective.problem, _of_known_nuisances(objective)
+    comparable = comparable_channels(problem.actuator, problem.model)
+    missing = tuple(name for name in comparable if name not in problem.measured)
     if not missing:
         return information
-    other = replace(objective, problem=objective.problem.observing(missing))
+    channels = (*missing, *problem.channels)
+    other = replace(objective, problem=problem.observing(channels))
     jacobians = jacobians_at(other, result.point, stream(seed, "Jacobians of further channels"))
     signals = other.outputs(result.point[np.newaxis])[0, : other.channel_rows]
-    by_channel = zip(np.split(signals, len(missing)), np.split(jacobians, len(missing), axis=2), strict=True)
-    for name, (signal, derivatives) in zip(missing, by_channel, strict=True):
+    further = further_channels_information(
+        dict(zip(channels, np.split(signals, len(channels)), strict=True)),
+        dict(zip(channels, np.split(jacobians, len(channels), axis=2), strict=True)),
+        problem.channels,
         # Of a signal that hardly varies, the size is that of the faults' effect on it.
-        size = max(rms(signal), PRIOR_DEVIATION * rms(derivatives))
-        if size > 0:
-            variance = (UNRECORDED_NOISE * size) ** 2 * CORRELATED_ROWS
-            information[name] = information_lower_bound(derivatives) / variance
-    return information
+        PRIOR_DEVIATION,
+    )
+    return information | further
 
 
 def _of_known_nuisances(objective: MapObjective) -> dict[str, Array]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.actuator.lumped_parameters import not_calibrated
 from emaphm.arrays import Array
 from emaphm.diagnosis.law_parameters import law_parameters
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
@@ -223,6 +224,7 @@ class Diagnosis:
             "seed": self.seed,
             "recording": self.recording,
             "actuator": self.actuator.name,
+            "not_calibrated": list(not_calibrated(self.actuator)),
             "covariance": {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()},
             **({} if shared is None else {"shared_covariance": shared.tolist()}),
             **({"posterior": self.posterior.to_dict()} if self.posterior else {}),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS, Law
+from emaphm.actuator.lumped_parameters import not_calibrated
 from emaphm.actuator.unit.baseline import PARTS, SIGNED
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate, of_unit
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
@@ -113,6 +114,11 @@ def notes(diagnosis: "Diagnosis") -> list[str]:
     if described:
         values = ", ".join(_deviation(name, one) for name, one in described.items())
         lines.append(f"Deviation of the unit from its description: {values}.")
+    if kept := not_calibrated(diagnosis.actuator):
+        lines.append(
+            f"The calibration has not measured {', '.join(kept)}: they are taken as described, and a unit "
+            "that differs in them reads as faults."
+        )
     return lines
 
 

@@ -16,7 +16,7 @@ from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER, common_factor
 from emaphm.calibration.description import AUTO, MECHANICS, Description, Laws, laws_named
-from emaphm.calibration.findings import LARGEST_ERROR, Parameter, RecordingResult
+from emaphm.calibration.findings import LARGEST_ERROR, Parameter, RecordingResult, absolute_error
 from emaphm.calibration.law_selection import parameters_of
 from emaphm.calibration.motion.fit import MotionFit, check_measurable, coordinates
 from emaphm.calibration.separation import MATTERS, CollinearParameters
@@ -145,7 +145,7 @@ def motion_parameters(fit: MotionFit, covariance: Array, actuator: Actuator) -> 
         reasons += _far_off(value, fit.covariance[i, i] ** 0.5, described[name]) if not signed else []
         parameters[name] = Parameter(
             value,
-            float(error if signed else max(error * abs(value), fit.covariance[i, i] ** 0.5)),
+            float(error if signed else max(absolute_error(value, float(error)), fit.covariance[i, i] ** 0.5)),
             fit.found.parameters[name].unit,
             identifiable=bool(error / (size[i] if signed else 1.0) < LARGEST_ERROR) and not at_bound,
             doubtful=doubtful,

@@ -72,12 +72,14 @@ def joint_uncertainty(
     seed: int,
     unresolved: Callable[[int, Array], Array] | None = None,
     alone: AloneEstimates | None = None,
+    hidden: Callable[[int, Array], Array | float] = lambda _number, _jacobian: 0.0,
 ) -> JointUncertainty:
     """Return how well an estimate is known, and what each recording alone would have.
 
     `unresolved` returns, of the number of a recording and the shared coordinates (p,) that it alone asks for,
     the covariance (p, p) of what it by principle has no information on. `alone` is known where each recording
-    has been searched by itself.
+    has been searched by itself. `hidden` returns, of the number of a recording and its mean Jacobian (own +
+    shared, channel rows), the covariance of that Jacobian times an error that the residual does not show.
     """
     joint = estimate.joint
     jacobians = joint.for_each(
@@ -87,14 +89,20 @@ def joint_uncertainty(
             stream(seed, "Jacobians of the covariance", r),
         )
     )
+    repeated = _repeated_errors(estimate, jacobians)
     statistics, normals, gradients = list[ScoreStatistics](), list[Array](), list[Array]()
-    for term, residual, replicates in zip(joint.terms, estimate.corrected_residuals, jacobians, strict=True):
-        channels, problem = residual[: term.objective.channel_rows], term.objective.problem
-        open_by_counts = rounding_scores(problem, replicates.mean(axis=0))
-        statistics.append(score_statistics(replicates, channels, len(problem.channels), open_by_counts))
+    for r, (term, residual) in enumerate(zip(joint.terms, estimate.corrected_residuals, strict=True)):
+        channels, problem, replicates = (
+            residual[: term.objective.channel_rows],
+            term.objective.problem,
+            jacobians[r],
+        )
+        mean = replicates.mean(axis=0)
+        # What the model lacks is the same in each repetition of a manoeuvre.
+        unseen = rounding_scores(problem, mean) + repeated.repetitions[r] * hidden(r, mean)
+        statistics.append(score_statistics(replicates, channels, len(problem.channels), unseen))
         normals.append(information(replicates) / np.mean(channels**2))
         gradients.append(replicates.mean(axis=0) @ channels / np.mean(channels**2))
-    repeated = _repeated_errors(estimate, jacobians)
     total = ScoreStatistics(
         joint.summed_matrices([one.information for one in statistics]),
         joint.summed_matrices([one.score_covariance for one in statistics])

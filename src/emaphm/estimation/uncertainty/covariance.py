@@ -17,6 +17,9 @@ from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
 LEAST_SCORE_VARIANCE = 1e-3
 """Least covariance of the scores, relative to that of white residuals: no fit is that much better."""
 
+LEAST_INFORMATION = 1e-12
+"""Information along an axis, relative to the largest, that is no more than rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class ScoreStatistics:
@@ -34,13 +37,33 @@ class ScoreStatistics:
 
         Of a fit in which `prior_rows`, (d,) or of all alike, count as one observation against the prior.
         """
-        prior = 1 / prior_deviation**2
-        # The information that the sandwich amounts to; where it is zero, the prior alone is left.
-        weight = np.linalg.pinv(self.score_covariance, hermitian=True)
-        information = np.asarray(self.information @ weight @ self.information, float)
-        optimal = np.linalg.inv(information + np.diag(prior))
+        # In units of the priors: what is known the least has eigenvalues of 1 there.
+        units = np.where(np.isfinite(prior_deviation), prior_deviation, 1.0)
+        prior = (units / prior_deviation) ** 2
+        total = self._sandwich_information(units) + np.diag(prior)
+        values, axes = np.linalg.eigh(total)
+        values = np.maximum(values, max(float(prior.min()), float(np.finfo(float).eps * values[-1])))
+        optimal = np.asarray(np.outer(units, units) * ((axes / values) @ axes.T), float)
         result = optimal + self._drawn_too_far(optimal, prior_deviation, prior_rows)
         return np.asarray((result + result.T) / 2)
+
+    def _sandwich_information(self, units: Array) -> Array:
+        """Return the information (d, d) that the sandwich amounts to, in `units` (d,); 0 where there is none.
+
+        I S⁻¹ I, on the axes of the information alone, with S relative to the information along them: of
+        coordinates that act alike S is all but singular, and its inverse would be rounding.
+        """
+        scale = np.outer(units, units)
+        values, axes = np.linalg.eigh(scale * self.information)
+        has_some = values > LEAST_INFORMATION * values[-1]
+        roots = axes[:, has_some] * np.sqrt(values[has_some])
+        if not has_some.any():
+            return np.zeros_like(scale)
+        whitened = roots / values[has_some]
+        ratios, along = np.linalg.eigh(whitened.T @ (scale * self.score_covariance) @ whitened)
+        weights = along / np.sqrt(np.maximum(ratios, LEAST_SCORE_VARIANCE))
+        root = roots @ weights
+        return np.asarray(root @ root.T)
 
     def _drawn_too_far(self, optimal: Array, prior_deviation: Array, prior_rows: Array | float) -> Array:
         """Return what a fit that is drawn too far to the prior's mean adds (d, d) to an `optimal` covariance.

@@ -46,13 +46,15 @@ class RepeatedErrors:
 
     `independent`, (d, d), is what it would be if all recordings were independent. `correlation` is the mean
     correlation of their scores, of the repetitions that are most alike; None where no manoeuvre was repeated,
-    or chance makes it. The recordings are of as many `manoeuvres`.
+    or chance makes it. The recordings are of as many `manoeuvres`; `repetitions` has for each recording how
+    many have its manoeuvre, itself included.
     """
 
     covariance: Array
     independent: Array
     correlation: float | None
     manoeuvres: int
+    repetitions: tuple[int, ...]
 
 
 def repeated_errors(
@@ -81,7 +83,9 @@ def repeated_errors(
         independent += apart
         total += apart if correlation is None else long_run_covariance(aligned.sum(axis=0))
         correlations += [] if correlation is None else [correlation]
-    return RepeatedErrors(total, independent, max(correlations, default=None), len(groups))
+    count = {one: len(group) for group in groups for one in group}
+    repetitions = tuple(count[one] for one in series)
+    return RepeatedErrors(total, independent, max(correlations, default=None), len(groups), repetitions)
 
 
 def _repetitions(series: Sequence[ScoreSeries]) -> list[list[ScoreSeries]]:
