@@ -10,6 +10,7 @@ from cases import THESIS, drawn
 from emaphm.actuator import Chirp, Faults, Sine
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.sensor_faults import sensor_faults
 from emaphm.estimation.global_search import restarts
 from emaphm.recording import Recording
@@ -27,6 +28,14 @@ WORST = 2.5
 
 def test_what_another_recording_selected_is_no_fault_of_this_one() -> None:
     assert sensor_faults((), ("position_scale",), {}, (), ("current_A",), THESIS, explained=True) == ()
+
+
+def test_a_speed_of_another_scale_may_be_the_position_sensor_of_the_drive() -> None:
+    estimate = {"speed_scale": NuisanceEstimate(0.03, 1e-4, "-", True)}
+    for channels, also in ((FOUR, True), ((*LINE, "speed_rad_s"), False)):
+        (fault,) = sensor_faults((), tuple(estimate), estimate, (), channels, THESIS, explained=True)
+        assert "The sensor of speed_rad_s shows 1.03 times its quantity" in fault.sentence
+        assert ("A position sensor of another scale" in fault.sentence) == also
 
 
 @pytest.fixture

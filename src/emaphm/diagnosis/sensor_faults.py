@@ -17,6 +17,11 @@ REVERSED = 0.2
 CERTAIN = 3.0
 """Standard errors that an estimated error of a sensor is off zero at least to be called a fault."""
 
+LIKE_A_SPEED_SCALE = (
+    " A position sensor of another scale that the drive controls by, or another gear ratio, looks alike."
+)
+"""The recorded position then follows the command as it should, and the speed does not go with it."""
+
 MEANINGS = {
     "bias": "shows {size:.3g} {unit} at zero",
     "scale": "shows {factor:.4g} times its quantity",
@@ -134,6 +139,8 @@ def _estimated(
     sentence = f"The sensor of {channel} {meaning}{digits}."
     if quantity == "all":
         sentence = f"All channels {meaning} against the command{digits}."
+    if (channel, kind) == ("speed_rad_s", "scale") and "position_rad" in channels:
+        sentence += LIKE_A_SPEED_SCALE
     if others:
         what = "an actuator fault" if faults else "another deviation"
         sentence += f" This recording does not tell it from {what}: {', '.join(others)}."
