@@ -79,8 +79,8 @@ def test_single_cycles_are_detected_more_often_than_by_hand(found: dict[str, Any
 def test_healthy_runs_left_out_alarm_at_the_stated_rate(found: dict[str, Any]) -> None:
     runs = found["false_alarms"]["of"]
     assert runs in {15, 30}
-    # At 1 %, two or more of 30 runs have the probability 4 %; six or more of 150 cycles 0.4 %. Of half as
-    # many both are rarer.
+    # At 1 %, two or more of 30 runs have the probability 4 %; six or more of 150 cycles 0.4 %. Two or more of
+    # 15 runs have 1 %; three or more of 75 cycles 4 %.
     assert found["false_alarms"]["runs"] <= 1 / runs
     assert found["sets"]["normal"]["cycles_detected"] <= 5 / 150
 
