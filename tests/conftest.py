@@ -1,6 +1,8 @@
 """Settings of all tests, and recordings that several files diagnose, simulated once."""
 
+import gc
 import importlib
+import os
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
@@ -31,9 +33,22 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.hookimpl(optionalhook=True)  # of xdist, which need not be in use
+def pytest_xdist_auto_num_workers() -> int:
+    """Return one process more than there are cores: tests of watching and of the server wait for others."""
+    return (os.cpu_count() or 1) + 1
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with whole examples, the longest single tests: one at the end would leave a process idle."""
     items.sort(key=lambda item: item.path.parent != Path(__file__).parent)
+
+
+def pytest_collection_finish() -> None:
+    """Search for garbage less often, and not among what is loaded by now: that takes a tenth of all time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000)
 
 
 @pytest.fixture(scope="session")

@@ -54,11 +54,13 @@ def ask(
     return code, *capsys.readouterr()
 
 
-@pytest.fixture(scope="module")
-def found(example: ModuleType, data: Path) -> dict[str, Any]:
+@pytest.fixture(scope="module", params=[5, pytest.param(10, marks=pytest.mark.evidence)])
+def found(request: pytest.FixtureRequest, example: ModuleType, data: Path) -> dict[str, Any]:
+    """Return what the first healthy runs at each load, half of them or all, say of all others."""
+    healthy = example.read(data / "normal.parquet")
     judged, left_out = example.judge_all(
         "normal",
-        example.read(data / "normal.parquet"),
+        {run: cycles for run, cycles in healthy.items() if run[2] <= request.param},
         {name: example.read(data / f"{name}.parquet") for name in ("lackLubrication1", "backlash1")},
     )
     return dict(json.loads(json.dumps(example.summary(judged, left_out))))
@@ -75,9 +77,11 @@ def test_single_cycles_are_detected_more_often_than_by_hand(found: dict[str, Any
 
 
 def test_healthy_runs_left_out_alarm_at_the_stated_rate(found: dict[str, Any]) -> None:
-    assert found["false_alarms"]["of"] == 30
-    # At 1 %, two or more of 30 runs have the probability 4 %; six or more of 150 cycles 0.4 %.
-    assert found["false_alarms"]["runs"] <= 1 / 30
+    runs = found["false_alarms"]["of"]
+    assert runs in {15, 30}
+    # At 1 %, two or more of 30 runs have the probability 4 %; six or more of 150 cycles 0.4 %. Two or more of
+    # 15 runs have 1 %; three or more of 75 cycles 4 %.
+    assert found["false_alarms"]["runs"] <= 1 / runs
     assert found["sets"]["normal"]["cycles_detected"] <= 5 / 150
 
 

@@ -81,7 +81,7 @@ def test_gains_are_asked_for_only_where_they_rest_on_the_description() -> None:
 def test_gains_that_are_off_are_estimated_with_the_faults(
     described: Actuator, factors: dict[str, float]
 ) -> None:
-    found = diagnose(on_a_rig(differing(described, **factors), FAULTS, 0.3), described, workers=1)
+    found = diagnose(on_a_rig(differing(described, **factors), FAULTS, 0.22), described, workers=1)
     assert found.explained
     assert found.laws == ()
     assert {f"baseline {name}" for name in factors} <= set(found.selected)

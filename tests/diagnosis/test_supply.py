@@ -28,7 +28,7 @@ FAULTS = Faults(0.95, 0.5, 0.5, 0.05, 0.35, 0.35, 0.25, 0.25)
 ROWS = 2500
 
 
-def recorded(supply: float, *, duration: float = 0.5) -> Recording:
+def recorded(supply: float, *, duration: float = 0.3) -> Recording:
     assert THESIS.electrical is not None
     present = with_lumped_parameters(THESIS, {"supply": (1 + supply) * THESIS.electrical.supply})
     command = Chirp(duration=duration)

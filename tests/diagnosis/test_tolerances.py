@@ -35,9 +35,9 @@ def recorded(
 ) -> Recording:
     described = lumped_parameters(THESIS, tuple(factors))
     unit = with_lumped_parameters(THESIS, {name: described[name] * f for name, f in factors.items()})
-    command = Chirp(amplitude=amplitude, duration=0.3)
+    command = Chirp(amplitude=amplitude, duration=0.2)
     whole = simulate(
-        unit, command, faults=faults or Faults(), duration=0.3, noise=0.05, adc_bits=12, seed=seed
+        unit, command, faults=faults or Faults(), duration=0.2, noise=0.05, adc_bits=12, seed=seed
     )
     return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
 

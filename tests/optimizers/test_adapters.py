@@ -4,7 +4,7 @@ import gc
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -301,7 +301,7 @@ def test_exceptions_through_compiled_code_do_no_harm() -> None:
 
 
 @pytest.fixture
-def new_objects() -> Iterator[Callable[[], list[Any]]]:
+def new_objects() -> Callable[[], list[Any]]:
     """Return what lists the objects made since then, without garbage: to go through all would take long."""
 
     def listed() -> list[Any]:
@@ -309,8 +309,7 @@ def new_objects() -> Iterator[Callable[[], list[Any]]]:
         return gc.get_objects()
 
     gc.freeze()
-    yield listed
-    gc.unfreeze()
+    return listed
 
 
 def test_l_shade_leaves_no_memory_behind(new_objects: Callable[[], list[Any]]) -> None:

@@ -311,17 +311,10 @@ class Detector:
         t2 = level.scatter.t2_contributions(deviation)[0]
         q = level.scatter.q_contributions(deviation)[0]
         names = feature_names(self.channels, manoeuvre.segments, self.settings)
-        segments = [manoeuvre.segments[name.segment] for name in names]
+        segments = [(one.label(manoeuvre.interval_s), one.stroke) for one in manoeuvre.segments]
         return tuple(
-            Contribution(
-                name.channel,
-                segment.label(manoeuvre.interval_s),
-                segment.stroke,
-                name.kind,
-                float(t2[k]),
-                float(q[k]),
-            )
-            for k, (name, segment) in enumerate(zip(names, segments, strict=True))
+            Contribution(name.channel, *segments[name.segment], name.kind, float(t2[k]), float(q[k]))
+            for k, name in enumerate(names)
         )
 
 
