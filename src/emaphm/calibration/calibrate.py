@@ -137,6 +137,7 @@ def calibrate(
     description = described_with_laws(rows, bare, names, laws, settings, subprogress(on_progress, 0.0, share))
     if laws == AUTO:
         description = with_shaft_that_shows(rows, description, settings)
+        description = sensor_lag.with_lag_that_shows(rows, description, settings)
     _check_described(rows, actuator, description)
     lag = None
     if sensor_lag.NAME in description.free and max_corrections > 0:

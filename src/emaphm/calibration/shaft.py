@@ -18,8 +18,8 @@ from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.description import Description
 from emaphm.calibration.findings import found_values
-from emaphm.calibration.held_out import subset
 from emaphm.calibration.law_selection import parameters_of, typical_motor_speed
+from emaphm.calibration.reference_costs import can_be_compared, reference_costs
 from emaphm.calibration.unit_fit import (
     FitSettings,
     SearchedUnit,
@@ -28,9 +28,6 @@ from emaphm.calibration.unit_fit import (
     fitted_parameters,
     searched,
 )
-from emaphm.errors import MethodError
-from emaphm.estimation.discrepancy import has_reference
-from emaphm.estimation.joint.correction import compared
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.rows.means import rows_of_a_mean
 from emaphm.estimation.space.parameter_variation import LEAST_DEVIATION
@@ -44,8 +41,7 @@ class ShaftScanSettings:
     """Where a shaft is looked for; `emaphm study run limits` (compliant shafts, calibrated) shows the result.
 
     Stiffnesses are `stiffness_factors` times that of the description or law, dampings `damping_ratios` of the
-    critical; about the best, once more by `finer` factors of both. `starts` of the best are corrected. The
-    `recordings` shortest ones are compared: a reference run takes a twentieth of a recording's time.
+    critical; about the best, once more by `finer` factors of both. `starts` of the best are corrected.
 
     There is such a shaft where the best leaves less than `shown` of the mean squared residual of a rigid one.
     Healthy foreign plants left 0.26 and 0.39 with a shaft of 62 and 986 N·m/rad, 0.69 with two further laws
@@ -56,7 +52,6 @@ class ShaftScanSettings:
     damping_ratios: tuple[float, ...] = (0.01, 0.05, 0.2, 0.5)
     finer: tuple[float, ...] = (0.7, 1.0, 1.4)
     starts: int = 2
-    recordings: int = 3
     shown: float = 0.8
 
 
@@ -82,9 +77,9 @@ def with_shaft_that_shows(
         start=found.start,
     )
     joint = every.objective(rows, actuator, every.variation(actuator, (*fitted, *NAMES)))
-    if not all(has_reference(term.objective.problem) for term in joint.terms):
+    if not can_be_compared(joint):
         return description
-    before = _with_costs(found.joint, [found.point], settings.seed)[0][0]
+    (before,) = reference_costs(found.joint, [found.point], settings.seed)
     places = [len(fitted), len(fitted) + 1]
     best = _grid(joint, _with_shaft(found, len(fitted), places), places, settings.seed)[0][0]
     if best >= SCAN.shown * before:
@@ -94,7 +89,7 @@ def with_shaft_that_shows(
         f"The shaft gives, by the reference model: with one that does {left} of the mean squared residual is "
         "left. The averaged model, which compares the laws, hardly shows its swing."
     )
-    return replace(extended, law_notes=(note,))
+    return replace(extended, law_notes=(*description.law_notes, note))
 
 
 def fit_description(
@@ -152,7 +147,7 @@ def shaft_starts(
     if actuator.transmission is None or not set(NAMES) <= set(fitted) or not settings.max_corrections:
         return ()
     joint = settings.objective(rows, actuator, settings.variation(actuator, fitted))
-    if not all(has_reference(term.objective.problem) for term in joint.terms):
+    if not can_be_compared(joint):
         return ()
     stiff = actuator.model_copy(update={"transmission": None})
     others = tuple(name for name in fitted if name not in NAMES)
@@ -184,7 +179,7 @@ def _grid(joint: JointObjective, point: Array, places: Sequence[int], seed: int)
         [at(factor, ratio * critical * factor**0.5) for ratio in SCAN.damping_ratios]
         for factor in SCAN.stiffness_factors
     ]
-    tried = [one for row in coarse for one in _with_costs(joint, row, seed)]
+    tried = [one for row in coarse for one in zip(reference_costs(joint, row, seed), row, strict=True)]
     best = min(tried, key=lambda one: one[0])[1]
     for stiffer in SCAN.finer:
         near = []
@@ -192,17 +187,5 @@ def _grid(joint: JointObjective, point: Array, places: Sequence[int], seed: int)
             moved = best.copy()
             moved[places] += math.log(stiffer), 2 * math.log(damped)
             near.append(joint.box.project(moved))
-        tried += _with_costs(joint, near, seed)
+        tried += zip(reference_costs(joint, near, seed), near, strict=True)
     return sorted(tried, key=lambda one: one[0])
-
-
-def _with_costs(joint: JointObjective, points: Sequence[Array], seed: int) -> list[tuple[float, Array]]:
-    """Return points (d,), each with the mean squared residual of the reference model's primary channel."""
-    lengths = [term.objective.problem.duration_s for term in joint.terms]
-    kept = sorted(range(len(lengths)), key=lambda r: lengths[r])[: SCAN.recordings]
-    parts = [subset(joint, point, kept) for point in points]
-    try:
-        outcomes = compared(parts[0][0], np.array([one for _, one in parts]), seed, "shaft")
-    except MethodError:  # a shaft so stiff or damped that the step is too long for it
-        return [(math.inf, point) for point in points]
-    return [(one.primary_variance, point) for one, point in zip(outcomes, points, strict=True)]
