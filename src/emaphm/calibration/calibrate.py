@@ -10,7 +10,6 @@ from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.actuator.unit.baseline import Baseline
 from emaphm.actuator.unit.model_error import NOT_LEARNED
 from emaphm.blas_threads import one_blas_thread
-from emaphm.calibration import sensor_lag
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
 from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import AUTO, Description, Laws, described_with_laws
@@ -34,9 +33,10 @@ from emaphm.calibration.motion.result import (
     motion_parameters,
     motion_recordings,
 )
+from emaphm.calibration.reference_laws import sensor_lag
+from emaphm.calibration.reference_laws.shaft import fit_description, with_shaft_that_shows
 from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
-from emaphm.calibration.shaft import fit_description, with_shaft_that_shows
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
 from emaphm.calibration.warnings.one_way import one_way_warnings, open_members, with_open
 from emaphm.calibration.warnings.units_and_signs import calibration_warnings, unit_or_sign

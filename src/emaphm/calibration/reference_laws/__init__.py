@@ -1,0 +1,1 @@
+"""Laws of a calibration that the averaged model hardly shows: found and fitted by the reference model."""
