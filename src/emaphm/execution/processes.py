@@ -98,7 +98,7 @@ def _one_thread_each() -> Iterator[None]:
 
 
 def _prepare(parent: Connection) -> None:
-    """Make this process a worker of a pool, which SIGTERM ends: the pool ends all by it where one has died."""
+    """Make this process a worker of a pool. SIGTERM ends it: the pool sends it to all when one has died."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     end_with_parent(parent)
 
