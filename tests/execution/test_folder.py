@@ -24,6 +24,12 @@ def test_a_folder_is_not_removed_from_who_works_in_it(folder: WorkFolder) -> Non
     assert list(folder.path.parent.iterdir()) == []
 
 
+def test_a_folder_that_is_removed_before_it_is_locked_is_said_to_be(folder: WorkFolder) -> None:
+    folder.remove()  # by another process that has done all of the work
+    with pytest.raises(ExecutionError, match="has been removed meanwhile; start again"), folder.locked():
+        pass
+
+
 def test_a_folder_that_is_removed_before_its_lock_is_had_is_not_worked_in(
     folder: WorkFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:

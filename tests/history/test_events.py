@@ -88,6 +88,24 @@ def test_a_condition_is_open_until_it_is_cleared(history: History) -> None:
     assert [one.subject for one in history.open_conditions("S1")] == ["gain", "friction"]
 
 
+def test_a_condition_of_a_watcher_is_raised_once_by_its_processes(history: History) -> None:
+    def pressure(state: str, minute: int, watcher: str = "w1") -> Event:
+        message = f"{minute} recordings wait"
+        at = f"2026-03-01T10:{minute:02}:00Z"
+        return Event("back_pressure", state, "warning", message, "in", watcher=watcher, at=at)
+
+    assert history.add_events(pressure("raised", 1)) == 1
+    assert history.add_events(pressure("raised", 2)) == 0
+    assert history.add_events(pressure("raised", 2, "w2")) == 1
+    assert history.add_events(pressure("cleared", 3), pressure("cleared", 4)) == 1
+    assert history.add_events(pressure("raised", 5)) == 1
+    assert [(one.state, one.message[:1]) for one in history.events() if one.watcher == "w1"] == [
+        ("raised", "1"),
+        ("cleared", "3"),
+        ("raised", "5"),
+    ]
+
+
 def test_an_unknown_kind_is_refused() -> None:
     with pytest.raises(HistoryError, match="did you mean 'alarm'"):
         event(kind="allarm")

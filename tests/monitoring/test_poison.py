@@ -1,4 +1,7 @@
-"""A recording that kills the process that judges it, or hangs it, is tried twice in all, then set aside."""
+"""A recording that kills the process that judges it, or hangs it, is tried twice in all, then set aside.
+
+A signal that asks all processes to end, and what dies while the watching is to stop, do not count.
+"""
 
 import json
 import math
@@ -20,6 +23,7 @@ from emaphm.history import History
 from emaphm.monitoring import Ownership, Watching, WatchTask, watch
 from emaphm.monitoring.watch_state import TRIED, WatchState
 from emaphm.recording import Recording
+from waiting import wait_for
 
 from . import stand_in
 from .stand_in import PATTERN, QUICK, THESIS
@@ -49,7 +53,9 @@ def inbox(tmp_path: Path, no_prognoses: None) -> Path:  # noqa: ARG001
     return folder
 
 
-def once(inbox: Path, said: list[str], **options: Any) -> tuple[Watching, list[str]]:
+def once(
+    inbox: Path, said: list[str], *, stop: threading.Event | None = None, **options: Any
+) -> tuple[Watching, list[str]]:
     with History.open(inbox.with_name("history.sqlite"), create=True) as history:
         usual: dict[str, Any] = {"diagnose": poisoned, "isolated": True}
         task = WatchTask(
@@ -61,7 +67,7 @@ def once(inbox: Path, said: list[str], **options: Any) -> tuple[Watching, list[s
             once=True,
             **usual | options,
         )
-        done = watch(task, history, THESIS, settings=FAST, say=said.append)
+        done = watch(task, history, THESIS, settings=FAST, stop=stop, say=said.append)
         return done, [one.message for one in history.events(kinds=["refused"])]
 
 
@@ -102,6 +108,46 @@ def test_the_count_outlasts_the_watcher(inbox: Path, monkeypatch: pytest.MonkeyP
     assert tries(inbox) == 1
     _, refused = once(inbox, said)
     assert (tries(inbox), len(refused)) == (2, 1)
+
+
+def signalled(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:
+    """Get the signals that come to a whole group of processes, amid the diagnosis."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        os.kill(os.getpid(), number)
+    return stand_in.diagnosed(recording, actuator, seed=seed)
+
+
+def test_a_signal_to_the_process_that_judges_is_left_to_the_watching(inbox: Path) -> None:
+    said = list[str]()
+    done, refused = once(inbox, said, diagnose=signalled)
+    assert (done.judged, refused, said) == (3, [], [])
+
+
+def killed_soon(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:
+    """Die, but not before the watching is to stop."""
+    home = Path(recording.source).parents[1]
+    (home / "begun").touch()
+    wait_for((home / "stopping").exists)
+    return poisoned(recording, actuator, seed=seed)
+
+
+def test_a_kill_while_the_watching_is_to_stop_does_not_count(inbox: Path) -> None:
+    home, stop, said = inbox.parent, threading.Event(), list[str]()
+
+    def stop_then_kill() -> None:
+        wait_for((home / "begun").exists)
+        stop.set()
+        (home / "stopping").touch()
+
+    for number in (0, 2):
+        (inbox / stand_in.name(1, number)).unlink()
+    thread = threading.Thread(target=stop_then_kill)
+    thread.start()
+    done, refused = once(inbox, said, stop=stop, diagnose=killed_soon)
+    thread.join()
+    assert (tries(inbox), done, refused, said) == (1, Watching(), [], [])
+    once(inbox, said)
+    assert tries(inbox) == 3  # both tries are left
 
 
 # Streams

@@ -93,7 +93,7 @@ def start(file: Path, *options: str) -> Server:
 
 
 def started(program: list[str], file: Path, *options: str) -> Server:
-    """Return a server of the history in `file`, begun in its folder by `program`."""
+    """Return a server of the history in `file`, begun in its folder by `program`, in a group of its own."""
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(
         [*program, "serve", "--db", str(file), "--port", "0", "--json", *options],
@@ -101,6 +101,7 @@ def started(program: list[str], file: Path, *options: str) -> Server:
         text=True,
         env={**os.environ, "PYTHONPATH": path},
         cwd=file.parent,
+        start_new_session=True,
     )
     assert process.stdout is not None
     line = process.stdout.readline()

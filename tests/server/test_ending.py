@@ -1,10 +1,12 @@
 """A server that is asked to end while a job is long or hangs: it ends, and the job waits for the next one."""
 
 import io
+import os
 import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import pytest
 
 from emaphm.cli import main
 from emaphm.server.work import worker
+from emaphm.server.work.queue import WAITING, Queue
 from monitoring import stand_in
 from waiting import signal_once, wait_for
 
@@ -48,12 +51,14 @@ def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(
     every = family(server.process.pid)
     assert len(every) > 1
     began = time.monotonic()
-    server.process.send_signal(signal.SIGTERM)
+    os.killpg(server.process.pid, signal.SIGTERM)  # to its processes too, as of systemd
     assert server.process.wait(60) == 0
     assert time.monotonic() - began < 10.0  # of 600
     assert server.process.stdout is not None
     server.process.stdout.close()
     wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in every[1:]))
+    with closing(Queue(fleet.with_name(f"{fleet.name}.serve") / "queue.sqlite")) as queue:
+        assert [(one.state, one.kills) for one in queue.jobs(9)] == [(WAITING, 0)]
 
     monkeypatch.setattr("emaphm.server.work.pool.work", _quick_work)
     code, job = _served_here(fleet, monkeypatch, lambda client: over(client, answer["id"]))

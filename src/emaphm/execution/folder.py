@@ -102,6 +102,8 @@ class WorkFolder:
         """Keep every other process out of the folder while the body runs, however this one ends."""
         try:
             lock = (self.path / LOCK).open("w")
+        except FileNotFoundError:
+            raise self._removed() from None
         except OSError as error:
             raise self._not_writable(error) from None
         with lock:
@@ -114,9 +116,7 @@ class WorkFolder:
             except OSError as error:
                 raise self._not_writable(error) from None
             if not self._holds(lock.fileno()):
-                raise self.error(
-                    f"{self.path} has been removed meanwhile by another {self.kind}; start again"
-                )
+                raise self._removed()
             yield
 
     def _holds(self, lock: int) -> bool:
@@ -144,6 +144,9 @@ class WorkFolder:
                     path.unlink()
         except OSError as error:
             raise self._not_writable(error) from None
+
+    def _removed(self) -> EmaphmError:
+        return self.error(f"{self.path} has been removed meanwhile; start again")
 
     def _not_writable(self, error: OSError) -> EmaphmError:
         return self.error(f"{self.path} cannot be written to ({error.strerror}); give another folder with -o")

@@ -1,5 +1,6 @@
 """One worker process that takes one order after the other; if an order kills it, the caller goes on."""
 
+import atexit
 import math
 import multiprocessing
 import os
@@ -32,6 +33,8 @@ class StoppedError(Exception):
 
 class OneProcess:
     """A process that is started with its first order, and again after it has ended.
+
+    Ctrl-C and SIGTERM do not end it, but `end` does, and the end of its parent.
 
     Parameters
     ----------
@@ -70,6 +73,7 @@ class OneProcess:
 
     def end(self) -> None:
         """End the process, whatever it does."""
+        atexit.unregister(self.end)
         for end in self._ends:
             end.close()
         self._ends = []
@@ -85,13 +89,21 @@ class OneProcess:
         process = context.Process(target=self._target, args=(theirs, parent, *self._arguments), daemon=True)
         with interrupts_held_back():
             process.start()
+            self._process, self._ends = process, [ours, held]
+            # Else Python would send it SIGTERM when it exits, and wait for its end.
+            atexit.register(self.end)
         theirs.close()
         parent.close()
-        self._process, self._ends = process, [ours, held]
 
 
 def prepare_worker(parent: Connection, most_bytes: int) -> None:
-    """Make this process a worker: it ends with its parent, and has bounded memory and one thread."""
+    """Make this process a worker: it ends with its parent, and has bounded memory and one thread.
+
+    It leaves Ctrl-C and SIGTERM to its parent. They often come to all processes of a group at once (a
+    terminal, systemd, `timeout`, job schedulers); a death would be put down to what the process works at.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     os.environ.update(dict.fromkeys(THREADS, "1"))
     end_with_parent(parent)
     _, most = resource.getrlimit(resource.RLIMIT_AS)
@@ -129,7 +141,8 @@ class Calls:
         EndedError
             The process died, or was ended since it took too long. The next call starts another one.
         StoppedError
-            It was given up, and its process ended, since the caller is to stop.
+            It was given up, and its process ended, since the caller is to stop; or its process died then, as
+            that may be due to who asked for the stop.
         MemoryError
             It would take more memory than the process may have.
         """
@@ -140,6 +153,8 @@ class Calls:
             except (EOFError, OSError):
                 reason = self._process.death()
                 self._process.end()
+                if self._stop.is_set():
+                    raise StoppedError from None
                 raise EndedError(reason) from None
             except BaseException:  # Ctrl-C: the answer to this call must not be taken for the next one's
                 self._process.end()

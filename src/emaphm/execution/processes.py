@@ -13,6 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExe
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 
 from emaphm.errors import ExecutionError
@@ -47,7 +48,7 @@ def run_on_processes(tasks: Sequence[Task], workers: int | None = None) -> Gener
     # Only this process holds `ours`: workers see it closed when this process ends, in whichever way.
     theirs, ours = context.Pipe(duplex=False)
     try:
-        with theirs, ProcessPoolExecutor(workers, context, end_with_parent, (theirs,)) as pool, ours:
+        with theirs, ProcessPoolExecutor(workers, context, _prepare, (theirs,)) as pool, ours:
             yield from _as_finished(pool, tasks, WAITING * workers)
     except BrokenProcessPool:
         raise ExecutionError(
@@ -73,8 +74,10 @@ def _as_finished(pool: Executor, tasks: Sequence[Task], most: int) -> Generator[
 def interrupts_held_back() -> Iterator[None]:
     """Start processes that Ctrl-C leaves alone, from their first moment on: they inherit what is blocked.
 
-    SIGTERM waits too, since a process half started would be lost; `end_with_parent` lets it come to them.
+    SIGTERM waits too, since a process half started would be lost.
     """
+    # Else it is started by the way, and Python then lets both signals through to the process after it.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
@@ -94,12 +97,17 @@ def _one_thread_each() -> Iterator[None]:
             os.environ.pop(name, None)
 
 
+def _prepare(parent: Connection) -> None:
+    """Make this process a worker of a pool. SIGTERM ends it: the pool sends it to all when one has died."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+    end_with_parent(parent)
+
+
 def end_with_parent(parent: Connection) -> None:
     """Let this process end with its parent, also one that was killed: else a worker would go on, or wait.
 
     `parent` is an end of a pipe whose other end only the parent holds.
     """
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 

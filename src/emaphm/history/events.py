@@ -141,10 +141,16 @@ class Event:
 
 
 def add_events(connection: sa.Connection, events: Sequence[Event]) -> int:
-    """Add events in their order, those that are there already left out; return how many are new."""
+    """Add events in their order, those that are there already left out; return how many are new.
+
+    There already is also what says of a watcher's own condition what its last event says: two processes of a
+    watcher see the same folder vanish, each at a time of its own.
+    """
     new = 0
     for one in events:
         if connection.execute(sa.select(EVENTS.c.id).where(EVENTS.c.key == one.key)).first():
+            continue
+        if one.unit is None and one.kind in CONDITION_KINDS and _last_state(connection, one) == one.state:
             continue
         row = {
             name: getattr(one, name)
@@ -200,6 +206,13 @@ def read_open_conditions(connection: sa.Connection, unit: str | None = None) -> 
     last = last.group_by(EVENTS.c.unit, EVENTS.c.kind, EVENTS.c.subject)
     query = sa.select(EVENTS).where(EVENTS.c.id.in_(last), EVENTS.c.state == "raised").order_by(EVENTS.c.id)
     return tuple(_event(row) for row in connection.execute(query))
+
+
+def _last_state(connection: sa.Connection, event: Event) -> str | None:
+    """Return the state of a watcher's last event on the condition of `event`, None where there is none."""
+    same = [EVENTS.c[name] == getattr(event, name) for name in ("watcher", "kind", "unit", "subject")]
+    query = sa.select(EVENTS.c.state).where(*same).order_by(EVENTS.c.id.desc()).limit(1)
+    return connection.execute(query).scalar()
 
 
 def _moment(time: str) -> str:
