@@ -16,7 +16,7 @@ from emaphm.history.blocks import METHOD, diagnosis_blocks, unit_blocks
 from emaphm.history.export import export
 from emaphm.history.fingerprint import recording_hash
 from emaphm.history.kept_prognosis import KeptPrognosis
-from emaphm.history.views import states
+from emaphm.history.views import keep_curves, read_curves, states
 from emaphm.prognosis.keeping.update import is_current
 from emaphm.recording import Recording
 
@@ -323,3 +323,26 @@ def test_a_prognosis_is_out_of_date_when_something_was_withdrawn(history: Histor
     with history.database.reading() as connection:
         (state,) = states(connection).values()
     assert not is_current(state, replace(kept, at="2000-01-01T00:00:00Z"))
+
+
+def test_curves_that_may_follow_from_what_was_withdrawn_go_with_it(history: History) -> None:
+    fill(history, range(1, 4))
+    history.add_removal("S1", Removal(20.0, "failed"))
+    history.add_finding("S1", Finding(20.0, "friction", "failed", replaced=True))
+    row = history.unit("S1").row.id
+    for mistake in (
+        Mistake("recording", 30.0, "another unit's"),
+        Mistake("finding", 20.0, "another unit's"),
+        Mistake("removal", 20.0, "another unit's"),
+    ):
+        with history.writing() as connection:
+            keep_curves(connection, row, 30.0, 3, {"fan": []})
+        history.withdraw("S1", mistake)
+        with history.database.reading() as connection:
+            assert read_curves(connection, row) is None
+    # With the last of its recordings a unit goes, curves and all.
+    history.withdraw("S1", Mistake("recording", 20.0, "another unit's"))
+    with history.writing() as connection:
+        keep_curves(connection, row, 10.0, 1, {"fan": []})
+    history.withdraw("S1", Mistake("recording", 10.0, "another unit's"))
+    assert not history.units()

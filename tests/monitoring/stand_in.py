@@ -120,14 +120,20 @@ def diagnosed(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnos
     return diagnosis(recording, actuator, float(np.mean(recording["current_A"]).clip(0.0, 1.0)), seed=seed)
 
 
-def fly(history: History, friction: list[float], first: float = 0.0, unit: str = "S1") -> None:
+def fly(
+    history: History,
+    friction: list[float],
+    first: float = 0.0,
+    unit: str = "S1",
+    actuator: Actuator = THESIS,
+) -> None:
     """Add diagnoses of a unit, 20 h apart, of this friction."""
     for i, level in enumerate(friction):
         hours = first + 20.0 * i
         columns = {name: np.arange(60.0) + hours for name in ("time_s", "command_rad")}
         columns["current_A"] = np.full(60, float(unit.strip("S")))  # no recording is of two units
         recording = Recording(columns, source=f"{hours:g}.csv")
-        history.add(Entry(unit, THESIS.name, hours), recording, diagnosis(recording, THESIS, level))
+        history.add(Entry(unit, THESIS.name, hours), recording, diagnosis(recording, actuator, level))
 
 
 def run(

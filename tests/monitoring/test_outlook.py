@@ -6,8 +6,9 @@ from datetime import timedelta
 
 import pytest
 
+from emaphm.actuator.requirements import Requirement
 from emaphm.errors import HistoryFormError, HistoryUnavailableError, PrognosisError
-from emaphm.history import Finding, History
+from emaphm.history import Finding, History, Mistake
 from emaphm.history.storage.schema import VERSION
 from emaphm.monitoring.outlook import NoPrognosisError, Outlook
 from emaphm.monitoring.settings import WATCH
@@ -49,6 +50,30 @@ def test_a_life_that_ends_is_raised_once_and_cleared_by_a_replacement(history: H
     outlook.ask("S1")
     outlook.step()
     assert [one.state for one in history.events()] == ["raised", "cleared"]
+
+
+def test_forecasts_from_a_recording_that_was_withdrawn_are_made_again(history: History) -> None:
+    fly(history, [0.0, 0.02, 0.04, 0.95])
+    (*kept, wrong) = update_prognosis(history, history.unit("S1")).curves.fan
+    history.withdraw("S1", Mistake("recording", 60.0, "another unit's"))
+    fly(history, [0.06], first=80.0)
+    (*again, _) = update_prognosis(history, history.unit("S1")).curves.fan
+    assert wrong[0] == 60.0
+    assert [row[0] for row in again] == [row[0] for row in kept] == [0.0, 20.0, 40.0]
+
+
+def test_forecasts_against_other_requirements_are_made_again(history: History) -> None:
+    fly(history, [0.0, 0.1, 0.2])
+    before = update_prognosis(history, history.unit("S1")).curves.fan
+    tight = Requirement(component="friction", at_most=0.5)
+    fly(history, [0.3], first=60.0, actuator=THESIS.model_copy(update={"requirements": (tight,)}))
+    after = update_prognosis(history, history.unit("S1")).curves.fan
+    assert [row[0] for row in after] == [0.0, 20.0, 40.0, 60.0]
+    # The median at 40 h.
+    assert after[2][3] < 0.7 * before[2][3]
+    # Against the same ones they are those that were kept.
+    fly(history, [0.4], first=80.0, actuator=THESIS.model_copy(update={"requirements": (tight,)}))
+    assert update_prognosis(history, history.unit("S1")).curves.fan[:-1] == after
 
 
 def test_none_is_kept_in_a_history_that_a_newer_version_has_changed_meanwhile(history: History) -> None:

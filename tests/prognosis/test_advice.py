@@ -71,6 +71,37 @@ def test_the_cheapest_replacement_is_that_of_barlow_and_hunter() -> None:
     assert given.hours == pytest.approx(exact, rel=0.03)
 
 
+@pytest.mark.evidence
+def test_the_risk_that_costs_accept_is_on_the_mean_that_of_the_distribution() -> None:
+    """The advice is given from samples of known lives; their distribution says what its risk really is."""
+    stated, true = [], []
+    for seed in range(400):
+        sample = 1000.0 * np.random.default_rng(seed).weibull(3.0, 200)
+        given = advice(sample, 1e5, risk=0.05, costs=Costs(1e6, 1.0))
+        stated.append(given.risk)
+        true.append(-math.expm1(-((given.hours / 1000.0) ** 3)))
+    assert min(stated) == pytest.approx(1 / 201)
+    # The first failures have risks of standard error 1 / sqrt(k): four of them, of 400 samples.
+    assert np.mean(true) == pytest.approx(np.mean(stated), rel=0.2)
+
+
+def test_costs_that_the_paths_do_not_resolve_are_said_to_be_so() -> None:
+    sample = np.sort(np.random.default_rng(0).normal(1000.0, 100.0, 1000))
+    given = advice(sample, 5000.0, risk=0.05, costs=Costs(1e6, 1.0))
+    assert (given.action, given.hours) == ("replace before", sample[0])
+    assert given.risk == pytest.approx(1 / 1001)
+    assert given.reason == (
+        "by the first of 1000 paths, too few for so small a risk, a replacement is cheaper then"
+    )
+    # With a failure of ten replacements, more than three of the paths fail until then.
+    given = advice(sample, 5000.0, risk=0.05, costs=Costs(10.0, 1.0))
+    assert given.reason == "a replacement is cheaper then"
+    assert given.risk > 3 / 1001
+    # All fail at once: that time is known.
+    given = advice(np.full(1000, 700.0), 5000.0, risk=0.05, costs=Costs(1e6, 1.0))
+    assert (given.hours, given.reason) == (700.0, "a replacement is cheaper then")
+
+
 def test_where_the_hazard_does_not_grow_no_replacement_is_cheaper() -> None:
     """Barlow and Hunter: with a constant or falling hazard, the cheapest age is infinite."""
     for shape in (1.0, 0.7):

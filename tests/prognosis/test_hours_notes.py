@@ -1,4 +1,4 @@
-"""A note where only a shop's entry has a unit's hours, far from its last recording."""
+"""Notes on hours far from all others: of a shop's entry, or between recordings."""
 
 from dataclasses import replace
 
@@ -31,3 +31,27 @@ def test_a_prognosis_says_that_its_hours_are_far_from_the_last_recording() -> No
     far = replace(SEEN, hours=40_000.0, replacements=((40_000.0, "friction"),))
     (note,) = [note for note in prognose(far, Actuator.thesis()).notes if "last recording" in note]
     assert "of 600 h, but a removal or a finding has 40000 h" in note
+
+
+def at(*hours: float) -> Evidence:
+    seen = (Observation(one, NEW, 1e-4 * np.eye(8), np.ones(8, bool)) for one in hours)
+    return Evidence("S1", "P1", hours[-1], tuple(seen))
+
+
+def test_hours_that_jump_between_recordings_are_noted() -> None:
+    (note,) = hours_notes(at(100.0, 200.0, 300.0, 49_800.0, 49_900.0, 50_000.0, 50_100.0))
+    assert "from between 300 and 49800 h, 49500 of the 50000 h from the first" in note
+
+
+@pytest.mark.parametrize(
+    "hours",
+    [
+        (0.0, 10.0, 3000.0, 3100.0, 3200.0),  # two of an acceptance test
+        (100.0, 200.0, 300.0, 9000.0, 9100.0),
+        (100.0, 200.0, 300.0, 1500.0, 1600.0, 1700.0),  # three times the others
+        (50.0, 50.0, 50.0, 50.0, 50.0, 50.0),
+        (50.0,),
+    ],
+)
+def test_other_gaps_between_recordings_make_no_note(hours: tuple[float, ...]) -> None:
+    assert not hours_notes(at(*hours))

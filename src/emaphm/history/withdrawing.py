@@ -35,7 +35,8 @@ SHORTEST_HASH = 8
 def withdraw(connection: sa.Connection, unit: UnitRow, mistake: Mistake) -> Withdrawal:
     """Take an entry out, and put it on record with the reason.
 
-    A flight goes with its last recording, and a unit with its last flight.
+    A flight goes with its last recording, and a unit with its last flight. The curves of the unit's last
+    prognosis go too: they and their earlier forecasts may follow from the entry.
 
     Raises
     ------
@@ -44,6 +45,7 @@ def withdraw(connection: sa.Connection, unit: UnitRow, mistake: Mistake) -> With
     """
     row = _found(connection, unit, mistake)
     entry = _values(row)
+    connection.execute(PROGNOSIS_CURVES.delete().where(PROGNOSIS_CURVES.c.unit_id == unit.id))
     if mistake.kind == "recording":
         _check_last(connection, unit, row["id"])
         entry["diagnoses"] = _diagnoses(connection, row["id"])
@@ -153,8 +155,7 @@ def _delete_recording(connection: sa.Connection, unit: UnitRow, row: sa.RowMappi
     connection.execute(FLIGHTS.delete().where(FLIGHTS.c.id == row["flight_id"]))
     if _any(connection, sa.select(FLIGHTS.c.id).where(FLIGHTS.c.unit_id == unit.id)):
         return
-    for table in (PROGNOSES, PROGNOSIS_CURVES):
-        connection.execute(table.delete().where(table.c.unit_id == unit.id))
+    connection.execute(PROGNOSES.delete().where(PROGNOSES.c.unit_id == unit.id))
     connection.execute(UNITS.delete().where(UNITS.c.id == unit.id))
 
 

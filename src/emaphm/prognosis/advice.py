@@ -13,6 +13,10 @@ WIDE = 3.0
 """Ratio of the RUL's median to the hours that the risk allows, from which an inspection is worth more than a
 replacement: most of the life would be thrown away for want of knowledge."""
 
+UNRESOLVED = 3
+"""Failures of the sample until the cheapest end, up to which the paths do not resolve it: the probability of
+failure until the k-th one is known to 1/sqrt(k), one standard error."""
+
 
 @dataclass(frozen=True)
 class Costs:
@@ -71,6 +75,10 @@ def advice(
 
         (c_r (1 - F(t)) + c_f F(t)) / (a + E[min(RUL, t)]).
 
+    At the k-th of n failures, F is a random number, Beta(k, n + 1 - k) whatever the distribution of the RUL
+    [2]. With costs its mean k / (n + 1) is taken and stated as the risk: never 0, which the k - 1 failures
+    before would make of the first. The reason says where the sample does not resolve the risk or the costs.
+
     Parameters
     ----------
     sample
@@ -85,15 +93,17 @@ def advice(
     References
     ----------
     [1] Barlow, Hunter: Optimum preventive maintenance policies, Operations Research 8 (1960).
+    [2] David, Nagaraja: Order Statistics, 3rd edition (2003).
     """
     ordered = np.sort(np.asarray(sample, float))
     failed = float(np.mean(ordered == 0))
     if ordered[int(0.5 * (ordered.size - 1))] == 0:
         return Advice("replace before", 0.0, failed, "a requirement is violated already")
-    limit, why = _until(ordered, risk, age, costs)
+    limit, why = _until_risk(ordered, risk) if costs is None else _until_costs(ordered, age, costs)
     if limit >= horizon:
         return Advice("fly on", horizon, float(np.mean(ordered < horizon)), f"{why} beyond the horizon")
-    until = max(float(np.mean(ordered < limit)), failed)
+    before = int(np.sum(ordered < limit))
+    until = max(before / ordered.size if costs is None else (before + 1) / (ordered.size + 1), failed)
     median = float(ordered[(ordered.size - 1) // 2])
     if median > WIDE * limit:
         return Advice(
@@ -105,28 +115,37 @@ def advice(
     return Advice("replace before", limit, until, f"{why} then")
 
 
-def _until(ordered: Array, risk: float, age: float, costs: Costs | None) -> tuple[float, str]:
-    """Return how long to fly [h], and what happens then."""
-    if costs is None:
-        allowed = math.floor(risk * ordered.size + 1e-9)
-        why = f"the risk exceeds {100 * risk:g} %"
-        if not allowed:
-            why = f"the first of {ordered.size} paths, too few for a risk of {100 * risk:g} %, fails"
-        return float(ordered[min(allowed, ordered.size - 1)]), why
-    ends = np.unique(ordered[np.isfinite(ordered)])
-    if not ends.size:
-        return math.inf, "a replacement is cheaper"
+def _until_risk(ordered: Array, risk: float) -> tuple[float, str]:
+    """Return how long to fly [h] with a risk of at most `risk`, and what happens then."""
+    allowed = math.floor(risk * ordered.size + 1e-9)
+    why = f"the risk exceeds {100 * risk:g} %"
+    if not allowed:
+        why = f"the first of {ordered.size} paths, too few for a risk of {100 * risk:g} %, fails"
+    return float(ordered[min(allowed, ordered.size - 1)]), why
+
+
+def _until_costs(ordered: Array, age: float, costs: Costs) -> tuple[float, str]:
+    """Return how long it is cheapest to fly [h], and what happens then."""
+    why = "a replacement is cheaper"
+    finite = ordered[np.isfinite(ordered)]
+    if not finite.size:
+        return math.inf, why
     # Just before a failure of the sample: between two of them, flying on only adds hours.
-    failed = np.searchsorted(ordered, ends, "left") / ordered.size
+    ends = np.unique(finite)
+    failed = (np.searchsorted(ordered, ends, "left") + 1) / (ordered.size + 1)
     flown = np.array([np.minimum(ordered, end).mean() for end in ends])
     rates = (costs.replacement * (1 - failed) + costs.failure * failed) / (age + flown + 1e-9)
     best = int(np.argmin(rates))
-    never = costs.failure * np.isfinite(ordered).mean() / (age + np.minimum(ordered, ends[-1]).mean() + 1e-9)
+    never = costs.failure * (finite.size + 1) / (ordered.size + 1) / (age + flown[-1] + 1e-9)
     # From n paths a cost is known to 1/sqrt(n). Where the hazard does not grow, the cheapest hours are those
     # of the last failures of the sample, by less than that.
     if rates[best] >= never * (1 - 1 / math.sqrt(ordered.size)):
-        return math.inf, "a replacement is cheaper"
-    return float(ends[best]), "a replacement is cheaper"
+        return math.inf, why
+    until = int(np.searchsorted(ordered, ends[best], "right"))
+    if until <= UNRESOLVED:
+        first = "first" if until == 1 else f"first {until}"
+        why = f"by the {first} of {ordered.size} paths, too few for so small a risk, {why}"
+    return float(ends[best]), why
 
 
 def without_new_diagnoses(given: Advice, since: float, failed: float) -> Advice:

@@ -16,16 +16,17 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
+from emaphm.prognosis.notes.failures import failure_notes
 from emaphm.prognosis.notes.hours import hours_notes
 from emaphm.prognosis.notes.levels import level_notes
 from emaphm.prognosis.notes.rates import rate_notes
+from emaphm.prognosis.notes.shared_error import shared_error_notes
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_times, responsible
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
 from emaphm.prognosis.stress import STRESSES, Stress, StressReference, ageing_ahead
-from emaphm.quantiles import normal_quantile
 
 if TYPE_CHECKING:
     from emaphm.history import Failure
@@ -137,10 +138,11 @@ def prognose(
         notes=(
             *_notes(evidence, requirements, times, prior),
             *stress_notes(question.ahead, followed.belief.prior.reference),
-            *_shared_notes(followed.belief, component),
+            *shared_error_notes(followed.belief, component),
             *level_notes(evidence, made.level[0]),
             *rate_notes(evidence),
             *hours_notes(evidence),
+            *(failure_notes(prior.fellows.units, times.limits) if prior.fellows else ()),
         ),
     )
     return result if evidence.unrepaired is None else _as_failed(result, evidence.unrepaired)
@@ -285,22 +287,6 @@ def stress_notes(ahead: Stress | None, reference: StressReference | None) -> lis
     far = "far from what was recorded: of the stress to come,"
     beyond = [f"{far} {text}" for text in reference.beyond(ahead)]
     return [*([missing] if names else []), *beyond]
-
-
-def _shared_notes(belief: Belief, component: str | None) -> list[str]:
-    """Return a note where the error that all diagnoses share is most of the error of a `component`."""
-    if component is None:
-        return []
-    columns = columns_of(component)
-    shared = float(np.sqrt(np.diag(belief.shared)[columns].max()))
-    own = float(np.sqrt(np.sum(belief.weights * np.einsum("nii->ni", belief.levels), axis=0)[columns].max()))
-    if shared <= own:
-        return []
-    note = (
-        f"all diagnoses may be off by the same {normal_quantile(0.975) * shared:.2g} of {component}, which "
-        "further ones do not reduce: the unit is known to tolerances only; calibrate it (emaphm calibrate)"
-    )
-    return [note]
 
 
 def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, prior: Prior) -> list[str]:

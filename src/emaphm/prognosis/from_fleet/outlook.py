@@ -200,7 +200,7 @@ class Fellows:
             if near:
                 _, i, life, end = max(near, key=lambda one: one[0])
                 age, way = ways[i][life]
-                ways[i][life] = np.append(age, end), np.append(way, 1.0)
+                ways[i][life] = np.append(age, end), np.append(way, way[-1:].max(initial=1.0))
         return [[way for way in each if way[0].size] for each in ways]
 
     def _way(self, unit: "Evidence", limit: "Limit", born: float, until: float) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.memory import Memory
 from emaphm.prognosis.evidence import Evidence, follow
+from emaphm.prognosis.from_fleet.failures import passed_at
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.recalibration import (
     ForecastSituation,
@@ -19,6 +20,7 @@ from emaphm.prognosis.from_fleet.recalibration import (
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import uncorrected
 from emaphm.prognosis.requirements import Requirements
+from emaphm.prognosis.requirements.margins import Limit
 from emaphm.prognosis.settings import FORECAST
 
 FEWEST_FAILED = 4
@@ -66,7 +68,7 @@ def record_of(
 
 def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> PastForecasts | None:
     """Return what became of the predictions of a unit; None where none before a failure had a median."""
-    failure_at = _chosen(evidence)
+    failure_at = _chosen(evidence, Requirements(actuator).limits)
     chosen = follow(evidence, prior, seed=seed, past=failure_at).past
     if not chosen:
         return None
@@ -85,10 +87,15 @@ def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) ->
     )
 
 
-def _chosen(evidence: Evidence) -> dict[int, float]:
-    """Return numbers of used observations of a unit, rising, and when the unit failed after each [h]."""
+def _chosen(evidence: Evidence, limits: Sequence[Limit]) -> dict[int, float]:
+    """Return numbers of used observations of a unit, rising, and when the unit failed after each [h].
+
+    A unit that went on beyond one of the `limits`, as its own were wider, failed when it passed that.
+    """
     failure_at: dict[int, float] = {}
-    for start, end in evidence.failed_lives:
+    for start, failure in evidence.failed_lives:
+        life = [one for one in evidence.used if start < one.hours <= failure]
+        end = min(failure, passed_at(life, limits))
         lived = [i for i, one in enumerate(evidence.used) if start < one.hours <= end]
         if lived:
             failure_at |= {lived[i]: end for i in sorted({round(share * (len(lived) - 1)) for share in AT})}

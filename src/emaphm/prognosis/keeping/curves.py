@@ -59,6 +59,8 @@ class Curves:
         most likely fails first alone, where there are others, and its name.
     fan
         The RUL as forecast at flight hours: rows of these and of its quantiles `PROBABILITIES` [h].
+    requirements
+        Labels of the limits that it is forecast against.
     """
 
     unit: str
@@ -74,6 +76,7 @@ class Curves:
     first_risk: tuple[float, ...]
     first_label: str
     fan: tuple[tuple[float, ...], ...]
+    requirements: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, prognosis: Prognosis, fan: Sequence[tuple[float, ...]] = ()) -> Self:
@@ -116,6 +119,7 @@ class Curves:
             first_risk=() if first is None else _row(_share(first, risk_times)),
             first_label=prognosis.limit.label if first is not None and prognosis.limit else "",
             fan=(*fan, fan_row(now, prognosis.sample, float(made.hours[-1]))),
+            requirements=tuple(limit.label for limit in prognosis.times.limits),
         )
 
     def to_dict(self) -> dict[str, Any]:

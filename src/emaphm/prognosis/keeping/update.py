@@ -86,12 +86,16 @@ def is_current(state: "UnitState", prognosis: KeptPrognosis | None) -> bool:
 
 
 def _earlier(history: "History", unit: "Unit", prognosis: "Prognosis") -> list[tuple[float, ...]]:
-    """Return the rows of a fan before now: those that were kept, else forecasts made again from less."""
+    """Return the rows of a fan before now: those that were kept, else forecasts made again from less.
+
+    Rows that were kept against other requirements are of another life.
+    """
     with history.database.reading() as connection:
-        kept = read_curves(connection, unit.row.id)
-    now = prognosis.evidence.hours
-    rows = [tuple(row) for row in kept["fan"] if row[0] < now] if kept else []
-    if len(rows) >= ENOUGH:
+        kept = read_curves(connection, unit.row.id) or {"fan": []}
+    now, labels = prognosis.evidence.hours, [limit.label for limit in prognosis.times.limits]
+    rows = [tuple(row) for row in kept["fan"] if row[0] < now]
+    # Older versions did not keep the labels.
+    if len(rows) >= ENOUGH and kept.get("requirements", labels) == labels:
         return rows
     longest = float(prognosis.paths.hours[-1])
     return [fan_row(hours, sample, longest) for hours, sample in past_lives(prognosis) if hours < now]
