@@ -1,8 +1,8 @@
 """Rows at the start of a recording that was cut within a motion, whose beginning nothing recorded shows.
 
-Without position and speed a model starts at rest on the command. Where the command moves already in the first
-row, the shaft does not rest there: it moves, and lags behind. The loop forgets that within some tens of
-milliseconds; until then the model is wrong whatever the faults.
+Without a position a model starts on the command, and without a speed at rest. Where the command moves in the
+first row already, the shaft does not rest there: it moves, and lags behind. The loop forgets that within some
+tens of milliseconds; until then the model is wrong whatever the faults.
 """
 
 import math
@@ -84,16 +84,18 @@ def notes_on_start(seconds: float) -> tuple[str, ...]:
     if not seconds:
         return ()
     note = (
-        "the command moves already in the first row, and neither position_rad nor speed_rad_s is recorded: "
-        f"the first {1e3 * seconds:.3g} ms depend on the motion before and are not compared. They are if the "
-        "recording starts at rest or has position_rad"
+        "the command moves already in the first row, and position_rad is not recorded: the first "
+        f"{1e3 * seconds:.3g} ms depend on the motion before and are not compared. They are if the recording "
+        "starts at rest or has position_rad"
     )
     return (note,)
 
 
 def _records_motion(problem: "Problem") -> bool:
+    """Return whether the recording shows where its motion begins and how fast: a speed shows no lag."""
     unsigned = problem.actuator.sensors.speed_rad_s.unsigned
-    return "position_rad" in problem.measured or ("speed_rad_s" in problem.measured and not unsigned)
+    speed = "speed_rad_s" in problem.measured and not unsigned
+    return "position_rad" in problem.measured or (speed and "angle_rad" in problem.measured)
 
 
 def _command_moves(problem: "Problem") -> bool:
@@ -124,7 +126,7 @@ def _likely_faults(problem: "Problem") -> Array:
 
 
 def _outputs(problem: "Problem", faults: Array, rows: int, lead: int) -> Array:
-    """Return the channels over the first `rows`, (n, channels, rows), begun `lead` rows before at rest."""
+    """Return the channels over the first `rows`, (n, channels, rows), begun `lead` rows before."""
     driving, begin = problem.driving, lead * problem.inputs.interval
     position, rate, acceleration = _parabola(problem)
 
