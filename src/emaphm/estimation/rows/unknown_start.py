@@ -148,7 +148,7 @@ def _outputs(problem: "Problem", faults: Array, rows: int, lead: int) -> Array:
     if lead:
         first = float(command(np.zeros(1))[0]) / problem.actuator.mechanics.gear_ratio
         start = replace(start, angle=start.angle + first - position / problem.actuator.mechanics.gear_ratio)
-    return replace(problem, inputs=inputs, start=start).predict(faults)[:, :, lead:]
+    return np.asarray(replace(problem, inputs=inputs, start=start).predict(faults)[:, :, lead:])
 
 
 def _later(signal: Command, begin: float) -> Command:
