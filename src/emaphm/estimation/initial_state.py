@@ -21,7 +21,8 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
 
     The user stands where it was recorded, or on the command where its position was not recorded or
     differs by no more than the sensor's noise; the backlash gap is centred. Without a position the motor's
-    angle stands in for it.
+    angle stands in for it. Where the command moves and nothing shows how the shaft does, the first rows are
+    not compared (`emaphm.estimation.rows.unknown_start`).
     """
     ratio = actuator.mechanics.gear_ratio
     speed = _starting_speed(recording, actuator)

@@ -14,6 +14,7 @@ from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.recorded_supply import with_recorded_supply
 from emaphm.estimation.rests import Rests
+from emaphm.estimation.rows.unknown_start import masks_of_unknown_start, rows_of_unknown_start
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
@@ -61,6 +62,8 @@ class Problem:
         How many rows of the recording each of `samples` is the mean of.
     rests
         Where the shaft stands, and what of the rows there is chance; None where it is not known, or nowhere.
+    unknown_s
+        Time at the start that depends on an unknown motion before it [s]: its rows are not compared.
     runs
         Counts the simulations.
     """
@@ -82,6 +85,7 @@ class Problem:
     band_spread: float = 0.0
     averaged_rows: int = 1
     rests: Rests | None = None
+    unknown_s: float = 0.0
 
     @classmethod
     def of(
@@ -125,7 +129,14 @@ class Problem:
             workers=workers,
             counts={name: step for name in compared if (step := visible_count(recording[name])) > 0},
         )
-        problem = replace(problem, model_error=row_errors(problem))
+        every = problem.observing(compared_channels(recording, actuator, model))
+        unknown = rows_of_unknown_start(every)
+        problem = replace(
+            problem,
+            model_error=row_errors(problem),
+            unusable=masks_of_unknown_start(every, unknown),
+            unknown_s=unknown * recording.interval_s,
+        )
         # To begin with, a residual counts in proportion to its channel.
         return problem.weighted([rms(recording[name]) for name in problem.channels])
 

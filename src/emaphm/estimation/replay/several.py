@@ -28,9 +28,7 @@ class Replays:
     def errors(self) -> Mapping[str, ErrorStatistics]:
         """The errors of each channel over all rows of all recordings that have it."""
         return {
-            name: ErrorStatistics.of(
-                name, [(one.recording[name], one.signals[name]) for one in self.replays if name in one.errors]
-            )
+            name: ErrorStatistics.of(name, [one.compared(name) for one in self.replays if name in one.errors])
             for name in SCHEMA
             if any(name in one.errors for one in self.replays)
         }

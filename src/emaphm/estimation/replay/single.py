@@ -10,6 +10,7 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.replay.errors import ErrorStatistics, error_table, relative_of, warnings
+from emaphm.estimation.rows.unknown_start import notes_on_start
 from emaphm.recording import Recording, check_plausible, with_equivalent_current
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation import model_named
@@ -21,21 +22,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A recording, and what the sensors would show of the model: `signals` by channel, each (samples,)."""
+    """A recording, and what the sensors would show of the model: `signals` by channel, each (samples,).
+
+    Rows before the `first_row` are not compared: they depend on an unknown motion before the recording.
+    """
 
     recording: Recording
     actuator: Actuator
     model: str
     signals: Mapping[str, Array]
+    first_row: int = 0
 
     @cached_property
     def errors(self) -> Mapping[str, ErrorStatistics]:
         """The errors of each channel that both the recording and the model have."""
         return {
-            name: ErrorStatistics.of(name, [(self.recording[name], self.signals[name])])
+            name: ErrorStatistics.of(name, [self.compared(name)])
             for name in SCHEMA
             if name in self.recording and name in self.signals
         }
+
+    def compared(self, name: str) -> tuple[Array, Array]:
+        """Return the measured and the modelled rows of a channel that are compared, (rows,) each."""
+        return self.recording[name][self.first_row :], self.signals[name][self.first_row :]
 
     @property
     def mean_absolute_error(self) -> Mapping[str, float]:
@@ -123,4 +132,6 @@ def replay(
     signals = problem.signals((faults or Faults()).vector)
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
-    return Replay(recording, actuator, model, signals)
+    first_row = round(problem.unknown_s / recording.interval_s)
+    recording = recording.with_channels(recording.channels, notes_on_start(problem.unknown_s))
+    return Replay(recording, actuator, model, signals, first_row)

@@ -63,7 +63,11 @@ def over_swings(problem: Problem) -> Problem:
         counts={},
         averaged_rows=count,
     )
-    averaged = replace(averaged, model_error=row_errors(averaged))
+    averaged = replace(
+        averaged,
+        model_error=row_errors(averaged),
+        unusable=masks_of_means(problem.unusable, averaged),
+    )
     return averaged.weighted([rms(averaged.measured[name]) for name in averaged.channels])
 
 

@@ -1,0 +1,85 @@
+"""Rows that are not compared because the recording was cut within a motion, which nothing recorded shows."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cases import INTERVAL, THESIS, USUAL
+from emaphm.actuator import Chirp, Command, Faults, Ramp, Sine, Step
+from emaphm.diagnosis import diagnose, error_percent
+from emaphm.estimation import replay
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.rows.unknown_start import UNKNOWN_START
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import Initial
+
+ELECTRICAL = ("current_A", "voltage_V")
+RATIO = THESIS.mechanics.gear_ratio
+FAULTS = Faults(friction=0.4, short_b=0.2)
+
+
+@cache
+def whole() -> Recording:
+    return simulate(THESIS, Chirp(duration=0.4), faults=FAULTS, duration=0.4, noise=0.05)
+
+
+def cut(first: int, *names: str, last: int | None = None) -> Recording:
+    """Return the rows of a chirp from the `first` to the `last`, with the channels `names`."""
+    return Recording({name: whole()[name][first:last] for name in ("time_s", "command_rad", *names)})
+
+
+@pytest.mark.parametrize("first", [300, 550, 700, 900])
+@pytest.mark.parametrize("names", [ELECTRICAL, ("current_A",), ("current_A", "speed_rad_s")], ids=str)
+def test_after_them_the_start_does_not_matter(first: int, names: tuple[str, ...]) -> None:
+    problem = Problem.of(cut(first, *names), THESIS, channels=None)
+    rows = round(problem.unknown_s / INTERVAL)
+    assert 50 <= rows <= 450
+    known = Initial(whole()["position_rad"][first] / RATIO, whole()["speed_rad_s"][first])
+    from_rest, moving = (
+        one.predict(FAULTS.vector[np.newaxis])[0] for one in (problem, replace(problem, start=known))
+    )
+    apart = np.abs(from_rest - moving)[0]
+    # The noise is 0.05 A.
+    assert apart[:rows].max() > 1.0
+    assert apart[rows:].max() < 0.05
+    for name in problem.channels:
+        np.testing.assert_array_equal(np.flatnonzero(problem.unusable[name]), np.arange(rows))
+
+
+@pytest.mark.parametrize("command", [Chirp(), Sine(), Sine(5e-3, 9.0), Ramp(0.2), Step(5e-3, 0.1)])
+@pytest.mark.parametrize("faults", [Faults(), FAULTS], ids=["healthy", "faults"])
+def test_from_rest_every_row_is_compared(command: Command, faults: Faults) -> None:
+    full = simulate(THESIS, command, faults=faults, model="averaged", noise=0.05)
+    recording = Recording({name: full[name] for name in ("time_s", "command_rad", *ELECTRICAL)})
+    problem = Problem.of(recording, THESIS, channels=None)
+    assert (problem.unknown_s, dict(problem.unusable)) == (0.0, {})
+
+
+@pytest.mark.parametrize("motion", [("position_rad",), ("speed_rad_s", "angle_rad")], ids=str)
+def test_with_a_recorded_motion_every_row_is_compared(motion: tuple[str, ...]) -> None:
+    problem = Problem.of(cut(700, *ELECTRICAL, *motion), THESIS, channels=None)
+    assert (problem.unknown_s, dict(problem.unusable)) == (0.0, {})
+
+
+def test_half_of_a_short_recording_is_compared() -> None:
+    problem = Problem.of(cut(700, *ELECTRICAL, last=800), THESIS, channels=None)
+    assert problem.unknown_s == pytest.approx(UNKNOWN_START.most * 100 * INTERVAL)
+
+
+def test_a_diagnosis_does_without_them_and_says_so() -> None:
+    found = diagnose(cut(700, *ELECTRICAL), THESIS, nuisances=USUAL)
+    assert found.explained
+    assert error_percent(FAULTS.vector, found.faults.vector) <= 2.0
+    (note,) = (one for one in found.recording_notes if "first row" in one)
+    assert "position_rad" in note
+
+
+def test_a_replay_does_without_them_and_says_so() -> None:
+    found = replay(cut(700, *ELECTRICAL), THESIS, faults=FAULTS)
+    assert found.first_row * INTERVAL == pytest.approx(Problem.of(cut(700, *ELECTRICAL), THESIS).unknown_s)
+    assert "not compared" in found.recording.notes[-1]
+    # As of a whole recording (test_replay): 0.08 A between the models and 0.05 A of noise, of 2.4 A.
+    assert found.relative_error["current_A"] < 0.06
