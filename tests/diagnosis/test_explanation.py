@@ -277,8 +277,7 @@ def test_a_row_of_delay_leaves_the_size_of_a_degraded_gain_open() -> None:
     in_time, late = (diagnosed(rows, faults, USUAL).components["gain"] for rows in (0, 1))
     assert in_time.verdict == "degraded"
     assert in_time.interval95[1] - in_time.interval95[0] < 0.01
-    assert late.verdict == "cannot tell"
-    assert "0.2 ms late" in late.reason
+    assert late.verdict == "degraded"  # with the row and without
     # A row at 5 kHz makes 0.05 of this gain; the alternative itself is as uncertain as the estimate.
     assert late.value < 0.62
     assert late.interval95[1] == pytest.approx(0.66, abs=0.005)
