@@ -93,7 +93,12 @@ def test_phase_currents_add_up_to_zero() -> None:
     }
     assert "add up" not in reasons(at_the_truth(phases))
     spoilt = {**phases, "current_a_A": 1.2 * phases["current_a_A"]}
-    assert "the phase currents add up to" in reasons(at_the_truth(spoilt))
+    assert "the scale of one of them or its sign is wrong" in reasons(at_the_truth(spoilt))
+    # A constant is a zero error; a scale that is wrong too makes the rest of the sum large.
+    zero = {**phases, "current_b_A": phases["current_b_A"] - 0.3}
+    assert "add up to a constant -0.3 A, and not to 0: a zero error" in reasons(at_the_truth(zero))
+    both = {**spoilt, "current_b_A": zero["current_b_A"]}
+    assert "zero error" not in reasons(at_the_truth(both))
 
 
 def test_a_temperature_far_off_its_prior_is_no_explanation() -> None:

@@ -254,7 +254,17 @@ def _phases(result: SearchResult) -> Iterator[str]:
     size = rms(phases)
     total = phases.sum(axis=0)
     imbalance, noise = rms(total), max(robust_noise_level(total, 2), rounding_step(total) / 12**0.5)
-    if imbalance > EXPLANATION.phase_sum * size + EXPLANATION.channel_noise * noise:
+    allowed = EXPLANATION.phase_sum * size + EXPLANATION.channel_noise * noise
+    if imbalance <= allowed:
+        return
+    constant = float(total.mean())
+    rest = rms(total - constant)
+    if rest <= min(allowed, abs(constant)):
+        yield (
+            f"the phase currents add up to a constant {constant:+.3g} A, and not to 0: a zero error of one "
+            "of the phases, the sum does not show of which; check each sensor without current"
+        )
+    else:
         yield (
             f"the phase currents add up to {_percent(imbalance, size)} of their rms, and not to 0; the scale "
             "of one of them or its sign is wrong, or one is missing"
@@ -349,7 +359,7 @@ def _scales(result: SearchResult) -> Iterator[str]:
         sizes = ", ".join(f"{name} {100 * value:+.3g} %" for name, value in far.items())
         yield (
             f"several sensors seem to have another scale at once ({sizes}); check time_s and the rate of the "
-            "recording, then the actuator's description"
+            "recording, then the gain of the drive's own current sensor and the actuator's description"
         )
 
 
