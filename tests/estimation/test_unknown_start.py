@@ -49,6 +49,25 @@ def test_after_them_the_start_does_not_matter(first: int, names: tuple[str, ...]
         np.testing.assert_array_equal(np.flatnonzero(problem.unusable[name]), np.arange(rows))
 
 
+def in_counts(recording: Recording, count: float) -> Recording:
+    """Return a recording whose position comes from a coarse converter."""
+    position = np.round(recording["position_rad"] / count) * count
+    return Recording({name: recording[name] for name in recording} | {"position_rad": position})
+
+
+@pytest.mark.parametrize("first", [300, 619, 900])
+def test_a_coarse_position_does_not_show_the_start_and_a_fine_one_or_a_speed_does(first: int) -> None:
+    fine = cut(first, *ELECTRICAL, "position_rad")
+    with_speed = cut(first, *ELECTRICAL, "position_rad", "speed_rad_s")
+    count = 2.6e-4  # 12 bits over 60 degrees: an eighth of a radian at the motor
+    unknown = [
+        Problem.of(one, THESIS, channels=None).unknown_s
+        for one in (fine, with_speed, in_counts(with_speed, count), in_counts(fine, count))
+    ]
+    assert unknown[:3] == [0.0] * 3
+    assert unknown[3] > 0.01
+
+
 @pytest.mark.parametrize("command", [Chirp(), Sine(), Sine(5e-3, 9.0), Ramp(0.2), Step(5e-3, 0.1)])
 @pytest.mark.parametrize("faults", [Faults(), FAULTS], ids=["healthy", "faults"])
 def test_from_rest_every_row_is_compared(command: Command, faults: Faults) -> None:

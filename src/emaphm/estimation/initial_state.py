@@ -1,19 +1,32 @@
 """Where a recorded manoeuvre starts: the motor's angle and speed, and the rotor's electrical zero."""
 
+import math
+
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.arrays import root_mean_square
+from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import true_values
 from emaphm.recording import Recording, reconstructed
 from emaphm.recording.noise import noise_level
 from emaphm.simulation import Initial
 from emaphm.simulation.laws.angles import wrap
 
+KNOWN = 0.01
+"""Standard error of the speed at the start, relative to the motor's rms speed, up to which it is known."""
+
 SIGNIFICANT = 3.0
 """Standard errors by which a position or speed must differ from its default to be taken instead."""
 
-FIRST_ROWS = 10
-"""Rows that the starting speed is estimated from."""
+FIRST_ROWS = (10, 20, 40, 80)
+"""Rows that the starting speed is estimated from: the most of which a parabola leaves no more than noise."""
+
+STEEPER = (70 / 6) ** 0.5
+"""What `noise_level` has of second differences, over that of the rows: the root of 70 / 6 of fourth ones."""
+
+BY_CHANCE = 1.5
+"""Ratio of what a parabola leaves of rows to their noise, up to which that is chance."""
 
 
 def initial_state(recording: Recording, actuator: Actuator) -> Initial:
@@ -64,16 +77,41 @@ def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
     return distance if abs(distance) > tolerance else 0.0
 
 
+def shows_start(recording: Recording, actuator: Actuator) -> bool:
+    """Return whether `recording` shows where its motion begins and how fast; a speed alone shows no lag."""
+    if not ("position_rad" in recording or ("angle_rad" in recording and "speed_rad_s" in recording)):
+        return False
+    usual = root_mean_square(np.diff(recording["command_rad"])) / recording.interval_s
+    _, error = _speed_and_error(recording, actuator)
+    return error <= KNOWN * usual / actuator.mechanics.gear_ratio
+
+
 def _starting_speed(recording: Recording, actuator: Actuator) -> float:
     """Return the motor's speed [rad/s] at the start, 0 where that is not significant."""
-    t = recording["time_s"][:FIRST_ROWS] - recording["time_s"][0] + _first_time(recording)
+    speed, error = _speed_and_error(recording, actuator)
+    return speed if abs(speed) > SIGNIFICANT * error else 0.0
+
+
+def _speed_and_error(recording: Recording, actuator: Actuator) -> tuple[float, float]:
+    """Return the motor's speed [rad/s] at the start and its standard error, infinite where nothing shows it.
+
+    A coarse converter shows a speed over many rows only, in which the acceleration must not change.
+    """
     if "speed_rad_s" in recording and not actuator.sensors.speed_rad_s.unsigned:
         name, order, scale = "speed_rad_s", 0, 1.0
     elif "position_rad" in recording:
         name, order, scale = "position_rad", 1, 1 / actuator.mechanics.gear_ratio
     else:
-        return 0.0
-    column = true_values(recording[name][:FIRST_ROWS], name, actuator)
-    coefficients, covariance = np.polyfit(t, column, 2, cov=True)
-    speed, error = coefficients[-1 - order], np.sqrt(covariance[-1 - order, -1 - order])
-    return float(speed) * scale if abs(speed) > SIGNIFICANT * error else 0.0
+        return 0.0, math.inf
+    column = true_values(recording[name], name, actuator)
+    noise = max(noise_level(np.diff(column, 2)) / STEEPER, visible_count(column) / ROUNDING)
+    time = recording["time_s"] - recording["time_s"][0] + _first_time(recording)
+    value = error = 0.0
+    for rows in FIRST_ROWS:
+        coefficients, covariance = np.polyfit(time[:rows], column[:rows], 2, cov="unscaled")
+        left = root_mean_square(column[:rows] - np.polyval(coefficients, time[:rows]))
+        if rows > FIRST_ROWS[0] and (rows > column.size or left > BY_CHANCE * noise):
+            break
+        value = float(coefficients[-1 - order])
+        error = max(left, noise) * float(covariance[-1 - order, -1 - order] ** 0.5)
+    return value * scale, error * scale

@@ -11,7 +11,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.errors import MethodError
 from emaphm.estimation.driving_signals import DrivingSignals
-from emaphm.estimation.initial_state import initial_state
+from emaphm.estimation.initial_state import initial_state, shows_start
 from emaphm.estimation.recorded_supply import with_recorded_supply
 from emaphm.estimation.rests import Rests
 from emaphm.estimation.rows.unknown_start import masks_of_unknown_start, rows_of_unknown_start
@@ -130,7 +130,7 @@ class Problem:
             counts={name: step for name in compared if (step := visible_count(recording[name])) > 0},
         )
         every = problem.observing(compared_channels(recording, actuator, model))
-        unknown = rows_of_unknown_start(every)
+        unknown = 0 if shows_start(recording, actuator) else rows_of_unknown_start(every)
         problem = replace(
             problem,
             model_error=row_errors(problem),

@@ -1,8 +1,9 @@
 """Rows at the start of a recording that was cut within a motion, whose beginning nothing recorded shows.
 
-Without a position a model starts on the command, and without a speed at rest. Where the command moves in the
-first row already, the shaft does not rest there: it moves, and lags behind. The loop forgets that within some
-tens of milliseconds; until then the model is wrong whatever the faults.
+Without a position a model starts on the command, and without a speed at rest; a coarse position shows no
+speed. Where the command moves in the first row already, the shaft does not rest there: it moves, and lags
+behind. The loop forgets that within some tens of milliseconds; until then the model is wrong whatever the
+faults.
 """
 
 import math
@@ -52,8 +53,11 @@ UNKNOWN_START = UnknownStartSettings()
 
 
 def rows_of_unknown_start(problem: "Problem") -> int:
-    """Return how many rows at the start depend on a motion before it that is not known, 0 where it is."""
-    if _records_motion(problem) or not _command_moves(problem):
+    """Return how many rows at the start depend on a motion before it that is not known.
+
+    0 of a recording that shows its start well enough: `emaphm.estimation.initial_state.shows_start`.
+    """
+    if not _command_moves(problem):
         return 0
     interval = problem.inputs.interval
     rows = min(problem.samples, max(1, math.ceil(UNKNOWN_START.longest / interval)))
@@ -84,18 +88,11 @@ def notes_on_start(seconds: float) -> tuple[str, ...]:
     if not seconds:
         return ()
     note = (
-        "the command moves already in the first row, and position_rad is not recorded: the first "
+        "the command moves already in the first row, and how the shaft moves there is not known: the first "
         f"{1e3 * seconds:.3g} ms depend on the motion before and are not compared. They are if the recording "
-        "starts at rest or has position_rad"
+        "starts at rest, or has position_rad and speed_rad_s"
     )
     return (note,)
-
-
-def _records_motion(problem: "Problem") -> bool:
-    """Return whether the recording shows where its motion begins and how fast: a speed shows no lag."""
-    unsigned = problem.actuator.sensors.speed_rad_s.unsigned
-    speed = "speed_rad_s" in problem.measured and not unsigned
-    return "position_rad" in problem.measured or (speed and "angle_rad" in problem.measured)
 
 
 def _command_moves(problem: "Problem") -> bool:
