@@ -68,6 +68,15 @@ def test_a_coarse_position_does_not_show_the_start_and_a_fine_one_or_a_speed_doe
     assert unknown[3] > 0.01
 
 
+def test_the_motion_before_stays_within_the_end_stops() -> None:
+    # 10 Hz in rows of 10 ms: the parabola through the first three leads far beyond 30 degrees.
+    k = np.arange(60)
+    columns = {"time_s": k / 100, "command_rad": 0.5 * np.sin(0.63 * k), "current_A": np.sin(k)}
+    for position in (0.45 * np.sin(0.63 * k - 0.3), 0.5 * np.cos(k)):
+        problem = Problem.of(Recording(columns | {"position_rad": position}), THESIS, channels=None)
+        assert 0 <= problem.unknown_s <= 0.3
+
+
 @pytest.mark.parametrize("command", [Chirp(), Sine(), Sine(5e-3, 9.0), Ramp(0.2), Step(5e-3, 0.1)])
 @pytest.mark.parametrize("faults", [Faults(), FAULTS], ids=["healthy", "faults"])
 def test_from_rest_every_row_is_compared(command: Command, faults: Faults) -> None:

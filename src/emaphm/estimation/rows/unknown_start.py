@@ -126,10 +126,11 @@ def _outputs(problem: "Problem", faults: Array, rows: int, lead: int) -> Array:
     """Return the channels over the first `rows`, (n, channels, rows), begun `lead` rows before."""
     driving, begin = problem.driving, lead * problem.inputs.interval
     position, rate, acceleration = _parabola(problem)
+    lowest, highest = problem.actuator.mechanics.end_stops or (-np.inf, np.inf)
 
     def command(times: Array) -> Array:
         since = times - begin
-        before = position + rate * since + acceleration * since**2 / 2
+        before = np.clip(position + rate * since + acceleration * since**2 / 2, lowest, highest)
         return np.where(since < 0, before, driving.command(np.maximum(since, 0.0)))
 
     inputs = Inputs.of(
@@ -141,10 +142,10 @@ def _outputs(problem: "Problem", faults: Array, rows: int, lead: int) -> Array:
         sampling=driving.sampling,
         enabled=_later(driving.enabled, begin) if driving.enabled is not None else None,
     )
-    start = problem.start
+    start, ratio = problem.start, problem.actuator.mechanics.gear_ratio
     if lead:
-        first = float(command(np.zeros(1))[0]) / problem.actuator.mechanics.gear_ratio
-        start = replace(start, angle=start.angle + first - position / problem.actuator.mechanics.gear_ratio)
+        first = start.angle * ratio + float(command(np.zeros(1))[0]) - position
+        start = replace(start, angle=float(np.clip(first, lowest, highest)) / ratio)
     return np.asarray(replace(problem, inputs=inputs, start=start).predict(faults)[:, :, lead:])
 
 
