@@ -2,7 +2,6 @@
 
 import gc
 import importlib
-import os
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
@@ -31,12 +30,6 @@ settings.load_profile("emaphm")
 # starts: tests that interrupt one would wait for ever.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-@pytest.hookimpl(optionalhook=True)  # of xdist, which need not be in use
-def pytest_xdist_auto_num_workers() -> int:
-    """Return one process more than there are cores: tests of watching and of the server wait for others."""
-    return (os.cpu_count() or 1) + 1
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
