@@ -13,7 +13,7 @@ from emaphm.estimation.joint.correction import compared
 from emaphm.estimation.joint.objective import JointObjective
 
 RECORDINGS = 3
-"""So many are compared, the shortest: a reference run takes a twentieth of a recording's time."""
+"""How many are compared, the shortest: a reference run takes a twentieth of a recording's time."""
 
 
 def can_be_compared(joint: JointObjective) -> bool:
