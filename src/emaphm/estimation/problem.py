@@ -14,7 +14,11 @@ from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.initial_state import initial_state, shows_start
 from emaphm.estimation.recorded_supply import with_recorded_supply
 from emaphm.estimation.rests import Rests
-from emaphm.estimation.rows.unknown_start import masks_of_unknown_start, rows_of_unknown_start
+from emaphm.estimation.rows.unknown_start import (
+    command_moves,
+    masks_of_unknown_start,
+    rows_of_unknown_start,
+)
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
@@ -130,7 +134,8 @@ class Problem:
             counts={name: step for name in compared if (step := visible_count(recording[name])) > 0},
         )
         every = problem.observing(compared_channels(recording, actuator, model))
-        unknown = 0 if shows_start(recording, actuator) else rows_of_unknown_start(every)
+        is_known = not command_moves(every) or shows_start(recording, actuator)
+        unknown = 0 if is_known else rows_of_unknown_start(every)
         problem = replace(
             problem,
             model_error=row_errors(problem),

@@ -76,12 +76,12 @@ def with_shaft_that_shows(
         laws=(*description.laws, law),
         start=found.start,
     )
-    joint = every.objective(rows, actuator, every.variation(actuator, (*fitted, *NAMES)))
+    shared = (*fitted, *NAMES)
+    joint = every.objective(rows, actuator, every.variation(actuator, shared))
     if not can_be_compared(joint):
         return description
     (before,) = reference_costs(found.joint, [found.point], settings.seed)
-    places = [len(fitted), len(fitted) + 1]
-    best = _grid(joint, _with_shaft(found, len(fitted), places), places, settings.seed)[0][0]
+    best = _grid(joint, found, shared, settings.seed)[0][0]
     if best >= SCAN.shown * before:
         return description
     left = f"{100 * best / before:.2g} %"
@@ -153,19 +153,21 @@ def shaft_starts(
     others = tuple(name for name in fitted if name not in NAMES)
     start = {name: value for name, value in description.start.items() if name in others}
     found = searched(rows, stiff, others, settings, start)
-    places = [fitted.index(name) for name in NAMES]
-    grid = _grid(joint, _with_shaft(found, len(others), places), places, settings.seed)
+    grid = _grid(joint, found, fitted, settings.seed)
     return tuple(SearchedUnit(joint, one) for _, one in grid[: SCAN.starts])
 
 
-def _with_shaft(found: SearchedUnit, shared: int, places: Sequence[int]) -> Array:
-    """Return the point (d,) that was found, `shared` parameters first, with those of a shaft at `places`."""
-    point = np.insert(found.point[:shared], [place - i for i, place in enumerate(places)], 0.0)
-    return np.concatenate([point, found.point[shared:]])
+def _grid(
+    joint: JointObjective, rigid: SearchedUnit, fitted: Sequence[str], seed: int
+) -> list[tuple[float, Array]]:
+    """Return points (d,) of the parameters `fitted` with shafts, with what each leaves, the best first.
 
-
-def _grid(joint: JointObjective, point: Array, places: Sequence[int], seed: int) -> list[tuple[float, Array]]:
-    """Return points (d,) with other shafts than that of `point`, with what each leaves, the best first."""
+    All but the shaft's are as of the `rigid` unit; what is not shared is behind them.
+    """
+    places, count = [fitted.index(name) for name in NAMES], len(fitted)
+    others = np.delete(np.arange(count), places)
+    point = np.zeros(joint.box.lower.size)
+    point[others], point[count:] = np.split(rigid.point, [others.size])
     m = joint.terms[0].objective.problem.actuator.mechanics
     described = lumped_parameters(joint.terms[0].objective.problem.actuator, NAMES)
     critical = 2 * math.sqrt(described["stiffness"] * m.inertia_motor * m.inertia_user / m.inertia)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.actuator import Command, Faults
-from emaphm.arrays import Array
+from emaphm.arrays import Array, root_mean_square
 from emaphm.recording.noise import noise_on_most_rows
 from emaphm.recording.sensor_checks.resolution import Mask
 from emaphm.simulation import AVERAGED, Inputs
@@ -52,13 +52,18 @@ class UnknownStartSettings:
 UNKNOWN_START = UnknownStartSettings()
 
 
-def rows_of_unknown_start(problem: "Problem") -> int:
-    """Return how many rows at the start depend on a motion before it that is not known.
+def command_moves(problem: "Problem") -> bool:
+    """Return whether the command moves in the first row already."""
+    rates = np.diff(problem.measured["command_rad"]) / problem.inputs.interval
+    _, rate, _ = _parabola(problem)
+    return abs(rate) > UNKNOWN_START.moving * root_mean_square(rates)
 
-    0 of a recording that shows its start well enough: `emaphm.estimation.initial_state.shows_start`.
+
+def rows_of_unknown_start(problem: "Problem") -> int:
+    """Return how many rows at the start depend on the motion before it, of a command that moves there.
+
+    Of a recording that does not show its start: `emaphm.estimation.initial_state.shows_start`.
     """
-    if not _command_moves(problem):
-        return 0
     interval = problem.inputs.interval
     rows = min(problem.samples, max(1, math.ceil(UNKNOWN_START.longest / interval)))
     faults = _likely_faults(problem)
@@ -93,12 +98,6 @@ def notes_on_start(seconds: float) -> tuple[str, ...]:
         "starts at rest, or has position_rad and speed_rad_s"
     )
     return (note,)
-
-
-def _command_moves(problem: "Problem") -> bool:
-    rates = np.diff(problem.measured["command_rad"]) / problem.inputs.interval
-    _, rate, _ = _parabola(problem)
-    return abs(rate) > UNKNOWN_START.moving * float(np.sqrt(np.mean(rates**2)))
 
 
 def _parabola(problem: "Problem") -> tuple[float, float, float]:
@@ -161,7 +160,7 @@ def _least_difference(problem: "Problem") -> Array:
         max(noise_on_most_rows(one), problem.counts.get(name, 0.0))
         for name, one in zip(problem.channels, rows, strict=True)
     ]
-    sizes = [float(np.sqrt(np.mean(one**2))) for one in rows]
+    sizes = [root_mean_square(one) for one in rows]
     return np.maximum(UNKNOWN_START.noise * np.array(noise), UNKNOWN_START.share * np.array(sizes))
 
 
