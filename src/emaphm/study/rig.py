@@ -1,6 +1,6 @@
 """How the recordings of a study are made: the manoeuvre, and the rig with all that is unknown on it."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, field_validator, model_validator
@@ -163,7 +163,8 @@ class Rig(Section):
     foreign
         Features of a plant that is not the reference model, which then makes the recording.
     calibrated
-        Laws that the actuator is calibrated with, on three healthy recordings of the rig, beforehand.
+        Laws that the actuator is calibrated with, on three healthy recordings of the rig, beforehand; "auto"
+        leaves their choice to the calibration.
     """
 
     label: Label
@@ -181,12 +182,12 @@ class Rig(Section):
     controller_noise: NotNegative = 0.0
     varying_load: VaryingLoad | None = None
     foreign: ForeignFeatures | None = None
-    calibrated: tuple[str, ...] = ()
+    calibrated: tuple[str, ...] | Literal["auto"] = ()
 
     @field_validator("calibrated")
     @classmethod
-    def _check_laws(cls, names: tuple[str, ...]) -> tuple[str, ...]:
-        for name in names:
+    def _check_laws(cls, names: tuple[str, ...] | Literal["auto"]) -> tuple[str, ...] | Literal["auto"]:
+        for name in () if names == "auto" else names:
             law_named(name)
         return names
 
