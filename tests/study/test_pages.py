@@ -248,7 +248,7 @@ def test_other_plants_are_on_a_page_of_that_form() -> None:
     page, figures = limits_page(plan, results(plan), "plants")
     assert page.startswith("# Plants that are not as described\n")
     assert figures == {}
-    # The base setting, 22 foreign plants, 14 of them with their laws calibrated too; all with their laws chosen.
+    # The base setting, 22 foreign plants, 14 with their laws calibrated too, all with their laws chosen.
     assert "none of 60." in page
     assert plan.total == 60 * (5 + 1 * 5 + 2)
 
