@@ -106,6 +106,13 @@ def test_a_condition_of_a_watcher_is_raised_once_by_its_processes(history: Histo
     ]
 
 
+def test_what_one_watcher_sees_again_may_be_lost_to_another(history: History) -> None:
+    for state, watcher, minute in (("raised", "w1", 1), ("raised", "w2", 2), ("cleared", "w1", 3)):
+        at = f"2026-03-01T10:{minute:02}:00Z"
+        history.add_events(Event("source_lost", state, "warning", state, "in", watcher=watcher, at=at))
+    assert [one.watcher for one in history.open_conditions()] == ["w2"]
+
+
 def test_an_unknown_kind_is_refused() -> None:
     with pytest.raises(HistoryError, match="did you mean 'alarm'"):
         event(kind="allarm")

@@ -199,11 +199,15 @@ def read_events(
 
 
 def read_open_conditions(connection: sa.Connection, unit: str | None = None) -> tuple[Event, ...]:
-    """Return the last event of each condition that was raised and not cleared, in their order."""
+    """Return the last event of each condition that was raised and not cleared, in their order.
+
+    Those on no unit are a watcher's own: what one of two sees again may still be lost to the other.
+    """
     last = sa.select(sa.func.max(EVENTS.c.id)).where(EVENTS.c.kind.in_(CONDITION_KINDS))
     if unit is not None:
         last = last.where(EVENTS.c.unit == unit)
-    last = last.group_by(EVENTS.c.unit, EVENTS.c.kind, EVENTS.c.subject)
+    owner = sa.case((EVENTS.c.unit.is_(None), EVENTS.c.watcher), else_="")
+    last = last.group_by(EVENTS.c.unit, EVENTS.c.kind, EVENTS.c.subject, owner)
     query = sa.select(EVENTS).where(EVENTS.c.id.in_(last), EVENTS.c.state == "raised").order_by(EVENTS.c.id)
     return tuple(_event(row) for row in connection.execute(query))
 
