@@ -7,7 +7,8 @@ import pytest
 
 from emaphm.errors import PrognosisError
 from emaphm.prognosis import Costs, Question
-from emaphm.prognosis.advice import advice
+from emaphm.prognosis.advice import Advice, advice
+from emaphm.prognosis.result import advice_text
 
 
 def test_a_unit_flies_on_while_the_risk_allows() -> None:
@@ -129,3 +130,9 @@ def test_where_the_hazard_does_not_grow_no_replacement_is_cheaper() -> None:
 def test_costs_and_probabilities_out_of_range_are_refused(wrong: object) -> None:
     with pytest.raises(PrognosisError):
         wrong()  # type: ignore[operator]
+
+
+def test_a_small_risk_is_not_written_as_none() -> None:
+    texts = [advice_text(Advice("fly on", 100.0, risk, "why")) for risk in (0.0, 4e-4, 2e-3, 0.1234)]
+    stated = [text.split("risk of ")[1] for text in texts]
+    assert stated == ["0.0 % (why)", "0.04 % (why)", "0.2 % (why)", "12.3 % (why)"]

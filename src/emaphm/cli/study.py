@@ -45,14 +45,14 @@ def run(
 ) -> None:
     """Do what is missing of a plan; start it again, and it goes on where it stopped."""
     check_workers(workers, scheduler)
-    with going_on(f"what finished is kept in {out}; the same command goes on"):
-        from emaphm.study import Plan, run_study
+    from emaphm.study import Plan, run_study
 
-        loaded = Plan.load(plan)
-        with counter(f"study {loaded.name}", as_json) as count:
-            store = run_study(
-                loaded, out, share=share, workers=workers, scheduler=scheduler, mix=mix, on_run=count
-            )
+    loaded = Plan.load(plan)
+    how = f"what finished is kept in {out}; the same command goes on"
+    with going_on(how), counter(f"study {loaded.name}", as_json) as count:
+        store = run_study(
+            loaded, out, share=share, workers=workers, scheduler=scheduler, mix=mix, on_run=count
+        )
     methods = _methods(store)
     values = {
         "plan": loaded.name,

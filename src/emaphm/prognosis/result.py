@@ -222,7 +222,9 @@ def advice_text(given: Advice) -> str:
     if given.action == "inspect by" and given.hours == 0:
         return f"inspect now ({given.reason})"
     when = f"for {given.hours:,.0f} h" if given.action == "fly on" else f"within {given.hours:,.0f} h"
-    return f"{given.action}: {when}, at a risk of {100 * given.risk:.1f} % ({given.reason})"
+    # A risk of one path in many is not none.
+    risk = f"{100 * given.risk:{'.1g' if 0 < given.risk < 1e-3 else '.1f'}} %"
+    return f"{given.action}: {when}, at a risk of {risk} ({given.reason})"
 
 
 def _likeliest(laws: dict[str, float]) -> str:
