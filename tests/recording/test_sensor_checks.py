@@ -228,6 +228,24 @@ def test_a_jam_is_no_frozen_sensor() -> None:
     assert not frozen_rows(position, "position_rad", command, THESIS).any()
 
 
+@pytest.mark.parametrize("marks", [380, 400, 420])
+def test_a_speed_that_counts_the_marks_of_an_encoder_is_no_frozen_sensor(marks: int) -> None:
+    # Where it passes one mark a row it repeats for a hundred rows; elsewhere it changes by single counts.
+    phase = 2 * np.pi * 15 * (np.arange(2500) / 5000) ** 2
+    speed = np.diff(np.floor(marks * np.sin(phase)), prepend=0.0)
+    assert not frozen_rows(speed, "speed_rad_s", np.sin(phase), THESIS).any()
+
+
+def test_a_sensor_whose_noise_is_of_the_size_of_its_counts_is_found_frozen() -> None:
+    rng = np.random.default_rng(3)
+    phase = 2 * np.pi * np.arange(2500) / 1000
+    speed = np.round(20.0 * np.cos(phase) + rng.normal(0.0, 0.9, phase.size))
+    speed[800:1200] = speed[800]
+    speed[1200] += 1
+    frozen = frozen_rows(speed, "speed_rad_s", np.sin(phase), THESIS)
+    np.testing.assert_array_equal(np.flatnonzero(frozen), np.arange(801, 1200))
+
+
 def test_the_hardware_holds_a_channel_at_its_own_limits() -> None:
     command = np.sin(2 * np.pi * np.arange(1000) / 200)
     speed = 2 * THESIS.controller.speed_limit * command if THESIS.controller.speed_limit else command

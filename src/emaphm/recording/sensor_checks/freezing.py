@@ -19,6 +19,8 @@ class FreezingSettings:
     the run ends at least: of a resting actuator all signals rest until a command that jumps is answered. A
     signal whose noise exceeds `noise_counts` counts cannot repeat a value by chance for so long, unless it
     has settled: its last `around` steps are within `settled` of the noise, as those of exact numbers can be.
+    Nor does that hold of a speed that counts an encoder's marks: of the `least_rows` steps on either side
+    none exceeds a count, where noise of that size has one in six that do.
     Without noise, what ends the run decides: a jump of `jump` times the usual step of a row, its counts and
     the `around` steps that follow. An actuator that is jammed or stands at an end stop starts from rest, as
     a drive leaves a limit. `least_live` rows that move are needed, to know what is usual.
@@ -54,7 +56,7 @@ def frozen_rows(values: Array, channel: str, command: Array, actuator: Actuator)
         swing = float(np.ptp(command[start : end - FREEZING.answer]))
         if rests or swing == 0 or swing < moved:
             continue
-        if usual.cannot_stay(values, start) or usual.cannot_leave(values[end - 1 :]):
+        if usual.cannot_stay(values, start, end) or usual.cannot_leave(values[end - 1 :]):
             frozen[start + 1 : end] = True
     return frozen
 
@@ -75,11 +77,20 @@ class _Usual:
         step = float(np.percentile(np.abs(np.diff(values))[live[1:]], 90))
         return cls(row_noise(values[start : start + length]), step_of_counts(values), step)
 
-    def cannot_stay(self, values: Array, start: int) -> bool:
-        """Return whether noise would not let `values` (n,) stay where they are from row `start` on."""
+    def cannot_stay(self, values: Array, start: int, end: int) -> bool:
+        """Return whether noise would not let `values` (n,) stay where they are from row `start` to `end`."""
         before = np.abs(np.diff(values[max(start - FREEZING.around, 0) : start + 1]))
         settled = before.size > 0 and np.max(before) < FREEZING.settled * self.noise
-        return self.noise > FREEZING.noise_counts * self.count and not settled
+        return self.noise > FREEZING.noise_counts * self.count and not (
+            settled or self._is_counted(values, start, end)
+        )
+
+    def _is_counted(self, values: Array, start: int, end: int) -> bool:
+        """Return whether `values` (n,) move by single counts around a run from row `start` to `end`."""
+        rows = FREEZING.least_rows
+        sides = values[max(start - rows, 0) : start + 1], values[end - 1 : end + rows]
+        steps = np.abs(np.concatenate([np.diff(side) for side in sides]))
+        return steps.size >= FREEZING.least_live and float(np.max(steps)) < 1.5 * self.count
 
     def cannot_leave(self, values: Array) -> bool:
         """Return whether `values` (n,) leave the first one by a jump, and then go on as usual."""
