@@ -17,7 +17,7 @@ API = "/api/v1"
 def test_units_are_the_history_s(client: "TestClient", state: "ServerState") -> None:
     answer = client.get(f"{API}/units?sort=unit").json()
     with History.open(state.history.database.address.shown) as history:
-        known = {one.unit.serial_number: one for one in history.overviews()}
+        known = {one.serial_number: one for one in history.states()}
     assert [one["unit"] for one in answer["units"]] == sorted(known)
     for one in answer["units"]:
         there = known[one["unit"]]

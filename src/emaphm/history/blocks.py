@@ -79,7 +79,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
             "part_number": unit.part_number,
             "position": None if is_removed else last.position,
             "hours": last.hours,
-            "cycles": last.cycles,
+            "cycles": max((one.cycles for one in flights if one.cycles is not None), default=None),
         },
         "flights": [asdict(one) for one in flights],
         "diagnoses": [diagnosis_blocks(one) for one in diagnoses],

@@ -19,7 +19,7 @@ from emaphm.cli.options import (
 from emaphm.cli.output import progress, show
 
 if TYPE_CHECKING:
-    from emaphm.history.overview import Overview
+    from emaphm.history.views import UnitState
 
 app = App(name="history", help="Keep diagnoses of units over their flights, removals and shop findings.")
 
@@ -129,7 +129,7 @@ def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False)
     from emaphm.text_table import format_table
 
     with History.open(db) as history:
-        lines = [_overview(one) for one in history.overviews(part)]
+        lines = [_overview(one) for one in history.states(part)]
     header = (
         "part number",
         "serial number",
@@ -307,14 +307,12 @@ def _assessed(values: dict[str, Any]) -> str:
     return f"prognosis of {made['made_at']} at {made['hours']:g} h{old}: {lasts}; {what}"
 
 
-def _overview(one: "Overview") -> dict[str, Any]:
-    import json
-
-    document = json.loads(one.document)
+def _overview(one: "UnitState") -> dict[str, Any]:
+    document = one.document
     degraded = [name for name, fault in document["faults"].items() if fault["verdict"] == "degraded"]
     return {
-        "part_number": one.unit.part_number,
-        "serial_number": one.unit.serial_number,
+        "part_number": one.part_number,
+        "serial_number": one.serial_number,
         "hours": one.hours,
         "cycles": one.cycles,
         "recordings": one.recordings,
