@@ -16,8 +16,7 @@ from emaphm.history.blocks import METHOD, diagnosis_blocks, unit_blocks
 from emaphm.history.export import export
 from emaphm.history.fingerprint import recording_hash
 from emaphm.history.kept_prognosis import KeptPrognosis
-from emaphm.history.views import keep_curves, read_curves, states
-from emaphm.prognosis.keeping.update import is_current
+from emaphm.history.views import keep_curves, read_curves
 from emaphm.recording import Recording
 
 from . import made_up
@@ -326,9 +325,6 @@ def test_a_prognosis_is_out_of_date_when_something_was_withdrawn(history: Histor
     history.keep_prognosis("S1", replace(kept, at="2000-01-01T00:00:00Z"))
     history.withdraw("S1", Mistake("removal", 20.0, "another unit's"))
     assert unit_blocks(history.unit("S1"))["prognostic_assessment"]["out_of_date"]
-    with history.database.reading() as connection:
-        (state,) = states(connection).values()
-    assert not is_current(state, replace(kept, at="2000-01-01T00:00:00Z"))
 
 
 def test_curves_that_may_follow_from_what_was_withdrawn_go_with_it(history: History) -> None:

@@ -100,7 +100,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
             if kept is None
             else prognosis_blocks(
                 kept,
-                out_of_date=count != kept.diagnoses or last.hours > kept.hours or changed > kept.at,
+                out_of_date=not kept.is_current(count, changed),
             )
         ),
     }

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from emaphm.history.events import read_open_conditions
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognoses
 from emaphm.history.views import NO_PROGNOSES, Marks, UnitState, changed_units, marks, states
-from emaphm.prognosis.keeping import is_current
 from emaphm.server.work.queue import AGAIN, DONE
 
 if TYPE_CHECKING:
@@ -226,7 +225,7 @@ def _row(state: UnitState, prognosis: KeptPrognosis | None, alarms: tuple[str, .
         reasons=tuple(state.document.get("reasons", ())),
         sensor_faults=tuple(one["sentence"] for one in state.document.get("sensor_faults", ())),
         alarms=alarms,
-        current=is_current(state, prognosis),
+        current=prognosis is not None and prognosis.is_current(state.diagnoses, state.changed),
         **_forecast(prognosis),
     )
 
