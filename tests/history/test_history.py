@@ -8,7 +8,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from emaphm.actuator import NAMES
+from emaphm.actuator import COMPONENTS, NAMES
+from emaphm.actuator.faults import degraded_in
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.errors import HistoryError, OutputError
 from emaphm.history import Entry, Finding, Flight, History, Life, Mistake, Removal, Replacement
@@ -16,7 +17,7 @@ from emaphm.history.blocks import METHOD, diagnosis_blocks, unit_blocks
 from emaphm.history.export import export
 from emaphm.history.fingerprint import recording_hash
 from emaphm.history.kept_prognosis import KeptPrognosis
-from emaphm.history.views import keep_curves, read_curves
+from emaphm.history.views import diagnosis_lines, keep_curves, read_curves
 from emaphm.recording import Recording
 
 from . import made_up
@@ -125,6 +126,16 @@ def test_of_a_flight_with_two_recordings_the_last_diagnosis_is_the_unit_s_last(h
     history.add(entry(hours=10.0), recording(1), diagnosis(1, seed=5))
     (state,) = history.states()
     assert (state.document["recording"], state.document["seed"]) == ("1.csv", 5)
+
+
+def test_the_direction_of_an_eccentricity_is_not_listed_as_degraded(history: History) -> None:
+    degraded = diagnosis(1)
+    assert {one.verdict for one in degraded.components.values()} == {"degraded"}
+    history.add(entry(), recording(1), degraded)
+    with history.database.reading() as connection:
+        (line,) = diagnosis_lines(connection)
+    (state,) = history.states()
+    assert line.degraded == degraded_in(state.document) == COMPONENTS
 
 
 def test_a_unit_has_the_cycles_that_are_known_last(history: History) -> None:

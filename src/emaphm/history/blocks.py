@@ -12,7 +12,7 @@ from emaphm.history import reading
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognosis
 from emaphm.history.lives import lives
-from emaphm.history.records import COMPONENTS
+from emaphm.history.records import FINDABLE
 from emaphm.history.storage.tables import UNITS
 from emaphm.history.unit import Unit
 from emaphm.history.withdrawing import read_withdrawals
@@ -93,7 +93,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
             name: [
                 asdict(one) | {"censored": one.censored} for one in lives(flights, removals, findings, name)
             ]
-            for name in COMPONENTS
+            for name in FINDABLE
         },
         **(
             {"prognostic_assessment": None, "advisory_generation": None}

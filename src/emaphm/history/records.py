@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from emaphm.actuator.faults import NAMES
+from emaphm.actuator.faults import COMPONENTS
 from emaphm.actuator.quantity import COLDEST, HOTTEST
 from emaphm.actuator.requirements import LOWEST_FRICTION
 from emaphm.errors import HistoryError, nearest
@@ -12,8 +12,8 @@ from emaphm.errors import HistoryError, nearest
 UNIT = "unit"
 """The component of a finding that concerns the unit as a whole."""
 
-COMPONENTS = (*(name for name in NAMES if name != "eccentricity_phase"), UNIT)
-"""What a shop can find, or replace; the direction of an eccentricity is no part of its own."""
+FINDABLE = (*COMPONENTS, UNIT)
+"""What a shop can report on, or replace."""
 
 REASONS = ("failed", "suspected", "scheduled", "other")
 """Why a unit was removed; "failed" and "suspected" as it was seen on the aircraft, before any shop."""
@@ -120,7 +120,7 @@ class Removal:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a shop found of one of `COMPONENTS`, of a unit that had `hours` [h]: one of `CONDITIONS`.
+    """What a shop found of one of `FINDABLE`, of a unit that had `hours` [h]: one of `CONDITIONS`.
 
     `level` is the fault as the shop measured it, normalised as in `Faults`; `replaced` says whether the
     component was replaced.
@@ -141,8 +141,8 @@ class Finding:
     def __post_init__(self) -> None:
         check_hours(self.hours)
         check_note(self.note)
-        if self.component not in COMPONENTS:
-            raise HistoryError(f"unknown component '{self.component}'{nearest(self.component, COMPONENTS)}")
+        if self.component not in FINDABLE:
+            raise HistoryError(f"unknown component '{self.component}'{nearest(self.component, FINDABLE)}")
         if self.condition not in CONDITIONS:
             raise HistoryError(f"unknown condition '{self.condition}'{nearest(self.condition, CONDITIONS)}")
         lowest = LOWEST_FRICTION if self.component == "friction" else 0.0

@@ -11,6 +11,7 @@ from fastapi import APIRouter, Form, HTTPException, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
+from emaphm.actuator.faults import degraded_in
 from emaphm.errors import EmaphmError
 from emaphm.history.events import KINDS
 from emaphm.history.views import diagnosis_lines, read_curves
@@ -168,6 +169,7 @@ def one_diagnosis(request: Request, server: Server, diagnosis_id: Id) -> Respons
         kept=kept,
         document=kept.document,
         components=estimates(kept.document),
+        degraded=degraded_in(kept.document),
         toml=toml,
         version=content_key(kept),
         has_report=server.folder.report(kept).exists(),

@@ -308,8 +308,9 @@ def _assessed(values: dict[str, Any]) -> str:
 
 
 def _overview(one: "UnitState") -> dict[str, Any]:
+    from emaphm.actuator.faults import degraded_in
+
     document = one.document
-    degraded = [name for name, fault in document["faults"].items() if fault["verdict"] == "degraded"]
     return {
         "part_number": one.part_number,
         "serial_number": one.serial_number,
@@ -317,7 +318,11 @@ def _overview(one: "UnitState") -> dict[str, Any]:
         "cycles": one.cycles,
         "recordings": one.recordings,
         "explained": one.explained,
-        "last": {"explained": document["explained"], "k": document["k"], "degraded": degraded},
+        "last": {
+            "explained": document["explained"],
+            "k": document["k"],
+            "degraded": list(degraded_in(document)),
+        },
     }
 
 
@@ -328,9 +333,10 @@ def _last(line: dict[str, Any]) -> str:
 
 def _row(diagnosis: dict[str, Any]) -> tuple[str, ...]:
     """Return a diagnosis as a row of text, with the estimates of what is degraded."""
-    explained = diagnosis["state_detection"]["explained"]
-    faults = diagnosis["health_assessment"]["faults"]
-    degraded = [f"{name} {one['value']:.3f}" for name, one in faults.items() if one["verdict"] == "degraded"]
+    from emaphm.actuator.faults import degraded_in
+
+    explained, assessed = diagnosis["state_detection"]["explained"], diagnosis["health_assessment"]
+    degraded = [f"{name} {assessed['faults'][name]['value']:.3f}" for name in degraded_in(assessed)]
     return (
         f"{diagnosis['hours']:g}",
         _number(diagnosis["cycles"]),
