@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from numpy.typing import NDArray
 
-from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.actuator import COMPONENTS, NAMES, Actuator, Faults
 from emaphm.actuator.faults import (
     CARTESIAN_NAMES,
     HEALTHY,
@@ -21,6 +21,11 @@ from emaphm.errors import FaultError
 from strategies import UNIT, fault_vectors, faults
 
 THESIS = Actuator.thesis()
+
+
+def test_all_but_the_direction_of_an_eccentricity_can_degrade() -> None:
+    assert set(NAMES) - set(COMPONENTS) == {"eccentricity_phase"}
+    assert [name for name in NAMES if name in COMPONENTS] == list(COMPONENTS)
 
 
 @pytest.mark.parametrize("name", NAMES[1:])

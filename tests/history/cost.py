@@ -110,7 +110,7 @@ def main() -> int:
             print(f"add {total} of {given.units} units: {took:.1f} s, {1e3 * took / total:.2f} ms each")
             took = seconds(lambda: add_one_by_one(history))
             print(f"add one, on disk when it returns: {1e3 * took / ONE_BY_ONE:.1f} ms")
-            print(f"list: {seconds(history.overviews):.2f} s")
+            print(f"list: {seconds(history.states):.2f} s")
             took = seconds(lambda: history.unit("S00000").diagnoses())
             print(f"read a unit's {given.each}: {1e3 * took:.1f} ms")
             took = seconds(lambda: [unit.diagnoses() for unit in history.units()])

@@ -11,8 +11,7 @@ from emaphm.errors import HistoryError
 from emaphm.history import Event, Finding, History, KeptPrognosis
 from emaphm.history.blocks import unit_blocks
 from emaphm.history.kept_prognosis import Basis
-from emaphm.history.views import marks, states
-from emaphm.prognosis.keeping import is_current
+from emaphm.history.views import marks
 
 from .made_up import diagnosis, entry, recording
 
@@ -155,13 +154,12 @@ def test_the_last_prognosis_of_a_unit_is_kept(history: History) -> None:
 
 def test_what_came_after_a_prognosis_was_begun_makes_it_out_of_date(history: History) -> None:
     def is_shown(basis: Basis, chance: float = 0.0) -> tuple[bool, bool]:
-        """Return whether a prognosis of that basis is current, on a page and in the blocks."""
+        """Return whether a prognosis of that basis is current, of the unit's state and in the blocks."""
         kept = KeptPrognosis.of(basis, {"hours": 10.0, "probability_of_failure": chance})
         history.keep_prognosis("S1", kept)
-        with history.database.reading() as connection:
-            (state,) = states(connection).values()
+        (state,) = history.states()
         blocks = unit_blocks(history.unit("S1"))["prognostic_assessment"]
-        return is_current(state, kept), not blocks["out_of_date"]
+        return kept.is_current(state.diagnoses, state.changed), not blocks["out_of_date"]
 
     history.add(entry(), recording(1), diagnosis(1))
     begun = history.basis("S1")

@@ -8,7 +8,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from emaphm.actuator import NAMES
+from emaphm.actuator import COMPONENTS, NAMES
+from emaphm.actuator.faults import degraded_in
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.errors import HistoryError, OutputError
 from emaphm.history import Entry, Finding, Flight, History, Life, Mistake, Removal, Replacement
@@ -16,8 +17,7 @@ from emaphm.history.blocks import METHOD, diagnosis_blocks, unit_blocks
 from emaphm.history.export import export
 from emaphm.history.fingerprint import recording_hash
 from emaphm.history.kept_prognosis import KeptPrognosis
-from emaphm.history.views import keep_curves, read_curves, states
-from emaphm.prognosis.keeping.update import is_current
+from emaphm.history.views import diagnosis_lines, keep_curves, read_curves
 from emaphm.recording import Recording
 
 from . import made_up
@@ -115,20 +115,36 @@ def test_other_settings_give_another_diagnosis_and_the_last_counts(history: Hist
     assert history.add(entry(hours=10.0), recording(1), diagnosis(1, explained=False, seed=5)).added
     first, second = history.unit("S1").diagnoses()
     assert (first.settings.seed, second.settings.seed) == (5, 0)
-    (line,) = history.overviews()
+    (line,) = history.states()
     assert (line.recordings, line.explained, line.hours) == (2, 1, 20.0)
-    assert json.loads(line.document)["recording"] == "2.csv"
+    assert line.document["recording"] == "2.csv"
 
 
-def test_list_and_server_show_the_same_diagnosis_of_a_flight_with_two_recordings(history: History) -> None:
+def test_of_a_flight_with_two_recordings_the_last_diagnosis_is_the_unit_s_last(history: History) -> None:
     for number in (1, 2):
         history.add(entry(hours=10.0), recording(number), diagnosis(number))
     history.add(entry(hours=10.0), recording(1), diagnosis(1, seed=5))
-    (line,) = history.overviews()
-    with history.database.reading() as connection:
-        (state,) = states(connection).values()
-    assert json.loads(line.document) == state.document
+    (state,) = history.states()
     assert (state.document["recording"], state.document["seed"]) == ("1.csv", 5)
+
+
+def test_the_direction_of_an_eccentricity_is_not_listed_as_degraded(history: History) -> None:
+    degraded = diagnosis(1)
+    assert {one.verdict for one in degraded.components.values()} == {"degraded"}
+    history.add(entry(), recording(1), degraded)
+    with history.database.reading() as connection:
+        (line,) = diagnosis_lines(connection)
+    (state,) = history.states()
+    assert line.degraded == degraded_in(state.document) == COMPONENTS
+
+
+def test_a_unit_has_the_cycles_that_are_known_last(history: History) -> None:
+    for number, cycles in enumerate((None, 50, None)):
+        flown = replace(entry(hours=10.0 * number), cycles=cycles)
+        history.add(flown, recording(number), diagnosis(number))
+        (state,) = history.states()
+        assert state.cycles == unit_blocks(history.unit("S1"))["unit"]["cycles"] == (50 if number else None)
+    assert state.hours == 20.0
 
 
 def test_units_are_listed_by_part_number(history: History) -> None:
@@ -138,7 +154,7 @@ def test_units_are_listed_by_part_number(history: History) -> None:
     history.add(entry("X1", part="other"), recording(9), diagnosis(9, actuator=other))
     assert [unit.serial_number for unit in history.units()] == ["X1", "S1", "S2"]
     assert [unit.serial_number for unit in history.units("other")] == ["X1"]
-    assert [line.unit.serial_number for line in history.overviews(made_up.PART)] == ["S1", "S2"]
+    assert [line.serial_number for line in history.states(made_up.PART)] == ["S1", "S2"]
 
 
 def test_a_position_lasts_until_the_unit_is_removed(history: History) -> None:
@@ -308,7 +324,7 @@ def test_what_was_withdrawn_counts_nowhere(history: History) -> None:
     assert [one["subject"] for one in after.pop("withdrawals")] == ["gain", "failed", "7.csv", "8.csv"]
     assert before.pop("withdrawals") == []
     assert after == before
-    assert history.overviews()[0].hours == 20.0
+    assert history.states()[0].hours == 20.0
 
 
 def test_a_prognosis_is_out_of_date_when_something_was_withdrawn(history: History) -> None:
@@ -320,9 +336,6 @@ def test_a_prognosis_is_out_of_date_when_something_was_withdrawn(history: Histor
     history.keep_prognosis("S1", replace(kept, at="2000-01-01T00:00:00Z"))
     history.withdraw("S1", Mistake("removal", 20.0, "another unit's"))
     assert unit_blocks(history.unit("S1"))["prognostic_assessment"]["out_of_date"]
-    with history.database.reading() as connection:
-        (state,) = states(connection).values()
-    assert not is_current(state, replace(kept, at="2000-01-01T00:00:00Z"))
 
 
 def test_curves_that_may_follow_from_what_was_withdrawn_go_with_it(history: History) -> None:

@@ -15,6 +15,7 @@ import sqlalchemy as sa
 from emaphm.errors import HistoryError, HistoryUnavailableError
 from emaphm.history import Entry, Finding, History, Mistake, Removal
 from emaphm.history.blocks import unit_blocks
+from emaphm.history.records import whole_cycles
 from emaphm.history.storage import database
 from emaphm.history.storage.address import Address
 from emaphm.history.storage.database import Database
@@ -171,6 +172,8 @@ def test_another_removal_or_finding_in_the_same_place_is_refused(flown: History)
         (lambda: Entry("S", "P", float("inf")), "hours inf"),
         (lambda: Entry("S", "P", 1.0, -1), "cycles -1"),
         (lambda: Entry("S", "P", 1.0, 2**40), "cycles"),
+        (lambda: whole_cycles("12.6"), "cycles are no whole number from 0 to"),
+        (lambda: whole_cycles("2147483648"), "no whole number from 0 to 2,147,483,647; correct them"),
         (lambda: Entry("S", "P", 1.0, position=""), "position"),
         (lambda: Removal(1.0, "fialed"), "did you mean 'failed'"),
         (lambda: Removal(1.0, "other", "\0"), "note"),

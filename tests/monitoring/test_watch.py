@@ -18,7 +18,7 @@ import pytest
 import sqlalchemy as sa
 
 import waiting
-from emaphm.errors import HistoryFormError, HistoryUnavailableError, MonitoringError
+from emaphm.errors import HistoryFormError, HistoryUnavailableError, MonitoringError, RecordingError
 from emaphm.history import Event, History
 from emaphm.history.storage.database import Database
 from emaphm.history.storage.schema import VERSION
@@ -154,6 +154,13 @@ def test_decimals_are_for_hours_and_for_serial_numbers_that_are_text() -> None:
     entry = Ownership(THESIS.name).entry("day.csv", {"unit": "3.10", "hours": 812.5})
     assert (entry.unit, entry.hours) == ("3.10", 812.5)
     assert Ownership(THESIS.name).entry("day.csv", {"unit": 17.0, "hours": 812.5}).unit == "17"
+
+
+@pytest.mark.parametrize("cycles", [12.6, -1.0, "many", 1e12])
+def test_cycles_that_are_no_whole_number_are_refused(cycles: float | str) -> None:
+    with pytest.raises(RecordingError, match=r"day\.csv: its cycles are no whole number from 0 to"):
+        Ownership(THESIS.name, "S1", 812.5).entry("day.csv", {"cycles": cycles})
+    assert Ownership(THESIS.name, "S1", 812.5).entry("day.csv", {"cycles": 13.0}).cycles == 13
 
 
 def of_units(*units: str) -> str:

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from emaphm.actuator import Actuator
+from emaphm.actuator import COMPONENTS, Actuator
 from emaphm.plotting.prognosis import draw_fan, draw_health, draw_life
 from emaphm.prognosis import Evidence, prognose
 from emaphm.prognosis.keeping import Curves
 from emaphm.prognosis.keeping.curves import PROBABILITIES, Seen
-from emaphm.prognosis.requirements import COMPONENTS
 from emaphm.report.prognosis import write_prognosis
 
 FIRST = (100.0, 200.0, 350.0, 500.0, 700.0, 900.0)

@@ -1,10 +1,10 @@
 """The API gives what the pages show, and refuses what is wrong by 4xx."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from emaphm.history import History
+from emaphm.history import Finding, History, reading
 
 if TYPE_CHECKING:
     from starlette.testclient import TestClient
@@ -17,7 +17,7 @@ API = "/api/v1"
 def test_units_are_the_history_s(client: "TestClient", state: "ServerState") -> None:
     answer = client.get(f"{API}/units?sort=unit").json()
     with History.open(state.history.database.address.shown) as history:
-        known = {one.unit.serial_number: one for one in history.overviews()}
+        known = {one.serial_number: one for one in history.states()}
     assert [one["unit"] for one in answer["units"]] == sorted(known)
     for one in answer["units"]:
         there = known[one["unit"]]
@@ -42,6 +42,24 @@ def test_one_unit_one_diagnosis_one_prognosis(client: "TestClient", state: "Serv
     assert prognosis["advice"] == state.history.prognoses()["SN-0002"].document["advice"]
     assert client.get(f"{API}/prognoses").json()["SN-0002"] == prognosis
     assert client.get(f"{API}/units/3/curves").json()["unit"] == "made up"
+
+
+def test_the_entries_of_a_unit_are_those_of_one_moment(
+    client: "TestClient", state: "ServerState", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = client.get(f"{API}/units/3").json()
+    removals = reading.removals
+
+    def meanwhile(*given: Any) -> Any:
+        found = removals(*given)
+        state.history.add_finding("SN-0002", Finding(160.0, "gain", "failed", replaced=True))
+        return found
+
+    monkeypatch.setattr(reading, "removals", meanwhile)
+    then = client.get(f"{API}/units/3").json()
+    assert (then["findings"], then["lives"]) == (before["findings"], before["lives"])
+    monkeypatch.undo()
+    assert len(client.get(f"{API}/units/3").json()["findings"]) == len(before["findings"]) + 1
 
 
 def test_pages_of_diagnoses_follow_each_other(client: "TestClient") -> None:

@@ -2,9 +2,10 @@
 
 from emaphm.actuator.actuator import Actuator
 from emaphm.actuator.commands import Chirp, Command, DecayingChirp, Load, Ramp, Sampled, Sine, Step
-from emaphm.actuator.faults import NAMES, Faults
+from emaphm.actuator.faults import COMPONENTS, NAMES, Faults
 
 __all__ = [
+    "COMPONENTS",
     "NAMES",
     "Actuator",
     "Chirp",

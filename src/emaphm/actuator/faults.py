@@ -3,13 +3,13 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Self
+from typing import Any, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from emaphm.actuator.actuator import Actuator
-from emaphm.actuator.requirements import LOWEST_FRICTION
+from emaphm.actuator.requirements import LOWEST_FRICTION, ComponentName
 from emaphm.errors import FaultError, nearest
 
 SHORTEST_WINDING = 0.01
@@ -100,6 +100,14 @@ class Faults:
 
 NAMES = tuple(field.name for field in fields(Faults))
 HEALTHY = Faults()
+
+COMPONENTS: tuple[str, ...] = get_args(ComponentName)
+"""What can degrade; the direction of an eccentricity is none of its own and shares its verdict."""
+
+
+def degraded_in(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return those of `COMPONENTS` that a diagnosis calls degraded, as `emaphm diagnose --json` prints it."""
+    return tuple(name for name in COMPONENTS if document["faults"][name]["verdict"] == "degraded")
 
 
 def lower_bounds(actuator: Actuator) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ LOWEST_FRICTION = -1.0
 """Least friction component that any actuator may have, if its scale is small (`faults.lower_bounds`)."""
 
 ComponentName = Literal["friction", "backlash", "short_a", "short_b", "short_c", "eccentricity", "gain"]
+"""What can degrade, in the order of `Faults`."""
 
 MeasureName = Literal[
     "tracking_error", "bandwidth", "settling_time", "stall_margin", "peak_current", "free_play"

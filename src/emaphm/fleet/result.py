@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from emaphm.actuator.faults import degraded_in
 from emaphm.text_table import NOTHING, format_table
 
 LONGEST_NOTE = 100
@@ -39,8 +40,9 @@ class BatchResult:
     @property
     def degraded(self) -> dict[str, float]:
         """The components that are called degraded, with their values."""
-        faults = self.values.get("faults", {})
-        return {name: one["value"] for name, one in faults.items() if one["verdict"] == "degraded"}
+        if self.error:
+            return {}
+        return {name: self.values["faults"][name]["value"] for name in degraded_in(self.values)}
 
     @property
     def notes(self) -> tuple[str, ...]:

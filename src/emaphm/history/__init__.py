@@ -13,8 +13,8 @@ from emaphm.history.kept_diagnosis import KeptDiagnosis, KeptSettings
 from emaphm.history.kept_prognosis import KeptPrognosis
 from emaphm.history.lives import Failure, Life
 from emaphm.history.records import (
-    COMPONENTS,
     CONDITIONS,
+    FINDABLE,
     REASONS,
     Entry,
     Finding,
@@ -27,8 +27,8 @@ from emaphm.history.records import (
 from emaphm.history.unit import Unit
 
 __all__ = [
-    "COMPONENTS",
     "CONDITIONS",
+    "FINDABLE",
     "REASONS",
     "Added",
     "Entry",

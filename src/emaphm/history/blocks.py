@@ -5,17 +5,15 @@ assessment, prognostic assessment and advisory generation. The last two are thos
 prognosis (`emaphm prognose --keep`, `emaphm watch`), null where it has none.
 """
 
-from dataclasses import asdict
 from typing import Any
 
 from emaphm.history import reading
+from emaphm.history.entries import UnitEntries
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognosis
-from emaphm.history.lives import lives
-from emaphm.history.records import COMPONENTS
+from emaphm.history.records import FINDABLE
 from emaphm.history.storage.tables import UNITS
 from emaphm.history.unit import Unit
-from emaphm.history.withdrawing import read_withdrawals
 
 DATA_MANIPULATION = ("recording", "channels", "notes")
 """What was done to the recording's channels before they were compared."""
@@ -62,45 +60,34 @@ def diagnosis_blocks(diagnosis: KeptDiagnosis) -> dict[str, Any]:
 def unit_blocks(unit: Unit) -> dict[str, Any]:
     """Return all that a history holds of a unit."""
     with unit.database.reading() as connection:  # one state of all
-        flights = reading.flights(connection, unit.row.id)
+        entries = UnitEntries.read(connection, unit.row.id, unit.serial_number)
         diagnoses = reading.diagnoses(connection, unit.row.id)
-        removals = reading.removals(connection, unit.row.id)
-        findings = reading.findings(connection, unit.row.id)
-        withdrawals = read_withdrawals(connection, unit.serial_number)
         kept = read_prognosis(connection, unit.row.id)
         this = UNITS.c.id == unit.row.id
         count = reading.diagnosis_counts(connection, this).get(unit.row.id, 0)
         changed = reading.last_changes(connection, this).get(unit.row.id, "")
-    last = flights[-1]
-    is_removed = any(one.hours >= last.hours for one in removals)
+    last = entries.flights[-1]
+    is_removed = any(one.hours >= last.hours for one in entries.removals)
     return {
         "unit": {
             "serial_number": unit.serial_number,
             "part_number": unit.part_number,
             "position": None if is_removed else last.position,
             "hours": last.hours,
-            "cycles": last.cycles,
+            "cycles": max((one.cycles for one in entries.flights if one.cycles is not None), default=None),
         },
-        "flights": [asdict(one) for one in flights],
+        **entries.to_dict(),
         "diagnoses": [diagnosis_blocks(one) for one in diagnoses],
-        "removals": [asdict(one) for one in removals],
-        "findings": [asdict(one) for one in findings],
         "replacements": [
-            {"hours": one.hours, "component": one.component} for one in findings if one.replaced
+            {"hours": one.hours, "component": one.component} for one in entries.findings if one.replaced
         ],
-        "withdrawals": [asdict(one) for one in withdrawals],
-        "lives": {
-            name: [
-                asdict(one) | {"censored": one.censored} for one in lives(flights, removals, findings, name)
-            ]
-            for name in COMPONENTS
-        },
+        "lives": {name: [one.to_dict() for one in entries.lives(name)] for name in FINDABLE},
         **(
             {"prognostic_assessment": None, "advisory_generation": None}
             if kept is None
             else prognosis_blocks(
                 kept,
-                out_of_date=count != kept.diagnoses or last.hours > kept.hours or changed > kept.at,
+                out_of_date=not kept.is_current(count, changed),
             )
         ),
     }

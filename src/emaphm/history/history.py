@@ -12,7 +12,6 @@ from emaphm.history.events import Event, add_events, read_events, read_open_cond
 from emaphm.history.fingerprint import description_of, recording_hash
 from emaphm.history.kept_diagnosis import KeptSettings
 from emaphm.history.kept_prognosis import Basis, KeptPrognosis, keep_prognosis, read_prognoses
-from emaphm.history.overview import Overview, overviews
 from emaphm.history.records import Entry, Finding, Mistake, Removal, Withdrawal
 from emaphm.history.storage.address import Address
 from emaphm.history.storage.database import Database
@@ -20,6 +19,7 @@ from emaphm.history.storage.schema import bring_up_to_date, check_revision
 from emaphm.history.storage.tables import UNITS
 from emaphm.history.timestamp import timestamp
 from emaphm.history.unit import Unit
+from emaphm.history.views import UnitState, states
 from emaphm.history.withdrawing import withdraw
 
 if TYPE_CHECKING:
@@ -115,10 +115,14 @@ class History:
         with self.database.reading() as connection:
             return Unit(self.database, reading.unit(connection, serial_number))
 
-    def overviews(self, part_number: str | None = None) -> tuple[Overview, ...]:
-        """Return a line on each unit, or on those of a part number."""
+    def states(self, part_number: str | None = None) -> tuple[UnitState, ...]:
+        """Return the state of each unit, or of those of a part number, by part and serial number."""
         with self.database.reading() as connection:
-            return overviews(connection, part_number)
+            units = reading.units(connection)
+            if part_number is not None:
+                units = tuple(one for one in units if one.part_number == part_number)
+            found = states(connection, None if part_number is None else [one.id for one in units])
+        return tuple(found[one.id] for one in units)
 
     def check(self, entry: Entry) -> None:
         """Refuse an entry that contradicts the history whatever its recording is; `HistoryError`."""

@@ -15,11 +15,7 @@ from emaphm.strict_json import finite
 
 @dataclass(frozen=True)
 class Basis:
-    """What a prognosis is made from: the number of `diagnoses` that the unit had had, and when that was.
-
-    With more diagnoses, those that replace others among them, or what a shop found since, the prognosis is
-    out of date.
-    """
+    """What a prognosis is made from: the number of `diagnoses` that the unit had had, and when that was."""
 
     diagnoses: int
     at: str
@@ -41,6 +37,18 @@ class KeptPrognosis:
     def of(cls, basis: Basis, document: Mapping[str, Any]) -> "KeptPrognosis":
         """Return a prognosis, as `emaphm prognose --json` prints it, that was made from `basis`."""
         return cls(float(document["hours"]), basis.diagnoses, document, basis.at)
+
+    def is_current(self, diagnoses: int, changed: str) -> bool:
+        """Return whether the unit is as it was when the prognosis was begun; else it is out of date.
+
+        Parameters
+        ----------
+        diagnoses
+            How many the unit has had, those that replace others among them.
+        changed
+            When its newest removal, finding or withdrawal was made, UTC, ISO 8601; empty where it has none.
+        """
+        return self.diagnoses == diagnoses and self.at >= changed
 
 
 def keep_prognosis(connection: sa.Connection, unit: UnitRow, prognosis: KeptPrognosis) -> None:

@@ -1,7 +1,8 @@
 """Lives of units and of their components, ended by failure or censored."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from emaphm.history.records import UNIT, Finding, Flight, Removal
 
@@ -18,6 +19,10 @@ class Life:
     def censored(self) -> bool:
         """Whether the life went on, or was ended by something else than failure."""
         return not self.failed
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the life, ready for `json.dumps`."""
+        return asdict(self) | {"censored": self.censored}
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from emaphm.actuator.faults import NAMES
+from emaphm.actuator.faults import COMPONENTS
 from emaphm.actuator.quantity import COLDEST, HOTTEST
 from emaphm.actuator.requirements import LOWEST_FRICTION
 from emaphm.errors import HistoryError, nearest
@@ -12,8 +12,8 @@ from emaphm.errors import HistoryError, nearest
 UNIT = "unit"
 """The component of a finding that concerns the unit as a whole."""
 
-COMPONENTS = (*(name for name in NAMES if name != "eccentricity_phase"), UNIT)
-"""What a shop can find, or replace; the direction of an eccentricity is no part of its own."""
+FINDABLE = (*COMPONENTS, UNIT)
+"""What a shop can report on, or replace."""
 
 REASONS = ("failed", "suspected", "scheduled", "other")
 """Why a unit was removed; "failed" and "suspected" as it was seen on the aircraft, before any shop."""
@@ -26,6 +26,9 @@ KINDS = ("recording", "removal", "finding")
 
 MOST_HOURS = 1e6
 """Flight hours: more than a century of them."""
+
+MOST_CYCLES = 2**31 - 1
+"""What every database holds as a whole number."""
 
 LONGEST_NAME = 200
 """Characters of a serial number, a part number or a position."""
@@ -71,8 +74,8 @@ class Entry:
         check_name(self.unit, "unit")
         check_name(self.part_number, "part number")
         check_hours(self.hours)
-        if self.cycles is not None and not 0 <= self.cycles < 2**31:
-            raise HistoryError(f"cycles {self.cycles}: give a whole number of 0 or more")
+        if self.cycles is not None and not 0 <= self.cycles <= MOST_CYCLES:
+            raise HistoryError(f"cycles {self.cycles}: give a whole number from 0 to {MOST_CYCLES:,}")
         if self.position is not None:
             check_name(self.position, "position")
         if self.load is not None and not (math.isfinite(self.load) and self.load >= 0):
@@ -81,6 +84,23 @@ class Entry:
             raise HistoryError(
                 f"temperature {self.temperature:g}: give kelvins, from {COLDEST:g} to {HOTTEST:g}"
             )
+
+
+def whole_cycles(text: str) -> int:
+    """Return the cycles of an `Entry` that a file or a form states; what is no whole number is not rounded.
+
+    Raises
+    ------
+    HistoryError
+        The text is no whole number from 0 to `MOST_CYCLES`. The error does not repeat it: in a stream it may
+        differ from row to row, and rows that are left out are counted by their reason.
+    """
+    is_whole = text.isascii() and text.isdigit() and len(text) <= len(str(MOST_CYCLES))
+    if not is_whole or int(text) > MOST_CYCLES:
+        raise HistoryError(
+            f"cycles are no whole number from 0 to {MOST_CYCLES:,}; correct them, or leave them out"
+        )
+    return int(text)
 
 
 @dataclass(frozen=True)
@@ -120,7 +140,7 @@ class Removal:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a shop found of one of `COMPONENTS`, of a unit that had `hours` [h]: one of `CONDITIONS`.
+    """What a shop found of one of `FINDABLE`, of a unit that had `hours` [h]: one of `CONDITIONS`.
 
     `level` is the fault as the shop measured it, normalised as in `Faults`; `replaced` says whether the
     component was replaced.
@@ -141,8 +161,8 @@ class Finding:
     def __post_init__(self) -> None:
         check_hours(self.hours)
         check_note(self.note)
-        if self.component not in COMPONENTS:
-            raise HistoryError(f"unknown component '{self.component}'{nearest(self.component, COMPONENTS)}")
+        if self.component not in FINDABLE:
+            raise HistoryError(f"unknown component '{self.component}'{nearest(self.component, FINDABLE)}")
         if self.condition not in CONDITIONS:
             raise HistoryError(f"unknown condition '{self.condition}'{nearest(self.condition, CONDITIONS)}")
         lowest = LOWEST_FRICTION if self.component == "friction" else 0.0

@@ -8,14 +8,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from emaphm.actuator import NAMES
+from emaphm.actuator import COMPONENTS
 from emaphm.history import Event, KeptDiagnosis, Replacement
 from emaphm.history.records import UNIT
 from emaphm.monitoring.false_alarms import FalseAlarmRate, recordings_per_hour
 from emaphm.monitoring.settings import AlarmSettings
-
-COMPONENTS = tuple(name for name in NAMES if name != "eccentricity_phase")
-"""What can raise an alarm; the direction of an eccentricity shares its verdict."""
 
 
 @dataclass(frozen=True, eq=False)

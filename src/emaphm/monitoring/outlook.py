@@ -13,7 +13,6 @@ import numpy as np
 from emaphm.errors import EmaphmError, HistoryError
 from emaphm.execution.one_process import Calls, EndedError
 from emaphm.history import Event, History
-from emaphm.history.views import states
 from emaphm.monitoring.settings import IsolationSettings, PrognosisSettings
 from emaphm.prognosis import Prognosis, Question
 from emaphm.prognosis.keeping import update_prognosis
@@ -121,20 +120,18 @@ class NoPrognosisError(Exception):
 
 
 def _out_of_date(history: History) -> list[str]:
-    """Return the units whose prognosis lacks recordings, and those that have none and a `RECENT` recording.
+    """Return the units whose prognosis is not current, and those that have none and a `RECENT` recording.
 
     The latter are those for which a watcher was killed before their first prognosis. A history that was
     filled long before is not prognosed as a whole.
     """
     kept = history.prognoses()
     since = (datetime.now(UTC) - RECENT).strftime("%Y-%m-%dT%H:%M:%SZ")
-    with history.database.reading() as connection:
-        every = states(connection).values()
     return [
         one.serial_number
-        for one in every
+        for one in history.states()
         if (
-            kept[one.serial_number].diagnoses != one.diagnoses
+            not kept[one.serial_number].is_current(one.diagnoses, one.changed)
             if one.serial_number in kept
             else one.last_at >= since
         )

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
-from emaphm.errors import MonitoringError, RecordingError, nearest
+from emaphm.errors import HistoryError, MonitoringError, RecordingError, nearest
 from emaphm.history import Entry
+from emaphm.history.records import whole_cycles
 from emaphm.recording.io.read import SERIAL
 from emaphm.recording.recording import Label
 
@@ -86,7 +87,7 @@ class Ownership:
         Raises
         ------
         RecordingError
-            Its unit or its hours are not known.
+            Its unit or its hours are not known, or its cycles are no whole number.
         HistoryError
             They are, and cannot be.
         """
@@ -100,8 +101,8 @@ class Ownership:
         return Entry(
             str(unit),
             self.part,
-            _number(name, HOURS_LABEL, hours),
-            None if cycles is None else round(_number(name, CYCLES_LABEL, cycles)),
+            _hours(name, hours),
+            None if cycles is None else _cycles(name, cycles),
             late=True,
         )
 
@@ -137,11 +138,18 @@ def _first(file: str, labels: Mapping[str, Label], names: tuple[str, ...]) -> st
     return repr(value)
 
 
-def _number(name: str, what: str, value: object) -> float:
+def _hours(name: str, value: object) -> float:
     try:
         number = float(str(value))
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise RecordingError(f"{name}: its {what} are '{value}', which is no number; correct the file")
+        raise RecordingError(f"{name}: its {HOURS_LABEL} are '{value}', which is no number; correct the file")
     return number
+
+
+def _cycles(name: str, text: str) -> int:
+    try:
+        return whole_cycles(text)
+    except HistoryError as error:
+        raise RecordingError(f"{name}: its {error}") from None

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from emaphm.actuator import COMPONENTS
 from emaphm.plotting.style import (
     BLUE,
     FAINT,
@@ -19,7 +20,6 @@ from emaphm.plotting.style import (
     style_axis,
 )
 from emaphm.prognosis.keeping.curves import PROBABILITIES, Curves
-from emaphm.prognosis.requirements import COMPONENTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

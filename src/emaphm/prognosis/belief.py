@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.prognosis.bounds import COORDINATES
 from emaphm.prognosis.laws import Numbers
-from emaphm.prognosis.prior import COMPONENTS, NEW, Hypotheses, Prior
+from emaphm.prognosis.prior import NEW, Hypotheses, Prior
 from emaphm.prognosis.settings import FILTER, LAWS, FilterSettings
 from emaphm.random_streams import stream
 
@@ -84,7 +85,7 @@ class Belief:
         *,
         seed: int = 0,
         settings: FilterSettings = FILTER,
-        components: int = COMPONENTS,
+        components: int = COORDINATES,
         shared: Array | float = 0.0,
     ) -> "Belief":
         """Return what is believed of the first `components` of a new unit, at 0 h."""

@@ -8,10 +8,11 @@ from emaphm.actuator.requirements import LOWEST_FRICTION
 from emaphm.arrays import Array
 from emaphm.prognosis.columns import ECCENTRICITY
 
-COMPONENTS = len(CARTESIAN_NAMES)
+COORDINATES = len(CARTESIAN_NAMES)
+"""Of the fault vector as estimators see it; an indicator has one."""
 
 LOWEST = np.array([LOWEST_FRICTION, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0])
-HIGHEST = np.ones(COMPONENTS)
+HIGHEST = np.ones(COORDINATES)
 """Bounds of the levels, in the order of `CARTESIAN_NAMES`; an eccentricity is within its circle. A friction
 may be below that of a new unit."""
 
@@ -29,14 +30,14 @@ def bounds(count: int, beyond: float = 0.0) -> tuple[Array, Array]:
 
     Ends of scales at which a component is at its worst are farther off by `beyond`.
     """
-    low, high = (LOWEST, HIGHEST) if count == COMPONENTS else (np.zeros(count), np.ones(count))
+    low, high = (LOWEST, HIGHEST) if count == COORDINATES else (np.zeros(count), np.ones(count))
     return low - beyond * _worst_at_lowest(count), high + beyond
 
 
 def within_bounds(level: Array, beyond: float = 0.0) -> Array:
     """Return levels (…, 8) put within their `bounds`, an eccentricity within its circle."""
     clipped = np.clip(level, *bounds(level.shape[-1], beyond))
-    if level.shape[-1] < COMPONENTS:
+    if level.shape[-1] < COORDINATES:
         return clipped
     x, y = ECCENTRICITY
     radius = np.maximum(np.hypot(clipped[..., x], clipped[..., y]) / (1.0 + beyond), 1.0)
@@ -53,7 +54,7 @@ def to_the_end(level: Array) -> Array:
     count = level.shape[-1]
     low, high = bounds(count)
     far = high - level
-    if count == COMPONENTS:
+    if count == COORDINATES:
         far = np.where(_worst_at_lowest(count), np.minimum(far, level - low), far)
         x, y = ECCENTRICITY
         far[..., x] = far[..., y] = 1.0 - np.hypot(level[..., x], level[..., y])
@@ -62,7 +63,7 @@ def to_the_end(level: Array) -> Array:
 
 def _worst_at_lowest(count: int) -> NDArray[np.bool_]:
     """Return of which of `count` levels the lower end is a fault too, not the healthy one."""
-    result = np.full(count, count == COMPONENTS)
-    if count == COMPONENTS:
+    result = np.full(count, count == COORDINATES)
+    if count == COORDINATES:
         result[list(HEALTHY_AT_LOWEST)] = False
     return result

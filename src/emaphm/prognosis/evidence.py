@@ -10,10 +10,11 @@ from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis.belief import Belief
+from emaphm.prognosis.bounds import COORDINATES
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.filter.degradation import predicted, replaced, updated
 from emaphm.prognosis.laws import Mask
-from emaphm.prognosis.prior import COMPONENTS, Prior
+from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.settings import FILTER, FilterSettings
 from emaphm.prognosis.stress import Stress, StressPiece, StressReference, exposure
 
@@ -61,7 +62,7 @@ class Evidence:
     observations: tuple[Observation, ...] = ()
     replacements: tuple[tuple[float, str], ...] = ()
     stresses: tuple[StressPiece, ...] = ()
-    components: int = COMPONENTS
+    components: int = COORDINATES
     failures: tuple[float, ...] = ()
     unrepaired: "Failure | None" = None
 

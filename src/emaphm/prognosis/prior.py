@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, to_cartesian
+from emaphm.actuator.faults import HEALTHY, to_cartesian
 from emaphm.arrays import Array
+from emaphm.prognosis.bounds import COORDINATES
 from emaphm.prognosis.columns import ECCENTRICITY
 from emaphm.prognosis.from_fleet.outlook import Fellows
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
@@ -25,8 +26,6 @@ from emaphm.prognosis.settings import (
     DegradationSettings,
 )
 from emaphm.prognosis.stress import STRESSES, StressReference
-
-COMPONENTS = len(CARTESIAN_NAMES)
 
 NEW = to_cartesian(HEALTHY.vector)
 """Levels of a healthy unit, shape (8,), in the order of `CARTESIAN_NAMES`."""
@@ -96,7 +95,7 @@ class Prior:
     recalibration: Recalibration | None = None
     fellows: Fellows | None = None
 
-    def draw(self, particles: int, random: np.random.Generator, components: int = COMPONENTS) -> Hypotheses:
+    def draw(self, particles: int, random: np.random.Generator, components: int = COORDINATES) -> Hypotheses:
         """Return hypotheses of the first `components` of a new unit, each array (particles, components)."""
         own = self.general(np.zeros((particles, components)), random)
         if self.fleet is None:

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from emaphm.actuator import NAMES, Actuator
+from emaphm.actuator import COMPONENTS, NAMES, Actuator
 from emaphm.arrays import Array
 from emaphm.prognosis.advice import Advice
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.forecast import Paths
-from emaphm.prognosis.requirements import COMPONENTS, Limit, vectors_of
+from emaphm.prognosis.requirements import Limit, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes
 from emaphm.prognosis.settings import LAWS
 from emaphm.prognosis.stress import Stress, stress_dict

@@ -5,12 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 import polars as pl
 
-from emaphm.actuator import NAMES
+from emaphm.actuator import COMPONENTS, NAMES
 from emaphm.errors import StudyError
 from emaphm.experiment.test_setup import LARGEST_SHORT
 from emaphm.report.markdown import incomplete, mixed, percent
 from emaphm.study.analysis.rates import (
-    JUDGED,
     alarms,
     chance_interval,
     coverage,
@@ -370,7 +369,7 @@ def _healthy(results: Results, section: PageSection) -> str:
 def _raised_by(rows: pl.DataFrame) -> str:
     """Return which components raised how many alarms."""
     counts = alarms(rows).sum(axis=0)
-    return ", ".join(f"{name} {n}" for name, n in zip(JUDGED, counts, strict=True) if n) or "none"
+    return ", ".join(f"{name} {n}" for name, n in zip(COMPONENTS, counts, strict=True) if n) or "none"
 
 
 def _small(results: Results, section: PageSection) -> str:

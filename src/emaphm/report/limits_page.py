@@ -4,12 +4,13 @@ from collections.abc import Iterator, Mapping
 
 import polars as pl
 
+from emaphm.actuator import COMPONENTS
 from emaphm.errors import StudyError
 from emaphm.plotting.limits import draw_limits
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.report.markdown import incomplete, mixed
 from emaphm.study.analysis.limits import SettingRates
-from emaphm.study.analysis.rates import JUDGED, least_by_chance, single_fault
+from emaphm.study.analysis.rates import least_by_chance, single_fault
 from emaphm.study.plan import PageRow, PageSection, Plan
 from emaphm.text_table import markdown_table
 
@@ -94,7 +95,7 @@ def _introduction(plan: Plan, runs: pl.DataFrame, base: PageRow, rates: Rates) -
     small, healthy = (mine.filter(pl.col("case_kind") == kind) for kind in ("small", "healthy"))
     size = single_fault(small["truth"][0].to_list())[1]
     count = rates[base].cases
-    components = (len(JUDGED) - 1) * small.height + len(JUDGED) * healthy.height
+    components = (len(COMPONENTS) - 1) * small.height + len(COMPONENTS) * healthy.height
     yield (
         f"Of each setting, {count} recordings with random faults give error, coverage of the 95 % intervals "
         "(the mean over the components and the least, with its component) and the share called explained. "

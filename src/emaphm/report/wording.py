@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from emaphm.actuator import Faults
+from emaphm.actuator import COMPONENTS, Faults
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.wording import physical_text
 from emaphm.text_table import NOTHING, TextTable
@@ -72,9 +72,7 @@ def _size(name: str, diagnosis: Diagnosis) -> str:
 
 
 def _of_verdict(verdict: str, diagnosis: Diagnosis) -> list[str]:
-    """Return the components of that verdict; a direction is no fault of its own and is left out."""
-    components = diagnosis.components.items()
-    return [name for name, e in components if e.verdict == verdict and name != "eccentricity_phase"]
+    return [name for name in COMPONENTS if diagnosis.components[name].verdict == verdict]
 
 
 def _explanation(diagnosis: Diagnosis) -> str:

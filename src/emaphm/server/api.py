@@ -7,11 +7,11 @@ from fastapi import APIRouter, Depends, HTTPException, Path, Query, Request
 from pydantic import BaseModel, Field
 
 from emaphm.history.blocks import diagnosis_blocks
+from emaphm.history.entries import UnitEntries
 from emaphm.history.events import KINDS, read_events
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis
 from emaphm.history.reading import UnitRow
-from emaphm.history.unit import Unit
 from emaphm.history.views import DiagnosisLine, diagnosis, diagnosis_lines, read_curves
 from emaphm.server.fleet import ACTIONS, HEALTHS, SORTS, Choice, FleetRow
 from emaphm.server.state import ServerState
@@ -111,19 +111,12 @@ def units(
 
 @router.get("/units/{unit_id}", responses=NOT_FOUND)
 def unit(server: Server, unit_id: Id) -> dict[str, Any]:
-    """Return a unit: its state, flights, removals, findings, withdrawals and lives."""
+    """Return a unit: its state, flights, removals, findings, withdrawals, and its lives as a whole."""
     row = row_of(server, unit_id)
-    found = history_unit(server, row)
-    return _finite(
-        {
-            "unit": asdict(row),
-            "flights": [asdict(one) for one in found.flights()],
-            "removals": [asdict(one) for one in found.removals()],
-            "findings": [asdict(one) for one in found.findings()],
-            "withdrawals": [asdict(one) for one in found.withdrawals()],
-            "lives": [asdict(one) | {"censored": one.censored} for one in found.lives()],
-        }
-    )
+    with server.history.database.reading() as connection:  # one state of all
+        entries = UnitEntries.read(connection, row.id, row.unit)
+    lives = [one.to_dict() for one in entries.lives()]
+    return _finite({"unit": asdict(row), **entries.to_dict(), "lives": lives})
 
 
 @router.get("/units/{unit_id}/prognosis", responses=NOT_FOUND)
@@ -320,11 +313,6 @@ def diagnosis_of(server: ServerState, diagnosis_id: int) -> tuple[UnitRow, KeptD
     if found is None:
         raise HTTPException(404, f"no diagnosis {diagnosis_id} in the history")
     return found
-
-
-def history_unit(server: ServerState, row: FleetRow) -> Unit:
-    """Return the unit of a row."""
-    return Unit(server.history.database, UnitRow(row.id, row.unit, row.part_number))
 
 
 def prognosis_of(server: ServerState, row: FleetRow) -> KeptPrognosis | None:

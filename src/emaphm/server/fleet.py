@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from emaphm.actuator.faults import COMPONENTS, degraded_in
 from emaphm.history.events import read_open_conditions
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognoses
 from emaphm.history.views import NO_PROGNOSES, Marks, UnitState, changed_units, marks, states
-from emaphm.prognosis.keeping import is_current
 from emaphm.server.work.queue import AGAIN, DONE
 
 if TYPE_CHECKING:
@@ -207,9 +207,6 @@ def _alarms(connection: "Connection") -> dict[str, tuple[str, ...]]:
 
 
 def _row(state: UnitState, prognosis: KeptPrognosis | None, alarms: tuple[str, ...]) -> FleetRow:
-    faults = state.document["faults"]
-    verdicts = {name: one["verdict"] for name, one in faults.items() if name != "eccentricity_phase"}
-    degraded = tuple(name for name, verdict in verdicts.items() if verdict == "degraded")
     return FleetRow(
         id=state.id,
         unit=state.serial_number,
@@ -221,20 +218,20 @@ def _row(state: UnitState, prognosis: KeptPrognosis | None, alarms: tuple[str, .
         recordings=state.recordings,
         explained=state.explained,
         diagnosis=state.diagnosis_id,
-        health=_health(verdicts, explained=state.document["explained"]),
-        degraded=degraded,
+        health=_health(state.document),
+        degraded=degraded_in(state.document),
         reasons=tuple(state.document.get("reasons", ())),
         sensor_faults=tuple(one["sentence"] for one in state.document.get("sensor_faults", ())),
         alarms=alarms,
-        current=is_current(state, prognosis),
+        current=prognosis is not None and prognosis.is_current(state.diagnoses, state.changed),
         **_forecast(prognosis),
     )
 
 
-def _health(verdicts: dict[str, str], *, explained: bool) -> str:
-    if not explained:
+def _health(document: dict[str, Any]) -> str:
+    if not document["explained"]:
         return "not explained"
-    found = set(verdicts.values())
+    found = {document["faults"][name]["verdict"] for name in COMPONENTS}
     return next((one for one in HEALTHS if one in found), "cannot tell")
 
 

@@ -11,7 +11,9 @@ from fastapi import APIRouter, Form, HTTPException, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
+from emaphm.actuator.faults import degraded_in
 from emaphm.errors import EmaphmError
+from emaphm.history.entries import UnitEntries
 from emaphm.history.events import KINDS
 from emaphm.history.views import diagnosis_lines, read_curves
 from emaphm.recording.io.read import READERS
@@ -122,8 +124,8 @@ def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -
 def unit(request: Request, server: Server, unit_id: Id) -> Response:
     """Return the page of a unit."""
     row = api.row_of(server, unit_id)
-    found = api.history_unit(server, row)
-    with server.history.database.reading() as connection:
+    with server.history.database.reading() as connection:  # one state of all
+        entries = UnitEntries.read(connection, row.id, row.unit)
         lines = diagnosis_lines(connection, unit_id=unit_id, limit=MOST_LISTED)
         has_curves = read_curves(connection, unit_id) is not None
     lines = tuple(sorted(lines, key=lambda line: (-line.hours, -line.id)))
@@ -137,9 +139,7 @@ def unit(request: Request, server: Server, unit_id: Id) -> Response:
         has_curves=has_curves,
         version=_version(kept.at if kept else "", row),
         lines=lines,
-        removals=found.removals(),
-        findings=found.findings(),
-        withdrawals=found.withdrawals(),
+        entries=entries,
         events=server.history.events(unit=row.unit, newest_first=True, limit=MOST_LISTED),
         plotly=f"/static/{_plotly_version()}/{PLOTLY}",
         ids={row.unit: row.id},
@@ -168,6 +168,7 @@ def one_diagnosis(request: Request, server: Server, diagnosis_id: Id) -> Respons
         kept=kept,
         document=kept.document,
         components=estimates(kept.document),
+        degraded=degraded_in(kept.document),
         toml=toml,
         version=content_key(kept),
         has_report=server.folder.report(kept).exists(),

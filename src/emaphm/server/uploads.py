@@ -21,7 +21,7 @@ from emaphm.errors import (
     ServerError,
     nearest,
 )
-from emaphm.history.records import Entry
+from emaphm.history.records import Entry, whole_cycles
 from emaphm.recording.io.read import READERS
 from emaphm.server.folders import PARTIAL, ServerFolder, new_upload, on_disk
 from emaphm.server.work.queue import Queue
@@ -171,7 +171,7 @@ def request_of(form: dict[str, Any], actuators: tuple[str, ...]) -> dict[str, An
             unit=given.get("unit", ""),
             part_number=part or "as described",
             hours=_number(given.get("hours", ""), "hours"),
-            cycles=_count(given.get("cycles", "")),
+            cycles=whole_cycles(given["cycles"]) if given.get("cycles") else None,
             position=given.get("position") or None,
             late=given.get("late") in {"on", "true"},
         )
@@ -203,11 +203,3 @@ def _number(text: str, what: str) -> float:
     if not math.isfinite(value):
         raise RecordingError(f"{what}: give a number, such as 1250")
     return value
-
-
-def _count(text: str) -> int | None:
-    if not text:
-        return None
-    if not (text.isascii() and text.isdigit() and len(text) < 12):
-        raise RecordingError("cycles: give a whole number of 0 or more, or leave it out")
-    return int(text)

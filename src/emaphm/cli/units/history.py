@@ -19,7 +19,7 @@ from emaphm.cli.options import (
 from emaphm.cli.output import progress, show
 
 if TYPE_CHECKING:
-    from emaphm.history.overview import Overview
+    from emaphm.history.views import UnitState
 
 app = App(name="history", help="Keep diagnoses of units over their flights, removals and shop findings.")
 
@@ -129,7 +129,7 @@ def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False)
     from emaphm.text_table import format_table
 
     with History.open(db) as history:
-        lines = [_overview(one) for one in history.overviews(part)]
+        lines = [_overview(one) for one in history.states(part)]
     header = (
         "part number",
         "serial number",
@@ -307,19 +307,22 @@ def _assessed(values: dict[str, Any]) -> str:
     return f"prognosis of {made['made_at']} at {made['hours']:g} h{old}: {lasts}; {what}"
 
 
-def _overview(one: "Overview") -> dict[str, Any]:
-    import json
+def _overview(one: "UnitState") -> dict[str, Any]:
+    from emaphm.actuator.faults import degraded_in
 
-    document = json.loads(one.document)
-    degraded = [name for name, fault in document["faults"].items() if fault["verdict"] == "degraded"]
+    document = one.document
     return {
-        "part_number": one.unit.part_number,
-        "serial_number": one.unit.serial_number,
+        "part_number": one.part_number,
+        "serial_number": one.serial_number,
         "hours": one.hours,
         "cycles": one.cycles,
         "recordings": one.recordings,
         "explained": one.explained,
-        "last": {"explained": document["explained"], "k": document["k"], "degraded": degraded},
+        "last": {
+            "explained": document["explained"],
+            "k": document["k"],
+            "degraded": list(degraded_in(document)),
+        },
     }
 
 
@@ -330,9 +333,10 @@ def _last(line: dict[str, Any]) -> str:
 
 def _row(diagnosis: dict[str, Any]) -> tuple[str, ...]:
     """Return a diagnosis as a row of text, with the estimates of what is degraded."""
-    explained = diagnosis["state_detection"]["explained"]
-    faults = diagnosis["health_assessment"]["faults"]
-    degraded = [f"{name} {one['value']:.3f}" for name, one in faults.items() if one["verdict"] == "degraded"]
+    from emaphm.actuator.faults import degraded_in
+
+    explained, assessed = diagnosis["state_detection"]["explained"], diagnosis["health_assessment"]
+    degraded = [f"{name} {assessed['faults'][name]['value']:.3f}" for name in degraded_in(assessed)]
     return (
         f"{diagnosis['hours']:g}",
         _number(diagnosis["cycles"]),

@@ -6,6 +6,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from emaphm.actuator.faults import degraded_in
 from emaphm.history.columns import diagnosis_of
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.reading import UnitRow, flights
@@ -137,7 +138,6 @@ def _joined(*columns: Any) -> sa.Select[Any]:
 
 def _line(row: "sa.Row[Any]") -> DiagnosisLine:
     document = json.loads(row.document)
-    faults = document["faults"]
     return DiagnosisLine(
         id=row.id,
         unit_id=row.unit_id,
@@ -150,7 +150,7 @@ def _line(row: "sa.Row[Any]") -> DiagnosisLine:
         samples=row.samples,
         sample_rate_hz=row.sample_rate_hz,
         explained=row.explained,
-        degraded=tuple(name for name, one in faults.items() if one["verdict"] == "degraded"),
+        degraded=degraded_in(document),
         reasons=tuple(document.get("reasons", ())),
         sensor_faults=tuple(one["sentence"] for one in document.get("sensor_faults", ())),
         added_at=row.added_at,

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import sqlalchemy as sa
@@ -46,13 +47,14 @@ class UnitState:
     Attributes
     ----------
     hours, cycles, position
-        Of its last flight [h]; the position is None where it is not known.
+        Flight hours at its last flight [h]; the cycles that are known last, which rise with the hours; its
+        place on the aircraft. None where not known.
     last_at
         When its newest recording was added, UTC, ISO 8601.
     recordings, explained, diagnoses
         How many recordings it has, how many of them the last diagnosis explains, and how many diagnoses it
         has had, also such as others have replaced.
-    diagnosis_id, document
+    diagnosis_id, text
         Of the last diagnosis of its last flight: its number and its JSON.
     changed
         When the newest of its removals, findings and withdrawals was made, UTC, ISO 8601; empty where it has
@@ -70,8 +72,13 @@ class UnitState:
     explained: int
     diagnoses: int
     diagnosis_id: int
-    document: dict[str, Any] = field(repr=False)
+    text: str = field(repr=False)
     changed: str
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The last diagnosis of its last flight, as `emaphm diagnose --json` printed it."""
+        return dict(json.loads(self.text))
 
 
 def marks(connection: sa.Connection) -> Marks:
@@ -148,7 +155,7 @@ def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[i
             explained=counted[row.id].explained,
             diagnoses=diagnosed[row.id],
             diagnosis_id=row.diagnosis_id,
-            document=json.loads(row.document),
+            text=row.document,
             changed=changed.get(row.id, ""),
         )
         for row in connection.execute(_last(chosen))
@@ -156,9 +163,12 @@ def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[i
 
 
 def _last(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
-    """Return the query of each unit's last flight, with the last diagnosis of it."""
+    """Return the query of each unit's last hours and cycles, with the last diagnosis of its last flight."""
     other = FLIGHTS.alias()
-    last_hours = sa.select(sa.func.max(other.c.hours)).where(other.c.unit_id == UNITS.c.id).scalar_subquery()
+    last_hours, last_cycles = (
+        sa.select(sa.func.max(column)).where(other.c.unit_id == UNITS.c.id).scalar_subquery()
+        for column in (other.c.hours, other.c.cycles)
+    )
     of_flight = DIAGNOSES.alias()
     newest = (
         sa.select(sa.func.max(of_flight.c.id))
@@ -173,7 +183,7 @@ def _last(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
             UNITS.c.serial_number,
             UNITS.c.part_number,
             FLIGHTS.c.hours,
-            FLIGHTS.c.cycles,
+            last_cycles.label("cycles"),
             DIAGNOSES.c.id.label("diagnosis_id"),
             DIAGNOSES.c.document,
         )

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from emaphm.actuator import Actuator
     from emaphm.history import KeptPrognosis
     from emaphm.history.kept_prognosis import Basis
-    from emaphm.history.overview import Overview
+    from emaphm.history.views import UnitState
 
 AT_ONCE = 5
 """Units of a task: what a fleet teaches, some megabytes, goes to a worker once for all of them, and the last
@@ -120,21 +120,21 @@ def prognose_all(
     check_workers(scheduler)
     place = str(Path(where).absolute()) if "://" not in str(where) else str(where)
     with History.open(where) as history:
-        lines = history.overviews(part_number)
+        lines = history.states(part_number)
         known = {unit.part_number for unit in history.units()} if not lines else set()
     if known:
         raise HistoryError(
             f"no units of the part number '{part_number}'{nearest(str(part_number), sorted(known))}"
         )
     fleets: dict[str, _Fleet] = {}
-    parts = sorted({one.unit.part_number for one in lines})
+    parts = sorted({one.part_number for one in lines})
     if fleet:
         for part in parts:
-            of_part = [one for one in lines if one.unit.part_number == part]
+            of_part = [one for one in lines if one.part_number == part]
             fleets[part] = _fleet(place, of_part, seed, workers, scheduler)
     tasks: list[Task] = []
     for part in parts:
-        names = [one.unit.serial_number for one in lines if one.unit.part_number == part]
+        names = [one.serial_number for one in lines if one.part_number == part]
         for i in range(0, len(names), AT_ONCE):
             chosen = tuple(names[i : i + AT_ONCE])
             arguments = (place, chosen, question, actuator, fleets.get(part), seed)
@@ -165,7 +165,7 @@ def _in_order(arriving: Generator[Outcome]) -> Generator[Outcome]:
 
 
 def _fleet(
-    where: str, lines: Sequence["Overview"], seed: int, workers: int | None, scheduler: str | None
+    where: str, lines: Sequence["UnitState"], seed: int, workers: int | None, scheduler: str | None
 ) -> _Fleet:
     """Return what the units of a fleet teach that do: one more than a unit learns from."""
     teaching = [one for one in lines if one.explained >= FEWEST_DIAGNOSES]

@@ -26,7 +26,7 @@ from emaphm.random_streams import stream
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
     from emaphm.history import History, Unit
-    from emaphm.history.overview import Overview
+    from emaphm.history.views import UnitState
 
 MOST_UNITS = 30
 """Units that are followed."""
@@ -88,7 +88,7 @@ def learnt_prior(
     HistoryError
         The database fails.
     """
-    teaching = [one for one in history.overviews(unit.part_number) if one.explained >= FEWEST_DIAGNOSES]
+    teaching = [one for one in history.states(unit.part_number) if one.explained >= FEWEST_DIAGNOSES]
     followed, paced = names_of(teachers(teaching)), names_of(teachers_of_pace(teaching))
     evidence = {name: Evidence.of(history.unit(name), most) for name in {*followed, *paced}}
     chosen = [evidence[name] for name in followed]
@@ -153,23 +153,23 @@ def reference_of(units: Sequence[Evidence]) -> StressReference | None:
     return None if found is None else found.rounded()
 
 
-def teachers(overviews: "Sequence[Overview]") -> "list[Overview]":
+def teachers(states: "Sequence[UnitState]") -> "list[UnitState]":
     """Return the units of a fleet that teach: one more than a unit learns from, as it may be one of them."""
-    return evenly(_by_diagnoses(overviews), MOST_UNITS + 1)
+    return evenly(_by_diagnoses(states), MOST_UNITS + 1)
 
 
-def teachers_of_pace(overviews: "Sequence[Overview]") -> "list[Overview]":
+def teachers_of_pace(states: "Sequence[UnitState]") -> "list[UnitState]":
     """Return the units of a fleet whose pace is learnt: one more than a unit's, as in `teachers`."""
-    return evenly(_by_diagnoses(overviews), MOST_FELLOWS + 1)
+    return evenly(_by_diagnoses(states), MOST_FELLOWS + 1)
 
 
-def names_of(overviews: "Sequence[Overview]") -> list[str]:
+def names_of(states: "Sequence[UnitState]") -> list[str]:
     """Return the serial numbers."""
-    return [one.unit.serial_number for one in overviews]
+    return [one.serial_number for one in states]
 
 
-def _by_diagnoses(overviews: "Sequence[Overview]") -> "list[Overview]":
-    return sorted(overviews, key=lambda one: (-one.explained, one.unit.serial_number))
+def _by_diagnoses(states: "Sequence[UnitState]") -> "list[UnitState]":
+    return sorted(states, key=lambda one: (-one.explained, one.serial_number))
 
 
 def evenly(ordered: Sequence[T], most: int = MOST_UNITS) -> list[T]:

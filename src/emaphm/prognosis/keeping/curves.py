@@ -6,10 +6,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from emaphm.actuator import NAMES
+from emaphm.actuator import COMPONENTS, NAMES
 from emaphm.arrays import Array
 from emaphm.prognosis.columns import columns_of, level_of
-from emaphm.prognosis.requirements import COMPONENTS, vectors_of
+from emaphm.prognosis.requirements import vectors_of
 from emaphm.prognosis.result import Prognosis
 from emaphm.quantiles import sample_quantile
 

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from emaphm.history import Event, History, Unit
-    from emaphm.history.views import UnitState
     from emaphm.prognosis.result import Prognosis
 
 ENOUGH = 2
@@ -76,13 +75,6 @@ def update_prognosis(
         keep_curves(connection, unit.row.id, evidence.hours, basis.diagnoses, curves.to_dict())
         add_events(connection, new)
     return Updated(prognosis, curves)
-
-
-def is_current(state: "UnitState", prognosis: KeptPrognosis | None) -> bool:
-    """Return whether nothing was added to a unit since its `prognosis` was made."""
-    if prognosis is None:
-        return False
-    return prognosis.diagnoses >= state.diagnoses and prognosis.at >= state.changed
 
 
 def _earlier(history: "History", unit: "Unit", prognosis: "Prognosis") -> list[tuple[float, ...]]:

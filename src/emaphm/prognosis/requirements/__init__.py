@@ -1,6 +1,6 @@
 """Requirements: what they say of given faults, and at which level of each fault they fail."""
 
 from emaphm.prognosis.requirements.levels import FailureLevels, failure_levels
-from emaphm.prognosis.requirements.margins import COMPONENTS, Limit, Requirements, vectors_of
+from emaphm.prognosis.requirements.margins import Limit, Requirements, vectors_of
 
-__all__ = ["COMPONENTS", "FailureLevels", "Limit", "Requirements", "failure_levels", "vectors_of"]
+__all__ = ["FailureLevels", "Limit", "Requirements", "failure_levels", "vectors_of"]

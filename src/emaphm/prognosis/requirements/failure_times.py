@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emaphm.actuator import NAMES
+from emaphm.actuator import COMPONENTS, NAMES
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
 from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.prognosis.forecast import Paths
 from emaphm.prognosis.requirements.first_passage import first_passage
-from emaphm.prognosis.requirements.margins import COMPONENTS, Limit, Requirements, vectors_of
+from emaphm.prognosis.requirements.margins import Limit, Requirements, vectors_of
 from emaphm.prognosis.requirements.measure_passage import measure_passage
 from emaphm.random_streams import stream
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.actuator import COMPONENTS, NAMES, Actuator, Faults
 from emaphm.actuator.faults import HEALTHY, lower_bounds
 from emaphm.arrays import Array
-from emaphm.prognosis.requirements.margins import COMPONENTS, Limit, Requirements
+from emaphm.prognosis.requirements.margins import Limit, Requirements
 
 POINTS = 41
 """Levels that are tried from the given one to the end of the scale, and interpolated linearly between."""

@@ -6,15 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from emaphm.actuator import NAMES, Actuator
+from emaphm.actuator import COMPONENTS, NAMES, Actuator
 from emaphm.actuator.faults import HEALTHY, from_cartesian, lower_bounds
 from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.requirements import MEASURE_UNITS, Requirement
 from emaphm.arrays import Array
 from emaphm.prognosis.requirements.capability import measured
-
-COMPONENTS = tuple(name for name in NAMES if name != "eccentricity_phase")
-"""What can degrade; the direction of an eccentricity is none of its own."""
 
 FULL_SCALE = tuple(Requirement(component=name, at_most=1.0) for name in COMPONENTS if name != "gain")
 """Requirements of an actuator that states none: each level is below the end of its scale."""

@@ -8,18 +8,15 @@ import polars as pl
 from numpy.typing import ArrayLike
 from scipy.special import bdtr
 
-from emaphm.actuator.faults import HEALTHY, NAMES
+from emaphm.actuator.faults import COMPONENTS, HEALTHY, NAMES
 from emaphm.arrays import Array, Flags
 
 PHASE = "eccentricity_phase"
 
-JUDGED = tuple(name for name in NAMES if name != PHASE)
-"""Components that may raise an alarm; the phase shares the verdict of the eccentricity."""
-
 CHANCE = 1e-3
 """Share of true 95 % intervals' coverages that `least_by_chance` lets lie below it."""
 
-_JUDGED = [NAMES.index(name) for name in JUDGED]
+_DEGRADING = [NAMES.index(name) for name in COMPONENTS]
 
 
 def errors(rows: pl.DataFrame) -> Array:
@@ -61,14 +58,14 @@ def half_widths(rows: pl.DataFrame) -> Array:
 
 
 def alarms(rows: pl.DataFrame) -> Flags:
-    """Return by component of `JUDGED` whether it was called degraded, shape (n, 7)."""
+    """Return by component of `COMPONENTS` whether it was called degraded, shape (n, 7)."""
     verdicts = np.array(rows["verdict"].to_list(), dtype=str).reshape(-1, len(NAMES))
-    return np.asarray(verdicts == "degraded")[:, _JUDGED]
+    return np.asarray(verdicts == "degraded")[:, _DEGRADING]
 
 
 def faulty(rows: pl.DataFrame) -> Flags:
-    """Return by component of `JUDGED` whether it has a fault, shape (n, 7)."""
-    return np.asarray(_vectors(rows, "truth") != HEALTHY.vector)[:, _JUDGED]
+    """Return by component of `COMPONENTS` whether it has a fault, shape (n, 7)."""
+    return np.asarray(_vectors(rows, "truth") != HEALTHY.vector)[:, _DEGRADING]
 
 
 def detection(rows: pl.DataFrame) -> float:
@@ -93,8 +90,8 @@ def explained(rows: pl.DataFrame) -> float:
 
 def single_fault(truth: list[float]) -> tuple[str, float]:
     """Return the kind and the size of a small single fault, as in `emaphm.study.cases.small_fault`."""
-    away = np.abs(np.asarray(truth) - HEALTHY.vector)[_JUDGED]
-    name = JUDGED[int(away.argmax())]
+    away = np.abs(np.asarray(truth) - HEALTHY.vector)[_DEGRADING]
+    name = COMPONENTS[int(away.argmax())]
     return "short" if name.startswith("short") else name, round(float(away.max()), 6)
 
 
