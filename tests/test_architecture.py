@@ -1,9 +1,13 @@
 """The rooms of the package: imports point one way, no two files import each other, and none is too large."""
 
 import ast
+import re
 from functools import cache
+from pathlib import Path
 
 from imports import MODULES, imported, tree_of
+
+PAGE = Path(__file__).parents[1] / "docs" / "architecture.md"
 
 ORDER = (
     (
@@ -69,6 +73,13 @@ def called(name: str) -> set[str]:
 
 def test_every_file_stands_in_a_room_of_the_order() -> None:
     assert {room(name) for name in MODULES} - {""} == set(LEVEL)
+
+
+def test_the_table_of_rooms_has_the_order() -> None:
+    rows = re.findall(r"^\| (\d+) \| (`.*?) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    found = [(int(level), name) for level, rooms in rows for name in re.findall(r"`(\w+)/?`", rooms)]
+    assert [level for level, _ in found] == sorted(level for level, _ in found)
+    assert sorted(found) == sorted((level + 1, name) for name, level in LEVEL.items())
 
 
 def points_up(name: str, other: str) -> bool:
