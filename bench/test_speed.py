@@ -22,8 +22,8 @@ from emaphm.simulation import (
     Model,
     Plant,
     monitor,
+    observe_batch,
     run,
-    run_batch,
     simulate_batch,
 )
 from emaphm.study import cases
@@ -102,8 +102,8 @@ def test_laws(
 ) -> None:
     actuator = reduce(lambda one, name: law_named(name).added_to(one), laws, ema.Actuator.thesis())
     plant, driven = Plant.of(actuator, random_faults(RUNS)), inputs(AVERAGED)
-    run_batch(AVERAGED, plant, driven, workers=1)
-    benchmark(run_batch, AVERAGED, plant, driven, workers=1)
+    observe_batch(AVERAGED, plant, driven, channels=CURRENT, workers=1)
+    benchmark(observe_batch, AVERAGED, plant, driven, channels=CURRENT, workers=1)
     steps = driven.samples * driven.substeps
     report(
         f"averaged model, {request.node.callspec.id} laws, {steps:,} steps",

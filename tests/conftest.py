@@ -114,18 +114,15 @@ def few_paths(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a prognosis draw a quarter of its paths where no number of it needs them all, to save time."""
     module = importlib.import_module("emaphm.prognosis.prognose")  # a function has its name
     few = replace(module.FORECAST, paths=module.FORECAST.paths // 4)
-    monkeypatch.setitem(module.prognose.__kwdefaults__, "settings", few)
-    monkeypatch.setattr(module.past_lives, "__defaults__", (few,))
+    monkeypatch.setattr(module, "FORECAST", few)
 
 
 @pytest.fixture
 def few_steps(few_paths: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001 - changes the same
     """Let a prognosis look ahead in a quarter of its steps too, which take most of its time."""
     module = importlib.import_module("emaphm.prognosis.prognose")  # a function has its name
-    few = module.prognose.__kwdefaults__["settings"]
-    few = replace(few, steps=few.steps // 4)
-    monkeypatch.setitem(module.prognose.__kwdefaults__, "settings", few)
-    monkeypatch.setattr(module.past_lives, "__defaults__", (few,))
+    few = replace(module.FORECAST, steps=module.FORECAST.steps // 4)
+    monkeypatch.setattr(module, "FORECAST", few)
 
 
 @pytest.fixture

@@ -1,13 +1,13 @@
 """The rooms of the package: imports point one way, no two files import each other, and none is too large."""
 
 import ast
-from collections.abc import Iterator
+import re
 from functools import cache
 from pathlib import Path
 
-import emaphm
+from imports import MODULES, imported, tree_of
 
-ROOT = Path(emaphm.__file__).parent
+PAGE = Path(__file__).parents[1] / "docs" / "architecture.md"
 
 ORDER = (
     (
@@ -56,43 +56,8 @@ MOST_LINES = 2500
 """Of a sub-package."""
 
 
-def module_name(path: Path) -> str:
-    parts = path.relative_to(ROOT.parent).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-
-
-MODULES = {module_name(path): path for path in ROOT.rglob("*.py")}
-
-
-def imported(tree: ast.AST, *, when_called: bool) -> Iterator[str]:
-    """Yield the modules of the package that `tree` imports as it is loaded, or also when it is called.
-
-    Imports for type checkers alone are left out: they are no dependency of the running program.
-    """
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.expr):  # holds no import, and most of the nodes
-            continue
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
-            continue
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not when_called:
-            continue
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("emaphm"):
-            for alias in node.names:
-                below = f"{node.module}.{alias.name}"
-                yield below if below in MODULES else node.module
-        elif isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names if alias.name in MODULES)
-        else:
-            yield from imported(node, when_called=when_called)
-
-
 def room(module: str) -> str:
     return module.split(".")[1] if "." in module else ""
-
-
-@cache
-def tree_of(name: str) -> ast.Module:
-    return ast.parse(MODULES[name].read_text(encoding="utf-8"))
 
 
 @cache
@@ -108,6 +73,13 @@ def called(name: str) -> set[str]:
 
 def test_every_file_stands_in_a_room_of_the_order() -> None:
     assert {room(name) for name in MODULES} - {""} == set(LEVEL)
+
+
+def test_the_table_of_rooms_has_the_order() -> None:
+    rows = re.findall(r"^\| (\d+) \| (`.*?) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    found = [(int(level), name) for level, rooms in rows for name in re.findall(r"`(\w+)/?`", rooms)]
+    assert [level for level, _ in found] == sorted(level for level, _ in found)
+    assert sorted(found) == sorted((level + 1, name) for name, level in LEVEL.items())
 
 
 def points_up(name: str, other: str) -> bool:

@@ -1,8 +1,35 @@
-"""What the package shows of itself before anything of it is imported."""
+"""What the package shows of itself before anything of it is imported: the same by each of its three lists."""
+
+import ast
 
 import emaphm
+from imports import tree_of
 
 
-def test_every_public_name_is_listed_and_can_be_imported() -> None:
-    assert set(emaphm.__all__) <= set(dir(emaphm))
+def named_for_type_checkers() -> dict[str, str]:
+    """Return the names that `emaphm/__init__.py` imports for type checkers, each with its module."""
+    (block,) = (node for node in tree_of("emaphm").body if isinstance(node, ast.If))
+    imports = [node for node in block.body if isinstance(node, ast.ImportFrom)]
+    return {
+        alias.name: node.module
+        for node in imports
+        for alias in node.names
+        if node.module and node.module.startswith("emaphm")
+    }
+
+
+def test_each_public_name_has_one_home_which_type_checkers_read_too() -> None:
+    assert named_for_type_checkers() == emaphm._HOME
+
+
+def test_the_public_names_are_those_that_have_a_home_and_the_version() -> None:
+    assert sorted(emaphm.__all__) == sorted([*emaphm._HOME, "__version__"])
+
+
+def test_every_public_name_can_be_imported() -> None:
     assert all(getattr(emaphm, name) is not None for name in emaphm.__all__)
+
+
+def test_names_are_listed_that_nobody_has_imported_yet() -> None:
+    assert set(emaphm.__all__) - set(vars(emaphm)) != set()
+    assert set(emaphm.__all__) <= set(dir(emaphm))

@@ -100,7 +100,7 @@ def read_toml(path: Path, what: str, error: type[EmaphmError]) -> dict[str, Any]
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as failure:
-        raise error(f"{path}: cannot be read as a TOML text file ({failure})") from None
+        raise error(f"{path}: cannot be read as a TOML text file ({failure}); give one in UTF-8") from None
     try:
         # TOML's line breaks are \n and \r\n, a file of an old Mac has \r.
         return tomllib.loads(text.replace("\r\n", "\n").replace("\r", "\n"))

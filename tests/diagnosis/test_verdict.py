@@ -13,7 +13,7 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Estimate
 from emaphm.diagnosis.explanation.reasons import is_explained
-from emaphm.diagnosis.verdict import COMMON_SHORTS, NOT_EXPLAINED, estimates, unexplained
+from emaphm.diagnosis.verdict import NOT_EXPLAINED, estimates, unexplained
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION, ParameterSpace
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
@@ -53,15 +53,29 @@ def test_values_and_intervals_keep_to_their_range(faults: Array, error: float, s
         if name != "eccentricity_phase":
             assert estimate.limits == SPACE.limits(name)
             assert estimate.limits[0] <= low <= high <= 1
-            healthy = getattr(Faults(), name)
-            apart = max(low - healthy, healthy - high)
-            farthest = max(high - healthy, healthy - low)
-            expected = "degraded" if apart > 0.02 else "healthy" if farthest <= 0.1 else "cannot tell"
-            # What is undecided in spite of its interval says why: bounds of the range, or equal shorts.
-            undecided = estimate.verdict == "cannot tell" and (
-                "does not constrain" in estimate.reason or estimate.reason == COMMON_SHORTS
-            )
-            assert estimate.verdict == expected or undecided
+
+
+@given(faults=fault_vectors(), error=st.floats(1e-4, 1.0))
+def test_an_interval_allows_what_a_component_is_called(faults: Array, error: float) -> None:
+    faults[5] *= 1 - 1e-12
+    found = estimates(SPACE, SPACE.points(faults), np.eye(8) * error**2)
+    for name in set(NAMES) - {"eccentricity_phase"}:
+        (low, high), healthy = found[name].interval95, getattr(Faults(), name)
+        if found[name].verdict == "degraded":
+            assert max(low - healthy, healthy - high) > 0.02
+        if found[name].verdict == "healthy":
+            assert max(high - healthy, healthy - low) <= 0.1
+
+
+@given(faults=fault_vectors(), error=st.floats(1e-4, 0.1))
+def test_what_is_known_is_undecided_only_where_its_interval_is(faults: Array, error: float) -> None:
+    faults[2] = 0.0  # three equal shorts are undecided for a reason of their own
+    faults[5] *= 1 - 1e-12
+    found = estimates(SPACE, SPACE.points(faults), np.eye(8) * error**2)
+    for name in set(NAMES) - {"eccentricity_phase"}:
+        (low, high), healthy = found[name].interval95, getattr(Faults(), name)
+        near, far = max(low - healthy, healthy - high), max(high - healthy, healthy - low)
+        assert (found[name].verdict == "cannot tell") == (near <= 0.02 and far > 0.1)
 
 
 @pytest.mark.parametrize("name", ["friction", "backlash", "short_a", "short_b", "short_c", "eccentricity"])
@@ -100,6 +114,8 @@ def test_what_only_the_bounds_of_the_range_confine_is_not_degraded() -> None:
     assert gain.interval95 == pytest.approx((0.0, 0.35), abs=1e-3)
     assert (gain.verdict, gain.identifiable) == ("cannot tell", False)
     assert "does not constrain" in gain.reason
+    friction = judged(0.15, friction=0.9)["friction"]
+    assert (friction.verdict, friction.limits) == ("cannot tell", (-0.45, 1.0))
 
 
 @given(faults=fault_vectors(), error=st.floats(1e-4, 1.0))

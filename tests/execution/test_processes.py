@@ -13,6 +13,7 @@ import pytest
 
 from emaphm.errors import ExecutionError
 from emaphm.execution import ResultStore, outcomes, processes, run_tasks
+from processes import children, lives
 
 from . import toy
 
@@ -129,33 +130,14 @@ def test_workers_end_with_a_killed_command_and_its_results_stay(tmp_path: Path) 
     ) as command:
         assert command.stdout is not None
         assert [command.stdout.readline() for _ in range(3)] == ["0 40\n", "1 40\n", "2 40\n"]
-        helpers = _children(command.pid)
+        helpers = children(command.pid)
         command.kill()
     assert len(helpers) >= 2
     deadline = time.monotonic() + PATIENCE_S
-    while any(map(_lives, helpers)):
+    while any(map(lives, helpers)):
         assert time.monotonic() < deadline
         time.sleep(0.01)
     store, tasks = ResultStore(tmp_path / "results.sqlite"), toy.tasks(40)
     assert 2 <= len(store.read(tasks)[0]) < 40
     assert run_tasks(tasks, store, workers=1) == ()
     assert toy.in_order(list(store.read(tasks)[0].values())) == toy.results(40)
-
-
-def _children(parent: int) -> list[int]:
-    """Return the processes that `parent` has started."""
-    every = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdecimal()]
-    return [process for process in every if _stat(process)[1:2] == [str(parent)]]
-
-
-def _lives(process: int) -> bool:
-    # One that has ended is Z until its parent has asked how.
-    return _stat(process)[:1] not in ([], ["Z"])
-
-
-def _stat(process: int) -> list[str]:
-    """Return state, parent and so on; empty where there is no such process."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-    except OSError:
-        return []

@@ -11,11 +11,13 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from emaphm.errors import EmaphmError, OutputError
-from emaphm.execution import ResultStore, Task, run_tasks
+from emaphm.execution import ResultStore, Task, run, run_tasks
 
 from . import toy
 
@@ -84,15 +86,20 @@ def test_a_failure_is_returned_and_tried_again(tmp_path: Path) -> None:
     assert kept(store) == list(range(12))
 
 
-def test_pauses_between_sessions_do_not_count(tmp_path: Path) -> None:
+def test_pauses_between_sessions_do_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SimpleNamespace(now=1000.0)
+    monkeypatch.setattr(run, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+
+    def takes_two_seconds(number: int) -> dict[str, Any]:
+        clock.now += 2.0
+        return toy.square(number)
+
     store = ResultStore(tmp_path / "results.sqlite")
-    run_tasks(toy.tasks(2, toy.square, 0.1), store, workers=1)
-    first = store.elapsed_seconds()
-    time.sleep(0.5)
-    run_tasks(toy.tasks(4, toy.square, 0.1), store, workers=1)
-    both = store.elapsed_seconds()
-    assert first >= 0.2
-    assert 0.2 <= both - first < 0.2 + 0.3  # less than the pause would add
+    run_tasks(toy.tasks(2, takes_two_seconds), store, workers=1)
+    assert store.elapsed_seconds() == 4.0
+    clock.now += 100.0
+    run_tasks(toy.tasks(5, takes_two_seconds), store, workers=1)
+    assert store.elapsed_seconds() == 10.0
 
 
 # What was changed or is damaged
@@ -221,6 +228,8 @@ def test_a_full_disk_keeps_what_was_there(store: ResultStore) -> None:
 WRITER = """
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from emaphm.execution import Outcome, ResultStore, Task
 store = ResultStore(Path(sys.argv[1]))
 first, last = int(sys.argv[2]), int(sys.argv[3])

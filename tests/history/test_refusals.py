@@ -353,4 +353,4 @@ def test_what_cannot_be_withdrawn_is_refused(flown: History) -> None:
         assert re.search(words.replace("(.*)", r"\(.{8}\)"), message), message
     assert {name: unit_blocks(flown.unit(name)) for name in before} == before
     assert "did you mean 'removal'" in refusal(partial(Mistake, "removl", 1.0, "typo"))
-    assert "needs a reason" in refusal(partial(Mistake, "removal", 1.0, " "))
+    assert "needs a reason; give one" in refusal(partial(Mistake, "removal", 1.0, " "))

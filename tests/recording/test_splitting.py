@@ -170,7 +170,8 @@ def test_a_real_servo_is_cut_where_its_drive_is_switched_off(emps: Actuator) -> 
     reading = Reading(keep="torque_enable == 1", split="stretches")
     (held,) = read_recordings(path, emps.model_copy(update={"channels": channels, "reading": reading}))
     assert held.samples == 375
-    assert held.labels["torque_enable"] == 1 or np.all(held["enabled"] == 1)
+    assert held.labels["torque_enable"] == 1
+    np.testing.assert_array_equal(held["enabled"], 1.0)
 
 
 def test_lost_rows_and_empty_cells_shift_no_period(tmp_path: Path, thesis: Actuator) -> None:

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from emaphm.actuator import Actuator, Command, Faults, Load, Step
 from emaphm.arrays import Array
-from emaphm.simulation import AVERAGED, Initial, Inputs, Model, Plant, run
+from emaphm.simulation import AVERAGED, OBSERVABLE, Initial, Inputs, Model, Plant, observe_batch, run
 from emaphm.simulation.engine.step_tracing import StepInputs
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.models import motion
@@ -79,6 +79,11 @@ def record(
     inputs = Inputs.of(command, load, samples=samples, interval=interval, step=step or model.step, **options)
     plant = Plant.of(actuator, (faults or Faults()).vector)
     return {"time_s": inputs.time_s, **run(model, plant, inputs, start or Initial())}
+
+
+def currents(model: Model, plant: Plant, inputs: Inputs) -> Array:
+    """Return the equivalent currents [A] of all actuators in `plant`, shape (n, samples)."""
+    return observe_batch(model, plant, inputs, channels=OBSERVABLE[:1])[:, 0]
 
 
 def errors_of_a_dc_motor(

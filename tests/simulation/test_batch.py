@@ -15,12 +15,11 @@ from emaphm.simulation import (
     Model,
     Plant,
     run,
-    run_batch,
     simulate_batch,
 )
 from emaphm.simulation.engine import running
 from emaphm.simulation.engine.running import LANES
-from simulation.rig import INTERVAL, SHORTED, THESIS, rms
+from simulation.rig import INTERVAL, SHORTED, THESIS, currents, rms
 
 EACH_MODEL = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
 DRAWN = np.random.default_rng(33).random((33, 8)) * SHORTED
@@ -57,10 +56,10 @@ def test_what_vanishes_for_all_is_what_is_there_for_none(name: str) -> None:
     driven = inputs(AVERAGED, 100)
     three = Plant.of(THESIS, DRAWN[:3])
     four = Plant.of(THESIS, DRAWN[:4], {name: [0.0, 0.0, 0.0, 1e-3]})
-    without, found = run_batch(AVERAGED, three, driven), run_batch(AVERAGED, four, driven)
+    without, found = currents(AVERAGED, three, driven), currents(AVERAGED, four, driven)
     # Compiled without the term, and with it at 0.
     np.testing.assert_allclose(found[:3], without, rtol=1e-9, atol=1e-9)
-    assert rms(found[3] - run_batch(AVERAGED, Plant.of(THESIS, DRAWN[3:4]), driven)[0]) > 1e-6
+    assert rms(found[3] - currents(AVERAGED, Plant.of(THESIS, DRAWN[3:4]), driven)[0]) > 1e-6
 
 
 @EACH_MODEL
@@ -93,8 +92,8 @@ def test_the_number_of_workers_changes_no_bit(model: Model, monkeypatch: pytest.
 def test_repeated_runs_give_the_same_bits_and_leave_their_arguments_alone() -> None:
     plant, given = Plant.of(THESIS, DRAWN), inputs(REFERENCE, 50)
     kept = plant.turns.copy(), given.command.copy()
-    first = run_batch(REFERENCE, plant, given)
-    assert np.array_equal(run_batch(REFERENCE, plant, given), first)
+    first = currents(REFERENCE, plant, given)
+    assert np.array_equal(currents(REFERENCE, plant, given), first)
     assert np.array_equal(plant.turns, kept[0])
     assert np.array_equal(given.command, kept[1])
 
@@ -106,8 +105,8 @@ def test_no_rows_give_no_rows() -> None:
 def test_lumped_parameters_are_set_row_by_row() -> None:
     masses = np.array([1e-5, 2.5e-5, 5e-5])
     given = Inputs.of(Chirp(), samples=500, interval=INTERVAL, step=AVERAGED.step)
-    together = run_batch(AVERAGED, Plant.of(THESIS, np.tile(DRAWN[0], (3, 1)), {"inertia": masses}), given)
+    together = currents(AVERAGED, Plant.of(THESIS, np.tile(DRAWN[0], (3, 1)), {"inertia": masses}), given)
     for row, inertia in zip(together, masses, strict=True):
-        alone = run_batch(AVERAGED, Plant.of(THESIS, DRAWN[0], {"inertia": inertia}), given)[0]
+        alone = currents(AVERAGED, Plant.of(THESIS, DRAWN[0], {"inertia": inertia}), given)[0]
         assert np.array_equal(row, alone)
     assert rms(together[0] - together[2]) > 0.1

@@ -14,7 +14,17 @@ from emaphm.actuator.lumped_parameters import OPTIONAL
 from emaphm.actuator.unit.baseline import PARTS, SECTIONS
 from emaphm.arrays import Array
 from emaphm.errors import EmaphmError, FaultError, MethodError, SignalError
-from emaphm.simulation import AVERAGED, MODELS, REFERENCE, Inputs, Plant, model_named, monitor, run, run_batch
+from emaphm.simulation import (
+    AVERAGED,
+    MODELS,
+    REFERENCE,
+    Inputs,
+    Plant,
+    model_named,
+    monitor,
+    run,
+    simulate_batch,
+)
 from simulation.rig import INTERVAL, THESIS, altered, record
 
 HEALTHY = np.array([0, 0, 0, 0, 0, 0, 0.5, 0.5])
@@ -171,7 +181,7 @@ def test_a_single_run_takes_a_single_actuator(count: int, monkeypatch: pytest.Mo
     # Were it to get as far as the kernel, it would write beyond its output.
     running = importlib.import_module("emaphm.simulation.engine.running")
     monkeypatch.setattr(running, "_advance", lambda *_, **__: pytest.fail("reached the kernel"))
-    with pytest.raises(MethodError):
+    with pytest.raises(MethodError, match="use observe_batch"):
         run(AVERAGED, Plant.of(THESIS, np.tile(HEALTHY, (count, 1))), inputs())
 
 
@@ -182,7 +192,7 @@ def test_a_run_that_explodes_is_reported() -> None:
         record(REFERENCE, Chirp(), stiff, duration=0.02)
     given = Inputs.of(Chirp(), samples=100, interval=INTERVAL, step=1e-6)
     with pytest.raises(MethodError, match="did not stay finite"):
-        run_batch(REFERENCE, Plant.of(stiff, HEALTHY), given)
+        simulate_batch(REFERENCE, stiff, [HEALTHY], given)
 
 
 def test_the_monitor_model_needs_windings_to_switch() -> None:

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Faults, Sine, Step
 from emaphm.arrays import Array
-from emaphm.simulation import AVERAGED, REFERENCE, Initial, Inputs, Model, Plant, run_batch
+from emaphm.simulation import AVERAGED, REFERENCE, Initial, Inputs, Model, Plant, simulate_batch
 from emaphm.simulation.laws.idle_leg import diode_current, diode_voltage, outgoing_after
 from emaphm.simulation.laws.pulse_width import half_ripple
 from emaphm.simulation.models import motion
@@ -151,7 +151,7 @@ def test_averaged_model_is_near_the_reference_model() -> None:
 
     def currents(model: Model) -> Array:
         inputs = Inputs.of(Chirp(), samples=2500, interval=2e-4, step=model.step)
-        return run_batch(model, Plant.of(SIX_STEP, k), inputs)
+        return simulate_batch(model, SIX_STEP, k, inputs)
 
     reference = currents(REFERENCE)
     away = rms(currents(AVERAGED) - reference) / rms(reference)

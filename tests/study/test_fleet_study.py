@@ -11,6 +11,7 @@ from emaphm.actuator.faults import HEALTHY, to_cartesian
 from emaphm.actuator.requirements import Requirement
 from emaphm.fleet.synthetic import FleetPlan, drawn_unit
 from emaphm.prognosis import Evidence, Observation
+from emaphm.prognosis.evidence import LEAST_ERROR
 from emaphm.random_streams import stream
 from emaphm.report.fleet_page import fleet_page
 from emaphm.study.fleet import informed as informed_module
@@ -221,7 +222,7 @@ def test_the_rate_of_a_linear_law_is_that_of_a_quadrature_over_lives(monkeypatch
             wear.limit * hours / life,
             population.new_level**2
             + together * ((wear.limit / life * of_stretch) ** 2 * 100.0 + population.drift**2 / life)
-            + informed_module.LEAST_ERROR**2 * np.eye(hours.size),
+            + LEAST_ERROR**2 * np.eye(hours.size),
         ).logpdf(seen)
         + norm.logpdf(np.log(life * mean_ageing / wear.life) / spread)
         for life in lives

@@ -313,7 +313,7 @@ def test_a_plan_that_cannot_be_is_refused_in_one_line(
         ("n" * 300, ("known: accuracy, data_sheets, forms, hybrids",)),
         ("absent.toml", ("absent.toml", "no such plan file", "give the path")),
         (".", (".: cannot be read", "directory")),
-        ("latin.toml", ("latin.toml", "cannot be read as a TOML text file")),
+        ("latin.toml", ("latin.toml", "cannot be read as a TOML text file", "give one in UTF-8")),
     ],
 )
 def test_a_plan_that_is_not_there_is_refused_in_one_line(

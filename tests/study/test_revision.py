@@ -1,15 +1,19 @@
 """The fingerprint of the code: it changes with what a result depends on, and with nothing else."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 import emaphm
+from emaphm.diagnosis import deciding_code as diagnosis
 from emaphm.execution import revision as module
 from emaphm.execution.revision import deciding_files, meaning
+from emaphm.fleet import task as fleet
+from emaphm.study import revision as study
 from emaphm.study.revision import DECIDING, NOT_DECIDING, revision
-
-ROOT = Path(emaphm.__file__).parent
+from emaphm.study.spoilt import revision as spoilt
+from imports import MODULES, ROOT, home_of, import_statements, reached, tree_of
 
 SOURCE = '''\
 """What it is about."""
@@ -68,28 +72,92 @@ def test_a_function_of_a_docstring_alone_is_read() -> None:
     assert meaning('def f():\n    """Do nothing."""') == meaning('def f():\n    """Do it."""')
 
 
-def test_the_files_are_those_that_a_result_depends_on() -> None:
-    names = {path.relative_to(ROOT).as_posix() for path in deciding_files(ROOT, DECIDING, NOT_DECIDING)}
-    assert names >= {
-        "simulation/models/reference.py",
-        "optimizers/dragonfly.py",
-        "estimation/search.py",
-        "diagnosis/verdict.py",
-        "recording/acquisition.py",
-        "study/foreign_plant.py",
-        "study/record.py",
-        "study/task.py",
-    }
-    left_out = (
-        "plotting/",
-        "report/",
-        "cli/",
-        "recording/io/",
-        "study/analysis/",
-        "execution/",
-        "actuator/toml/",
-    )
-    assert not [name for name in names if name.startswith(left_out)]
+# What a task depends on
+
+HARMLESS = {
+    "actuator/toml": "reads and writes descriptions; what is described is a value of the task",
+    "blas_threads.py": "how many threads a library has",
+    "calibration/text.py": "lays out text",
+    "diagnosis/text.py": "lays out text",
+    "diagnosis/wording.py": "puts faults in words",
+    "errors.py": "messages",
+    "execution": "has tasks done and keeps what they find",
+    "experiment/excitation.py": "describes tests that are designed; only a constant of a test setup is used",
+    "input_files.py": "digests of files",
+    "optional_library.py": "says what is not installed",
+    "output_files.py": "writes files",
+    "plotting": "draws a result when it is asked to",
+    "progress.py": "reports progress",
+    "recording/io/limits.py": "bounds on what is read of a file, and words of an error",
+    "study/plan.py": "values of the task",
+    "study/revision.py": "names the code that counts",
+    "study/rig.py": "values of the task",
+    "study/spoilt/revision.py": "names the code that counts",
+    "study/trials.py": "values of the task",
+    "text_table.py": "lays out text",
+    "threads.py": "the same results, whatever the number of threads",
+    "version.py": "the number of the version, which is kept with each result",
+}
+"""What tasks reach and what decides none of their results, each with the reason."""
+
+OF_ONE_TASK = {
+    "emaphm.study.task": {
+        "experiment/test_setup.py": "a bound on faults, which are values of the task",
+        "study/cases.py": "faults of cases, which are values of the task",
+    },
+    "emaphm.study.spoilt.run": {},
+    "emaphm.fleet.task": {"simulated_recording.py": "for the setup that an estimator is trained for"},
+}
+"""What decides no result of this task, and may decide one of another."""
+
+TASKS = {
+    "emaphm.study.task": (study.DECIDING, study.NOT_DECIDING),
+    "emaphm.study.spoilt.run": (spoilt.DECIDING, spoilt.NOT_DECIDING),
+    "emaphm.fleet.task": (fleet.DECIDING, diagnosis.NOT_DECIDING),
+}
+"""Modules with a `perform` whose results are kept, with the code that identifies them."""
+
+
+def files_reached(task: str) -> set[str]:
+    """Return the files that a task's module depends on, but those that only hand on names of others."""
+    paths = (MODULES[name] for name in reached(task))
+    return {path.relative_to(ROOT).as_posix() for path in paths if path.name != "__init__.py"}
+
+
+def deciding(task: str) -> set[str]:
+    """Return the files whose code identifies the results of a task."""
+    return {path.relative_to(ROOT).as_posix() for path in deciding_files(ROOT, *TASKS[task])}
+
+
+def below(file: str, places: Iterable[str]) -> bool:
+    return any(file == place or file.startswith(f"{place}/") for place in places)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_all_that_a_task_depends_on_identifies_its_results_or_is_harmless(task: str) -> None:
+    harmless = {*HARMLESS, *OF_ONE_TASK[task]}
+    others = files_reached(task) - deciding(task)
+    assert {file for file in others if not below(file, harmless)} == set()
+
+
+def test_what_is_called_harmless_is_reached() -> None:
+    files = {task: files_reached(task) for task in TASKS}
+    every = set().union(*files.values())
+    assert {place for place in HARMLESS if not any(below(file, [place]) for file in every)} == set()
+    for name, places in OF_ONE_TASK.items():
+        assert set(places) <= files[name]
+
+
+def test_a_rig_computes_nothing_of_a_recording() -> None:
+    imports = import_statements(tree_of("emaphm.study.rig"), when_called=True)
+    assert "numpy" not in {alias.name for one in imports for alias in one.names}
+
+
+def test_a_name_that_a_package_hands_on_leads_to_the_file_that_it_comes_from() -> None:
+    assert home_of("emaphm.fleet", "DiagnosisSettings") == "emaphm.fleet.settings"
+    assert home_of("emaphm.study", "foreign_plant") == "emaphm.study.foreign_plant"
+    assert home_of("emaphm.study.rig", "Rig") == "emaphm.study.rig"
+    assert {"emaphm.study.foreign_plant", "emaphm.diagnosis.verdict"} <= reached("emaphm.study.task")
 
 
 def test_a_file_that_was_moved_is_not_passed_over() -> None:
@@ -132,9 +200,9 @@ def test_it_is_kept_for_the_files_that_it_is_of(monkeypatch: pytest.MonkeyPatch,
     (tmp_path / "law.py").write_text(SOURCE.replace("* x", "+ x"))
     other = found()
     assert other != first
-    for spoilt in ("", "\xff", "0 1"):
+    for damaged in ("", "\xff", "0 1"):
         (kept,) = (tmp_path / "kept").iterdir()
-        kept.write_text(spoilt, encoding="utf-8")
+        kept.write_text(damaged, encoding="utf-8")
         assert found() == other
     kept.unlink()
     kept.mkdir()  # nothing can be kept

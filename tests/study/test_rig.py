@@ -14,7 +14,7 @@ from emaphm.errors import StudyError
 from emaphm.simulated_recording import simulate
 from emaphm.study import Plan, run_study
 from emaphm.study.cases import SINGLE, heavy_faults, random_faults, small_fault
-from emaphm.study.record import actuator_on, recorded
+from emaphm.study.record import actuator_on, load_at, recorded
 from emaphm.study.rig import Manoeuvre, Rig, VaryingLoad
 from emaphm.study.trials import trials_of
 
@@ -135,15 +135,17 @@ def test_a_rig_records_what_it_says() -> None:
 def test_a_load_varies_on_a_rig_as_it_says() -> None:
     load = VaryingLoad(swing=0.1, frequency=2.0, drift=0.5, step=0.02, hinge=10.0)
     time = np.array([0.0, 0.125, 0.25, 0.375])
-    np.testing.assert_allclose(load.at(time, 0.5), [0.0, 0.1 + 0.0625, 0.125 + 0.02, -0.1 + 0.1875 + 0.02])
+    np.testing.assert_allclose(
+        load_at(load, time, 0.5), [0.0, 0.1 + 0.0625, 0.125 + 0.02, -0.1 + 0.1875 + 0.02]
+    )
     rising, brief = VaryingLoad(step=0.1, rise=0.25), VaryingLoad(step=0.1, lasts=0.2)
-    np.testing.assert_allclose(rising.at(time, 0.5), [0.0, 0.0, 0.05, 0.1])
-    np.testing.assert_allclose(brief.at(time + 0.1, 0.5), [0.0, 0.0, 0.1, 0.0])
+    np.testing.assert_allclose(load_at(rising, time, 0.5), [0.0, 0.0, 0.05, 0.1])
+    np.testing.assert_allclose(load_at(brief, time + 0.1, 0.5), [0.0, 0.0, 0.1, 0.0])
     options: dict[str, Any] = {"label": "varying", "channels": ("current_A", "position_rad"), "noise": 0.0}
     exact = options | {"adc_bits": None, "load": (0.0, 0.0), "heat": (0.0, 0.0)}
     got = recorded(Rig(**exact, varying_load=load), THESIS, Manoeuvre(duration=0.1), Faults(), 0)
     stiff = with_lumped_parameters(THESIS, {"hinge": 10.0})
-    same = simulate(stiff, Chirp(duration=0.1), duration=0.1, load=lambda t: load.at(t, 0.1))
+    same = simulate(stiff, Chirp(duration=0.1), duration=0.1, load=lambda t: load_at(load, t, 0.1))
     np.testing.assert_array_equal(got["current_A"], same["current_A"])
 
 

@@ -238,7 +238,9 @@ def test_a_file_in_its_place_is_refused(tmp_path: Path) -> None:
 )
 def test_a_plan_that_cannot_be_read_is_named(folder: Path, content: str) -> None:
     (folder / "plan.json").write_text(content, encoding="utf-8")
-    assert f"{folder / 'plan.json'}: cannot be read as a plan (" in message(PLAN, folder)
+    said = message(PLAN, folder)
+    assert f"{folder / 'plan.json'}: cannot be read as a plan (" in said
+    assert "give another folder with -o" in said
 
 
 def test_a_folder_without_study_cannot_be_opened(tmp_path: Path) -> None:

@@ -138,6 +138,15 @@ def check_vectors(vectors: NDArray[np.float64], actuator: Actuator) -> None:
         raise FaultError(_outside(what, float(lower[column])))
 
 
+def whole_turns(name: str) -> tuple[float, ...]:
+    """Return by how much values of a component may differ and mean the same, in its unit.
+
+    The phase is a direction: 0 and 1 are the same, and an interval of it may run past either. All other
+    components are amounts, of which only equal ones are the same.
+    """
+    return (-1.0, 0.0, 1.0) if name == "eccentricity_phase" else (0.0,)
+
+
 def _outside(what: str, lowest: float) -> str:
     return f"{what} lies outside [{lowest:g}, 1]; give a value from {lowest:g} to 1"
 

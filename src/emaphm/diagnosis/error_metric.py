@@ -1,4 +1,4 @@
-"""The error of a diagnosis against the truth, in percent."""
+"""The error of a diagnosis against the truth: in percent, and from when on a component is wrong."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -6,6 +6,12 @@ from numpy.typing import ArrayLike, NDArray
 from emaphm.actuator import NAMES, Faults
 from emaphm.arrays import floats
 from emaphm.errors import FaultError
+
+WRONG_ERROR = 0.03
+"""Error of a component, in its unit [0, 1], from which it counts as wrong."""
+
+WRONG_HALF_WIDTHS = 2.0
+"""Half-widths of its 95 % interval that such an error exceeds."""
 
 
 def error_percent(truth: ArrayLike | Faults, found: ArrayLike | Faults) -> NDArray[np.float64]:

@@ -201,7 +201,7 @@ def _component(
     low, high = interval = (max(below, least), min(above, most))
     if 2 * Z95 * error > VERDICT.longest_interval and high - low < 2 * Z95 * error:
         # Only the bound of the range makes it shorter: the search may have ended there for whatever reason.
-        return Estimate(value, error, interval, False, "cannot tell", unconstrained)
+        return Estimate(value, error, interval, False, "cannot tell", unconstrained, limits)
     identifiable = high - low <= VERDICT.longest_interval
     verdict = verdict_of((low, high), healthy)
     reason = ""

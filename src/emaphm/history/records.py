@@ -206,7 +206,7 @@ class Mistake:
         if self.kind not in KINDS:
             raise HistoryError(f"cannot withdraw a '{self.kind}'{nearest(self.kind, KINDS)}")
         if not self.reason.strip():
-            raise HistoryError("a withdrawal needs a reason, for whoever reads the history later")
+            raise HistoryError("a withdrawal needs a reason; give one, for whoever reads the history later")
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,7 @@ class DeliverySettings:
     """Of sending events.
 
     `timeout_s`: for an answer of a webhook [s]. `first_pause_s`, `longest_pause_s`: between attempts, doubled
-    each time [s]. `tries`: of an event that the receiver refuses (status 4xx), before the next is sent.
+    each time [s]. `tries`: of an event that the receiver refuses (status 3xx, 4xx), before the next is sent.
     `batch`: events read from the history at once. `last_s`: for what is left, at the end [s].
     """
 

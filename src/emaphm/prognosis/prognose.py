@@ -84,7 +84,7 @@ def prognose(
     *,
     prior: Prior | None = None,
     seed: int = 0,
-    settings: ForecastSettings = FORECAST,
+    settings: ForecastSettings | None = None,
     keep_past: bool = True,
 ) -> Prognosis:
     """Return the remaining useful life of a unit against the requirements of `actuator`.
@@ -100,7 +100,7 @@ def prognose(
     prior
         Prior of the degradation: the general one where left out; `fleet_prior` learns one of other units.
     seed, settings
-        Source of all randomness; how many paths are forecast, and how far.
+        Source of all randomness; how many paths are forecast, and how far, `FORECAST` where left out.
     keep_past
         Whether the beliefs at up to `MOST_PAST` earlier diagnoses are kept, 2 MB each, for a figure of the
         RUL against time.
@@ -112,7 +112,7 @@ def prognose(
     MethodError
         The averaged model did not stay finite.
     """
-    prior = prior or Prior()
+    prior, settings = prior or Prior(), settings or FORECAST
     settings = replace(settings, longest_hours=max(settings.longest_hours, 2 * question.horizon))
     requirements = Requirements(actuator)
     followed = follow(evidence, prior, seed=seed, past=_shown(evidence) if keep_past else ())
@@ -180,9 +180,9 @@ def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
     )
 
 
-def past_lives(prognosis: Prognosis, settings: ForecastSettings = FORECAST) -> list[tuple[float, np.ndarray]]:
+def past_lives(prognosis: Prognosis) -> list[tuple[float, np.ndarray]]:
     """Return the RUL as forecast at the diagnoses whose beliefs were kept: pairs of hours and samples [h]."""
-    return lives(prognosis.past, prognosis.evidence, prognosis.actuator, prognosis.ahead, settings)
+    return lives(prognosis.past, prognosis.evidence, prognosis.actuator, prognosis.ahead)
 
 
 def _shown(evidence: Evidence) -> set[int]:
@@ -196,13 +196,13 @@ def lives(
     evidence: Evidence,
     actuator: Actuator,
     ahead: Stress | None = None,
-    settings: ForecastSettings = FORECAST,
+    settings: ForecastSettings | None = None,
 ) -> list[tuple[float, np.ndarray]]:
     """Return the RUL as forecast from each of the `beliefs` of a unit: pairs of hours and samples [h].
 
-    `ahead` is the stress to come, as in `prognose`.
+    `ahead` is the stress to come and `settings` are how it is forecast, as in `prognose`.
     """
-    requirements = Requirements(actuator)
+    requirements, settings = Requirements(actuator), settings or FORECAST
     found = []
     for belief in beliefs:
         made, times = _forecast(belief, evidence, requirements, settings, ahead)

@@ -9,10 +9,11 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from emaphm.diagnosis.error_metric import WRONG_ERROR, WRONG_HALF_WIDTHS
 from emaphm.errors import EmaphmError
 from emaphm.output_files import make_folder, written_whole
 from emaphm.report.markdown import incomplete
-from emaphm.study.spoilt.judging import HALF_WIDTHS, LEAST_ERROR, OUTCOMES
+from emaphm.study.spoilt.judging import OUTCOMES
 from emaphm.study.spoilt.rates import Results, rows, silent_wrong
 from emaphm.study.spoilt.run import cases, class_of, results
 from emaphm.study.spoilt.source import ADC_BITS, CHANNELS, FAULTS, NOISE_A
@@ -53,7 +54,7 @@ def _introduction(found: Results) -> Iterator[str]:
         "the recording, and gives no verdict. *Cannot tell*: explained, without a definite verdict. *Right*: "
         "with definite verdicts that are right, the spoiling being corrected or harmless. *Silent wrong*: "
         "explained, and a component that is called healthy or degraded is off by more than "
-        f"{LEAST_ERROR:g} and by more than {HALF_WIDTHS:g} half-widths of its interval.\n"
+        f"{WRONG_ERROR:g} and by more than {WRONG_HALF_WIDTHS:g} half-widths of its interval.\n"
     )
 
 

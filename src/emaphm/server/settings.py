@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from emaphm.monitoring.settings import IsolationSettings
+
 
 @dataclass(frozen=True)
 class ServerSettings:
@@ -37,10 +39,10 @@ class ServerSettings:
     Files that a browser or a script sends one after the other come at intervals of a fraction of a second.
     """
 
-    job_seconds: float = 600.0
+    job_seconds: float = IsolationSettings.seconds
     """Of a job [s], whose process is then ended: the slowest diagnosis of a recording takes a tenth."""
 
-    worker_bytes: int = 8 * 2**30
+    worker_bytes: int = IsolationSettings.most_bytes
     """Address space of a worker process [bytes]: libraries reserve more than they use."""
 
     drawing_seconds: float = 60.0

@@ -3,7 +3,7 @@
 from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.model import OBSERVABLE, Initial, Model
 from emaphm.simulation.engine.plant import Plant
-from emaphm.simulation.engine.running import observe_batch, run, run_batch, simulate_batch
+from emaphm.simulation.engine.running import observe_batch, run, simulate_batch
 from emaphm.simulation.models.averaged import AVERAGED
 from emaphm.simulation.models.catalogue import MODELS, model_named
 from emaphm.simulation.models.monitor import monitor
@@ -22,6 +22,5 @@ __all__ = [
     "monitor",
     "observe_batch",
     "run",
-    "run_batch",
     "simulate_batch",
 ]

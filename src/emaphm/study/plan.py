@@ -195,7 +195,9 @@ class Plan(Section):
         except FileNotFoundError:
             raise StudyError(f"{path}: no such plan file; give the path of its TOML") from None
         except (OSError, UnicodeDecodeError) as error:
-            raise StudyError(f"{path}: cannot be read as a TOML text file ({error})") from None
+            raise StudyError(
+                f"{path}: cannot be read as a TOML text file ({error}); give one in UTF-8"
+            ) from None
         return cls.from_toml_text(text, where=str(path), folder=path.parent)
 
     @classmethod

@@ -6,10 +6,11 @@ import numpy as np
 
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.arrays import Array
 from emaphm.estimation.space.nuisances import COPPER, MAGNETS
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
-from emaphm.study.rig import Manoeuvre, Rig
+from emaphm.study.rig import Manoeuvre, Rig, VaryingLoad
 
 
 def actuator_on(rig: Rig, actuator: Actuator, seed: int) -> Actuator:
@@ -52,6 +53,20 @@ def unit_on(rig: Rig, actuator: Actuator, seed: int) -> Actuator:
     )
 
 
+def load_at(load: VaryingLoad, time: Array, duration: float) -> Array:
+    """Return what varies with time of a load [N·m], of the shape of `time` [s]."""
+    swinging = load.swing * np.sin(2 * np.pi * load.frequency * time)
+    there = _shift(load, time - duration / 2)
+    if load.lasts is not None:
+        there = there - _shift(load, time - duration / 2 - load.lasts)
+    return np.asarray(swinging + load.drift * time + load.step * there)
+
+
+def _shift(load: VaryingLoad, since: Array) -> Array:
+    """Return the share of a step that is there at times `since` its middle [s]."""
+    return np.clip(since / load.rise + 0.5, 0.0, 1.0) if load.rise else np.asarray(since >= 0, float)
+
+
 def recorded(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre, faults: Faults, seed: int) -> Recording:
     """Return what `rig` records of `actuator` with `faults`; all that is random is drawn from `seed`."""
     duration = manoeuvre.duration if rig.duration is None else rig.duration
@@ -62,7 +77,7 @@ def recorded(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre, faults: Faults,
         whole = simulate(
             present if load is None else with_lumped_parameters(present, {"hinge": load.hinge}),
             command,
-            load=0.0 if load is None else partial(load.at, duration=duration),
+            load=0.0 if load is None else partial(load_at, load, duration=duration),
             faults=faults,
             duration=duration,
             sample_rate=rate,

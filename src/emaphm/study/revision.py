@@ -11,12 +11,16 @@ DECIDING = (
     "simulated_recording.py",
     "study/task.py",
     "study/record.py",
+    "study/contestant.py",
     "study/foreign_plant.py",
-    "study/spoilt",
 )
-"""The rooms and files whose code decides what a trial finds. Cases, rigs and methods are in the plan."""
+"""The rooms and files whose code decides what a trial finds.
 
-NOT_DECIDING = (*diagnosis.NOT_DECIDING, "recording/io", "diagnosis/wording.py")
+Cases, rigs and settings of methods are values of the plan, which identify a result by themselves
+(`emaphm.study.store.tasks`).
+"""
+
+NOT_DECIDING = (*diagnosis.NOT_DECIDING, "recording/io", "diagnosis/wording.py", "calibration/text.py")
 """Parts of these rooms that read files or put words: a study does not pass through them."""
 
 

@@ -1,14 +1,16 @@
-"""How the recordings of a study are made: the manoeuvre, and the rig with all that is unknown on it."""
+"""How the recordings of a study are made: the manoeuvre, and the rig with all that is unknown on it.
+
+These are values alone, which identify the results of a study (`emaphm.study.store.tasks`); what is made of
+them is in `emaphm.study.record`, whose code identifies results too.
+"""
 
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from emaphm.actuator.laws import law_named
 from emaphm.actuator.parameters import Section
 from emaphm.actuator.unit.tolerances import Tolerances
-from emaphm.arrays import Array
 from emaphm.errors import StudyError, nearest
 from emaphm.recording.acquisition import check_bits
 from emaphm.recording.schema import SCHEMA
@@ -115,18 +117,6 @@ class VaryingLoad(Section):
     rise: NotNegative = 0.0
     lasts: Positive | None = None
     hinge: NotNegative = 0.0
-
-    def at(self, time: Array, duration: float) -> Array:
-        """Return what varies with time [N·m], of the shape of `time` [s]."""
-        swinging = self.swing * np.sin(2 * np.pi * self.frequency * time)
-        there = self._shift(time - duration / 2)
-        if self.lasts is not None:
-            there = there - self._shift(time - duration / 2 - self.lasts)
-        return np.asarray(swinging + self.drift * time + self.step * there)
-
-    def _shift(self, since: Array) -> Array:
-        """Return the share of a step that is there at times `since` its middle [s]."""
-        return np.clip(since / self.rise + 0.5, 0.0, 1.0) if self.rise else np.asarray(since >= 0, float)
 
 
 class Rig(Section):

@@ -132,7 +132,10 @@ class Store:
             ) from None
         except (OSError, ValueError, RecursionError) as error:
             reason = str(error).splitlines()[0]
-            raise StudyError(f"{folder / PLAN}: cannot be read as a plan ({reason})") from None
+            raise StudyError(
+                f"{folder / PLAN}: cannot be read as a plan ({reason}); put back what stood there, or give "
+                "another folder with -o"
+            ) from None
         trials = trials_of(plan)
         kept = ResultStore(_folder(folder).results)
         outcomes, damaged = kept.read(tasks(plan, trials))

@@ -11,6 +11,7 @@ import numpy as np
 from emaphm.amortized.networks.network import Network, Single
 from emaphm.amortized.networks.projection import Projection
 from emaphm.arrays import Array
+from emaphm.diagnosis.error_metric import WRONG_ERROR, WRONG_HALF_WIDTHS
 from emaphm.diagnosis.verdict import Z95
 
 
@@ -22,8 +23,8 @@ class WrongSettings:
     interval. Ratios are learned from `least` on.
     """
 
-    error: float = 0.03
-    half_widths: float = 2.0
+    error: float = WRONG_ERROR
+    half_widths: float = WRONG_HALF_WIDTHS
     least: float = 0.1
 
 

@@ -19,9 +19,7 @@ from emaphm.calibration.findings import found_values
 from emaphm.calibration.held_out import folds, left_out_residual, own_coordinates, subset
 from emaphm.calibration.model_error.apparent_faults import apparent_faults
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
-from emaphm.estimation.discrepancy import has_reference
-from emaphm.estimation.joint.correction import compared, corrected_estimate
-from emaphm.estimation.joint.objective import JointObjective
+from emaphm.estimation.joint.correction import can_be_compared, compared, corrected_estimate
 from emaphm.estimation.joint.search import DESCENT
 from emaphm.estimation.levenberg_marquardt import descend
 from emaphm.estimation.problem import Problem
@@ -122,7 +120,7 @@ def _fitted_without(fit: UnitFit, settings: FitSettings) -> dict[int, Array]:
     count, corrections = len(joint.terms), min(settings.max_corrections, MODEL_ERROR.corrections)
     for left_out in folds(count, MODEL_ERROR.most_folds, settings.seed):
         training, start = subset(joint, fit.point, [r for r in range(count) if r not in left_out])
-        if corrections and _has_reference(training):
+        if corrections and can_be_compared(training):
             best = corrected_estimate(training, start, corrections, settings.seed).point
         else:
             best = descend(training, start[np.newaxis], training.box, DESCENT).best
@@ -139,16 +137,12 @@ def _left_out_residual(fit: UnitFit, r: int, shared: Array, settings: FitSetting
     corrections = zip(fit.joint.terms, fit.estimate.discrepancies, strict=True)
     corrected = fit.joint.corrected([term.correction + known.mean for term, known in corrections])
     alone, point = subset(fit.joint, fit.point, [r])
-    if not (settings.max_corrections and _has_reference(alone)):
+    if not (settings.max_corrections and can_be_compared(alone)):
         return left_out_residual(corrected, r, shared)
     owns = [point[alone.shared :], own_coordinates(corrected, r, shared)]
     points = alone.box.project(np.array([np.concatenate([shared, own]) for own in owns]))
     outcomes = compared(alone, points, settings.seed, "left out", r)
     return min(outcomes, key=lambda one: one.primary_variance).corrected_residuals[0]
-
-
-def _has_reference(joint: JointObjective) -> bool:
-    return all(has_reference(term.objective.problem) for term in joint.terms)
 
 
 def _by_channel(problem: Problem, residual: Array) -> dict[str, HeldOutResidual]:

@@ -8,17 +8,11 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.calibration.held_out import subset
 from emaphm.errors import MethodError
-from emaphm.estimation.discrepancy import has_reference
 from emaphm.estimation.joint.correction import compared
 from emaphm.estimation.joint.objective import JointObjective
 
 RECORDINGS = 3
 """How many are compared, the shortest: a reference run takes a twentieth of a recording's time."""
-
-
-def can_be_compared(joint: JointObjective) -> bool:
-    """Return whether the reference model can run for all recordings."""
-    return all(has_reference(term.objective.problem) for term in joint.terms)
 
 
 def reference_costs(joint: JointObjective, points: Sequence[Array], seed: int) -> list[float]:

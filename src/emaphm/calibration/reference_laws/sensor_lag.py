@@ -12,9 +12,9 @@ from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.description import Description
 from emaphm.calibration.findings import LARGEST_ERROR, Parameter, absolute_error
-from emaphm.calibration.reference_laws.costs import can_be_compared, reference_costs
+from emaphm.calibration.reference_laws.costs import reference_costs
 from emaphm.calibration.unit_fit import FitSettings, fitted_parameters, searched
-from emaphm.estimation.joint.correction import JointEstimate, corrected_estimate
+from emaphm.estimation.joint.correction import JointEstimate, can_be_compared, corrected_estimate
 from emaphm.estimation.reference.scan import CURRENT_LAGS_S, scan
 
 NAME = "current_lag"

@@ -19,7 +19,7 @@ from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.description import Description
 from emaphm.calibration.findings import found_values
 from emaphm.calibration.law_selection import parameters_of, typical_motor_speed
-from emaphm.calibration.reference_laws.costs import can_be_compared, reference_costs
+from emaphm.calibration.reference_laws.costs import reference_costs
 from emaphm.calibration.unit_fit import (
     FitSettings,
     SearchedUnit,
@@ -28,6 +28,7 @@ from emaphm.calibration.unit_fit import (
     fitted_parameters,
     searched,
 )
+from emaphm.estimation.joint.correction import can_be_compared
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.rows.means import rows_of_a_mean
 from emaphm.estimation.space.parameter_variation import LEAST_DEVIATION

@@ -136,6 +136,11 @@ def _none(rows: Array) -> Discrepancy:
     return Discrepancy(np.zeros_like(rows), np.zeros_like(rows), 0.0, runs=1)
 
 
+def can_be_compared(joint: JointObjective) -> bool:
+    """Return whether the reference model can run for all recordings."""
+    return all(has_reference(term.objective.problem) for term in joint.terms)
+
+
 def compared(joint: JointObjective, points: Array, seed: int, *name: str | int) -> list[JointEstimate]:
     """Return the estimates at `points` (n, d) with their discrepancies."""
 

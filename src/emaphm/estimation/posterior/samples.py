@@ -7,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from emaphm.actuator import NAMES
+from emaphm.actuator.faults import whole_turns
 from emaphm.arrays import Array
 from emaphm.estimation.posterior.credible_intervals import shortest_arc, shortest_interval
 from emaphm.estimation.posterior.mcmc_diagnostics import McmcDiagnostics
@@ -82,7 +83,8 @@ class Posterior:
 
 
 def _differ(name: str, one: tuple[float, float], other: tuple[float, float]) -> bool:
-    turns = (-1, 0, 1) if name == "eccentricity_phase" else (0,)
-    moved = min(max(abs(one[0] - other[0] - turn), abs(one[1] - other[1] - turn)) for turn in turns)
+    moved = min(
+        max(abs(one[0] - other[0] - turn), abs(one[1] - other[1] - turn)) for turn in whole_turns(name)
+    )
     longer = max(one[1] - one[0], other[1] - other[0])
     return moved > max(MATERIAL_SHARE * longer, MATERIAL_DIFFERENCE)

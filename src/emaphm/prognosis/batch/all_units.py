@@ -180,7 +180,10 @@ def _fleet(
     with closing(outcomes(tasks, workers=workers, scheduler=scheduler)) as arriving:
         for outcome in _in_order(arriving):
             if outcome.failure:
-                raise ExecutionError(f"what the fleet teaches cannot be computed: {outcome.failure}")
+                raise ExecutionError(
+                    f"what the fleet teaches cannot be computed: {outcome.failure}; give --no-fleet for each "
+                    "unit alone"
+                )
             found[names[outcome.index]] = outcome.result
     return _Fleet(
         reference, found, failed_of(evidence), _evidence(where, names_of(teachers_of_pace(teaching)))

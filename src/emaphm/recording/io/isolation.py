@@ -52,7 +52,10 @@ def isolated_columns(kind: str, path: Path, limits: ReadLimits, wanted: Collecti
         why = f"its library is still at it after {limits.seconds:g} s"
         raise _unreadable(kind, source, why) from None
     except OSError as error:
-        raise RecordingError(f"{source}: no process can be started to read it ({error.strerror})") from None
+        raise RecordingError(
+            f"{source}: no process can be started to read it ({error.strerror}); end other programs, or free "
+            "memory, and try again"
+        ) from None
     limits.check(held.rows, held.columns, source)
     check_names([tidy(name) for name in (*held.numeric, *held.unusable)], source)
     return FileColumns(

@@ -44,35 +44,13 @@ def run(model: Model, plant: Plant, inputs: Inputs, start: Initial = Initial()) 
         the simulation did not stay finite.
     """
     if plant.count != 1:
-        raise MethodError(f"a single run takes one actuator, got {plant.count}; use run_batch")
+        raise MethodError(f"a single run takes one actuator, got {plant.count}; use observe_batch")
     names = model.form(plant.structure).channels
     advance, (block,) = _prepared(model, plant, inputs, start, 1, len(names))
     out = _output(1, 1, len(names), inputs.samples)[0]
     _advance(advance, block, out, inputs)
     _check_finite(model, out)
     return {name: out[0, i] for i, name in enumerate(names)}
-
-
-def run_batch(
-    model: Model,
-    plant: Plant,
-    inputs: Inputs,
-    start: Initial = Initial(),  # noqa: B008
-    *,
-    workers: int | None = None,
-) -> Array:
-    """Return the sampled equivalent currents [A] of all actuators in `plant`, shape (n, samples).
-
-    Groups of `LANES` actuators run in `workers` threads (default: one a core); the result does not
-    depend on their number, bit for bit. Parameters as in `observe_batch`.
-
-    Raises
-    ------
-    MethodError
-        The actuators' windings are not described and the model needs them, or a simulation did not stay
-        finite.
-    """
-    return _batch(model, plant, inputs, start, OBSERVABLE[:1], workers)[:, 0]
 
 
 def observe_batch(
@@ -85,6 +63,8 @@ def observe_batch(
     workers: int | None = None,
 ) -> Array:
     """Return `channels` of all actuators in `plant`, noise-free, in their units: (n, channels, samples).
+
+    Groups of `LANES` actuators run in threads.
 
     Parameters
     ----------
@@ -99,7 +79,7 @@ def observe_batch(
     channels
         Names of channels that are observable in the model: `OBSERVABLE`, and further ones of some drives.
     workers
-        Threads, one a core where left out; the result does not depend on their number.
+        Threads, one a core where left out; the result does not depend on their number, bit for bit.
 
     Raises
     ------
@@ -107,23 +87,17 @@ def observe_batch(
         The model does not know the actuators' drive, needs windings that are not described, or did not stay
         finite.
     """
-    return _batch(model, plant, inputs, start, channels, workers)
-
-
-def _batch(
-    model: Model, plant: Plant, inputs: Inputs, start: Initial, names: Sequence[str], workers: int | None
-) -> Array:
     observable = model.form(plant.structure).observable
-    rows = [observable.index(name) for name in names]
-    channels = max(rows) + 1
-    advance, blocks = _prepared(model, plant, inputs, start, LANES, channels)
+    rows = [observable.index(name) for name in channels]
+    count = max(rows) + 1
+    advance, blocks = _prepared(model, plant, inputs, start, LANES, count)
     groups = len(blocks)
-    out = _output(groups, LANES, channels, inputs.samples)
+    out = _output(groups, LANES, count, inputs.samples)
     if groups * inputs.command.size < WORTH_A_THREAD:
         workers = 1
     in_threads(lambda group: _advance(advance, *group, inputs), zip(blocks, out, strict=True), workers)
-    by_actuator = out.reshape(groups * LANES, channels, inputs.samples)[: plant.count]
-    chosen = by_actuator if rows == list(range(channels)) else by_actuator[:, rows]
+    by_actuator = out.reshape(groups * LANES, count, inputs.samples)[: plant.count]
+    chosen = by_actuator if rows == list(range(count)) else by_actuator[:, rows]
     _check_finite(model, chosen)
     return chosen
 
@@ -157,7 +131,8 @@ def simulate_batch(
     MethodError
         The model does not know the actuator's drive, or a run did not stay finite.
     """
-    return run_batch(model, Plant.of(actuator, faults), inputs, start, workers=workers)
+    plant = Plant.of(actuator, faults)
+    return observe_batch(model, plant, inputs, start, channels=OBSERVABLE[:1], workers=workers)[:, 0]
 
 
 @dataclass(frozen=True, eq=False)

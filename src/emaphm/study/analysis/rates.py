@@ -8,7 +8,7 @@ import polars as pl
 from numpy.typing import ArrayLike
 from scipy.special import bdtr
 
-from emaphm.actuator.faults import COMPONENTS, HEALTHY, NAMES
+from emaphm.actuator.faults import COMPONENTS, HEALTHY, NAMES, whole_turns
 from emaphm.arrays import Array, Flags
 
 PHASE = "eccentricity_phase"
@@ -36,8 +36,7 @@ def holds(name: str, interval: tuple[ArrayLike, ArrayLike], truth: ArrayLike) ->
     circle closes. All other components are amounts, of which 0 and 1 are the farthest apart.
     """
     low, high = (np.asarray(end, float) for end in interval)
-    turns = (-1.0, 0.0, 1.0) if name == PHASE else (0.0,)
-    shifted = [np.asarray(truth, float) + turn for turn in turns]
+    shifted = [np.asarray(truth, float) + turn for turn in whole_turns(name)]
     return np.asarray(np.any([(low <= one) & (one <= high) for one in shifted], axis=0))
 
 

@@ -25,6 +25,7 @@ from emaphm.fleet.synthetic.population import Population, StressModel, Wear
 from emaphm.fleet.synthetic.unit import FALLING
 from emaphm.prognosis import Evidence, Observation
 from emaphm.prognosis.columns import columns_of, level_of
+from emaphm.prognosis.evidence import LEAST_ERROR
 from emaphm.random_streams import stream
 
 Rows = NDArray[np.int_]
@@ -38,9 +39,6 @@ STEP = 50.0
 
 LONGEST_LIFE = 12_000.0
 """How far is looked [h]."""
-
-LEAST_ERROR = 1e-3
-"""Standard error that a level has at least, as in the filter."""
 
 LEAST_AGE = 1.0
 """Of a component [h]."""

@@ -3,14 +3,10 @@
 from typing import Any
 
 from emaphm.actuator import Faults
+from emaphm.actuator.faults import whole_turns
+from emaphm.diagnosis.error_metric import WRONG_ERROR, WRONG_HALF_WIDTHS
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import Estimate
-
-LEAST_ERROR = 0.03
-"""Error of a component, in its unit [0, 1], from which it counts as wrong."""
-
-HALF_WIDTHS = 2.0
-"""Half-widths of its 95 % interval that such an error exceeds."""
 
 OUTCOMES = ("refused", "not explained", "cannot tell", "right", "silent wrong")
 """An error message instead of a diagnosis; a diagnosis that does not claim to explain the recording; one that
@@ -20,16 +16,17 @@ does, without a definite verdict; with definite verdicts that are right; with on
 def wrong_components(diagnosis: Diagnosis, truth: Faults) -> list[str]:
     """Return the components that have a definite verdict, are called identifiable, and are wrong.
 
-    By more than `LEAST_ERROR` and more than `HALF_WIDTHS` half-widths of the interval. The direction of an
-    eccentricity counts where there is an eccentricity in truth.
+    By more than `WRONG_ERROR` and more than `WRONG_HALF_WIDTHS` half-widths of the interval. The direction of
+    an eccentricity counts where there is an eccentricity in truth.
     """
     wrong = []
     for name, estimate in diagnosis.components.items():
-        error = abs(estimate.value - float(getattr(truth, name)))
-        if name == "eccentricity_phase":
-            error = min(error, 1 - error) if truth.eccentricity > 0 else 0.0
+        if name == "eccentricity_phase" and truth.eccentricity == 0:
+            continue
+        difference = estimate.value - float(getattr(truth, name))
+        error = min(abs(difference + turn) for turn in whole_turns(name))
         low, high = estimate.interval95
-        if definite(estimate) and error > max(LEAST_ERROR, HALF_WIDTHS * (high - low) / 2):
+        if definite(estimate) and error > max(WRONG_ERROR, WRONG_HALF_WIDTHS * (high - low) / 2):
             wrong.append(name)
     return wrong
 

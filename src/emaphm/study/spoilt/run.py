@@ -13,9 +13,9 @@ from emaphm.execution.store import ResultStore
 from emaphm.output_files import make_folder
 from emaphm.random_streams import stream
 from emaphm.recording import Recording
-from emaphm.study.revision import revision
 from emaphm.study.spoilt.classes import CLASSES, SpoiltClass
 from emaphm.study.spoilt.judging import judged, refused
+from emaphm.study.spoilt.revision import revision
 from emaphm.study.spoilt.source import CHANNELS, FAULTS, recorded
 
 RESULTS = "results.sqlite"
