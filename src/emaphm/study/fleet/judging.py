@@ -30,7 +30,7 @@ SHARES = (0.0, 0.25, 0.5, 0.75)
 """λ: of the way from the first check flight to the failure."""
 
 ALPHA, BETA = 0.2, 0.5
-"""Of alpha-lambda."""
+"""Of alpha-lambda: half the width of the band, and the least probability within it."""
 
 WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, LINE, FILTER, MEAN, LIVES = (
     "ours, with the fleet's prior",
