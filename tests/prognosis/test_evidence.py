@@ -75,9 +75,9 @@ def test_any_field_counts(other: Evidence) -> None:
 @pytest.mark.parametrize("other", CHANGED)
 def test_kept_results_are_of_the_same_evidence(other: Evidence) -> None:
     """Of a unit, of the others of its fleet, and of a larger fleet."""
-    same = [EVIDENCE] * 2
-    found = {judged(EVIDENCE, *same), judged(other, *same), judged(EVIDENCE, other, EVIDENCE)}
-    assert len({*found, judged(*same, other)}) == 4
+    same = EVIDENCE
+    cases = (same, same, same), (other, same, same), (same, other, same), (same, same, other)
+    assert len({judged(*one) for one in cases}) == len(cases)
     fellow, unit = replace(other, unit=f"fellow {other.unit}"), replace(EVIDENCE, unit="fellow A")
     assert predicted(EVIDENCE, unit) != predicted(EVIDENCE, fellow)
     assert predicted(EVIDENCE, replace(EVIDENCE, unit="C")) != predicted(other, replace(EVIDENCE, unit="C"))
