@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from emaphm.errors import EmaphmError, OutputError
-from emaphm.execution import ResultStore, Task, run, run_tasks
+from emaphm.execution import Outcome, ResultStore, Task, in_order, run, run_tasks
 
 from . import toy
 
@@ -75,6 +75,18 @@ def test_only_what_is_missing_is_done(store: ResultStore) -> None:
     assert run_tasks(more, store, workers=1, on_task=lambda *counts: told.append(counts)) == ()
     assert told == [(12, 15), (13, 15), (14, 15), (15, 15)]
     assert kept(store, more) == list(range(15))
+
+
+def test_outcomes_wait_for_those_of_earlier_tasks(store: ResultStore) -> None:
+    """Of what the store had or is given, the result is its own; what it is not given waits in memory."""
+    arriving = iter([Outcome(i, {"number": i, "arrived": True}) for i in (5, 3, 2, 4)])
+    found = list(
+        in_order(TASKS[:6], arriving, store, {0, 1}, keeps=lambda result: result["number"] in (3, 4))
+    )
+    assert [task.index for task, _ in found] == [outcome.index for _, outcome in found] == list(range(6))
+    assert [i for i, (_, outcome) in enumerate(found) if "arrived" in outcome.result] == [2, 5]
+    reversed_order = iter([Outcome(i, i) for i in (2, 1, 0)])
+    assert [outcome.result for _, outcome in in_order(TASKS[:3], reversed_order)] == [0, 1, 2]
 
 
 def test_a_failure_is_returned_and_tried_again(tmp_path: Path) -> None:

@@ -2,20 +2,24 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from emaphm.arrays import Array
-from emaphm.prognosis import Evidence, Observation, fleet_prior
+from emaphm.history import History
+from emaphm.prognosis import Evidence, Observation, StressReference, fleet_prior, learnt_prior
 from emaphm.prognosis.evidence import Moment, follow, moments
 from emaphm.prognosis.filter.resampling import apart_again, kinds_of
 from emaphm.prognosis.from_fleet import learning
+from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.references import References, Track
 from emaphm.prognosis.laws import transition
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.settings import AS_ANOTHER, CONSTANT, DEGRADATION, FilterSettings
+from history import made_up
 
 HOURS = np.arange(50.0, 2001.0, 50.0)
 
@@ -160,6 +164,45 @@ def test_two_lives_of_a_component_teach_half_each() -> None:
     assert constant[0] > 0.7
     assert constant[1] < 0.1
     assert constant[2] == pytest.approx((constant[0] + constant[1]) / 2, abs=0.1)
+
+
+@pytest.fixture
+def history(tmp_path: Path) -> Iterator[History]:
+    """Return a history of three units that teach and a new one, each with other cycles per hour."""
+    with History.open(tmp_path / "history.sqlite", create=True) as found:
+        number = 0
+        for i, (unit, flights) in enumerate((("S0", 3), ("S1", 4), ("S2", 3), ("new", 1))):
+            for flight in range(1, flights + 1):
+                number += 1
+                entry = replace(made_up.entry(unit, 50.0 * flight), cycles=(37 + 9 * i) * flight + flight**2)
+                found.add(entry, made_up.recording(number), made_up.diagnosis(number))
+        yield found
+
+
+def said(prior: Prior) -> tuple[object, ...]:
+    """Return what a prior says, in values that can be compared."""
+    assert prior.fleet is not None
+    assert prior.fellows is not None
+    fellows = prior.fellows
+    return (
+        [one.tolist() for one in prior.fleet],
+        (prior.fleet_share, prior.units, prior.reference, fellows.reference, fellows.exponents.tolist()),
+        [fingerprint(one) for one in fellows.units],
+        None if prior.references is None else prior.references.change.tolist(),
+    )
+
+
+def test_a_fleets_prior_is_the_one_that_a_unit_of_the_history_gets(history: History) -> None:
+    units = {one.serial_number: Evidence.of(one) for one in history.units()}
+    reference = StressReference.of([piece for one in units.values() for piece in one.stresses])
+    for name in ("S0", "S1"):
+        learnt = learnt_prior(history, history.unit(name), seed=3)
+        found = fleet_prior(list(units.values()), unit=name, seed=3, actuator=made_up.THESIS)
+        assert said(found) == said(learnt)
+        assert found.reference == learnt.reference != reference  # which is not rounded
+    others = [one for name, one in units.items() if name != "new"]
+    learnt = learnt_prior(history, history.unit("new"), seed=3)
+    assert said(fleet_prior(others, seed=3, actuator=made_up.THESIS)) == said(learnt)
 
 
 def test_units_that_teach_in_any_way_count_once(fleet: list[Evidence]) -> None:

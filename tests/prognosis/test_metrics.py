@@ -94,7 +94,7 @@ def test_the_cone_narrows() -> None:
     assert alpha_lambda(predictions, 100.0, 0.5)
     assert alpha_lambda(predictions, 100.0, 0.7)  # the prediction at 50 h
     assert not alpha_lambda(predictions, 100.0, 0.75)
-    assert at_share_of_life(predictions, 100.0, 0.74).hours == 50
+    assert at_share_of_life([0.0, 50.0, 75.0], 100.0, 0.74) == 1
     half = Prediction(0.0, np.array([100.0, 101, 300, 400]))
     assert alpha_lambda([half], 100.0, 0.0, beta=0.5)
     assert not alpha_lambda([half], 100.0, 0.0, beta=0.51)
@@ -102,8 +102,8 @@ def test_the_cone_narrows() -> None:
 
 def test_a_prediction_at_a_share_of_life_is_found_at_that_share() -> None:
     """In floating-point numbers, 0.29 × 100 h is less than 29 h."""
-    predictions = [sure(i, 100 - i) for i in range(100)]
-    assert [at_share_of_life(predictions, 100.0, i / 100).hours for i in range(100)] == list(range(100))
+    hours = list(range(100))
+    assert [at_share_of_life(hours, 100.0, i / 100) for i in range(100)] == hours
 
 
 def test_accuracy_is_of_the_remaining_life_and_not_of_the_whole() -> None:
@@ -131,8 +131,8 @@ def test_rates() -> None:
         lambda: Prediction(0.0, np.array([-1.0])),
         lambda: Prediction(0.0, np.array([1.0, math.nan])),
         lambda: relative_accuracy(sure(100, 1), 100.0),
-        lambda: at_share_of_life([sure(100, 1)], 50.0, 0.5),
-        lambda: at_share_of_life([sure(0, 1)], 50.0, 1.5),
+        lambda: at_share_of_life([100.0], 50.0, 0.5),
+        lambda: at_share_of_life([0.0], 50.0, 1.5),
         lambda: brier([1.2], [True]),
         lambda: brier([], []),
         lambda: wasted_life([1.0], [0.0]),

@@ -88,7 +88,7 @@ def made_up(unit: int, *, good: bool) -> dict[str, Any]:
         "median": 1000.0 if good else 1500.0,
         "low": 500.0,
         "high": 2000.0,
-        "within": 0.8 if good else 0.2,
+        "good": good,
         "transform": 0.5 if good else 0.01,
         "crps": 100.0 if good else 400.0,
         "certain": False,

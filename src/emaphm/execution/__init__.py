@@ -1,6 +1,6 @@
 """Many independent tasks: on processes or a Dask cluster, kept as they finish, resumed. Knows no actuator."""
 
-from emaphm.execution.run import OnTask, check_workers, outcomes, run_missing, run_tasks
+from emaphm.execution.run import OnTask, check_workers, in_order, outcomes, run_missing, run_tasks
 from emaphm.execution.store import ResultStore
 from emaphm.execution.tasks import Outcome, Task
 
@@ -10,6 +10,7 @@ __all__ = [
     "ResultStore",
     "Task",
     "check_workers",
+    "in_order",
     "outcomes",
     "run_missing",
     "run_tasks",

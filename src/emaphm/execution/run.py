@@ -1,7 +1,7 @@
 """Doing those of many tasks that are missing, here or on a cluster; each result is kept as it finishes."""
 
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from contextlib import closing
 from typing import Any
 from uuid import uuid4
@@ -88,6 +88,40 @@ def run_missing(
             if not outcome.failure and keeps(outcome.result):
                 writer.keep(by_index[outcome.index], outcome, session, time.perf_counter() - began)
             yield outcome
+
+
+def in_order(
+    tasks: Sequence[Task],
+    arriving: Iterator[Outcome],
+    store: ResultStore | None = None,
+    done: Collection[int] = (),
+    *,
+    keeps: Callable[[Any], bool] = lambda _: True,
+) -> Generator[tuple[Task, Outcome]]:
+    """Yield each task with its outcome, in the order of `tasks`.
+
+    Parameters
+    ----------
+    arriving
+        Outcomes of all of them but those `done`, as they finish.
+    store
+        Where `run_missing` keeps the results that `keeps` accepts: one that waits for an earlier task is read
+        from there when its turn comes, and takes no memory until then. All wait in memory where left out.
+    done
+        Numbers of the tasks whose results the store had already.
+    """
+    kept, waiting = set(done), dict[int, Outcome]()
+    for task in tasks:
+        while task.index not in waiting and task.index not in kept:
+            outcome = next(arriving)
+            if store is not None and not outcome.failure and keeps(outcome.result):
+                kept.add(outcome.index)
+            else:
+                waiting[outcome.index] = outcome
+        if store is not None and task.index in kept:
+            yield task, store.outcome(task)
+        else:
+            yield task, waiting.pop(task.index)
 
 
 def run_tasks(

@@ -1,14 +1,23 @@
 """Diagnosing many recordings: each by itself, side by side, the results in the order of the files."""
 
 import json
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from emaphm.actuator import Actuator
 from emaphm.errors import ExecutionError
-from emaphm.execution import OnTask, Outcome, ResultStore, Task, check_workers, outcomes, run_missing
+from emaphm.execution import (
+    OnTask,
+    Outcome,
+    ResultStore,
+    Task,
+    check_workers,
+    in_order,
+    outcomes,
+    run_missing,
+)
 from emaphm.execution.folder import WorkFolder
 from emaphm.fleet.result import BatchResult
 from emaphm.fleet.settings import DiagnosisSettings
@@ -111,7 +120,7 @@ def _results(batch: _Batch) -> Generator[BatchResult]:
             done = store.finished(tasks)
         missing = [task for task in tasks if task.index not in done]
         arriving = stack.enter_context(closing(_counted(_running(batch, missing, store), len(done), batch)))
-        for task, outcome in _in_order(tasks, done, store, arriving):
+        for task, outcome in in_order(tasks, arriving, store, done, keeps=is_whole):
             for values in [broken(task.name, outcome.failure)] if outcome.failure else outcome.result:
                 yield BatchResult(values)
 
@@ -132,24 +141,6 @@ def _counted(arriving: Generator[Outcome], done: int, batch: _Batch) -> Generato
             if batch.on_file:
                 batch.on_file(count, total)
             yield outcome
-
-
-def _in_order(
-    tasks: Sequence[Task], done: set[int], store: ResultStore | None, arriving: Iterator[Outcome]
-) -> Generator[tuple[Task, Outcome]]:
-    """Yield each task with its outcome, in the order of the tasks; `done` are those that `store` has."""
-    waiting: dict[int, Outcome] = {}
-    for task in tasks:
-        while task.index not in waiting and task.index not in done:
-            outcome = next(arriving)
-            if store is not None and not outcome.failure and is_whole(outcome.result):
-                done.add(outcome.index)  # its result is read again when its turn comes
-            else:
-                waiting[outcome.index] = outcome
-        if store is not None and task.index in done:
-            yield task, store.outcome(task)
-        else:
-            yield task, waiting.pop(task.index)
 
 
 def _prepared(

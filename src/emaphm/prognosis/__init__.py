@@ -2,7 +2,7 @@
 
 from emaphm.prognosis.advice import Advice, Costs
 from emaphm.prognosis.evidence import Evidence, Observation
-from emaphm.prognosis.from_fleet.learning import fleet_prior, learnt_prior
+from emaphm.prognosis.from_fleet.fleet import fleet_prior, learnt_prior
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import Question, prognose
 from emaphm.prognosis.requirements import FailureLevels, Limit, Requirements, failure_levels

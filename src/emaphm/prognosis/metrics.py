@@ -107,8 +107,10 @@ def prognostic_horizon(
     return PrognosticHorizon(first, lasting)
 
 
-def at_share_of_life(predictions: Sequence[Prediction], failure: float, share: float) -> Prediction:
-    """Return the last prediction at or before t_λ, λ being `share`; one at t_λ but for rounding counts.
+def at_share_of_life(hours: Sequence[float], failure: float, share: float) -> int:
+    """Return the number of the last prediction at or before t_λ; one at t_λ but for rounding counts.
+
+    `hours` are those of all predictions of a unit [h], rising; λ is the `share`.
 
     Raises
     ------
@@ -117,23 +119,28 @@ def at_share_of_life(predictions: Sequence[Prediction], failure: float, share: f
     """
     if not 0 <= share <= 1:
         raise PrognosisError(f"λ = {share:g} is no share of life; give a value from 0 to 1")
-    before = [one for one in predictions if one.hours < failure]
+    before = [one for one in hours if one < failure]
     if not before:
         raise PrognosisError(f"no prediction before the failure at {failure:g} h; predict earlier")
-    reached = before[0].hours + share * (failure - before[0].hours)
-    return [one for one in before if one.hours <= reached + ROUNDING * failure][-1]
+    reached = before[0] + share * (failure - before[0])
+    return sum(one <= reached + ROUNDING * failure for one in before) - 1
 
 
 def alpha_lambda(
-    predictions: Sequence[Prediction],
-    failure: float,
-    share: float,
-    *,
-    alpha: float = 0.2,
-    beta: float = 0.5,
+    predictions: Sequence[Prediction], failure: float, share: float, *, alpha: float = 0.2, beta: float = 0.5
 ) -> bool:
-    """Return whether the prediction at t_λ is good: P((1 - α) RUL* ≤ RUL ≤ (1 + α) RUL*) ≥ β [1, 3.2]."""
-    one = at_share_of_life(predictions, failure, share)
+    """Return whether the prediction at t_λ is good: P((1 - α) RUL* ≤ RUL ≤ (1 + α) RUL*) ≥ β [1, 3.2].
+
+    Parameters
+    ----------
+    predictions, failure, share
+        Of a unit, by rising hours; its true end [h]; λ. Errors as in `at_share_of_life`.
+    alpha
+        α, half the width of the band, as a share of the true RUL RUL*.
+    beta
+        β, the least probability within the band.
+    """
+    one = predictions[at_share_of_life([each.hours for each in predictions], failure, share)]
     true = failure - one.hours
     return one.share_within((1 - alpha) * true, (1 + alpha) * true) >= beta
 

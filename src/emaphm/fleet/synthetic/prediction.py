@@ -13,8 +13,13 @@ from emaphm.execution import OnTask, ResultStore, Task, run_tasks
 from emaphm.execution.revision import revision_of
 from emaphm.fleet.synthetic.folder import FleetFolder
 from emaphm.output_files import written_whole
-from emaphm.prognosis import Evidence, Question, fleet_prior, prognose
+from emaphm.prognosis import Evidence, Question, prognose
+from emaphm.prognosis.from_fleet.fingerprint import fingerprint
+from emaphm.prognosis.from_fleet.fleet import Fleet
 from emaphm.strict_json import finite
+
+DECIDING = ("prognosis", "actuator", "quantiles.py", "random_streams.py", "strict_json.py")
+"""Code that decides a prognosis, given the evidence: what reads a history decides that."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +31,9 @@ class PredictionSetup:
     seed: int
 
 
-def predict_unit(evidence: Evidence, others: Sequence[Evidence], asked: PredictionSetup) -> dict[str, Any]:
-    """Return what `emaphm prognose --json` prints of a unit, given the other units of the fleet."""
-    prior = fleet_prior(others, seed=asked.seed, actuator=asked.actuator)
+def predict_unit(evidence: Evidence, fleet: Fleet, asked: PredictionSetup) -> dict[str, Any]:
+    """Return what `emaphm prognose --json` prints of a unit of a fleet."""
+    prior = fleet.prior_of(evidence.unit, asked.actuator)
     found = prognose(evidence, asked.actuator, Question(asked.horizon), prior=prior, seed=asked.seed)
     return {"synthetic": True, **found.to_dict()}
 
@@ -54,10 +59,12 @@ def predict(
     OutputError
         The file cannot be written.
     """
-    tasks = []
-    for i, one in enumerate(units):
-        others = [other for other in fleet if other.unit != one.unit]
-        tasks.append(Task(i, predict_unit, (one, others, asked), _key([one, *others], asked), one.unit))
+    shared = Fleet.of(fleet, asked.seed)
+    keys = keys_of(units, shared, asked)
+    tasks = [
+        Task(i, predict_unit, (one, shared, asked), key, one.unit)
+        for i, (one, key) in enumerate(zip(units, keys, strict=True))
+    ]
     store = ResultStore(folder.work.results)
     failures = run_tasks(tasks, store, workers=workers, scheduler=scheduler, on_task=on_task)
     if failures:
@@ -77,15 +84,9 @@ def prognoses(folder: FleetFolder) -> list[dict[str, Any]]:
     return [json.loads(line) for line in lines]
 
 
-def _key(evidence: Sequence[Evidence], asked: PredictionSetup) -> str:
-    """Return what identifies a prognosis: all it is computed from, and the code that computes it."""
-    parts = [
-        (
-            (one.unit, one.hours, one.replacements),
-            [(x.hours, x.level.tolist(), x.covariance.tolist(), x.explained) for x in one.observations],
-        )
-        for one in evidence
-    ]
-    code = revision_of(("prognosis", "actuator", "random_streams.py"), NOT_DECIDING)
-    text = json.dumps([parts, asked.actuator.model_dump(mode="json"), asked.horizon, asked.seed, code])
-    return hashlib.sha256(text.encode()).hexdigest()
+def keys_of(units: Sequence[Evidence], fleet: Fleet, asked: PredictionSetup) -> list[str]:
+    """Return what identifies the prognosis of each unit: all it is computed from, and the deciding code."""
+    taught = [[fingerprint(one) for one in chosen] for chosen in (fleet.followed, fleet.fellows)]
+    about = [taught, asked.actuator.model_dump(mode="json"), asked.horizon, asked.seed]
+    code = revision_of(DECIDING, NOT_DECIDING)
+    return [hashlib.sha256(json.dumps([fingerprint(one), about, code]).encode()).hexdigest() for one in units]

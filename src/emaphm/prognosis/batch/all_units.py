@@ -2,34 +2,21 @@
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emaphm.errors import ExecutionError, HistoryError, nearest
-from emaphm.execution import OnTask, Outcome, Task, check_workers, outcomes
+from emaphm.execution import OnTask, Task, check_workers, in_order, outcomes
 from emaphm.prognosis.evidence import Evidence
-from emaphm.prognosis.from_fleet.learning import (
-    FEWEST_DIAGNOSES,
-    Taught,
-    failed_of,
-    names_of,
-    prior_of,
-    recalibration_by,
-    reference_of,
-    taught_by,
-    teachers,
-    teachers_of_pace,
-)
-from emaphm.prognosis.prior import Prior
+from emaphm.prognosis.from_fleet.fleet import Fleet
+from emaphm.prognosis.from_fleet.learning import Taught, taught_by
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, prognose
-from emaphm.prognosis.stress import StressReference
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
     from emaphm.history import KeptPrognosis
     from emaphm.history.kept_prognosis import Basis
-    from emaphm.history.views import UnitState
 
 AT_ONCE = 5
 """Units of a task: what a fleet teaches, some megabytes, goes to a worker once for all of them, and the last
@@ -54,22 +41,6 @@ class UnitOutcome:
 
         assert self.basis is not None  # noqa: S101 - one that has failed is not kept
         return KeptPrognosis.of(self.basis, self.values)
-
-
-@dataclass(frozen=True)
-class _Fleet:
-    """What the units of a part number teach, by unit, and histories: of those that failed, and of fellows."""
-
-    reference: StressReference | None
-    taught: Mapping[str, Taught]
-    failed: Sequence[Evidence]
-    fellows: Sequence[Evidence]
-
-    def prior_of(self, unit: str, actuator: "Actuator", seed: int) -> Prior:
-        """Return the prior of a unit, by the others."""
-        general = Prior(reference=self.reference)
-        record = recalibration_by(self.failed, self.taught, general, actuator, seed)
-        return prior_of(unit, self.taught, self.fellows, general, record)
 
 
 def prognose_all(
@@ -119,19 +90,19 @@ def prognose_all(
 
     check_workers(scheduler)
     place = str(Path(where).absolute()) if "://" not in str(where) else str(where)
+    fleets: dict[str, Fleet] = {}
     with History.open(where) as history:
         lines = history.states(part_number)
         known = {unit.part_number for unit in history.units()} if not lines else set()
+        parts = sorted({one.part_number for one in lines})
+        for part in parts if fleet else ():
+            of_part = [one for one in lines if one.part_number == part]
+            fleets[part] = Fleet.read(history, of_part, seed)
     if known:
         raise HistoryError(
             f"no units of the part number '{part_number}'{nearest(str(part_number), sorted(known))}"
         )
-    fleets: dict[str, _Fleet] = {}
-    parts = sorted({one.part_number for one in lines})
-    if fleet:
-        for part in parts:
-            of_part = [one for one in lines if one.part_number == part]
-            fleets[part] = _fleet(place, of_part, seed, workers, scheduler)
+    fleets = {part: _with_taught(one, workers, scheduler) for part, one in fleets.items()}
     tasks: list[Task] = []
     for part in parts:
         names = [one.serial_number for one in lines if one.part_number == part]
@@ -143,8 +114,8 @@ def prognose_all(
     if on_unit:
         on_unit(0, len(lines))
     with closing(outcomes(tasks, workers=workers, scheduler=scheduler)) as arriving:
-        for outcome in _in_order(arriving):
-            names = tasks[outcome.index].arguments[1]
+        for task, outcome in in_order(tasks, arriving):
+            names = task.arguments[1]
             done += len(names)
             if on_unit:
                 on_unit(done, len(lines))
@@ -154,53 +125,22 @@ def prognose_all(
                 yield from outcome.result
 
 
-def _in_order(arriving: Generator[Outcome]) -> Generator[Outcome]:
-    waiting: dict[int, Outcome] = {}
-    following = 0
-    for outcome in arriving:
-        waiting[outcome.index] = outcome
-        while following in waiting:
-            yield waiting.pop(following)
-            following += 1
-
-
-def _fleet(
-    where: str, lines: Sequence["UnitState"], seed: int, workers: int | None, scheduler: str | None
-) -> _Fleet:
-    """Return what the units of a fleet teach that do: one more than a unit learns from."""
-    teaching = [one for one in lines if one.explained >= FEWEST_DIAGNOSES]
-    names = names_of(teachers(teaching))
-    if not names:
-        return _Fleet(None, {}, (), ())
-    evidence = _evidence(where, names)
-    reference = reference_of(evidence)
-    general = Prior(reference=reference)
-    tasks = [Task(i, _taught, (where, name, general, seed), name=name) for i, name in enumerate(names)]
+def _with_taught(fleet: Fleet, workers: int | None, scheduler: str | None) -> Fleet:
+    """Return a fleet with what its units teach, computed by the workers."""
+    tasks = [
+        Task(i, taught_by, (one, fleet.general, fleet.seed), name=one.unit)
+        for i, one in enumerate(fleet.followed)
+    ]
     found: dict[str, Taught] = {}
     with closing(outcomes(tasks, workers=workers, scheduler=scheduler)) as arriving:
-        for outcome in _in_order(arriving):
+        for task, outcome in in_order(tasks, arriving):
             if outcome.failure:
                 raise ExecutionError(
                     f"what the fleet teaches cannot be computed: {outcome.failure}; give --no-fleet for each "
                     "unit alone"
                 )
-            found[names[outcome.index]] = outcome.result
-    return _Fleet(
-        reference, found, failed_of(evidence), _evidence(where, names_of(teachers_of_pace(teaching)))
-    )
-
-
-def _evidence(where: str, names: Sequence[str]) -> list[Evidence]:
-    from emaphm.history import History
-
-    with History.open(where) as history:
-        return [Evidence.of(history.unit(name)) for name in names]
-
-
-def _taught(where: str, name: str, general: Prior, seed: int) -> Taught:
-    """Return what a unit teaches; a task."""
-    (evidence,) = _evidence(where, [name])
-    return taught_by(evidence, general, seed)
+            found[task.name] = outcome.result
+    return replace(fleet, taught=found)
 
 
 def _prognoses(
@@ -208,7 +148,7 @@ def _prognoses(
     names: Sequence[str],
     question: Question,
     actuator: "Actuator | None",
-    fleet: _Fleet | None,
+    fleet: Fleet | None,
     seed: int,
 ) -> list[UnitOutcome]:
     """Return the prognoses of some units; a task."""
@@ -222,7 +162,7 @@ def _prognoses(
                 unit, basis = history.unit(name), history.basis(name)
                 evidence = Evidence.of(unit)
                 described = actuator or unit.actuator
-                prior = None if fleet is None else fleet.prior_of(name, described, seed)
+                prior = None if fleet is None else fleet.prior_of(name, described)
                 made = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=False)
             except EmaphmError as error:
                 results.append(UnitOutcome(name, {}, error=str(error)))

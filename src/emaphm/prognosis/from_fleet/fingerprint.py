@@ -1,6 +1,7 @@
 """What identifies all that a history says of a unit."""
 
 import hashlib
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,13 +11,13 @@ if TYPE_CHECKING:
 
 
 def fingerprint(evidence: "Evidence", *others: object) -> str:
-    """Return what identifies all that a history says of a unit, and `others` by their `repr`."""
-    digest = hashlib.sha256()
-    said = evidence.unit, evidence.hours, evidence.replacements, evidence.stresses, evidence.failures
-    digest.update(repr(said).encode())
-    for one in evidence.observations:
-        digest.update(repr((one.hours, one.explained)).encode())
-        for values in (one.level, one.covariance, one.seen, np.asarray(one.shared)):
-            digest.update(values.tobytes())
+    """Return what identifies all fields of a unit's evidence, and `others` by their `repr`."""
+    names = [one.name for one in fields(evidence) if one.name != "observations"]
+    digest = hashlib.sha256(repr([getattr(evidence, name) for name in names]).encode())
+    for observation in evidence.observations:
+        for one in fields(observation):
+            value = getattr(observation, one.name)
+            # The text of an array leaves digits out.
+            digest.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
     digest.update(repr(others).encode())
     return digest.hexdigest()

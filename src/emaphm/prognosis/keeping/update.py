@@ -7,7 +7,7 @@ from emaphm.history.events import add_events
 from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis
 from emaphm.history.views import keep_curves, read_curves
 from emaphm.prognosis.evidence import Evidence
-from emaphm.prognosis.from_fleet.learning import learnt_prior
+from emaphm.prognosis.from_fleet.fleet import learnt_prior
 from emaphm.prognosis.keeping.curves import Curves, fan_row
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, past_lives, prognose
 

@@ -11,7 +11,13 @@ from emaphm.arrays import Array
 from emaphm.fleet.synthetic import FleetPlan, SyntheticUnit
 from emaphm.prognosis import Evidence, Prior
 from emaphm.prognosis.evidence import follow
-from emaphm.prognosis.metrics import Prediction, crps, probability_integral_transform
+from emaphm.prognosis.metrics import (
+    Prediction,
+    alpha_lambda,
+    at_share_of_life,
+    crps,
+    probability_integral_transform,
+)
 from emaphm.prognosis.prognose import lives
 from emaphm.prognosis.settings import FORECAST
 from emaphm.study.fleet.baselines import LONGEST_H, fleet_lives, last_slope, mean_life, one_filter_a_component
@@ -24,6 +30,7 @@ SHARES = (0.0, 0.25, 0.5, 0.75)
 """λ: of the way from the first check flight to the failure."""
 
 ALPHA, BETA = 0.2, 0.5
+"""Of alpha-lambda: half the width of the band, and the least probability within it."""
 
 WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, LINE, FILTER, MEAN, LIVES = (
     "ours, with the fleet's prior",
@@ -67,28 +74,23 @@ def judged(
     PrognosisError, MethodError
         Nothing can be predicted.
     """
-    hours = np.array([one.hours for one in case.evidence.used])
+    hours = [one.hours for one in case.evidence.used]
     failure = float(case.unit.failure or np.inf)
-    chosen = [int(np.searchsorted(hours, _reached(hours, failure, one), "right")) - 1 for one in SHARES]
-    at = list(range(hours.size)) if tracked else chosen
+    chosen = [at_share_of_life(hours, failure, share) for share in SHARES]
+    at = list(range(len(hours))) if tracked else chosen
     ways: dict[str, dict[str, Any]] = {}
     tracks: dict[str, dict[str, Any]] = {}
     for name, prior in ((WITH_FLEET, case.prior), (WITH_LARGER, case.larger), (ALONE, Prior())):
         if prior is None:
             continue
         past = follow(case.evidence, prior, seed=seed).past
-        samples = lives([past[i] for i in chosen], case.evidence, actuator)
-        ways[name] = {
-            str(share): _scores(*sample, failure) for share, sample in zip(SHARES, samples, strict=True)
-        }
+        ways[name] = _scored(lives([past[i] for i in chosen], case.evidence, actuator), failure)
         if tracked:
             every = lives(past, case.evidence, actuator, settings=TRACKED)
             tracks[name] = track(every, failure, plan.interval)
     for name, said in _others(case, plan, actuator, at, seed).items():
         found = {i: (float(hours[i]), one) for i, one in zip(at, said, strict=True)}
-        ways[name] = {
-            str(share): _scores(*found[i], failure) for share, i in zip(SHARES, chosen, strict=True)
-        }
+        ways[name] = _scored([found[i] for i in chosen], failure)
         if tracked:
             tracks[name] = track(list(found.values()), failure, plan.interval)
     return {
@@ -97,7 +99,7 @@ def judged(
         "failed": case.unit.failed,
         "law": next(one.law for one in case.unit.components if one.name == case.unit.failed),
         "diagnoses": len(case.evidence.observations),
-        "explained": int(hours.size),
+        "explained": len(hours),
         "ways": ways,
         "tracks": tracks,
     }
@@ -126,27 +128,34 @@ def _knowing_law_and_level(unit: SyntheticUnit, plan: FleetPlan, hours: Array) -
     return informed(drawn_evidence(unit, plan, EXACT), plan, at.tolist(), laws)
 
 
-def _reached(flights: Array, failure: float, share: float) -> float:
-    return float(flights[0] + share * (failure - flights[0]))
-
-
 def _until(evidence: Evidence, last: int) -> Evidence:
     """Return what was known at the explained diagnosis number `last`."""
     used = evidence.used[: last + 1]
     return Evidence(evidence.unit, evidence.part_number, used[-1].hours, used)
 
 
-def _scores(hours: float, sample: Array, failure: float) -> dict[str, Any]:
-    """Return what is counted of one prediction; a RUL beyond what is looked at counts as `LONGEST_H`."""
-    true, one = failure - hours, Prediction(hours, sample)
+def _scored(said: Sequence[tuple[float, Array]], failure: float) -> dict[str, dict[str, Any]]:
+    """Return what is counted of pairs of hours and sample of the RUL [h] at each of `SHARES`, by share."""
+    predictions = [Prediction(*one) for one in said]
     return {
-        "hours": hours,
+        str(share): {
+            **_scores(one, failure),
+            "good": alpha_lambda(predictions, failure, share, alpha=ALPHA, beta=BETA),
+        }
+        for share, one in zip(SHARES, predictions, strict=True)
+    }
+
+
+def _scores(one: Prediction, failure: float) -> dict[str, Any]:
+    """Return what is counted of one prediction; a RUL beyond what is looked at counts as `LONGEST_H`."""
+    true = failure - one.hours
+    return {
+        "hours": one.hours,
         "true": true,
         "median": min(one.median, LONGEST_H),
         "low": min(one.quantile(0.05), LONGEST_H),
         "high": min(one.quantile(0.95), LONGEST_H),
-        "within": one.share_within((1 - ALPHA) * true, (1 + ALPHA) * true),
         "transform": probability_integral_transform(one, true),
-        "crps": crps(sample, true, longest=LONGEST_H),
-        "certain": bool(sample.size == 1),
+        "crps": crps(one.sample, true, longest=LONGEST_H),
+        "certain": one.sample.size == 1,
     }

@@ -5,9 +5,11 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
+from emaphm.actuator import Actuator
 from emaphm.errors import StudyError
 from emaphm.execution import OnTask, Task, outcomes, run_tasks
 from emaphm.execution.revision import revision_of
@@ -17,6 +19,7 @@ from emaphm.fleet.synthetic.recordings import fleet_actuator
 from emaphm.history import History
 from emaphm.output_files import make_folder
 from emaphm.prognosis import Evidence, Prior, fleet_prior
+from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.study.fleet.drawn import DiagnosisPool, drawn_evidence
 from emaphm.study.fleet.judging import FailedUnit, judged
 
@@ -41,7 +44,9 @@ are in the larger fleet, with the first ones."""
 FEWEST = 4
 """Explained diagnoses of a unit that is judged: what failed before cannot be seen to come by anybody."""
 
-DECIDING = ("prognosis", "fleet/synthetic", "study/fleet", "actuator", "random_streams.py")
+DECIDING = ("prognosis", "fleet/synthetic", "study/fleet", "actuator", "quantiles.py", "random_streams.py")
+"""Code that decides what is judged, given the evidence: what reads the history decides that."""
+
 NOT_DECIDING = (
     "actuator/toml",
     "study/fleet/__main__.py",
@@ -122,31 +127,44 @@ def recorded_fleet(folder: StudyFolder) -> list[tuple[SyntheticUnit, Evidence]]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Work:
-    """A unit that failed, to be judged: its diagnoses, and its fleet's with their hours of failure [h].
+class KnownFleet:
+    """What units are predicted from: others, with their hours of failure [h], and a larger fleet or none."""
 
-    Those of the same `fleet` have the same `others`, and the same `larger` fleet, none where it is empty.
-    """
-
-    level: str
-    fleet: str
-    plan: FleetPlan
-    unit: SyntheticUnit
-    evidence: Evidence
+    name: str
     others: tuple[Evidence, ...]
     lives: tuple[float, ...]
     larger: tuple[Evidence, ...] = ()
 
+    @cached_property
+    def digest(self) -> str:
+        """What identifies all of it."""
+        known = [[fingerprint(one) for one in units] for units in (self.others, self.larger)]
+        return hashlib.sha256(json.dumps([known, self.lives]).encode()).hexdigest()
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """A unit that failed, to be judged: its diagnoses, and the fleet that it is predicted from."""
+
+    level: str
+    fleet: KnownFleet
+    plan: FleetPlan
+    unit: SyntheticUnit
+    evidence: Evidence
+
+    @property
+    def actuator(self) -> Actuator:
+        """The fleet's, with its requirements."""
+        return fleet_actuator(self.plan.drawn_from)
+
     def key(self, code: str) -> str:
-        """Return what identifies the result: all that decides it."""
-        diagnoses = [
-            [one.unit, [(x.hours, x.level.tolist(), x.explained) for x in one.observations]]
-            for one in (self.evidence, *self.others, *self.larger)
-        ]
-        return hashlib.sha256(json.dumps([self.level, diagnoses, code]).encode()).hexdigest()
+        """Return what identifies the result: all that decides it. Plan and name say what the unit is."""
+        about = [self.level, self.plan.to_dict(), self.unit.serial_number, fingerprint(self.evidence)]
+        about += [self.fleet.digest, self.actuator.model_dump(mode="json"), code]
+        return hashlib.sha256(json.dumps(about).encode()).hexdigest()
 
 
-def _work(folder: StudyFolder) -> list[_Work]:
+def _work(folder: StudyFolder) -> list[Work]:
     recorded = recorded_fleet(folder)
     pool = DiagnosisPool.of([evidence for _, evidence in recorded])
     units = (drawn_unit(MANY, i) for i in range(MANY.units))
@@ -180,28 +198,26 @@ def _judged_with(
     units: list[tuple[SyntheticUnit, Evidence]],
     others: list[tuple[SyntheticUnit, Evidence]],
     further: list[tuple[SyntheticUnit, Evidence]] | None = None,
-) -> list[_Work]:
-    known, lives = _fleet(others)
+) -> list[Work]:
     larger = _fleet([*others, *further])[0] if further else ()
+    known = KnownFleet(fleet, *_fleet(others), larger)
     return [
-        _Work(level, fleet, plan, unit, evidence, known, lives, larger)
-        for unit, evidence in units
-        if _is_judged(unit, evidence)
+        Work(level, known, plan, unit, evidence) for unit, evidence in units if _is_judged(unit, evidence)
     ]
 
 
 def _learnt(
-    work: list[_Work], workers: int | None, on_task: OnTask | None
+    work: list[Work], workers: int | None, on_task: OnTask | None
 ) -> dict[str, tuple[Prior, Prior | None]]:
     """Return the priors of each fleet in `work`, once for all its units: they take longest."""
-    first = list({one.fleet: one for one in work}.values())
+    first = list({one.fleet.name: one for one in work}.values())
     learnt: dict[str, tuple[Prior, Prior | None]] = {}
-    tasks = [Task(i, _priors, (one,), name=f"the fleet {one.fleet}") for i, one in enumerate(first)]
+    tasks = [Task(i, _priors, (one,), name=f"the fleet {one.fleet.name}") for i, one in enumerate(first)]
     with closing(outcomes(tasks, workers=workers)) as finished:
         for outcome in finished:
             if outcome.failure:
                 raise StudyError(outcome.failure)
-            learnt[first[outcome.index].fleet] = outcome.result
+            learnt[first[outcome.index].fleet.name] = outcome.result
             if on_task:
                 on_task(len(learnt), len(tasks))
     return learnt
@@ -216,26 +232,25 @@ def _is_judged(unit: SyntheticUnit, evidence: Evidence) -> bool:
     return unit.failure is not None and len(evidence.used) >= FEWEST
 
 
-def _priors(work: _Work) -> tuple[Prior, Prior | None]:
+def _priors(work: Work) -> tuple[Prior, Prior | None]:
     """Return the priors of its fleet, and of the larger one."""
-    seed, actuator = work.plan.seed, fleet_actuator(work.plan.drawn_from)
-    larger = fleet_prior(work.larger, seed=seed, actuator=actuator) if work.larger else None
-    return fleet_prior(work.others, seed=seed, actuator=actuator), larger
+    seed, actuator, fleet = work.plan.seed, work.actuator, work.fleet
+    larger = fleet_prior(fleet.larger, seed=seed, actuator=actuator) if fleet.larger else None
+    return fleet_prior(fleet.others, seed=seed, actuator=actuator), larger
 
 
-def _tasks(work: list[_Work], priors: Mapping[str, tuple[Prior, Prior | None]]) -> list[Task]:
+def _tasks(work: list[Work], priors: Mapping[str, tuple[Prior, Prior | None]]) -> list[Task]:
     """Return a task for each unit, with the priors of its fleet; without, it only names its result."""
     code = revision_of(DECIDING, NOT_DECIDING)
     return [
-        Task(i, _judge, (one, *priors.get(one.fleet, ())), one.key(code), one.unit.serial_number)
+        Task(i, _judge, (one, *priors.get(one.fleet.name, ())), one.key(code), one.unit.serial_number)
         for i, one in enumerate(work)
     ]
 
 
-def _judge(work: _Work, prior: Prior, larger: Prior | None) -> dict[str, Any]:
-    case = FailedUnit(work.unit, work.evidence, prior, work.lives, larger)
-    actuator = fleet_actuator(work.plan.drawn_from)
+def _judge(work: Work, prior: Prior, larger: Prior | None) -> dict[str, Any]:
+    case = FailedUnit(work.unit, work.evidence, prior, work.fleet.lives, larger)
     return {
         "level": work.level,
-        **judged(case, work.plan, actuator, work.plan.seed, tracked=work.level == RECORDED),
+        **judged(case, work.plan, work.actuator, work.plan.seed, tracked=work.level == RECORDED),
     }

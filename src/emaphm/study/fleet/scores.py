@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from emaphm.prognosis.metrics import coverage
-from emaphm.study.fleet.judging import BETA, WAYS
+from emaphm.study.fleet.judging import WAYS
 from emaphm.study.fleet.tracks import LATE, RISK, column
 
 HEADER = (
@@ -71,7 +71,7 @@ def scores(units: Sequence[Mapping[str, Any]], way: str, share: float) -> Scores
     width = np.array([one["high"] - one["low"] for one in found]) / true
     return Scores(
         units=len(found),
-        alpha_lambda=float(np.mean([one["within"] >= BETA for one in found])),
+        alpha_lambda=float(np.mean([one["good"] for one in found])),
         coverage=None if certain else coverage([one["transform"] for one in found]),
         crps=float(np.mean([one["crps"] for one in found])),
         late=float(np.mean(median > (1 + LATE) * true)),
