@@ -330,10 +330,8 @@ def test_what_was_withdrawn_counts_nowhere(history: History) -> None:
 def test_a_prognosis_is_out_of_date_when_something_was_withdrawn(history: History) -> None:
     fill(history, range(1, 3))
     history.add_removal("S1", Removal(20.0, "failed"))
-    kept = KeptPrognosis(20.0, 2, {"hours": 20.0, "rul_hours": {}}, at="2999-01-01T00:00:00Z")
-    history.keep_prognosis("S1", kept)
+    history.keep_prognosis("S1", KeptPrognosis.of(history.basis("S1"), {"hours": 20.0, "rul_hours": {}}))
     assert not unit_blocks(history.unit("S1"))["prognostic_assessment"]["out_of_date"]
-    history.keep_prognosis("S1", replace(kept, at="2000-01-01T00:00:00Z"))
     history.withdraw("S1", Mistake("removal", 20.0, "another unit's"))
     assert unit_blocks(history.unit("S1"))["prognostic_assessment"]["out_of_date"]
 

@@ -28,7 +28,7 @@ from emaphm.prognosis.stress import StressReference
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
     from emaphm.history import KeptPrognosis
-    from emaphm.history.kept_prognosis import Basis
+    from emaphm.history.basis import Basis
     from emaphm.history.views import UnitState
 
 AT_ONCE = 5
