@@ -15,7 +15,6 @@ from emaphm.history.fingerprint import description_of, recording_hash
 from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis
 from emaphm.history.reading import unit as unit_row
 from emaphm.history.storage.tables import UNITS
-from emaphm.history.views import keep_curves
 from emaphm.history.writing import add_diagnosis
 from emaphm.prognosis import Evidence, Observation, prognose
 from emaphm.prognosis.keeping import Curves
@@ -119,7 +118,9 @@ def fill(file: str | Path, units: int, each: int = 3) -> None:
         history.add_finding("SN-0002", Finding(last, "backlash", "degraded", 0.3, replaced=True))
         # Else the server has one to make.
         kept = history.prognoses()["SN-0002"]
-        history.keep_prognosis("SN-0002", KeptPrognosis.of(history.basis("SN-0002"), kept.document))
+        again = KeptPrognosis.of(history.basis("SN-0002"), kept.document)
+        with history.writing() as connection:
+            keep_prognosis(connection, unit_row(connection, "SN-0002"), again, curves)
         history.add_events(
             Event("alarm", "raised", "alarm", "friction is degraded", "friction", "SN-0001", 100.0)
         )
@@ -144,5 +145,4 @@ def _fill_unit(
         document["rul_hours"] = {"median": 3.0 * in_hours + 20.0, "interval90": [in_hours, None]}
         row = unit_row(connection, name)
         basis = bases(connection, UNITS.c.id == row.id)[row.id]
-        keep_prognosis(connection, row, KeptPrognosis.of(basis, document))
-        keep_curves(connection, row.id, hours, each, curves)
+        keep_prognosis(connection, row, KeptPrognosis.of(basis, document), curves)

@@ -263,7 +263,11 @@ class History:
             return read_open_conditions(connection, unit)
 
     def keep_prognosis(self, serial_number: str, prognosis: KeptPrognosis) -> None:
-        """Keep a prognosis of a unit in place of the one before; `HistoryError` if the unit is unknown."""
+        """Keep a prognosis of a unit, without curves, in place of the one before with its curves.
+
+        `emaphm.prognosis.keeping.keep_with_curves` keeps one with its curves. `HistoryError` if the unit is
+        unknown.
+        """
         with self.writing() as connection:
             keep_prognosis(connection, reading.unit(connection, serial_number), prognosis)
 

@@ -9,7 +9,7 @@ import sqlalchemy as sa
 
 from emaphm.history.basis import Basis
 from emaphm.history.reading import UnitRow
-from emaphm.history.storage.tables import PROGNOSES, UNITS
+from emaphm.history.storage.tables import PROGNOSES, PROGNOSIS_CURVES, UNITS
 from emaphm.strict_json import finite
 
 ENTRIES = "made_from_entries"
@@ -47,8 +47,16 @@ class KeptPrognosis:
         return self.basis == now
 
 
-def keep_prognosis(connection: sa.Connection, unit: UnitRow, prognosis: KeptPrognosis) -> None:
-    """Keep a prognosis in place of the one before."""
+def keep_prognosis(
+    connection: sa.Connection,
+    unit: UnitRow,
+    prognosis: KeptPrognosis,
+    curves: Mapping[str, Any] | None = None,
+) -> None:
+    """Keep a prognosis in place of the one before, and its `curves`, ready for JSON, in place of those.
+
+    Where it comes without curves, none are kept: those of another would be shown as its own.
+    """
     values = {
         "hours": prognosis.hours,
         "diagnoses": prognosis.diagnoses,
@@ -58,6 +66,11 @@ def keep_prognosis(connection: sa.Connection, unit: UnitRow, prognosis: KeptProg
     changed = connection.execute(PROGNOSES.update().where(PROGNOSES.c.unit_id == unit.id).values(values))
     if not changed.rowcount:
         connection.execute(PROGNOSES.insert().values(values | {"unit_id": unit.id}))
+    connection.execute(PROGNOSIS_CURVES.delete().where(PROGNOSIS_CURVES.c.unit_id == unit.id))
+    if curves is not None:
+        of_unit = {"unit_id": unit.id, "hours": prognosis.hours, "diagnoses": prognosis.diagnoses}
+        text = json.dumps(finite(dict(curves)))
+        connection.execute(PROGNOSIS_CURVES.insert().values(of_unit | {"document": text}))
 
 
 def read_prognosis(connection: sa.Connection, unit_id: int) -> KeptPrognosis | None:

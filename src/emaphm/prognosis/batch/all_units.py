@@ -21,6 +21,7 @@ from emaphm.prognosis.from_fleet.learning import (
     teachers,
     teachers_of_pace,
 )
+from emaphm.prognosis.keeping.curves import Curves
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, prognose
 from emaphm.prognosis.stress import StressReference
@@ -40,13 +41,14 @@ worker does not keep the others waiting for long."""
 class UnitOutcome:
     """A unit's prognosis as `emaphm prognose --json` prints it, or the text of the error that it ended in.
 
-    `basis` is what it was made from.
+    `basis` is what it was made from, `curves` are those of its figures, without forecasts from earlier.
     """
 
     unit: str
     values: Mapping[str, Any]
     basis: "Basis | None" = None
     error: str = ""
+    curves: Curves | None = None
 
     def kept(self) -> "KeptPrognosis":
         """Return the prognosis as a history keeps it."""
@@ -224,5 +226,5 @@ def _prognoses(
             except EmaphmError as error:
                 results.append(UnitOutcome(name, {}, error=str(error)))
             else:
-                results.append(UnitOutcome(name, made.to_dict(), basis))
+                results.append(UnitOutcome(name, made.to_dict(), basis, curves=Curves.of(made)))
     return results
