@@ -147,6 +147,7 @@ def test_a_finding_says_what_failed_and_a_repair_ends_it(emaphm: Emaphm, fleet: 
         history.add_finding("SN-1", Finding(610.0, "gain", "healthy", replaced=True))
         repaired = asked(emaphm, "prognose", *chosen)
         assert repaired["failed_at_hours"] is None
+        assert repaired["notes"][0].startswith("backlash found failed at 610 h, and no replacement")
         assert repaired["rul_hours"]["median"] > 0
         history.add_removal("SN-2", Removal(210.0, "failed"))
         wearing(history, "SN-2", [300.0], 5e-4, 400)
