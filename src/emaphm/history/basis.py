@@ -1,6 +1,7 @@
 """What a prognosis of a unit is made from, to be compared with what the history has of the unit later."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import sqlalchemy as sa
 
@@ -74,5 +75,5 @@ def bases(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int
     }
 
 
-def _counted(connection: sa.Connection, query: sa.Select[tuple[int, int]]) -> dict[int, int]:
+def _counted(connection: sa.Connection, query: sa.Select[Any]) -> dict[int, int]:
     return {row[0]: row[1] for row in connection.execute(query)}
