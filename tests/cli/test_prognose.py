@@ -13,6 +13,7 @@ import pytest
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.toml import write_toml
 from emaphm.history import Finding, History, Removal
+from emaphm.history.views import read_curves
 from emaphm.prognosis import Evidence
 from emaphm.prognosis.from_fleet import record
 from history import made_up
@@ -146,10 +147,19 @@ def test_a_finding_says_what_failed_and_a_repair_ends_it(emaphm: Emaphm, fleet: 
         history.add_finding("SN-1", Finding(610.0, "gain", "healthy", replaced=True))
         repaired = asked(emaphm, "prognose", *chosen)
         assert repaired["failed_at_hours"] is None
+        assert repaired["notes"][0].startswith("backlash found failed at 610 h, and no replacement")
         assert repaired["rul_hours"]["median"] > 0
         history.add_removal("SN-2", Removal(210.0, "failed"))
         wearing(history, "SN-2", [300.0], 5e-4, 400)
     assert asked(emaphm, "prognose", "--unit", "SN-2", *chosen[2:])["failed_at_hours"] is None
+
+
+def curves_of(history: History, unit: str) -> dict[str, Any]:
+    """Return the curves of the kept prognosis of a unit."""
+    with history.database.reading() as connection:
+        found = read_curves(connection, history.unit(unit).row.id)
+    assert found is not None
+    return found
 
 
 def test_the_last_blocks_of_iso_13374_are_the_prognosis(emaphm: Emaphm, fleet: Path) -> None:
@@ -158,6 +168,9 @@ def test_the_last_blocks_of_iso_13374_are_the_prognosis(emaphm: Emaphm, fleet: P
     plain = asked(emaphm, "history", "show", "--unit", "SN-1")
     assert (plain["prognostic_assessment"], plain["advisory_generation"]) == (None, None)
     assert asked(emaphm, "prognose", "--unit", "SN-1", "--keep") == made
+    with History.open(fleet / "history.sqlite") as history:
+        curves = curves_of(history, "SN-1")
+    assert (curves["now"], curves["horizon"]) == (made["hours"], made["horizon_hours"])
     shown = asked(emaphm, "history", "show", "--unit", "SN-1")
     assert shown["advisory_generation"] == made.pop("advice")
     assert made.items() < shown["prognostic_assessment"].items()
@@ -177,6 +190,7 @@ def test_all_units_are_as_each_alone(emaphm: Emaphm, fleet: Path) -> None:
     assert made["failed"] == []
     with History.open(fleet / "history.sqlite") as history:
         assert set(history.prognoses()) == {"SN-1", "SN-2", "SN-3"}
+        assert all(curves_of(history, one)["horizon"] == 200.0 for one in ("SN-1", "SN-2", "SN-3"))
     text = emaphm(
         "prognose", "--all", *chosen, "--workers", "1", "--part", made["units"][0]["part_number"]
     ).out

@@ -3,14 +3,16 @@
 import os
 import sqlite3
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
 from emaphm.errors import HistoryError
-from emaphm.history import Event, Finding, History, KeptPrognosis
+from emaphm.history import Event, Finding, History, KeptPrognosis, Mistake, Removal
+from emaphm.history.basis import Basis
 from emaphm.history.blocks import unit_blocks
-from emaphm.history.kept_prognosis import Basis
+from emaphm.history.storage.tables import PROGNOSES
 from emaphm.history.views import marks
 
 from .made_up import diagnosis, entry, recording
@@ -142,34 +144,59 @@ def test_events_of_writers_at_once_are_all_there(history: History) -> None:
 
 def test_the_last_prognosis_of_a_unit_is_kept(history: History) -> None:
     with pytest.raises(HistoryError, match="S1"):
-        history.keep_prognosis("S1", KeptPrognosis(10.0, 1, {}))
+        history.keep_prognosis("S1", KeptPrognosis(10.0, {}, Basis(1, (0, 0, 0))))
     history.add(entry(), recording(1), diagnosis(1))
     for diagnoses in (1, 2):
         document = {"rul_hours": {"median": float("inf")}, "n": diagnoses}
-        history.keep_prognosis("S1", KeptPrognosis(10.0 * diagnoses, diagnoses, document))
+        kept = KeptPrognosis(10.0 * diagnoses, document, Basis(diagnoses, (0, 0, 0)))
+        history.keep_prognosis("S1", kept)
     (kept,) = history.prognoses().values()
     assert (kept.hours, kept.diagnoses) == (20.0, 2)
     assert kept.document == {"rul_hours": {"median": None}, "n": 2}
 
 
-def test_what_came_after_a_prognosis_was_begun_makes_it_out_of_date(history: History) -> None:
-    def is_shown(basis: Basis, chance: float = 0.0) -> tuple[bool, bool]:
-        """Return whether a prognosis of that basis is current, of the unit's state and in the blocks."""
-        kept = KeptPrognosis.of(basis, {"hours": 10.0, "probability_of_failure": chance})
-        history.keep_prognosis("S1", kept)
-        (state,) = history.states()
-        blocks = unit_blocks(history.unit("S1"))["prognostic_assessment"]
-        return kept.is_current(state.diagnoses, state.changed), not blocks["out_of_date"]
+def _is_shown(history: History, basis: Basis) -> tuple[bool, bool]:
+    """Return whether a prognosis of S1 with that basis is current, by the unit's state and in the blocks."""
+    kept = KeptPrognosis.of(basis, {"hours": 10.0, "probability_of_failure": 0.0})
+    history.keep_prognosis("S1", kept)
+    (state,) = history.states()
+    blocks = unit_blocks(history.unit("S1"))["prognostic_assessment"]
+    return history.prognoses()["S1"].is_current(state.basis), not blocks["out_of_date"]
 
-    history.add(entry(), recording(1), diagnosis(1))
+
+@pytest.mark.parametrize(
+    "enter",
+    [
+        lambda history: history.add(entry(), recording(1), replace(diagnosis(1), seed=7)),
+        lambda history: history.add_removal("S1", Removal(10.0, "failed")),
+        lambda history: history.add_finding("S1", Finding(10.0, "friction", "failed")),
+        lambda history: history.withdraw("S1", Mistake("finding", 10.0, "another unit's")),
+        lambda history: history.withdraw("S1", Mistake("recording", 10.0, "another unit's", "2.csv")),
+    ],
+    ids=["diagnosis", "removal", "finding", "finding withdrawn", "recording withdrawn"],
+)
+def test_what_comes_after_a_prognosis_was_begun_makes_it_out_of_date_within_the_same_second(
+    history: History, enter: Callable[[History], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("basis", "writing", "withdrawing"):
+        monkeypatch.setattr(f"emaphm.history.{module}.timestamp", lambda: "2026-01-01T00:00:00Z")
+    for number in (1, 2):
+        history.add(entry(), recording(number), diagnosis(number))
+    history.add_finding("S1", Finding(10.0, "backlash", "healthy"))
     begun = history.basis("S1")
-    assert is_shown(begun) == (True, True)
-    history.add_finding("S1", Finding(10.0, "friction", "degraded", replaced=True))
-    assert is_shown(replace(begun, at="2000-01-01T00:00:00Z")) == (False, False)
-    assert is_shown(replace(begun, at="2099-01-01T00:00:00Z")) == (True, True)
-    history.add(entry(), recording(1), replace(diagnosis(1), seed=7))
-    assert is_shown(replace(begun, at="2099-01-01T00:00:00Z")) == (False, False)
-    assert is_shown(replace(history.basis("S1"), at="2099-01-01T00:00:00Z")) == (True, True)
+    assert _is_shown(history, begun) == (True, True)
+    enter(history)
+    assert _is_shown(history, begun) == (False, False)
+    assert _is_shown(history, history.basis("S1")) == (True, True)
+
+
+def test_a_prognosis_that_an_older_version_has_kept_is_out_of_date(history: History) -> None:
+    history.add(entry(), recording(1), diagnosis(1))
+    _is_shown(history, history.basis("S1"))
+    with history.writing() as connection:
+        connection.execute(PROGNOSES.update().values(document='{"hours": 10.0}', at="2099-01-01T00:00:00Z"))
+    (state,) = history.states()
+    assert not history.prognoses()["S1"].is_current(state.basis)
 
 
 def test_another_prognosis_of_the_same_diagnoses_is_noticed(history: History) -> None:
@@ -178,7 +205,9 @@ def test_another_prognosis_of_the_same_diagnoses_is_noticed(history: History) ->
     seen = set()
     # That of S1 was begun before that of S2, and is kept after it.
     for unit, second in (("S1", 10), ("S2", 20), ("S1", 15)):
-        history.keep_prognosis(unit, KeptPrognosis(10.0, 1, {}, f"2026-01-01T00:00:{second}Z"))
+        history.keep_prognosis(
+            unit, KeptPrognosis(10.0, {}, Basis(1, (0, 0, 0), f"2026-01-01T00:00:{second}Z"))
+        )
         with history.database.reading() as connection:
             seen.add(marks(connection))
     assert len(seen) == 3

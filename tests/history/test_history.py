@@ -16,8 +16,8 @@ from emaphm.history import Entry, Finding, Flight, History, Life, Mistake, Remov
 from emaphm.history.blocks import METHOD, diagnosis_blocks, unit_blocks
 from emaphm.history.export import export
 from emaphm.history.fingerprint import recording_hash
-from emaphm.history.kept_prognosis import KeptPrognosis
-from emaphm.history.views import diagnosis_lines, keep_curves, read_curves
+from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis
+from emaphm.history.views import diagnosis_lines, read_curves
 from emaphm.recording import Recording
 
 from . import made_up
@@ -330,32 +330,41 @@ def test_what_was_withdrawn_counts_nowhere(history: History) -> None:
 def test_a_prognosis_is_out_of_date_when_something_was_withdrawn(history: History) -> None:
     fill(history, range(1, 3))
     history.add_removal("S1", Removal(20.0, "failed"))
-    kept = KeptPrognosis(20.0, 2, {"hours": 20.0, "rul_hours": {}}, at="2999-01-01T00:00:00Z")
-    history.keep_prognosis("S1", kept)
+    history.keep_prognosis("S1", KeptPrognosis.of(history.basis("S1"), {"hours": 20.0, "rul_hours": {}}))
     assert not unit_blocks(history.unit("S1"))["prognostic_assessment"]["out_of_date"]
-    history.keep_prognosis("S1", replace(kept, at="2000-01-01T00:00:00Z"))
     history.withdraw("S1", Mistake("removal", 20.0, "another unit's"))
     assert unit_blocks(history.unit("S1"))["prognostic_assessment"]["out_of_date"]
+
+
+def test_curves_are_those_of_the_kept_prognosis_or_none(history: History) -> None:
+    fill(history, range(1, 3))
+    row, kept = history.unit("S1").row, KeptPrognosis.of(history.basis("S1"), {"hours": 20.0})
+    for curves in ({"fan": [], "horizon": 500.0}, {"fan": [], "horizon": 800.0}, None):
+        with history.writing() as connection:
+            keep_prognosis(connection, row, kept, curves)
+        with history.database.reading() as connection:
+            assert read_curves(connection, row.id) == curves
 
 
 def test_curves_that_may_follow_from_what_was_withdrawn_go_with_it(history: History) -> None:
     fill(history, range(1, 4))
     history.add_removal("S1", Removal(20.0, "failed"))
     history.add_finding("S1", Finding(20.0, "friction", "failed", replaced=True))
-    row = history.unit("S1").row.id
+    row = history.unit("S1").row
+    kept = KeptPrognosis.of(history.basis("S1"), {"hours": 30.0})
     for mistake in (
         Mistake("recording", 30.0, "another unit's"),
         Mistake("finding", 20.0, "another unit's"),
         Mistake("removal", 20.0, "another unit's"),
     ):
         with history.writing() as connection:
-            keep_curves(connection, row, 30.0, 3, {"fan": []})
+            keep_prognosis(connection, row, kept, {"fan": []})
         history.withdraw("S1", mistake)
         with history.database.reading() as connection:
-            assert read_curves(connection, row) is None
+            assert read_curves(connection, row.id) is None
     # With the last of its recordings a unit goes, curves and all.
     history.withdraw("S1", Mistake("recording", 20.0, "another unit's"))
     with history.writing() as connection:
-        keep_curves(connection, row, 10.0, 1, {"fan": []})
+        keep_prognosis(connection, row, kept, {"fan": []})
     history.withdraw("S1", Mistake("recording", 10.0, "another unit's"))
     assert not history.units()

@@ -10,10 +10,11 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.diagnosis import Diagnosis, Estimate
 from emaphm.history import Entry, Event, Finding, History, KeptSettings, Removal
+from emaphm.history.basis import bases
 from emaphm.history.fingerprint import description_of, recording_hash
 from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis
 from emaphm.history.reading import unit as unit_row
-from emaphm.history.views import keep_curves
+from emaphm.history.storage.tables import UNITS
 from emaphm.history.writing import add_diagnosis
 from emaphm.prognosis import Evidence, Observation, prognose
 from emaphm.prognosis.keeping import Curves
@@ -115,6 +116,11 @@ def fill(file: str | Path, units: int, each: int = 3) -> None:
         last = each * STEP_H + 10.0
         history.add_removal("SN-0002", Removal(last, "suspected", "slow to respond"))
         history.add_finding("SN-0002", Finding(last, "backlash", "degraded", 0.3, replaced=True))
+        # Else the server has one to make.
+        kept = history.prognoses()["SN-0002"]
+        again = KeptPrognosis.of(history.basis("SN-0002"), kept.document)
+        with history.writing() as connection:
+            keep_prognosis(connection, unit_row(connection, "SN-0002"), again, curves)
         history.add_events(
             Event("alarm", "raised", "alarm", "friction is degraded", "friction", "SN-0001", 100.0)
         )
@@ -138,6 +144,5 @@ def _fill_unit(
         document["advice"] |= {"action": action, "in_hours": in_hours, "at_hours": hours + in_hours}
         document["rul_hours"] = {"median": 3.0 * in_hours + 20.0, "interval90": [in_hours, None]}
         row = unit_row(connection, name)
-        # Later than anything that will be added: the server has no prognoses to make.
-        keep_prognosis(connection, row, KeptPrognosis(hours, each, document, "2099-01-01T00:00:00Z"))
-        keep_curves(connection, row.id, hours, each, curves)
+        basis = bases(connection, UNITS.c.id == row.id)[row.id]
+        keep_prognosis(connection, row, KeptPrognosis.of(basis, document), curves)

@@ -77,7 +77,9 @@ def test_a_page_of_a_unit_has_all_that_is_known_of_it(client: "TestClient") -> N
 def test_a_unit_that_failed_has_no_remaining_life(client: "TestClient", state: "ServerState") -> None:
     kept = state.history.prognoses()["SN-0002"]
     document = {**kept.document, "failed_at_hours": 160.0}
-    state.history.keep_prognosis("SN-0002", replace(kept, document=document, at="2099-01-02T00:00:00Z"))
+    state.history.keep_prognosis(
+        "SN-0002", replace(kept, document=document, basis=replace(kept.basis, at="2099-01-02T00:00:00Z"))
+    )
     assert client.get("/?search=0002").text.count("failed at 160") == 1
     assert "none: failed at 160" in client.get("/units/3").text
 

@@ -8,6 +8,7 @@ prognosis (`emaphm prognose --keep`, `emaphm watch`), null where it has none.
 from typing import Any
 
 from emaphm.history import reading
+from emaphm.history.basis import bases
 from emaphm.history.entries import UnitEntries
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognosis
@@ -63,9 +64,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
         entries = UnitEntries.read(connection, unit.row.id, unit.serial_number)
         diagnoses = reading.diagnoses(connection, unit.row.id)
         kept = read_prognosis(connection, unit.row.id)
-        this = UNITS.c.id == unit.row.id
-        count = reading.diagnosis_counts(connection, this).get(unit.row.id, 0)
-        changed = reading.last_changes(connection, this).get(unit.row.id, "")
+        basis = bases(connection, UNITS.c.id == unit.row.id)[unit.row.id]
     last = entries.flights[-1]
     is_removed = any(one.hours >= last.hours for one in entries.removals)
     return {
@@ -85,10 +84,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
         **(
             {"prognostic_assessment": None, "advisory_generation": None}
             if kept is None
-            else prognosis_blocks(
-                kept,
-                out_of_date=not kept.is_current(count, changed),
-            )
+            else prognosis_blocks(kept, out_of_date=not kept.is_current(basis))
         ),
     }
 

@@ -8,16 +8,16 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from emaphm.history import reading, writing
+from emaphm.history.basis import Basis, bases
 from emaphm.history.events import Event, add_events, read_events, read_open_conditions
 from emaphm.history.fingerprint import description_of, recording_hash
 from emaphm.history.kept_diagnosis import KeptSettings
-from emaphm.history.kept_prognosis import Basis, KeptPrognosis, keep_prognosis, read_prognoses
+from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis, read_prognoses
 from emaphm.history.records import Entry, Finding, Mistake, Removal, Withdrawal
 from emaphm.history.storage.address import Address
 from emaphm.history.storage.database import Database
 from emaphm.history.storage.schema import bring_up_to_date, check_revision
 from emaphm.history.storage.tables import UNITS
-from emaphm.history.timestamp import timestamp
 from emaphm.history.unit import Unit
 from emaphm.history.views import UnitState, states
 from emaphm.history.withdrawing import withdraw
@@ -263,17 +263,23 @@ class History:
             return read_open_conditions(connection, unit)
 
     def keep_prognosis(self, serial_number: str, prognosis: KeptPrognosis) -> None:
-        """Keep a prognosis of a unit in place of the one before; `HistoryError` if the unit is unknown."""
+        """Keep a prognosis of a unit, without curves, in place of the one before with its curves.
+
+        `emaphm.prognosis.keeping.keep_with_curves` keeps one with its curves. `HistoryError` if the unit is
+        unknown.
+        """
         with self.writing() as connection:
             keep_prognosis(connection, reading.unit(connection, serial_number), prognosis)
 
     def basis(self, serial_number: str) -> Basis:
-        """Return what a prognosis that begins now is made from; `HistoryError` if the unit is unknown."""
-        now = timestamp()  # before anything is read: what is added while a prognosis is made is not in it
+        """Return what a prognosis that begins now is made from; `HistoryError` if the unit is unknown.
+
+        To be asked for before the evidence is read: what is added in between then makes the prognosis out of
+        date though it is in it, in place of current though it is not.
+        """
         with self.database.reading() as connection:
             unit_id = reading.unit(connection, serial_number).id
-            counts = reading.diagnosis_counts(connection, UNITS.c.id == unit_id)
-            return Basis(counts.get(unit_id, 0), now)
+            return bases(connection, UNITS.c.id == unit_id)[unit_id]
 
     def prognoses(self) -> dict[str, KeptPrognosis]:
         """Return the last kept prognosis by serial number, of the units that have one."""

@@ -7,74 +7,88 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from emaphm.history.basis import Basis
 from emaphm.history.reading import UnitRow
-from emaphm.history.storage.tables import PROGNOSES, UNITS
-from emaphm.history.timestamp import timestamp
+from emaphm.history.storage.tables import PROGNOSES, PROGNOSIS_CURVES, UNITS
 from emaphm.strict_json import finite
 
-
-@dataclass(frozen=True)
-class Basis:
-    """What a prognosis is made from: the number of `diagnoses` that the unit had had, and when that was."""
-
-    diagnoses: int
-    at: str
+ENTRIES = "made_from_entries"
+"""Key under which `Basis.entries` is kept in the document, which has none of this name itself."""
 
 
 @dataclass(frozen=True)
 class KeptPrognosis:
-    """What `emaphm prognose --json` prints of a unit, at its flight `hours` [h].
-
-    `diagnoses` and `at` are those of its `Basis`.
-    """
+    """What `emaphm prognose --json` prints of a unit, at its flight `hours` [h], made from its `basis`."""
 
     hours: float
-    diagnoses: int
     document: Mapping[str, Any] = field(repr=False)
-    at: str = field(default_factory=timestamp)
+    basis: Basis
 
     @classmethod
     def of(cls, basis: Basis, document: Mapping[str, Any]) -> "KeptPrognosis":
         """Return a prognosis, as `emaphm prognose --json` prints it, that was made from `basis`."""
-        return cls(float(document["hours"]), basis.diagnoses, document, basis.at)
+        return cls(float(document["hours"]), document, basis)
 
-    def is_current(self, diagnoses: int, changed: str) -> bool:
+    @property
+    def diagnoses(self) -> int:
+        """How many diagnoses the unit had had, those among them that others had replaced."""
+        return self.basis.diagnoses
+
+    @property
+    def at(self) -> str:
+        """When it was begun, UTC, ISO 8601."""
+        return self.basis.at
+
+    def is_current(self, now: Basis) -> bool:
         """Return whether the unit is as it was when the prognosis was begun; else it is out of date.
 
-        Parameters
-        ----------
-        diagnoses
-            How many the unit has had, those that replace others among them.
-        changed
-            When its newest removal, finding or withdrawal was made, UTC, ISO 8601; empty where it has none.
+        `now` is what one that begins now is made from.
         """
-        return self.diagnoses == diagnoses and self.at >= changed
+        return self.basis == now
 
 
-def keep_prognosis(connection: sa.Connection, unit: UnitRow, prognosis: KeptPrognosis) -> None:
-    """Keep a prognosis in place of the one before."""
+def keep_prognosis(
+    connection: sa.Connection,
+    unit: UnitRow,
+    prognosis: KeptPrognosis,
+    curves: Mapping[str, Any] | None = None,
+) -> None:
+    """Keep a prognosis in place of the one before, and its `curves`, ready for JSON, in place of those.
+
+    Where it comes without curves, none are kept: those of another would be shown as its own.
+    """
     values = {
         "hours": prognosis.hours,
         "diagnoses": prognosis.diagnoses,
-        "document": json.dumps(finite(dict(prognosis.document))),
+        "document": json.dumps(finite({**prognosis.document, ENTRIES: prognosis.basis.entries})),
         "at": prognosis.at,
     }
     changed = connection.execute(PROGNOSES.update().where(PROGNOSES.c.unit_id == unit.id).values(values))
     if not changed.rowcount:
         connection.execute(PROGNOSES.insert().values(values | {"unit_id": unit.id}))
+    connection.execute(PROGNOSIS_CURVES.delete().where(PROGNOSIS_CURVES.c.unit_id == unit.id))
+    if curves is not None:
+        of_unit = {"unit_id": unit.id, "hours": prognosis.hours, "diagnoses": prognosis.diagnoses}
+        text = json.dumps(finite(dict(curves)))
+        connection.execute(PROGNOSIS_CURVES.insert().values(of_unit | {"document": text}))
 
 
 def read_prognosis(connection: sa.Connection, unit_id: int) -> KeptPrognosis | None:
     """Return the kept prognosis of a unit, None where it has none."""
     query = sa.select(PROGNOSES).where(PROGNOSES.c.unit_id == unit_id)
     row = connection.execute(query).one_or_none()
-    return None if row is None else KeptPrognosis(row.hours, row.diagnoses, json.loads(row.document), row.at)
+    return None if row is None else _kept(row)
 
 
 def read_prognoses(connection: sa.Connection) -> dict[str, KeptPrognosis]:
     """Return the kept prognoses by serial number."""
     query = sa.select(UNITS.c.serial_number, PROGNOSES).join(UNITS, UNITS.c.id == PROGNOSES.c.unit_id)
-    return {
-        row.serial_number: KeptPrognosis(row.hours, row.diagnoses, json.loads(row.document), row.at)
-        for row in connection.execute(query)
-    }
+    return {row.serial_number: _kept(row) for row in connection.execute(query)}
+
+
+def _kept(row: sa.Row[Any]) -> KeptPrognosis:
+    document = json.loads(row.document)
+    entries = document.pop(ENTRIES, None)
+    return KeptPrognosis(
+        row.hours, document, Basis(row.diagnoses, None if entries is None else tuple(entries), row.at)
+    )

@@ -79,6 +79,43 @@ def unrepaired(
 
 
 @dataclass(frozen=True)
+class OpenRemoval:
+    """A unit was removed as failed at `hours` [h]; a shop has `named` components then, none as failed."""
+
+    hours: float
+    named: tuple[str, ...]
+
+
+def not_replaced(findings: Sequence[Finding]) -> tuple[Failure, ...]:
+    """Return the failures of components of which no replacement is known, by hours, whatever came since."""
+    renewed = [(one.component, one.hours) for one in findings if one.replaced]
+    failed: dict[float, set[str]] = {}
+    for one in findings:
+        known = any(what in (one.component, UNIT) and hours >= one.hours for what, hours in renewed)
+        if one.condition == "failed" and one.component != UNIT and not known:
+            failed.setdefault(one.hours, set()).add(one.component)
+    return tuple(Failure(hours, tuple(sorted(failed[hours]))) for hours in sorted(failed))
+
+
+def open_removal(
+    flights: Sequence[Flight], removals: Sequence[Removal], findings: Sequence[Finding]
+) -> OpenRemoval | None:
+    """Return the removal as failed of which a shop has only named components that are not; None without one.
+
+    A finding on the unit as a whole closes it; so does a replacement at these hours or later, a flight, or
+    another removal.
+    """
+    last = max(removals, key=lambda one: one.hours, default=None)
+    if last is None or last.reason != "failed" or any(one.hours > last.hours for one in flights):
+        return None
+    found = [one for one in findings if one.hours == last.hours]
+    is_closed = any(one.component == UNIT or one.condition == "failed" for one in found)
+    if not found or is_closed or any(one.replaced and one.hours >= last.hours for one in findings):
+        return None
+    return OpenRemoval(last.hours, tuple(sorted(one.component for one in found)))
+
+
+@dataclass(frozen=True)
 class _End:
     """Of a life at `hours` [h]; another begins there if the component was `renewed`."""
 

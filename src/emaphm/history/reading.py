@@ -18,7 +18,6 @@ from emaphm.history.storage.tables import (
     RECORDINGS,
     REMOVALS,
     UNITS,
-    WITHDRAWALS,
 )
 
 
@@ -152,20 +151,6 @@ def hours_last_added(connection: sa.Connection, unit_id: int, count: int) -> tup
     return tuple(connection.execute(query).scalars())[::-1]
 
 
-def diagnosis_counts(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, int]:
-    """Return by unit how many diagnoses it has had, those among them that others have replaced since."""
-    query = (
-        sa.select(FLIGHTS.c.unit_id, sa.func.count())
-        .select_from(FLIGHTS)
-        .join(UNITS, UNITS.c.id == FLIGHTS.c.unit_id)
-        .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
-        .join(DIAGNOSES, DIAGNOSES.c.recording_id == RECORDINGS.c.id)
-        .where(chosen)
-        .group_by(FLIGHTS.c.unit_id)
-    )
-    return {row[0]: row[1] for row in connection.execute(query)}
-
-
 def has_diagnosis(connection: sa.Connection, recording_hash: str, settings: KeptSettings) -> bool:
     """Return whether a recording has a diagnosis of these settings."""
     query = (
@@ -215,27 +200,6 @@ def findings(connection: sa.Connection, unit_id: int) -> tuple[Finding, ...]:
         Finding(row.hours, row.component, row.condition, row.level, row.replaced, row.note)
         for row in connection.execute(query)
     )
-
-
-def last_changes(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, str]:
-    """Return by unit the time of its newest removal, finding or withdrawal, UTC, ISO 8601; none without."""
-    of_unit = (
-        (REMOVALS, REMOVALS.c.added_at, REMOVALS.c.unit_id == UNITS.c.id),
-        (FINDINGS, FINDINGS.c.added_at, FINDINGS.c.unit_id == UNITS.c.id),
-        (WITHDRAWALS, WITHDRAWALS.c.at, WITHDRAWALS.c.serial_number == UNITS.c.serial_number),
-    )
-    result: dict[int, str] = {}
-    for table, time, joined in of_unit:
-        query = (
-            sa.select(UNITS.c.id, sa.func.max(time))
-            .select_from(UNITS)
-            .join(table, joined)
-            .where(chosen)
-            .group_by(UNITS.c.id)
-        )
-        for unit_id, at in connection.execute(query):
-            result[unit_id] = max(result.get(unit_id, ""), at)
-    return result
 
 
 def _units() -> sa.Select[Any]:

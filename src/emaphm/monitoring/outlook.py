@@ -131,7 +131,7 @@ def _out_of_date(history: History) -> list[str]:
         one.serial_number
         for one in history.states()
         if (
-            not kept[one.serial_number].is_current(one.diagnoses, one.changed)
+            not kept[one.serial_number].is_current(one.basis)
             if one.serial_number in kept
             else one.last_at >= since
         )

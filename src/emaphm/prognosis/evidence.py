@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from emaphm.history import Failure, Flight, Unit
+    from emaphm.history.lives import OpenRemoval
 
 UNSEEN_VARIANCE = 1e6
 """Of a level that a diagnosis could not see: such an observation says nothing."""
@@ -53,7 +54,9 @@ class Evidence:
     `replacements` are pairs of hours [h] and component, "unit" standing for all of them; `stresses` what the
     unit was subject to, by hours. Observations are of the first `components`: all 8, or one for an indicator.
     `failures` are the hours [h] at which failures ended lives of the unit, rising; `unrepaired` is the one
-    for which it is out of service now, None where it is in service.
+    for which it is out of service now, None where it is in service. `not_replaced` are failures of components
+    of which no replacement is known, and `open_removal` is one as failed of which a shop has named only what
+    has not failed: the unit counts as in service all the same.
     """
 
     unit: str
@@ -65,6 +68,8 @@ class Evidence:
     components: int = COORDINATES
     failures: tuple[float, ...] = ()
     unrepaired: "Failure | None" = None
+    not_replaced: "tuple[Failure, ...]" = ()
+    open_removal: "OpenRemoval | None" = None
 
     @classmethod
     def of(cls, unit: "Unit", most: int | None = None) -> "Evidence":
@@ -85,7 +90,7 @@ class Evidence:
             )
             for one in unit.diagnoses(None if most is None else most - earlier, earlier)
         )
-        from emaphm.history.lives import lives, unrepaired
+        from emaphm.history.lives import lives, not_replaced, open_removal, unrepaired
 
         flights, removals, findings = unit.flights(), unit.removals(), unit.findings()
         replacements = tuple((one.hours, one.component) for one in findings if one.replaced)
@@ -105,6 +110,8 @@ class Evidence:
             stress_pieces(flights),
             failures=tuple(one.end_hours for one in lives(flights, removals, findings) if one.failed),
             unrepaired=failure,
+            not_replaced=() if failure else not_replaced(findings),
+            open_removal=None if failure else open_removal(flights, removals, findings),
         )
 
     @property

@@ -20,6 +20,7 @@ from emaphm.prognosis.notes.failures import failure_notes
 from emaphm.prognosis.notes.hours import hours_notes
 from emaphm.prognosis.notes.levels import level_notes
 from emaphm.prognosis.notes.rates import rate_notes
+from emaphm.prognosis.notes.repairs import repair_notes
 from emaphm.prognosis.notes.shared_error import shared_error_notes
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
@@ -136,6 +137,7 @@ def prognose(
         seed=seed,
         ahead=question.ahead,
         notes=(
+            *repair_notes(evidence),
             *_notes(evidence, requirements, times, prior),
             *stress_notes(question.ahead, followed.belief.prior.reference),
             *shared_error_notes(followed.belief, component),

@@ -135,7 +135,7 @@ def curves(server: Server, unit_id: Id) -> dict[str, Any]:
     with server.history.database.reading() as connection:
         found = read_curves(connection, unit_id)
     if found is None:
-        raise HTTPException(404, "no prognosis of this unit has been made yet")
+        raise HTTPException(404, "no prognosis of this unit has been kept with its curves yet")
     return found
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from emaphm.history import History
+    from emaphm.history.basis import Basis
 
 ACTIONS = ("replace before", "inspect by", "fly on")
 """What may be advised, the most urgent first."""
@@ -135,7 +136,7 @@ class FleetView:
         self._prognoses: dict[str, KeptPrognosis] = {}
         self._alarms: dict[str, tuple[str, ...]] = {}
         self._fleet = Fleet(0, ())
-        self._asked: dict[str, tuple[int, str]] = {}
+        self._asked: dict[str, Basis] = {}
 
     def fleet(self) -> Fleet:
         """Return the fleet; `HistoryError` where the database fails."""
@@ -178,9 +179,8 @@ class FleetView:
         with self._lock:
             for row in rows:
                 state = self._states[row.id]
-                what = (state.diagnoses, state.changed)
-                if not row.current and self._asked.get(row.unit) != what:
-                    self._asked[row.unit] = what
+                if not row.current and self._asked.get(row.unit) != state.basis:
+                    self._asked[row.unit] = state.basis
                     return row.unit
         return None
 
@@ -223,7 +223,7 @@ def _row(state: UnitState, prognosis: KeptPrognosis | None, alarms: tuple[str, .
         reasons=tuple(state.document.get("reasons", ())),
         sensor_faults=tuple(one["sentence"] for one in state.document.get("sensor_faults", ())),
         alarms=alarms,
-        current=prognosis is not None and prognosis.is_current(state.diagnoses, state.changed),
+        current=prognosis is not None and prognosis.is_current(state.basis),
         **_forecast(prognosis),
     )
 

@@ -136,16 +136,18 @@ def _of_one(
     """Return the prognosis of one unit, and keep it in the history where that was asked for."""
     from emaphm.history import History, KeptPrognosis
     from emaphm.prognosis import Evidence, Prior, learnt_prior, prognose
+    from emaphm.prognosis.keeping import Curves, earlier_rows, keep_with_curves
 
     with History.open(db) as history:
         found = history.unit(unit)
         basis = history.basis(unit)
         evidence, described = Evidence.of(found), actuator or found.actuator
         prior = learnt_prior(history, found, seed=seed, actuator=described) if fleet else Prior()
-    result = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past)
+    result = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past or keep)
     if keep:
+        kept = KeptPrognosis.of(basis, result.to_dict())
         with History.open(db) as history:
-            history.keep_prognosis(unit, KeptPrognosis.of(basis, result.to_dict()))
+            keep_with_curves(history, found, kept, Curves.of(result), lambda: earlier_rows(result))
     return result
 
 
@@ -164,13 +166,16 @@ def _check_choice(
 def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> None:
     """Print all prognoses, and keep them; what failed is said, and raised where it is all."""
     from emaphm.history import History
+    from emaphm.prognosis.keeping import keep_with_curves
     from emaphm.text_table import format_table
 
     good, bad = [one for one in made if not one.error], [one for one in made if one.error]
     if keep_in is not None:
         with History.open(keep_in) as history:
             for one in good:
-                history.keep_prognosis(one.unit, one.kept())
+                assert one.curves is not None  # noqa: S101 - one that has not failed has them
+                # Earlier forecasts would take seven times as long as the prognosis.
+                keep_with_curves(history, history.unit(one.unit), one.kept(), one.curves)
     rows = [(one.unit, *_row(one.values)) for one in good]
     header = ("unit", "hours", "RUL [h]", "90 %", "fails within the horizon", "component", "advice")
     values = {

@@ -1,6 +1,6 @@
 """What pages and the HTTP API read of a history: many units at once, one page of diagnoses, curves."""
 
-from emaphm.history.views.curves import keep_curves, read_curves
+from emaphm.history.views.curves import read_curves
 from emaphm.history.views.diagnoses import DiagnosisLine, diagnosis, diagnosis_lines, last_diagnosis
 from emaphm.history.views.states import NO_PROGNOSES, Marks, UnitState, changed_units, marks, states
 
@@ -12,7 +12,6 @@ __all__ = [
     "changed_units",
     "diagnosis",
     "diagnosis_lines",
-    "keep_curves",
     "last_diagnosis",
     "marks",
     "read_curves",

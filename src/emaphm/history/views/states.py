@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import sqlalchemy as sa
 
-from emaphm.history.reading import diagnosis_counts, last_changes
+from emaphm.history.basis import Basis, bases
 from emaphm.history.storage.tables import (
     DIAGNOSES,
     EVENTS,
@@ -51,14 +51,12 @@ class UnitState:
         place on the aircraft. None where not known.
     last_at
         When its newest recording was added, UTC, ISO 8601.
-    recordings, explained, diagnoses
-        How many recordings it has, how many of them the last diagnosis explains, and how many diagnoses it
-        has had, also such as others have replaced.
+    recordings, explained
+        How many recordings it has, and how many of them the last diagnosis explains.
     diagnosis_id, text
         Of the last diagnosis of its last flight: its number and its JSON.
-    changed
-        When the newest of its removals, findings and withdrawals was made, UTC, ISO 8601; empty where it has
-        none.
+    basis
+        What a prognosis that begins now is made from.
     """
 
     id: int
@@ -70,10 +68,9 @@ class UnitState:
     last_at: str
     recordings: int
     explained: int
-    diagnoses: int
     diagnosis_id: int
     text: str = field(repr=False)
-    changed: str
+    basis: Basis
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -139,9 +136,8 @@ def states(connection: sa.Connection, units: Collection[int] | None = None) -> d
 
 def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, UnitState]:
     counted = {row.unit_id: row for row in connection.execute(_counts(chosen))}
-    diagnosed = diagnosis_counts(connection, chosen)
     positions = _positions(connection, chosen)
-    changed = last_changes(connection, chosen)
+    basis = bases(connection, chosen)
     return {
         row.id: UnitState(
             id=row.id,
@@ -153,10 +149,9 @@ def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[i
             last_at=counted[row.id].last_at,
             recordings=counted[row.id].recordings,
             explained=counted[row.id].explained,
-            diagnoses=diagnosed[row.id],
             diagnosis_id=row.diagnosis_id,
             text=row.document,
-            changed=changed.get(row.id, ""),
+            basis=basis[row.id],
         )
         for row in connection.execute(_last(chosen))
     }

@@ -11,12 +11,13 @@ from emaphm.execution import OnTask, Task, check_workers, in_order, outcomes
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.from_fleet.fleet import Fleet
 from emaphm.prognosis.from_fleet.learning import Taught, taught_by
+from emaphm.prognosis.keeping.curves import Curves
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, prognose
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
     from emaphm.history import KeptPrognosis
-    from emaphm.history.kept_prognosis import Basis
+    from emaphm.history.basis import Basis
 
 AT_ONCE = 5
 """Units of a task: what a fleet teaches, some megabytes, goes to a worker once for all of them, and the last
@@ -27,13 +28,14 @@ worker does not keep the others waiting for long."""
 class UnitOutcome:
     """A unit's prognosis as `emaphm prognose --json` prints it, or the text of the error that it ended in.
 
-    `basis` is what it was made from.
+    `basis` is what it was made from, `curves` are those of its figures, without forecasts from earlier.
     """
 
     unit: str
     values: Mapping[str, Any]
     basis: "Basis | None" = None
     error: str = ""
+    curves: Curves | None = None
 
     def kept(self) -> "KeptPrognosis":
         """Return the prognosis as a history keeps it."""
@@ -167,5 +169,5 @@ def _prognoses(
             except EmaphmError as error:
                 results.append(UnitOutcome(name, {}, error=str(error)))
             else:
-                results.append(UnitOutcome(name, made.to_dict(), basis))
+                results.append(UnitOutcome(name, made.to_dict(), basis, curves=Curves.of(made)))
     return results

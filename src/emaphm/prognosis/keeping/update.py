@@ -1,11 +1,12 @@
 """Making the prognosis of a unit and keeping it, so that a page shows it without waiting."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from emaphm.history.events import add_events
 from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis
-from emaphm.history.views import keep_curves, read_curves
+from emaphm.history.views import read_curves
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.from_fleet.fleet import learnt_prior
 from emaphm.prognosis.keeping.curves import Curves, fan_row
@@ -68,26 +69,50 @@ def update_prognosis(
     evidence = Evidence.of(unit, most)
     prior = learnt_prior(history, unit, seed=seed, most=most)
     prognosis = prognose(evidence, unit.actuator, question, prior=prior, seed=seed)
-    curves = Curves.of(prognosis, _earlier(history, unit, prognosis))
-    new = events(prognosis)
-    with history.writing() as connection:
-        keep_prognosis(connection, unit.row, KeptPrognosis.of(basis, prognosis.to_dict()))
-        keep_curves(connection, unit.row.id, evidence.hours, basis.diagnoses, curves.to_dict())
-        add_events(connection, new)
-    return Updated(prognosis, curves)
+    kept = KeptPrognosis.of(basis, prognosis.to_dict())
+    curves = Curves.of(prognosis)
+    earlier, new = partial(earlier_rows, prognosis), events(prognosis)
+    return Updated(prognosis, keep_with_curves(history, unit, kept, curves, earlier, new))
 
 
-def _earlier(history: "History", unit: "Unit", prognosis: "Prognosis") -> list[tuple[float, ...]]:
-    """Return the rows of a fan before now: those that were kept, else forecasts made again from less.
+def keep_with_curves(
+    history: "History",
+    unit: "Unit",
+    prognosis: KeptPrognosis,
+    curves: Curves,
+    earlier: "Callable[[], list[tuple[float, ...]]]" = list,
+    events: "Sequence[Event]" = (),
+) -> Curves:
+    """Keep a prognosis of `unit` with its curves, and add events, in one step; return the curves as kept.
 
-    Rows that were kept against other requirements are of another life.
+    Parameters
+    ----------
+    curves
+        Of the prognosis, with its own row of the fan alone.
+    earlier
+        Returns rows of the fan before it, as `earlier_rows`; it is asked only where too few were kept with
+        the prognoses before. Rows that were kept against other requirements are of another life.
+
+    Raises
+    ------
+    HistoryError
+        The database fails.
     """
     with history.database.reading() as connection:
-        kept = read_curves(connection, unit.row.id) or {"fan": []}
-    now, labels = prognosis.evidence.hours, [limit.label for limit in prognosis.times.limits]
-    rows = [tuple(row) for row in kept["fan"] if row[0] < now]
+        before = read_curves(connection, unit.row.id) or {"fan": []}
+    rows = [tuple(row) for row in before["fan"] if row[0] < curves.now]
     # Older versions did not keep the labels.
-    if len(rows) >= ENOUGH and kept.get("requirements", labels) == labels:
-        return rows
-    longest = float(prognosis.paths.hours[-1])
+    is_same_life = before.get("requirements", list(curves.requirements)) == list(curves.requirements)
+    if len(rows) < ENOUGH or not is_same_life:
+        rows = earlier()
+    whole = replace(curves, fan=(*rows, *curves.fan))
+    with history.writing() as connection:
+        keep_prognosis(connection, unit.row, prognosis, whole.to_dict())
+        add_events(connection, events)
+    return whole
+
+
+def earlier_rows(prognosis: "Prognosis") -> list[tuple[float, ...]]:
+    """Return rows of a fan before a prognosis: forecasts made again from less, where beliefs were kept."""
+    now, longest = prognosis.evidence.hours, float(prognosis.paths.hours[-1])
     return [fan_row(hours, sample, longest) for hours, sample in past_lives(prognosis) if hours < now]
