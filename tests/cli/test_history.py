@@ -257,7 +257,7 @@ def test_list_and_export(emaphm: Emaphm, flown: Path) -> None:
     text = emaphm("history", "list").out
     assert "SN-7" in text
     assert "friction" in text
-    assert answer(emaphm, "list", "--part", "other")["units"] == []
+    assert answer(emaphm, "list", "--part", "thesis")["units"] == [line]
     assert answer(emaphm, "export", "-o", "out.csv")["units"] == 1
     table = pl.read_csv(flown / "out.csv")
     assert table.select("serial_number", "hours", "friction_verdict").row(0) == ("SN-7", 100.0, "degraded")
@@ -300,6 +300,8 @@ REFUSALS = {
     ("list", "--db", "first.csv"): "first.csv: the database cannot be used (file is not a database)",
     ("list", "--db", "postgresql://me:secret@127.0.0.1:1/fleet"): "postgresql://me:***@127.0.0.1:1/fleet",
     ("export", "-o", "out.xml"): "unknown file ending '.xml'",
+    ("export", "-o", "out.csv", "--part", "thesos"): "no units of the part number 'thesos' (did you mean",
+    ("list", "--part", "thesos"): "no units of the part number 'thesos' (did you mean 'thesis'?)",
 }
 
 

@@ -129,6 +129,7 @@ def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False)
     from emaphm.text_table import format_table
 
     with History.open(db) as history:
+        history.check_part_number(part)
         lines = [_overview(one) for one in history.states(part)]
     header = (
         "part number",

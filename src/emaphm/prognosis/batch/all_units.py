@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emaphm.errors import ExecutionError, HistoryError, nearest
+from emaphm.errors import ExecutionError
 from emaphm.execution import OnTask, Outcome, Task, check_workers, outcomes
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.from_fleet.learning import (
@@ -120,12 +120,8 @@ def prognose_all(
     check_workers(scheduler)
     place = str(Path(where).absolute()) if "://" not in str(where) else str(where)
     with History.open(where) as history:
+        history.check_part_number(part_number)
         lines = history.states(part_number)
-        known = {unit.part_number for unit in history.units()} if not lines else set()
-    if known:
-        raise HistoryError(
-            f"no units of the part number '{part_number}'{nearest(str(part_number), sorted(known))}"
-        )
     fleets: dict[str, _Fleet] = {}
     parts = sorted({one.part_number for one in lines})
     if fleet:
