@@ -110,6 +110,14 @@ def test_what_is_wrong_is_refused(client: "TestClient", path: str, status: int) 
         ("/api/v1/jobs?a=1&b=2", ["unknown name 'a'", "unknown name 'b'"]),
         ("/?advise=fly+on", ["unknown name &#39;advise&#39; (did you mean &#39;advice&#39;?)"]),
         ("/units/3?explained=true", ["this address has no query"]),
+        ("/?health=degrade", ["health: unknown value &#39;degrade&#39; (did you mean &#39;degraded&#39;?)"]),
+        ("/?advice=bogus&order=up", ["advice: unknown value &#39;bogus&#39; (known: fly on, ", "order: "]),
+        ("/?sort=hour", ["did you mean &#39;hours&#39;"]),
+        ("/?page=abc", ["page: Input should be a valid integer"]),
+        ("/?part=EMA-7", ["part: unknown value &#39;EMA-7&#39; (did you mean &#39;EMA-"]),
+        ("/events?kind=alarms", ["kind: unknown value &#39;alarms&#39; (did you mean &#39;alarm&#39;?)"]),
+        ("/api/v1/units?part=EMA-7", ["unknown value 'EMA-7' (did you mean 'EMA-"]),
+        ("/api/v1/events?kind=alarms", ["unknown value 'alarms' (did you mean 'alarm'?)"]),
     ],
 )
 def test_a_query_that_would_select_nothing_is_refused(

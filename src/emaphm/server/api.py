@@ -14,6 +14,7 @@ from emaphm.history.kept_prognosis import KeptPrognosis
 from emaphm.history.reading import UnitRow
 from emaphm.history.views import DiagnosisLine, diagnosis, diagnosis_lines, read_curves
 from emaphm.server.fleet import ACTIONS, HEALTHS, SORTS, Choice, FleetRow
+from emaphm.server.query import OneOf, check_value
 from emaphm.server.state import ServerState
 from emaphm.server.work.queue import Job
 from emaphm.strict_json import finite
@@ -36,11 +37,11 @@ Limit = Annotated[int, Query(ge=1, le=1000, description="How many at most.")]
 Before = Annotated[
     int | None, Query(ge=1, le=LARGEST_ID, description="Only those of lower numbers: the next page.")
 ]
+Sort = Annotated[str, Query(description="By what they are sorted."), OneOf(tuple(SORTS))]
+Advice = Annotated[str, Query(description="Only this advice."), OneOf((*ACTIONS, "none"))]
+Health = Annotated[str, Query(description="Only where the last diagnosis says so."), OneOf(HEALTHS)]
+Kind = Annotated[str, Query(description="Only of this kind."), OneOf(KINDS)]
 UnitId = Annotated[int | None, Query(ge=1, le=LARGEST_ID, description="Only of the unit of this id.")]
-
-
-def _one_of(names: tuple[str, ...], what: str) -> Any:
-    return Query(description=what, pattern=f"^({'|'.join(('', *names))})$")
 
 
 class Units(BaseModel):
@@ -94,17 +95,18 @@ NOT_FOUND: dict[int | str, dict[str, Any]] = {404: {"model": Refusal}}
 @router.get("/units")
 def units(
     server: Server,
-    sort: Annotated[str, _one_of(tuple(SORTS), "By what they are sorted.")] = "urgency",
+    sort: Sort = "urgency",
     descending: Annotated[bool, Query(description="The other way round.")] = False,
     part: Annotated[str, Query(description="Only this part number.")] = "",
-    advice: Annotated[str, _one_of((*ACTIONS, "none"), "Only this advice.")] = "",
-    health: Annotated[str, _one_of(HEALTHS, "Only where the last diagnosis says so.")] = "",
+    advice: Advice = "",
+    health: Health = "",
     search: Annotated[str, Query(description="Part of a serial number or a position.")] = "",
     limit: Limit = 1000,
     offset: Annotated[int, Query(ge=0, le=LARGEST_ID)] = 0,
 ) -> Units:
     """Return the units of the fleet, the most urgent first."""
     fleet = server.fleet.fleet()
+    check_value("part", part, fleet.part_numbers)
     rows = Choice(sort or "urgency", descending, part, advice, health, search).of(fleet.rows)
     return Units(units=rows[offset : offset + limit], shown=len(rows), total=len(fleet.rows))
 
@@ -181,7 +183,7 @@ def one_diagnosis(server: Server, diagnosis_id: Id) -> dict[str, Any]:
 def events(
     server: Server,
     unit_id: UnitId = None,
-    kind: Annotated[str, _one_of(KINDS, "Only of this kind.")] = "",
+    kind: Kind = "",
     after: Annotated[
         int | None, Query(ge=0, le=LARGEST_ID, description="Only those of higher numbers.")
     ] = None,

@@ -7,7 +7,7 @@ from pathlib import Path as FilePath
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Form, HTTPException, Request
+from fastapi import APIRouter, Form, HTTPException, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
@@ -18,11 +18,12 @@ from emaphm.history.events import KINDS
 from emaphm.history.views import diagnosis_lines, read_curves
 from emaphm.recording.io.read import READERS
 from emaphm.server import api
-from emaphm.server.api import Id, Server
-from emaphm.server.fleet import ACTIONS, HEALTHS, SORTS, Choice
+from emaphm.server.api import LARGEST_ID, Advice, Health, Id, Kind, Server, Sort
+from emaphm.server.fleet import ACTIONS, HEALTHS, Choice
 from emaphm.server.folders import content_key
 from emaphm.server.guard import COOKIE, session_in
 from emaphm.server.html import render
+from emaphm.server.query import OneOf, check_value
 from emaphm.server.state import ServerState
 from emaphm.server.uploads import STATED, status_of
 from emaphm.server.work.drawing import estimates
@@ -35,6 +36,8 @@ PLOTLY = "plotly.min.js"
 
 PICTURE = {"content-security-policy": "default-src 'none'; style-src 'unsafe-inline'; sandbox"}
 """Of an SVG: its styles stand in it, and nothing else of it may act."""
+
+PageNumber = Annotated[int, Query(ge=1, le=LARGEST_ID)]
 
 MOST_LISTED = 200
 """Recordings and events on the page of a unit."""
@@ -61,23 +64,23 @@ SORT_NAMES = {
 def fleet(
     request: Request,
     server: Server,
-    sort: str = "urgency",
-    order: str = "asc",
+    sort: Sort = "urgency",
+    order: Annotated[str, OneOf(("asc", "desc"))] = "asc",
     part: str = "",
-    advice: str = "",
-    health: str = "",
+    advice: Advice = "",
+    health: Health = "",
     search: str = "",
-    page: str = "1",
+    page: PageNumber = 1,
 ) -> Response:
     """Return the page of the fleet."""
-    sort = sort if sort in SORTS else "urgency"
-    choice = Choice(sort, order == "desc", part, advice, health, search[:200])
-    number = int(page) if page.isascii() and page.isdigit() and len(page) < 7 else 1
-    key = (server.fleet.fleet().version, choice, number)
+    found = server.fleet.fleet()
+    check_value("part", part, found.part_numbers)
+    choice = Choice(sort or "urgency", order == "desc", part, advice, health, search[:200])
+    key = (found.version, choice, page)
     tag = server.kept.tag(key)
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"etag": tag})
-    content = server.kept.pages.get(key, lambda: _fleet(request, server, choice, number))
+    content = server.kept.pages.get(key, lambda: _fleet(request, server, choice, page))
     return HTMLResponse(content, headers={"etag": tag})
 
 
@@ -86,7 +89,7 @@ def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -
     rows = choice.of(found.rows)
     size = server.settings.units_a_page
     pages = max(-(-len(rows) // size), 1)
-    number = min(max(number, 1), pages)
+    number = min(number, pages)  # units may have gone since its link was made
     chosen = {"part": choice.part, "advice": choice.advice, "health": choice.health, "search": choice.search}
 
     def link(**changes: Any) -> str:
@@ -261,9 +264,8 @@ def data_health(request: Request, server: Server) -> Response:
 
 
 @router.get("/events")
-def events(request: Request, server: Server, kind: str = "") -> Response:
+def events(request: Request, server: Server, kind: Kind = "") -> Response:
     """Return the page of what became known of the units, the newest first."""
-    kind = kind if kind in KINDS else ""
     found = server.history.events(kinds=(kind,) if kind else (), newest_first=True, limit=MOST_LISTED)
     still_open = [one for one in reversed(server.history.open_conditions()) if kind in ("", one.kind)]
     return _html(
