@@ -89,6 +89,19 @@ def test_a_diagnosis_names_its_verdicts_and_its_residual(client: "TestClient") -
     assert "0.1100" in text
 
 
+def test_what_cannot_be_told_is_not_called_sound(client: "TestClient", state: "ServerState") -> None:
+    held = recording(1000)
+    made = diagnosis(held, 0.0)
+    untold = {name: replace(one, verdict="cannot tell") for name, one in made.components.items()}
+    state.history.add(Entry("SN-new", "EMA-9", 5.0), held, replace(made, components=untold))
+    [line] = client.get("/api/v1/diagnoses?limit=1").json()["diagnoses"]
+    assert (line["explained"], line["health"], line["degraded"]) == (True, "cannot tell", [])
+    assert units_on(client, "/?health=cannot+tell") == ["SN-new"]
+    assert '<td data-label="degraded">cannot tell</td>' in client.get(f"/units/{line['unit_id']}").text
+    assert "but some components are inconclusive" in client.get(f"/diagnoses/{line['id']}").text
+    assert '<td data-label="degraded">none</td>' in client.get("/units/1").text
+
+
 def test_data_health_lists_what_is_not_explained(client: "TestClient") -> None:
     text = client.get("/data").text
     assert units_on(client, "/data")[0] == "SN-0005"

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, HTTPException, Path, Query, Request
 from pydantic import BaseModel, Field
 
+from emaphm.actuator.faults import HEALTHS
 from emaphm.history.blocks import diagnosis_blocks
 from emaphm.history.entries import UnitEntries
 from emaphm.history.events import KINDS, read_events
@@ -13,7 +14,7 @@ from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis
 from emaphm.history.reading import UnitRow
 from emaphm.history.views import DiagnosisLine, diagnosis, diagnosis_lines, read_curves
-from emaphm.server.fleet import ACTIONS, HEALTHS, SORTS, Choice, FleetRow
+from emaphm.server.fleet import ACTIONS, SORTS, Choice, FleetRow
 from emaphm.server.query import OneOf, check_value
 from emaphm.server.state import ServerState
 from emaphm.server.work.queue import Job

@@ -11,7 +11,7 @@ from fastapi import APIRouter, Form, HTTPException, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
-from emaphm.actuator.faults import degraded_in
+from emaphm.actuator.faults import HEALTHS, degraded_in, health_in
 from emaphm.errors import EmaphmError
 from emaphm.history.entries import UnitEntries
 from emaphm.history.events import KINDS
@@ -19,7 +19,7 @@ from emaphm.history.views import diagnosis_lines, read_curves
 from emaphm.recording.io.read import READERS
 from emaphm.server import api
 from emaphm.server.api import LARGEST_ID, Advice, Health, Id, Kind, Server, Sort
-from emaphm.server.fleet import ACTIONS, HEALTHS, Choice
+from emaphm.server.fleet import ACTIONS, Choice
 from emaphm.server.folders import content_key
 from emaphm.server.guard import COOKIE, session_in
 from emaphm.server.html import render
@@ -172,6 +172,7 @@ def one_diagnosis(request: Request, server: Server, diagnosis_id: Id) -> Respons
         document=kept.document,
         components=estimates(kept.document),
         degraded=degraded_in(kept.document),
+        health=health_in(kept.document),
         toml=toml,
         version=content_key(kept),
         has_report=server.folder.report(kept).exists(),

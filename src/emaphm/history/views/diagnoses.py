@@ -6,7 +6,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from emaphm.actuator.faults import degraded_in
+from emaphm.actuator.faults import degraded_in, health_in
 from emaphm.history.columns import diagnosis_of
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.reading import UnitRow, flights
@@ -17,7 +17,8 @@ from emaphm.history.storage.tables import DESCRIPTIONS, DIAGNOSES, FLIGHTS, RECO
 class DiagnosisLine:
     """A diagnosis in short, with its recording; `degraded` has the components that are called so.
 
-    `samples`, `sample_rate_hz` [Hz] are the recording's; `sensor_faults` and `reasons` are sentences.
+    `health` is one of `emaphm.actuator.faults.HEALTHS`; `samples`, `sample_rate_hz` [Hz] are the recording's;
+    `sensor_faults` and `reasons` are sentences.
     """
 
     id: int
@@ -31,6 +32,7 @@ class DiagnosisLine:
     samples: int
     sample_rate_hz: float
     explained: bool
+    health: str
     degraded: tuple[str, ...]
     reasons: tuple[str, ...]
     sensor_faults: tuple[str, ...]
@@ -150,6 +152,7 @@ def _line(row: "sa.Row[Any]") -> DiagnosisLine:
         samples=row.samples,
         sample_rate_hz=row.sample_rate_hz,
         explained=row.explained,
+        health=health_in(document),
         degraded=degraded_in(document),
         reasons=tuple(document.get("reasons", ())),
         sensor_faults=tuple(one["sentence"] for one in document.get("sensor_faults", ())),
