@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from emaphm.history import Entry, History, Removal
+from emaphm.server import pages
 
 from .conftest import UNITS
 from .made_up import diagnosis, recording
@@ -100,6 +101,25 @@ def test_what_cannot_be_told_is_not_called_sound(client: "TestClient", state: "S
     assert '<td data-label="degraded">cannot tell</td>' in client.get(f"/units/{line['unit_id']}").text
     assert "but some components are inconclusive" in client.get(f"/diagnoses/{line['id']}").text
     assert '<td data-label="degraded">none</td>' in client.get("/units/1").text
+
+
+def test_a_list_of_recordings_that_is_cut_says_so_and_goes_on(
+    client: "TestClient", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pages, "MOST_LISTED", 2)
+    for path in ("/units/6", "/data"):  # each with the recordings of SN-0005
+        first, second = client.get(path).text, client.get(f"{path}?page=2").text
+        assert "<caption>The newest 2 of 3 recordings.</caption>" in first
+        assert f'<a rel="next" href="{path}?page=2#recordings">' in first
+        assert "<caption>3 to 3 of 3 recordings, counted from the newest.</caption>" in second
+        assert f'<a rel="prev" href="{path}?page=1#recordings">' in second
+        assert [re.findall(r"flight \d+\.csv</a>", text) for text in (first, second)] == [
+            ["flight 17.csv</a>", "flight 16.csv</a>"],
+            ["flight 15.csv</a>"],
+        ]
+        assert client.get(f"{path}?page=9").text == second
+    monkeypatch.setattr(pages, "MOST_LISTED", 3)
+    assert "<caption>3 recordings.</caption>" in client.get("/units/6").text
 
 
 def test_data_health_lists_what_is_not_explained(client: "TestClient") -> None:

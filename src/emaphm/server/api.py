@@ -57,6 +57,7 @@ class Diagnoses(BaseModel):
     """Diagnoses with their recordings, the newest first."""
 
     diagnoses: list[DiagnosisLine]
+    total: int = Field(description="How many the unit and explained leave, on all pages.")
 
 
 class DataHealth(BaseModel):
@@ -67,6 +68,7 @@ class DataHealth(BaseModel):
     recordings: list[DiagnosisLine] = Field(
         description="Recordings that are not explained, the newest first."
     )
+    total: int = Field(description="How many recordings are not explained, on all pages.")
 
 
 class JobAnswer(BaseModel):
@@ -162,7 +164,9 @@ def diagnoses(
         row_of(server, unit_id)
     with server.history.database.reading() as connection:
         found = diagnosis_lines(connection, unit_id=unit_id, explained=explained, before=before, limit=limit)
-    return Diagnoses(diagnoses=list(found))
+    return Diagnoses(
+        diagnoses=list(found), total=server.fleet.fleet().recordings(unit_id, explained=explained)
+    )
 
 
 @router.get("/diagnoses/{diagnosis_id}", responses=NOT_FOUND)
@@ -216,15 +220,22 @@ def events(
 
 
 @router.get("/data-health")
-def data_health(server: Server) -> DataHealth:
-    """Return what cannot be trusted."""
-    rows = Choice(sort="unit").of(server.fleet.fleet().rows)
+def data_health(server: Server, before: Before = None, limit: Limit = 100) -> DataHealth:
+    """Return what cannot be trusted; `before` and `limit` are of the recordings."""
+    return untrusted(server, before=before, limit=limit)
+
+
+def untrusted(server: ServerState, *, before: int | None = None, offset: int = 0, limit: int) -> DataHealth:
+    """Return what cannot be trusted, with the recordings that the others choose of those not explained."""
+    fleet = server.fleet.fleet()
+    rows = Choice(sort="unit").of(fleet.rows)
     with server.history.database.reading() as connection:
-        found = diagnosis_lines(connection, explained=False)
+        found = diagnosis_lines(connection, explained=False, before=before, offset=offset, limit=limit)
     return DataHealth(
         not_explained=[row for row in rows if row.health == "not explained"],
         sensor_faults=[row for row in rows if row.sensor_faults],
         recordings=list(found),
+        total=fleet.recordings(explained=False),
     )
 
 

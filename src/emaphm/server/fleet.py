@@ -120,6 +120,12 @@ class Fleet:
         """The part numbers of the units."""
         return sorted({row.part_number for row in self.rows})
 
+    def recordings(self, unit_id: int | None = None, explained: bool | None = None) -> int:
+        """Return how many recordings all units have, or one; only those `explained`, or not, where said."""
+        rows = [row for row in self.rows if unit_id in (None, row.id)]
+        good, every = sum(row.explained for row in rows), sum(row.recordings for row in rows)
+        return every if explained is None else good if explained else every - good
+
 
 class FleetView:
     """Gives the fleet as it is now; only what has changed since is read again."""

@@ -23,6 +23,7 @@ from emaphm.server.fleet import ACTIONS, Choice
 from emaphm.server.folders import content_key
 from emaphm.server.guard import COOKIE, session_in
 from emaphm.server.html import render
+from emaphm.server.listing import Listing
 from emaphm.server.query import OneOf, check_value
 from emaphm.server.state import ServerState
 from emaphm.server.uploads import STATED, status_of
@@ -40,7 +41,7 @@ PICTURE = {"content-security-policy": "default-src 'none'; style-src 'unsafe-inl
 PageNumber = Annotated[int, Query(ge=1, le=LARGEST_ID)]
 
 MOST_LISTED = 200
-"""Recordings and events on the page of a unit."""
+"""Recordings and events on one page."""
 
 FIGURES = ("health", "life", "fan")
 
@@ -87,9 +88,7 @@ def fleet(
 def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -> bytes:
     found = server.fleet.fleet()
     rows = choice.of(found.rows)
-    size = server.settings.units_a_page
-    pages = max(-(-len(rows) // size), 1)
-    number = min(number, pages)  # units may have gone since its link was made
+    listing = Listing.of(number, server.settings.units_a_page, len(rows))
     chosen = {"part": choice.part, "advice": choice.advice, "health": choice.health, "search": choice.search}
 
     def link(**changes: Any) -> str:
@@ -108,7 +107,7 @@ def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -
     return render(
         "fleet.html.jinja",
         request,
-        rows=rows[(number - 1) * size : number * size],
+        rows=rows[listing.start : listing.start + listing.size],
         count=len(rows),
         counts=counts,
         choice=choice,
@@ -117,19 +116,19 @@ def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -
         healths=HEALTHS,
         parts=found.part_numbers,
         sorted_by=sorted_by,
-        link=link,
-        number=number,
-        pages=pages,
+        listing=listing,
+        pages_at=link() + "&page=",
     )
 
 
 @router.get("/units/{unit_id}")
-def unit(request: Request, server: Server, unit_id: Id) -> Response:
-    """Return the page of a unit."""
+def unit(request: Request, server: Server, unit_id: Id, page: PageNumber = 1) -> Response:
+    """Return the page of a unit; `page` is that of its recordings."""
     row = api.row_of(server, unit_id)
+    listing = Listing.of(page, MOST_LISTED, row.recordings)
     with server.history.database.reading() as connection:  # one state of all
         entries = UnitEntries.read(connection, row.id, row.unit)
-        lines = diagnosis_lines(connection, unit_id=unit_id, limit=MOST_LISTED)
+        lines = diagnosis_lines(connection, unit_id=unit_id, offset=listing.start, limit=listing.size)
         has_curves = read_curves(connection, unit_id) is not None
     lines = tuple(sorted(lines, key=lambda line: (-line.hours, -line.id)))
     kept = api.prognosis_of(server, row)
@@ -142,8 +141,10 @@ def unit(request: Request, server: Server, unit_id: Id) -> Response:
         has_curves=has_curves,
         version=_version(kept.at if kept else "", row),
         lines=lines,
+        listing=listing,
         entries=entries,
         events=server.history.events(unit=row.unit, newest_first=True, limit=MOST_LISTED),
+        most=MOST_LISTED,
         plotly=f"/static/{_plotly_version()}/{PLOTLY}",
         ids={row.unit: row.id},
     )
@@ -246,9 +247,10 @@ def job(request: Request, server: Server, job_id: Id) -> Response:
 
 
 @router.get("/data")
-def data_health(request: Request, server: Server) -> Response:
-    """Return the page on what cannot be trusted."""
-    found = api.data_health(server)
+def data_health(request: Request, server: Server, page: PageNumber = 1) -> Response:
+    """Return the page on what cannot be trusted; `page` is that of the recordings."""
+    listing = Listing.of(page, MOST_LISTED, server.fleet.fleet().recordings(explained=False))
+    found = api.untrusted(server, offset=listing.start, limit=listing.size)
     events = server.history.events(
         kinds=(
             "sensor_fault",
@@ -261,7 +263,15 @@ def data_health(request: Request, server: Server) -> Response:
         newest_first=True,
         limit=MOST_LISTED,
     )
-    return _html("data.html.jinja", request, found=found, events=events, ids=server.fleet.ids())
+    return _html(
+        "data.html.jinja",
+        request,
+        found=found,
+        listing=listing,
+        events=events,
+        most=MOST_LISTED,
+        ids=server.fleet.ids(),
+    )
 
 
 @router.get("/events")

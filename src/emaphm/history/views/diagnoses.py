@@ -45,6 +45,7 @@ def diagnosis_lines(
     unit_id: int | None = None,
     explained: bool | None = None,
     before: int | None = None,
+    offset: int = 0,
     limit: int = 100,
 ) -> tuple[DiagnosisLine, ...]:
     """Return the last diagnosis of each recording that all conditions hold for, the newest first.
@@ -59,6 +60,8 @@ def diagnosis_lines(
         Only those that a model explains, or only the others; all where left out.
     before
         The id of a diagnosis; only older ones.
+    offset
+        How many are left out, the newest ones.
     limit
         How many at most.
     """
@@ -87,7 +90,7 @@ def diagnosis_lines(
         query = query.where(DIAGNOSES.c.explained == explained)
     if before is not None:
         query = query.where(DIAGNOSES.c.id < before)
-    rows = connection.execute(query.order_by(DIAGNOSES.c.id.desc()).limit(limit))
+    rows = connection.execute(query.order_by(DIAGNOSES.c.id.desc()).offset(offset).limit(limit))
     return tuple(_line(row) for row in rows)
 
 

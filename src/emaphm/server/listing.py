@@ -1,0 +1,37 @@
+"""Lists in parts: which entries a page shows, and how that is said."""
+
+from dataclasses import dataclass
+from typing import Self
+
+
+@dataclass(frozen=True)
+class Listing:
+    """What page `number`, from 1 on, shows of a list of `total` entries, `size` a page, the newest first."""
+
+    number: int
+    size: int
+    total: int
+
+    @classmethod
+    def of(cls, number: int, size: int, total: int) -> Self:
+        """Return page `number`, or the last one where entries have gone since its link was made."""
+        return cls(min(number, max(-(-total // size), 1)), size, total)
+
+    @property
+    def pages(self) -> int:
+        """How many pages there are."""
+        return max(-(-self.total // self.size), 1)
+
+    @property
+    def start(self) -> int:
+        """How many entries stand on the pages before."""
+        return (self.number - 1) * self.size
+
+    def caption(self, what: str) -> str:
+        """Return how many of how many are shown, of what they are in the plural."""
+        if self.pages == 1:
+            return f"{self.total} {what if self.total != 1 else what.removesuffix('s')}."
+        if self.number == 1:
+            return f"The newest {self.size} of {self.total} {what}."
+        end = min(self.start + self.size, self.total)
+        return f"{self.start + 1} to {end} of {self.total} {what}, counted from the newest."
