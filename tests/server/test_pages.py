@@ -75,6 +75,18 @@ def test_a_page_of_a_unit_has_all_that_is_known_of_it(client: "TestClient") -> N
     assert "friction is degraded" in client.get("/units/2").text
 
 
+def test_hours_and_counts_are_shown_as_stated(client: "TestClient", state: "ServerState") -> None:
+    assert "1 removal, 1 finding of the shop." in client.get("/units/3").text
+    held = recording(1000)
+    state.history.add(Entry("SN-0000", "EMA-0", 1166.5), held, diagnosis(held, 0.0))
+    state.history.add_removal("SN-0000", Removal(1166.5, "other"))
+    text = client.get("/units/1").text
+    assert "SN-0000 at 1,166.5\u00a0h" in text
+    assert text.count("1,166.5\u00a0h</") == 3  # of unit, recording and removal
+    assert "1 removal, 0 findings of the shop." in text
+    assert '<td data-label="flight hours" class="number">1,166.5\u00a0h</td>' in client.get("/").text
+
+
 def test_a_unit_that_failed_has_no_remaining_life(client: "TestClient", state: "ServerState") -> None:
     kept = state.history.prognoses()["SN-0002"]
     document = {**kept.document, "failed_at_hours": 160.0}

@@ -27,11 +27,17 @@ class Listing:
         """How many entries stand on the pages before."""
         return (self.number - 1) * self.size
 
-    def caption(self, what: str) -> str:
-        """Return how many of how many are shown, of what they are in the plural."""
+    def caption(self, noun: str) -> str:
+        """Return how many of how many are shown; `noun` is what one is called."""
+        every = counted(self.total, noun)
         if self.pages == 1:
-            return f"{self.total} {what if self.total != 1 else what.removesuffix('s')}."
+            return f"{every}."
         if self.number == 1:
-            return f"The newest {self.size} of {self.total} {what}."
+            return f"The newest {self.size} of {every}."
         end = min(self.start + self.size, self.total)
-        return f"{self.start + 1} to {end} of {self.total} {what}, counted from the newest."
+        return f"{self.start + 1} to {end} of {every}, counted from the newest."
+
+
+def counted(count: int, one: str, many: str = "") -> str:
+    """Return a number with what it counts: `one`, or `many`, which has an s more where left out."""
+    return f"{count} {one if count == 1 else many or f'{one}s'}"
