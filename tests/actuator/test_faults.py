@@ -14,6 +14,7 @@ from emaphm.actuator.faults import (
     HEALTHY,
     check_vectors,
     from_cartesian,
+    health_in,
     lower_bounds,
     to_cartesian,
 )
@@ -194,6 +195,23 @@ def test_many_vectors_convert_as_one_by_one() -> None:
     assert points.shape == many.shape
     assert np.array_equal(points[2, 3], to_cartesian(many[2, 3]))
     assert np.array_equal(from_cartesian(points)[2, 3], from_cartesian(points[2, 3]))
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "explained", "health"),
+    [
+        ({}, True, "healthy"),
+        ({"gain": "cannot tell"}, True, "cannot tell"),
+        ({"gain": "cannot tell", "friction": "degraded"}, True, "degraded"),
+        ({"friction": "degraded"}, False, "not explained"),
+        ({"eccentricity_phase": "cannot tell"}, True, "healthy"),
+    ],
+)
+def test_a_unit_is_healthy_where_all_that_can_degrade_is(
+    verdicts: dict[str, str], explained: bool, health: str
+) -> None:
+    faults = {name: {"verdict": verdicts.get(name, "healthy")} for name in NAMES}
+    assert health_in({"explained": explained, "faults": faults}) == health
 
 
 def test_faults_are_frozen() -> None:

@@ -2,7 +2,9 @@
 
 import json
 import shutil
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -257,10 +259,22 @@ def test_list_and_export(emaphm: Emaphm, flown: Path) -> None:
     text = emaphm("history", "list").out
     assert "SN-7" in text
     assert "friction" in text
-    assert answer(emaphm, "list", "--part", "other")["units"] == []
+    assert answer(emaphm, "list", "--part", "thesis")["units"] == [line]
     assert answer(emaphm, "export", "-o", "out.csv")["units"] == 1
     table = pl.read_csv(flown / "out.csv")
     assert table.select("serial_number", "hours", "friction_verdict").row(0) == ("SN-7", 100.0, "degraded")
+
+
+def test_what_cannot_be_told_is_not_called_sound(emaphm: Emaphm, flown: Path) -> None:
+    with closing(sqlite3.connect(flown / "history.sqlite")) as database:
+        for verdict in ("degraded", "healthy"):
+            told, untold = f'"verdict": "{verdict}"', '"verdict": "cannot tell"'
+            database.execute("UPDATE diagnoses SET document = replace(document, ?, ?)", (told, untold))
+        database.commit()
+    (line,) = answer(emaphm, "list")["units"]
+    assert (line["last"]["explained"], line["last"]["health"]) == (True, "cannot tell")
+    assert emaphm("history", "list").out.rstrip().endswith("cannot tell")
+    assert emaphm("history", "show", "--unit", "SN-7").out.rstrip().endswith("cannot tell")
 
 
 def test_the_database_may_be_named_once(emaphm: Emaphm, flown: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -300,6 +314,8 @@ REFUSALS = {
     ("list", "--db", "first.csv"): "first.csv: the database cannot be used (file is not a database)",
     ("list", "--db", "postgresql://me:secret@127.0.0.1:1/fleet"): "postgresql://me:***@127.0.0.1:1/fleet",
     ("export", "-o", "out.xml"): "unknown file ending '.xml'",
+    ("export", "-o", "out.csv", "--part", "thesos"): "no units of the part number 'thesos' (did you mean",
+    ("list", "--part", "thesos"): "no units of the part number 'thesos' (did you mean 'thesis'?)",
 }
 
 

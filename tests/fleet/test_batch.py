@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from cases import THESIS
+from emaphm.actuator import COMPONENTS
 from emaphm.cli import main
 from emaphm.diagnosis import diagnose
 from emaphm.errors import ExecutionError, MethodError, RecordingError
@@ -88,6 +89,19 @@ def test_of_nothing_that_was_diagnosed_no_others_are_named(
         files = [str(folder / name) for name in names.split()]
         assert main(["diagnose", *files, "--by", "absent", "--workers", "1"]) == 2
         assert capsys.readouterr().err.startswith(f"emaphm: {words} diagnosed")
+
+
+@pytest.mark.parametrize(("verdict", "shown"), [("healthy", "none"), ("cannot tell", "cannot tell")])
+def test_what_cannot_be_told_is_not_called_sound(verdict: str, shown: str) -> None:
+    values = {
+        "recording": "a.csv",
+        "explained": True,
+        "relative_residual": 0.01,
+        "moves": True,
+        "faults": {name: {"value": 0.0, "verdict": verdict} for name in COMPONENTS},
+        **dict.fromkeys(("suspected", "laws", "reasons", "notes"), ()),
+    }
+    assert BatchResult(values).row.cells[1:4] == ("yes", "1.0 %", shown)
 
 
 def test_one_file_alone_is_diagnosed_as_ever(made: list[Path], capsys: pytest.CaptureFixture[str]) -> None:

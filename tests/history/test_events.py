@@ -1,6 +1,7 @@
 """Events and prognoses in a history: each once, in their order, found by unit, kind and time."""
 
 import os
+import re
 import sqlite3
 import threading
 from collections.abc import Callable
@@ -70,12 +71,19 @@ def test_events_are_found_by_unit_kind_time_and_number(history: History) -> None
     since, until = "2026-03-02T12:00:00+02:00", "2026-03-03T09:59:59.5Z"
     assert [one.at for one in history.events(unit="S1", since=since, until=until)] == times[1:2]
     assert [one.at for one in history.events(unit="S1", since="2026-03-02", until="2026-03-03")] == times[1:2]
-    with pytest.raises(HistoryError, match="'yesterday' is no time"):
-        history.events(since="yesterday")
     assert [one.kind for one in history.events(kinds=["source_lost"])] == ["source_lost"]
     first, second = history.events(limit=2)
     assert history.events(after=first.number, limit=1) == (second,)
     assert history.events(newest_first=True, limit=1)[0].kind == "source_lost"
+
+
+@pytest.mark.parametrize("time", ["yesterday", "0001-01-01T00:00:00+14:00", "9999-12-31T23:00-05:00"])
+def test_what_is_no_time_in_utc_is_refused(history: History, time: str) -> None:
+    said = f"'{re.escape(time)}' is no time"
+    with pytest.raises(HistoryError, match=said):
+        history.events(since=time)
+    with pytest.raises(HistoryError, match=said):
+        history.events(until=time)
 
 
 def test_a_condition_is_open_until_it_is_cleared(history: History) -> None:

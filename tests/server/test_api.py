@@ -69,6 +69,21 @@ def test_pages_of_diagnoses_follow_each_other(client: "TestClient") -> None:
     assert all(
         not one["explained"] for one in client.get(f"{API}/recordings?explained=false").json()["diagnoses"]
     )
+    totals = {
+        "limit=5": 36,
+        "explained=false": 3,
+        "explained=true&limit=2": 33,
+        "unit_id=6&explained=false": 3,
+    }
+    for query, total in totals.items():
+        assert client.get(f"{API}/recordings?{query}").json()["total"] == total
+
+
+def test_recordings_that_are_not_explained_go_on_with_the_lowest_number(client: "TestClient") -> None:
+    first = client.get(f"{API}/data-health?limit=2").json()
+    then = client.get(f"{API}/data-health?limit=2&before={first['recordings'][-1]['id']}").json()
+    assert [one["id"] for one in first["recordings"] + then["recordings"]] == [18, 17, 16]
+    assert first["total"] == then["total"] == 3
 
 
 def test_events(client: "TestClient") -> None:
@@ -109,7 +124,16 @@ def test_what_is_wrong_is_refused(client: "TestClient", path: str, status: int) 
         ("/api/v1/recordings?unit_id=1&unit_id=2", ["'unit_id' is given 2 times"]),
         ("/api/v1/jobs?a=1&b=2", ["unknown name 'a'", "unknown name 'b'"]),
         ("/?advise=fly+on", ["unknown name &#39;advise&#39; (did you mean &#39;advice&#39;?)"]),
-        ("/units/3?explained=true", ["this address has no query"]),
+        ("/diagnoses/3?explained=true", ["this address has no query"]),
+        ("/?health=degrade", ["health: unknown value &#39;degrade&#39; (did you mean &#39;degraded&#39;?)"]),
+        ("/?advice=bogus&order=up", ["advice: unknown value &#39;bogus&#39; (known: fly on, ", "order: "]),
+        ("/?sort=hour", ["did you mean &#39;hours&#39;"]),
+        ("/?page=abc", ["page: Input should be a valid integer"]),
+        ("/units/3?page=0", ["page: Input should be greater than or equal to 1"]),
+        ("/?part=EMA-7", ["part: unknown value &#39;EMA-7&#39; (did you mean &#39;EMA-"]),
+        ("/events?kind=alarms", ["kind: unknown value &#39;alarms&#39; (did you mean &#39;alarm&#39;?)"]),
+        ("/api/v1/units?part=EMA-7", ["unknown value 'EMA-7' (did you mean 'EMA-"]),
+        ("/api/v1/events?kind=alarms", ["unknown value 'alarms' (did you mean 'alarm'?)"]),
     ],
 )
 def test_a_query_that_would_select_nothing_is_refused(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from emaphm.history import Entry, History, Removal
+from emaphm.server import pages
 
 from .conftest import UNITS
 from .made_up import diagnosis, recording
@@ -56,7 +57,7 @@ def test_links_sort_and_forms_filter(client: "TestClient") -> None:
     assert units_on(client, "/?health=not+explained") == ["SN-0005"]
     assert units_on(client, "/?search=0007") == ["SN-0007"]
     assert units_on(client, "/?search=no+such") == []
-    assert units_on(client, "/?sort=nonsense&page=-3")[0] == "SN-0004"
+    assert units_on(client, "/?sort=&order=&part=&advice=&health=&page=9")[-1] == "SN-0011"
 
 
 def test_a_browser_is_not_sent_the_same_fleet_again(client: "TestClient", state: "ServerState") -> None:
@@ -74,6 +75,18 @@ def test_a_page_of_a_unit_has_all_that_is_known_of_it(client: "TestClient") -> N
     assert "friction is degraded" in client.get("/units/2").text
 
 
+def test_hours_and_counts_are_shown_as_stated(client: "TestClient", state: "ServerState") -> None:
+    assert "1 removal, 1 finding of the shop." in client.get("/units/3").text
+    held = recording(1000)
+    state.history.add(Entry("SN-0000", "EMA-0", 1166.5), held, diagnosis(held, 0.0))
+    state.history.add_removal("SN-0000", Removal(1166.5, "other"))
+    text = client.get("/units/1").text
+    assert "SN-0000 at 1,166.5\u00a0h" in text
+    assert text.count("1,166.5\u00a0h</") == 3  # of unit, recording and removal
+    assert "1 removal, 0 findings of the shop." in text
+    assert '<td data-label="flight hours" class="number">1,166.5\u00a0h</td>' in client.get("/").text
+
+
 def test_a_unit_that_failed_has_no_remaining_life(client: "TestClient", state: "ServerState") -> None:
     kept = state.history.prognoses()["SN-0002"]
     document = {**kept.document, "failed_at_hours": 160.0}
@@ -89,6 +102,38 @@ def test_a_diagnosis_names_its_verdicts_and_its_residual(client: "TestClient") -
     text = client.get("/diagnoses/36").text
     assert "Degraded: friction." in text
     assert "0.1100" in text
+
+
+def test_what_cannot_be_told_is_not_called_sound(client: "TestClient", state: "ServerState") -> None:
+    held = recording(1000)
+    made = diagnosis(held, 0.0)
+    untold = {name: replace(one, verdict="cannot tell") for name, one in made.components.items()}
+    state.history.add(Entry("SN-new", "EMA-9", 5.0), held, replace(made, components=untold))
+    [line] = client.get("/api/v1/diagnoses?limit=1").json()["diagnoses"]
+    assert (line["explained"], line["health"], line["degraded"]) == (True, "cannot tell", [])
+    assert units_on(client, "/?health=cannot+tell") == ["SN-new"]
+    assert '<td data-label="degraded">cannot tell</td>' in client.get(f"/units/{line['unit_id']}").text
+    assert "but some components are inconclusive" in client.get(f"/diagnoses/{line['id']}").text
+    assert '<td data-label="degraded">none</td>' in client.get("/units/1").text
+
+
+def test_a_list_of_recordings_that_is_cut_says_so_and_goes_on(
+    client: "TestClient", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pages, "MOST_LISTED", 2)
+    for path in ("/units/6", "/data"):  # each with the recordings of SN-0005
+        first, second = client.get(path).text, client.get(f"{path}?page=2").text
+        assert "<caption>The newest 2 of 3 recordings.</caption>" in first
+        assert f'<a rel="next" href="{path}?page=2#recordings">' in first
+        assert "<caption>3 to 3 of 3 recordings, counted from the newest.</caption>" in second
+        assert f'<a rel="prev" href="{path}?page=1#recordings">' in second
+        assert [re.findall(r"flight \d+\.csv</a>", text) for text in (first, second)] == [
+            ["flight 17.csv</a>", "flight 16.csv</a>"],
+            ["flight 15.csv</a>"],
+        ]
+        assert client.get(f"{path}?page=9").text == second
+    monkeypatch.setattr(pages, "MOST_LISTED", 3)
+    assert "<caption>3 recordings.</caption>" in client.get("/units/6").text
 
 
 def test_data_health_lists_what_is_not_explained(client: "TestClient") -> None:

@@ -1,5 +1,6 @@
 """Uploads: what is refused, where they are kept, and that none is lost."""
 
+import errno
 import multiprocessing
 import time
 from dataclasses import replace
@@ -277,8 +278,24 @@ def test_an_upload_that_cannot_be_queued_leaves_no_file(
         raise ServerError("the disk of the queue is full")
 
     monkeypatch.setattr(idle.queue, "add", full)
-    assert sent(client_of(idle)).status_code >= 400
+    assert sent(client_of(idle)).status_code == 503
     assert not list(idle.folder.uploads.iterdir())
+
+
+@pytest.mark.parametrize("where", ["shutil.copyfileobj", "starlette.requests.Request.form"])
+def test_an_upload_that_a_full_disk_does_not_hold_may_be_sent_again(
+    idle: "ServerState", monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(where, full)
+        answer = sent(client_of(idle))
+    assert answer.status_code == 503
+    assert "cannot be kept (No space left on device)" in answer.json()["detail"]
+    assert not list(idle.folder.uploads.iterdir())
+    assert sent(client_of(idle)).status_code == 202
 
 
 def test_a_killed_job_is_run_again_once(state: "ServerState") -> None:

@@ -110,6 +110,21 @@ def degraded_in(document: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(name for name in COMPONENTS if document["faults"][name]["verdict"] == "degraded")
 
 
+HEALTHS = ("degraded", "not explained", "cannot tell", "healthy")
+"""What a diagnosis says of its unit, what is most to be looked after first."""
+
+
+def health_in(document: Mapping[str, Any]) -> str:
+    """Return which of `HEALTHS` a diagnosis says of its unit, as `emaphm diagnose --json` prints it.
+
+    A unit is healthy where each of `COMPONENTS` is: one that cannot be told may be degraded.
+    """
+    if not document["explained"]:
+        return "not explained"
+    found = {document["faults"][name]["verdict"] for name in COMPONENTS}
+    return next((one for one in HEALTHS if one in found), "cannot tell")
+
+
 def lower_bounds(actuator: Actuator) -> NDArray[np.float64]:
     """Return the least value of each component on `actuator`, (8,); the largest is 1.
 

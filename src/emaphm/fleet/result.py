@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from emaphm.actuator.faults import degraded_in
+from emaphm.actuator.faults import degraded_in, health_in
 from emaphm.text_table import NOTHING, format_table
 
 LONGEST_NOTE = 100
@@ -56,19 +56,20 @@ class BatchResult:
         return (*found, *values["reasons"], *values["notes"])
 
     @property
+    def _cells(self) -> tuple[str, str, str]:
+        """Whether it is explained, the residual, and what is degraded."""
+        degraded = ", ".join(f"{name} {value:.2f}" for name, value in self.degraded.items())
+        none = "none" if health_in(self.values) == "healthy" else "cannot tell"
+        residual = f"{100 * self.values['relative_residual']:.1f} %"
+        return "yes" if self.explained else "no", residual, degraded or none
+
+    @property
     def row(self) -> "BatchRow":
         """The recording's row of the table."""
         notes = "; ".join(self.notes)
         if len(notes) > LONGEST_NOTE:
             notes = f"{notes[: LONGEST_NOTE - 1]}…"
-        degraded = ", ".join(f"{name} {value:.2f}" for name, value in self.degraded.items())
-        cells = (
-            ("yes", f"{100 * self.values['relative_residual']:.1f} %", degraded or "none")
-            if self.explained
-            else (NOTHING,) * 3
-            if self.error
-            else ("no", f"{100 * self.values['relative_residual']:.1f} %", "cannot tell")
-        )
+        cells = (NOTHING,) * 3 if self.error else self._cells
         return BatchRow(
             (self.recording, *cells, notes), self.explained, bool(self.degraded), broken=bool(self.error)
         )

@@ -223,11 +223,11 @@ def _moment(time: str) -> str:
     """Return what kept times are compared with as text: in UTC, to the second or with its fraction."""
     try:
         moment = datetime.fromisoformat(time)
-    except ValueError:
+        moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+    except (ValueError, OverflowError):  # in UTC it may lie before the year 1, or after 9999
         raise HistoryError(
             f"'{time}' is no time; give one like 2026-03-01 or 2026-03-01T10:00:00+01:00"
         ) from None
-    moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
     return moment.replace(tzinfo=None).isoformat()
 
 

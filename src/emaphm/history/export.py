@@ -25,9 +25,10 @@ def export(history: History, path: Path, *, part_number: str | None = None, forc
     OutputError
         The file cannot be written there, or has another ending.
     HistoryError
-        The database fails.
+        The database fails, or has no unit of the part number.
     """
     check_writable(path, force=force, endings=ENDINGS)
+    history.check_part_number(part_number)
     units = history.units(part_number)
     with written_whole(path) as temporary:
         if path.suffix.lower() == ".json":

@@ -110,6 +110,12 @@ class History:
             rows = reading.units(connection)
         return tuple(Unit(self.database, row) for row in rows if part_number in (None, row.part_number))
 
+    def check_part_number(self, part_number: str | None) -> None:
+        """Refuse a part number that no unit has, `HistoryError` with the nearest; none where left out."""
+        with self.database.reading() as connection:
+            known = {row.part_number for row in reading.units(connection)}
+        reading.check_part_number(known, part_number)
+
     def unit(self, serial_number: str) -> Unit:
         """Return a unit; an unknown one raises `HistoryError` with the nearest serial number."""
         with self.database.reading() as connection:

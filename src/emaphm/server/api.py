@@ -6,6 +6,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, HTTPException, Path, Query, Request
 from pydantic import BaseModel, Field
 
+from emaphm.actuator.faults import HEALTHS
 from emaphm.history.blocks import diagnosis_blocks
 from emaphm.history.entries import UnitEntries
 from emaphm.history.events import KINDS, read_events
@@ -13,7 +14,8 @@ from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis
 from emaphm.history.reading import UnitRow
 from emaphm.history.views import DiagnosisLine, diagnosis, diagnosis_lines, read_curves
-from emaphm.server.fleet import ACTIONS, HEALTHS, SORTS, Choice, FleetRow
+from emaphm.server.fleet import ACTIONS, SORTS, Choice, FleetRow
+from emaphm.server.query import OneOf, check_value
 from emaphm.server.state import ServerState
 from emaphm.server.work.queue import Job
 from emaphm.strict_json import finite
@@ -36,11 +38,11 @@ Limit = Annotated[int, Query(ge=1, le=1000, description="How many at most.")]
 Before = Annotated[
     int | None, Query(ge=1, le=LARGEST_ID, description="Only those of lower numbers: the next page.")
 ]
+Sort = Annotated[str, Query(description="By what they are sorted."), OneOf(tuple(SORTS))]
+Advice = Annotated[str, Query(description="Only this advice."), OneOf((*ACTIONS, "none"))]
+Health = Annotated[str, Query(description="Only where the last diagnosis says so."), OneOf(HEALTHS)]
+Kind = Annotated[str, Query(description="Only of this kind."), OneOf(KINDS)]
 UnitId = Annotated[int | None, Query(ge=1, le=LARGEST_ID, description="Only of the unit of this id.")]
-
-
-def _one_of(names: tuple[str, ...], what: str) -> Any:
-    return Query(description=what, pattern=f"^({'|'.join(('', *names))})$")
 
 
 class Units(BaseModel):
@@ -55,6 +57,7 @@ class Diagnoses(BaseModel):
     """Diagnoses with their recordings, the newest first."""
 
     diagnoses: list[DiagnosisLine]
+    total: int = Field(description="How many the unit and explained leave, on all pages.")
 
 
 class DataHealth(BaseModel):
@@ -65,6 +68,7 @@ class DataHealth(BaseModel):
     recordings: list[DiagnosisLine] = Field(
         description="Recordings that are not explained, the newest first."
     )
+    total: int = Field(description="How many recordings are not explained, on all pages.")
 
 
 class JobAnswer(BaseModel):
@@ -94,17 +98,18 @@ NOT_FOUND: dict[int | str, dict[str, Any]] = {404: {"model": Refusal}}
 @router.get("/units")
 def units(
     server: Server,
-    sort: Annotated[str, _one_of(tuple(SORTS), "By what they are sorted.")] = "urgency",
+    sort: Sort = "urgency",
     descending: Annotated[bool, Query(description="The other way round.")] = False,
     part: Annotated[str, Query(description="Only this part number.")] = "",
-    advice: Annotated[str, _one_of((*ACTIONS, "none"), "Only this advice.")] = "",
-    health: Annotated[str, _one_of(HEALTHS, "Only where the last diagnosis says so.")] = "",
+    advice: Advice = "",
+    health: Health = "",
     search: Annotated[str, Query(description="Part of a serial number or a position.")] = "",
     limit: Limit = 1000,
     offset: Annotated[int, Query(ge=0, le=LARGEST_ID)] = 0,
 ) -> Units:
     """Return the units of the fleet, the most urgent first."""
     fleet = server.fleet.fleet()
+    check_value("part", part, fleet.part_numbers)
     rows = Choice(sort or "urgency", descending, part, advice, health, search).of(fleet.rows)
     return Units(units=rows[offset : offset + limit], shown=len(rows), total=len(fleet.rows))
 
@@ -159,7 +164,9 @@ def diagnoses(
         row_of(server, unit_id)
     with server.history.database.reading() as connection:
         found = diagnosis_lines(connection, unit_id=unit_id, explained=explained, before=before, limit=limit)
-    return Diagnoses(diagnoses=list(found))
+    return Diagnoses(
+        diagnoses=list(found), total=server.fleet.fleet().recordings(unit_id, explained=explained)
+    )
 
 
 @router.get("/diagnoses/{diagnosis_id}", responses=NOT_FOUND)
@@ -181,7 +188,7 @@ def one_diagnosis(server: Server, diagnosis_id: Id) -> dict[str, Any]:
 def events(
     server: Server,
     unit_id: UnitId = None,
-    kind: Annotated[str, _one_of(KINDS, "Only of this kind.")] = "",
+    kind: Kind = "",
     after: Annotated[
         int | None, Query(ge=0, le=LARGEST_ID, description="Only those of higher numbers.")
     ] = None,
@@ -213,15 +220,22 @@ def events(
 
 
 @router.get("/data-health")
-def data_health(server: Server) -> DataHealth:
-    """Return what cannot be trusted."""
-    rows = Choice(sort="unit").of(server.fleet.fleet().rows)
+def data_health(server: Server, before: Before = None, limit: Limit = 100) -> DataHealth:
+    """Return what cannot be trusted; `before` and `limit` are of the recordings."""
+    return untrusted(server, before=before, limit=limit)
+
+
+def untrusted(server: ServerState, *, before: int | None = None, offset: int = 0, limit: int) -> DataHealth:
+    """Return what cannot be trusted, with the recordings that the others choose of those not explained."""
+    fleet = server.fleet.fleet()
+    rows = Choice(sort="unit").of(fleet.rows)
     with server.history.database.reading() as connection:
-        found = diagnosis_lines(connection, explained=False)
+        found = diagnosis_lines(connection, explained=False, before=before, offset=offset, limit=limit)
     return DataHealth(
         not_explained=[row for row in rows if row.health == "not explained"],
         sensor_faults=[row for row in rows if row.sensor_faults],
         recordings=list(found),
+        total=fleet.recordings(explained=False),
     )
 
 

@@ -15,7 +15,7 @@ from emaphm.errors import EmaphmError
 from emaphm.server import api, pages
 from emaphm.server.guard import HEADERS, Guard
 from emaphm.server.html import render
-from emaphm.server.query import check_query
+from emaphm.server.query import check_query, in_words
 from emaphm.server.uploads import BusyError, status_of
 from emaphm.version import VERSION
 
@@ -84,7 +84,7 @@ def _invalid(request: Request, error: Exception) -> Response:
     if request.url.path.startswith("/api/"):
         found = [{key: one[key] for key in ("loc", "msg", "type")} for one in error.errors()]
         return JSONResponse({"detail": jsonable_encoder(found)}, 422)
-    of_query = [one["msg"] for one in error.errors() if one["loc"][0] == "query"]
+    of_query = [in_words(one) for one in error.errors() if one["loc"][0] == "query"]
     if of_query:
         return _answer(request, 422, f"The address cannot be used as it is: {'; '.join(of_query)}.")
     return _answer(request, 404, "There is no such page.")

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from emaphm.actuator.faults import COMPONENTS, degraded_in
+from emaphm.actuator.faults import HEALTHS, degraded_in, health_in
 from emaphm.history.events import read_open_conditions
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognoses
 from emaphm.history.views import NO_PROGNOSES, Marks, UnitState, changed_units, marks, states
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
 ACTIONS = ("replace before", "inspect by", "fly on")
 """What may be advised, the most urgent first."""
-
-HEALTHS = ("degraded", "not explained", "cannot tell", "healthy")
-"""What the last diagnosis says of a unit."""
 
 NEVER = float("inf")
 
@@ -124,6 +121,12 @@ class Fleet:
         """The part numbers of the units."""
         return sorted({row.part_number for row in self.rows})
 
+    def recordings(self, unit_id: int | None = None, explained: bool | None = None) -> int:
+        """Return how many recordings all units have, or one; only those `explained`, or not, where said."""
+        rows = [row for row in self.rows if unit_id in (None, row.id)]
+        good, every = sum(row.explained for row in rows), sum(row.recordings for row in rows)
+        return every if explained is None else good if explained else every - good
+
 
 class FleetView:
     """Gives the fleet as it is now; only what has changed since is read again."""
@@ -218,7 +221,7 @@ def _row(state: UnitState, prognosis: KeptPrognosis | None, alarms: tuple[str, .
         recordings=state.recordings,
         explained=state.explained,
         diagnosis=state.diagnosis_id,
-        health=_health(state.document),
+        health=health_in(state.document),
         degraded=degraded_in(state.document),
         reasons=tuple(state.document.get("reasons", ())),
         sensor_faults=tuple(one["sentence"] for one in state.document.get("sensor_faults", ())),
@@ -226,13 +229,6 @@ def _row(state: UnitState, prognosis: KeptPrognosis | None, alarms: tuple[str, .
         current=prognosis is not None and prognosis.is_current(state.basis),
         **_forecast(prognosis),
     )
-
-
-def _health(document: dict[str, Any]) -> str:
-    if not document["explained"]:
-        return "not explained"
-    found = {document["faults"][name]["verdict"] for name in COMPONENTS}
-    return next((one for one in HEALTHS if one in found), "cannot tell")
 
 
 def _forecast(prognosis: KeptPrognosis | None) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from emaphm.errors import ServerError, nearest
 from emaphm.prognosis.result import hours_text
 from emaphm.report.wording import LABELS
+from emaphm.server.listing import counted
 
 if TYPE_CHECKING:
     from jinja2 import BaseLoader, Environment, TemplateError
@@ -93,7 +94,9 @@ def _environment(folder: Path | None) -> "Environment":
         lstrip_blocks=True,
     )
     environment.filters |= {
-        "hours": lambda value: "–" if value is None else f"{value:,.0f}\u00a0h",
+        "hours": lambda value: "–" if value is None else f"{round(value, 2):,.12g}\u00a0h",  # as stated
+        "about": lambda value: "–" if value is None else f"{value:,.0f}\u00a0h",  # as forecast
+        "counted": counted,
         "rul": lambda value: NEVER if value is None else hours_text(value),
         "percent": lambda value: "–" if value is None else f"{100 * value:.1f} %",
         "label": lambda name: LABELS.get(name, name),

@@ -7,22 +7,24 @@ from pathlib import Path as FilePath
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Form, HTTPException, Request
+from fastapi import APIRouter, Form, HTTPException, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
-from emaphm.actuator.faults import degraded_in
+from emaphm.actuator.faults import HEALTHS, degraded_in, health_in
 from emaphm.errors import EmaphmError
 from emaphm.history.entries import UnitEntries
 from emaphm.history.events import KINDS
 from emaphm.history.views import diagnosis_lines, read_curves
 from emaphm.recording.io.read import READERS
 from emaphm.server import api
-from emaphm.server.api import Id, Server
-from emaphm.server.fleet import ACTIONS, HEALTHS, SORTS, Choice
+from emaphm.server.api import LARGEST_ID, Advice, Health, Id, Kind, Server, Sort
+from emaphm.server.fleet import ACTIONS, Choice
 from emaphm.server.folders import content_key
 from emaphm.server.guard import COOKIE, session_in
 from emaphm.server.html import render
+from emaphm.server.listing import Listing
+from emaphm.server.query import OneOf, check_value
 from emaphm.server.state import ServerState
 from emaphm.server.uploads import STATED, status_of
 from emaphm.server.work.drawing import estimates
@@ -36,8 +38,10 @@ PLOTLY = "plotly.min.js"
 PICTURE = {"content-security-policy": "default-src 'none'; style-src 'unsafe-inline'; sandbox"}
 """Of an SVG: its styles stand in it, and nothing else of it may act."""
 
+PageNumber = Annotated[int, Query(ge=1, le=LARGEST_ID)]
+
 MOST_LISTED = 200
-"""Recordings and events on the page of a unit."""
+"""Recordings and events on one page."""
 
 FIGURES = ("health", "life", "fan")
 
@@ -61,32 +65,30 @@ SORT_NAMES = {
 def fleet(
     request: Request,
     server: Server,
-    sort: str = "urgency",
-    order: str = "asc",
+    sort: Sort = "urgency",
+    order: Annotated[str, OneOf(("asc", "desc"))] = "asc",
     part: str = "",
-    advice: str = "",
-    health: str = "",
+    advice: Advice = "",
+    health: Health = "",
     search: str = "",
-    page: str = "1",
+    page: PageNumber = 1,
 ) -> Response:
     """Return the page of the fleet."""
-    sort = sort if sort in SORTS else "urgency"
-    choice = Choice(sort, order == "desc", part, advice, health, search[:200])
-    number = int(page) if page.isascii() and page.isdigit() and len(page) < 7 else 1
-    key = (server.fleet.fleet().version, choice, number)
+    found = server.fleet.fleet()
+    check_value("part", part, found.part_numbers)
+    choice = Choice(sort or "urgency", order == "desc", part, advice, health, search[:200])
+    key = (found.version, choice, page)
     tag = server.kept.tag(key)
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"etag": tag})
-    content = server.kept.pages.get(key, lambda: _fleet(request, server, choice, number))
+    content = server.kept.pages.get(key, lambda: _fleet(request, server, choice, page))
     return HTMLResponse(content, headers={"etag": tag})
 
 
 def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -> bytes:
     found = server.fleet.fleet()
     rows = choice.of(found.rows)
-    size = server.settings.units_a_page
-    pages = max(-(-len(rows) // size), 1)
-    number = min(max(number, 1), pages)
+    listing = Listing.of(number, server.settings.units_a_page, len(rows))
     chosen = {"part": choice.part, "advice": choice.advice, "health": choice.health, "search": choice.search}
 
     def link(**changes: Any) -> str:
@@ -105,7 +107,7 @@ def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -
     return render(
         "fleet.html.jinja",
         request,
-        rows=rows[(number - 1) * size : number * size],
+        rows=rows[listing.start : listing.start + listing.size],
         count=len(rows),
         counts=counts,
         choice=choice,
@@ -114,19 +116,19 @@ def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -
         healths=HEALTHS,
         parts=found.part_numbers,
         sorted_by=sorted_by,
-        link=link,
-        number=number,
-        pages=pages,
+        listing=listing,
+        pages_at=link() + "&page=",
     )
 
 
 @router.get("/units/{unit_id}")
-def unit(request: Request, server: Server, unit_id: Id) -> Response:
-    """Return the page of a unit."""
+def unit(request: Request, server: Server, unit_id: Id, page: PageNumber = 1) -> Response:
+    """Return the page of a unit; `page` is that of its recordings."""
     row = api.row_of(server, unit_id)
+    listing = Listing.of(page, MOST_LISTED, row.recordings)
     with server.history.database.reading() as connection:  # one state of all
         entries = UnitEntries.read(connection, row.id, row.unit)
-        lines = diagnosis_lines(connection, unit_id=unit_id, limit=MOST_LISTED)
+        lines = diagnosis_lines(connection, unit_id=unit_id, offset=listing.start, limit=listing.size)
         has_curves = read_curves(connection, unit_id) is not None
     lines = tuple(sorted(lines, key=lambda line: (-line.hours, -line.id)))
     kept = api.prognosis_of(server, row)
@@ -139,8 +141,10 @@ def unit(request: Request, server: Server, unit_id: Id) -> Response:
         has_curves=has_curves,
         version=_version(kept.at if kept else "", row),
         lines=lines,
+        listing=listing,
         entries=entries,
         events=server.history.events(unit=row.unit, newest_first=True, limit=MOST_LISTED),
+        most=MOST_LISTED,
         plotly=f"/static/{_plotly_version()}/{PLOTLY}",
         ids={row.unit: row.id},
     )
@@ -169,6 +173,7 @@ def one_diagnosis(request: Request, server: Server, diagnosis_id: Id) -> Respons
         document=kept.document,
         components=estimates(kept.document),
         degraded=degraded_in(kept.document),
+        health=health_in(kept.document),
         toml=toml,
         version=content_key(kept),
         has_report=server.folder.report(kept).exists(),
@@ -242,9 +247,10 @@ def job(request: Request, server: Server, job_id: Id) -> Response:
 
 
 @router.get("/data")
-def data_health(request: Request, server: Server) -> Response:
-    """Return the page on what cannot be trusted."""
-    found = api.data_health(server)
+def data_health(request: Request, server: Server, page: PageNumber = 1) -> Response:
+    """Return the page on what cannot be trusted; `page` is that of the recordings."""
+    listing = Listing.of(page, MOST_LISTED, server.fleet.fleet().recordings(explained=False))
+    found = api.untrusted(server, offset=listing.start, limit=listing.size)
     events = server.history.events(
         kinds=(
             "sensor_fault",
@@ -257,13 +263,20 @@ def data_health(request: Request, server: Server) -> Response:
         newest_first=True,
         limit=MOST_LISTED,
     )
-    return _html("data.html.jinja", request, found=found, events=events, ids=server.fleet.ids())
+    return _html(
+        "data.html.jinja",
+        request,
+        found=found,
+        listing=listing,
+        events=events,
+        most=MOST_LISTED,
+        ids=server.fleet.ids(),
+    )
 
 
 @router.get("/events")
-def events(request: Request, server: Server, kind: str = "") -> Response:
+def events(request: Request, server: Server, kind: Kind = "") -> Response:
     """Return the page of what became known of the units, the newest first."""
-    kind = kind if kind in KINDS else ""
     found = server.history.events(kinds=(kind,) if kind else (), newest_first=True, limit=MOST_LISTED)
     still_open = [one for one in reversed(server.history.open_conditions()) if kind in ("", one.kind)]
     return _html(

@@ -70,6 +70,8 @@ class Uploads:
         ------
         RecordingError
             It cannot be read, or has a field twice.
+        ServerError
+            This machine cannot hold it, as its disk is full.
         """
         if not request.headers.get("content-type", "").lower().startswith(MULTIPART):
             raise RecordingError(
@@ -79,6 +81,8 @@ class Uploads:
             found = await request.form(max_files=1, max_fields=MOST_FIELDS)
         except (MultiPartException, ClientDisconnect, ValueError):
             raise RecordingError(f"the form cannot be read; send {MULTIPART}") from None
+        except OSError as error:  # a file of some size is on disk while it arrives
+            raise _not_kept(error) from None
         try:
             yield _each_once(found)
         finally:
@@ -93,6 +97,8 @@ class Uploads:
             A field is missing, wrong or contradicts the history.
         BusyError
             Too many wait already.
+        ServerError
+            It cannot be kept, as the disk is full; it may be sent again.
         """
         fields = dict(form)
         sent = fields.pop("recording", None)
@@ -123,9 +129,7 @@ class Uploads:
             raise
         except OSError as error:
             path.unlink(missing_ok=True)
-            raise RecordingError(
-                f"the recording cannot be kept ({error.strerror or error}); free space on the server"
-            ) from None
+            raise _not_kept(error) from None
         finally:
             partial.unlink(missing_ok=True)
         self.pool.wake()
@@ -140,6 +144,10 @@ class Uploads:
             return  # the job waits until it is back
         except HistoryError as error:
             raise RecordingError(in_fields(str(error))) from None
+
+
+def _not_kept(error: OSError) -> ServerError:
+    return ServerError(f"the recording cannot be kept ({error.strerror or error}); free space on the server")
 
 
 def _each_once(form: FormData) -> dict[str, Any]:

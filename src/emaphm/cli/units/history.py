@@ -129,6 +129,7 @@ def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False)
     from emaphm.text_table import format_table
 
     with History.open(db) as history:
+        history.check_part_number(part)
         lines = [_overview(one) for one in history.states(part)]
     header = (
         "part number",
@@ -308,7 +309,7 @@ def _assessed(values: dict[str, Any]) -> str:
 
 
 def _overview(one: "UnitState") -> dict[str, Any]:
-    from emaphm.actuator.faults import degraded_in
+    from emaphm.actuator.faults import degraded_in, health_in
 
     document = one.document
     return {
@@ -320,6 +321,7 @@ def _overview(one: "UnitState") -> dict[str, Any]:
         "explained": one.explained,
         "last": {
             "explained": document["explained"],
+            "health": health_in(document),
             "k": document["k"],
             "degraded": list(degraded_in(document)),
         },
@@ -328,21 +330,22 @@ def _overview(one: "UnitState") -> dict[str, Any]:
 
 def _last(line: dict[str, Any]) -> str:
     last = line["last"]
-    return ", ".join(last["degraded"]) or "none" if last["explained"] else "not explained"
+    return ", ".join(last["degraded"]) or ("none" if last["health"] == "healthy" else last["health"])
 
 
 def _row(diagnosis: dict[str, Any]) -> tuple[str, ...]:
     """Return a diagnosis as a row of text, with the estimates of what is degraded."""
-    from emaphm.actuator.faults import degraded_in
+    from emaphm.actuator.faults import degraded_in, health_in
 
     explained, assessed = diagnosis["state_detection"]["explained"], diagnosis["health_assessment"]
+    health = health_in({**assessed, "explained": explained})
     degraded = [f"{name} {assessed['faults'][name]['value']:.3f}" for name in degraded_in(assessed)]
     return (
         f"{diagnosis['hours']:g}",
         _number(diagnosis["cycles"]),
         diagnosis["data_manipulation"]["recording"],
         "yes" if explained else "no",
-        ", ".join(degraded) or ("none" if explained else "cannot tell"),
+        ", ".join(degraded) or ("none" if health == "healthy" else "cannot tell"),
     )
 
 

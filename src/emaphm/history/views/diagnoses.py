@@ -6,7 +6,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from emaphm.actuator.faults import degraded_in
+from emaphm.actuator.faults import degraded_in, health_in
 from emaphm.history.columns import diagnosis_of
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.reading import UnitRow, flights
@@ -17,7 +17,8 @@ from emaphm.history.storage.tables import DESCRIPTIONS, DIAGNOSES, FLIGHTS, RECO
 class DiagnosisLine:
     """A diagnosis in short, with its recording; `degraded` has the components that are called so.
 
-    `samples`, `sample_rate_hz` [Hz] are the recording's; `sensor_faults` and `reasons` are sentences.
+    `health` is one of `emaphm.actuator.faults.HEALTHS`; `samples`, `sample_rate_hz` [Hz] are the recording's;
+    `sensor_faults` and `reasons` are sentences.
     """
 
     id: int
@@ -31,6 +32,7 @@ class DiagnosisLine:
     samples: int
     sample_rate_hz: float
     explained: bool
+    health: str
     degraded: tuple[str, ...]
     reasons: tuple[str, ...]
     sensor_faults: tuple[str, ...]
@@ -43,6 +45,7 @@ def diagnosis_lines(
     unit_id: int | None = None,
     explained: bool | None = None,
     before: int | None = None,
+    offset: int = 0,
     limit: int = 100,
 ) -> tuple[DiagnosisLine, ...]:
     """Return the last diagnosis of each recording that all conditions hold for, the newest first.
@@ -57,6 +60,8 @@ def diagnosis_lines(
         Only those that a model explains, or only the others; all where left out.
     before
         The id of a diagnosis; only older ones.
+    offset
+        How many are left out, the newest ones.
     limit
         How many at most.
     """
@@ -85,7 +90,7 @@ def diagnosis_lines(
         query = query.where(DIAGNOSES.c.explained == explained)
     if before is not None:
         query = query.where(DIAGNOSES.c.id < before)
-    rows = connection.execute(query.order_by(DIAGNOSES.c.id.desc()).limit(limit))
+    rows = connection.execute(query.order_by(DIAGNOSES.c.id.desc()).offset(offset).limit(limit))
     return tuple(_line(row) for row in rows)
 
 
@@ -150,6 +155,7 @@ def _line(row: "sa.Row[Any]") -> DiagnosisLine:
         samples=row.samples,
         sample_rate_hz=row.sample_rate_hz,
         explained=row.explained,
+        health=health_in(document),
         degraded=degraded_in(document),
         reasons=tuple(document.get("reasons", ())),
         sensor_faults=tuple(one["sentence"] for one in document.get("sensor_faults", ())),

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emaphm.errors import ExecutionError, HistoryError, nearest
+from emaphm.errors import ExecutionError
 from emaphm.execution import OnTask, Task, check_workers, in_order, outcomes
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.from_fleet.fleet import Fleet
@@ -94,16 +94,12 @@ def prognose_all(
     place = str(Path(where).absolute()) if "://" not in str(where) else str(where)
     fleets: dict[str, Fleet] = {}
     with History.open(where) as history:
+        history.check_part_number(part_number)
         lines = history.states(part_number)
-        known = {unit.part_number for unit in history.units()} if not lines else set()
         parts = sorted({one.part_number for one in lines})
         for part in parts if fleet else ():
             of_part = [one for one in lines if one.part_number == part]
             fleets[part] = Fleet.read(history, of_part, seed)
-    if known:
-        raise HistoryError(
-            f"no units of the part number '{part_number}'{nearest(str(part_number), sorted(known))}"
-        )
     fleets = {part: _with_taught(one, workers, scheduler) for part, one in fleets.items()}
     tasks: list[Task] = []
     for part in parts:

@@ -113,7 +113,7 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> JobOut
 
 
 def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection) -> JobOutcome:
-    from emaphm.actuator.faults import degraded_in
+    from emaphm.actuator.faults import degraded_in, health_in
     from emaphm.monitoring.judging import Judge
     from emaphm.recording import read_recording
     from emaphm.recording.io.limits import ReadLimits
@@ -141,6 +141,7 @@ def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection
         "unit_id": unit.id,
         "recording_hash": kept.recording_hash,
         "explained": kept.explained,
+        "health": health_in(kept.document),
         "degraded": list(degraded_in(kept.document)),
         "events": [one.message for one in events],
     }
