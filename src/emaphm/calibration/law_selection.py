@@ -146,6 +146,7 @@ def select_laws(
     left, chosen, shown = list(candidates), list[Law](), set[str]()
     while left:
         names, gains = tuple(law.name for law in chosen), list[tuple[float, Law, _Fit, int]]()
+        fits = dict[str, _Fit]()
         for i, law in enumerate(left):
             began = time.perf_counter()
             if on_progress is not None:
@@ -154,8 +155,13 @@ def select_laws(
             fitted = trial.with_law(current, law, least)
             if fitted is None:
                 continue
-            if fitted.held_out is not None and (gain := trial.gain(current, fitted, least)) > 0:
-                gains.append((gain, law, fitted, len(trials)))
+            # With a law that it needs it must be worth more than that law alone.
+            simpler = [fits[name] for name in law.needs if name in fits]
+            gain = min(trial.gain(before, fitted, least) for before in (current, *simpler))
+            if gain > 0:
+                gains.append((trial.gain(current, fitted, least), law, fitted, len(trials)))
+            if fitted.held_out is not None:
+                fits[law.name] = fitted
             trials.append(trial.record(law.name, names, fitted, began))
         if not gains:
             break
@@ -195,8 +201,11 @@ class _Trials:
 
         It is cross-validated if it lowers the training error by the share `least`.
         """
-        lacks = any(not LAWS[name].is_in(current.actuator) for name in law.needs)
-        if lacks or not law.is_possible(current.actuator):
+        lacking = [LAWS[name] for name in law.needs if not LAWS[name].is_in(current.actuator)]
+        if not all(one.is_possible(current.actuator) for one in (*lacking, law)):
+            return None
+        # Bristles come with the Stribeck speed that gives them a static friction; others build on another law.
+        if any(not set(one.parameters) <= set(law.also_free) for one in lacking):
             return None
         actuator = law.added_to(current.actuator, self.speed)
         free = tuple(dict.fromkeys((*current.free, *parameters_of(law, actuator))))
