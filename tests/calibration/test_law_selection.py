@@ -79,6 +79,21 @@ def test_a_machine_without_further_laws_gets_none() -> None:
     assert found.actuator.friction == THESIS.friction
 
 
+def test_bristles_are_tried_with_the_stribeck_speed_that_they_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Soft bristles: a Stribeck speed alone gains 1 %, less than what is asked of a law.
+    few = (LAWS["stribeck"], LAWS["presliding"])
+    monkeypatch.setattr(description, "laws_to_calibrate", lambda _: few)
+    bristles = with_lumped_parameters(
+        LAWS["presliding"].added_to(THESIS, 60.0),
+        {"stribeck_speed": 2.0, "presliding_stiffness": 0.84, "presliding_damping": 2e-3},
+    )
+    found = calibrated(bristles, "auto")
+    assert found.laws == ("presliding",)
+    assert found.parameters["presliding_stiffness"].value == pytest.approx(0.84, rel=0.05)
+    # A machine without bristles gets none with it: they must be worth more than the speed alone.
+    assert calibrated(STRIBECK, "auto").laws == ("stribeck",)
+
+
 @pytest.mark.parametrize(
     ("with_compliance", "with_cogging", "expected"),
     [

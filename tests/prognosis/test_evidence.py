@@ -10,7 +10,7 @@ import pytest
 from cases import THESIS
 from emaphm.fleet.synthetic import FleetPlan, drawn_unit
 from emaphm.fleet.synthetic.prediction import PredictionSetup, keys_of
-from emaphm.history.lives import Failure
+from emaphm.history.lives import Failure, OpenRemoval
 from emaphm.prognosis import Evidence, Observation, Stress, StressPiece
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.fleet import Fleet
@@ -39,6 +39,8 @@ OF_UNIT: dict[str, Any] = {
     "components": 7,
     "failures": (400.0,),
     "unrepaired": Failure(400.0, ("friction",)),
+    "not_replaced": (Failure(400.0, ("friction",)),),
+    "open_removal": OpenRemoval(400.0, ("gain",)),
 }
 """Another value of each field."""
 
