@@ -204,7 +204,7 @@ class _Trials:
         lacking = [LAWS[name] for name in law.needs if not LAWS[name].is_in(current.actuator)]
         if not all(one.is_possible(current.actuator) for one in (*lacking, law)):
             return None
-        # Bristles come with the Stribeck speed that gives them a static friction; others build on another law.
+        # Bristles come with the Stribeck speed that gives them static friction; others build on another law.
         if any(not set(one.parameters) <= set(law.also_free) for one in lacking):
             return None
         actuator = law.added_to(current.actuator, self.speed)
