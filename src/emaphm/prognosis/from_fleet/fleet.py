@@ -63,7 +63,7 @@ class Fleet:
     ) -> "Fleet":
         """Return the fleet of the units of a history that `lines` are of, those that teach being read.
 
-        With at most so many diagnoses of each, as by `Evidence.of`.
+        At most `most` diagnoses of each are used, all where left out.
         """
         explained = {one.serial_number: one.explained for one in lines}
         names = {name for chosen in _teachers(explained) for name in chosen}
