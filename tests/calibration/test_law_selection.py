@@ -88,7 +88,7 @@ def test_bristles_are_tried_with_the_stribeck_speed_that_they_need(monkeypatch: 
         {"stribeck_speed": 2.0, "presliding_stiffness": 0.84, "presliding_damping": 2e-3},
     )
     found = calibrated(bristles, "auto")
-    assert found.laws == ("presliding",)
+    assert found.laws == ("stribeck", "presliding")
     assert found.parameters["presliding_stiffness"].value == pytest.approx(0.84, rel=0.05)
     # A machine without bristles gets none with it: they must be worth more than the speed alone.
     assert calibrated(STRIBECK, "auto").laws == ("stribeck",)

@@ -146,7 +146,7 @@ def select_laws(
     left, chosen, shown = list(candidates), list[Law](), set[str]()
     while left:
         names, gains = tuple(law.name for law in chosen), list[tuple[float, Law, _Fit, int]]()
-        fits = dict[str, _Fit]()
+        fits = dict[str, tuple[_Fit, int]]()
         for i, law in enumerate(left):
             began = time.perf_counter()
             if on_progress is not None:
@@ -156,18 +156,22 @@ def select_laws(
             if fitted is None:
                 continue
             # With a law that it needs it must be worth more than that law alone.
-            simpler = [fits[name] for name in law.needs if name in fits]
-            gain = min(trial.gain(before, fitted, least) for before in (current, *simpler))
+            simpler = [fits[name][0] for name in law.needs if name in fits]
+            judged = [one for one in simpler if one.held_out is not None]
+            gain = min(trial.gain(before, fitted, least) for before in (current, *judged))
             if gain > 0:
                 gains.append((trial.gain(current, fitted, least), law, fitted, len(trials)))
-            if fitted.held_out is not None:
-                fits[law.name] = fitted
+            fits[law.name] = fitted, len(trials)
             trials.append(trial.record(law.name, names, fitted, began))
         if not gains:
             break
         shown |= {law.name for _, law, _, _ in gains}
         _, law, current, number = max(gains, key=lambda one: one[0])
-        trials[number] = replace(trials[number], chosen=True)
+        # What it needs is taken first: on that it competes with others in the next round.
+        for needed in (one for one in left if one.name in law.needs and one.name in fits):
+            law, (current, number) = needed, fits[needed.name]
+            current = current if current.held_out is not None else trial.cross_validated(current)
+        trials[number] = replace(trials[number], chosen=True, held_out_error=_mean_error(current.held_out))
         chosen.append(law)
         left.remove(law)
     return LawChoice(tuple(chosen), current.actuator, current.free, tuple(trials), current.shared)
@@ -270,9 +274,12 @@ class _Trials:
         self, name: str, given: tuple[str, ...], fitted: _Fit, began: float, *, chosen: bool = False
     ) -> LawTrial:
         """Return what is reported of a trial."""
-        held_out = None if fitted.held_out is None else float(np.exp(fitted.held_out.mean()))
-        training = float(np.exp(fitted.training.mean()))
+        held_out, training = _mean_error(fitted.held_out), float(np.exp(fitted.training.mean()))
         return LawTrial(name, given, training, held_out, time.perf_counter() - began, self.runs, chosen)
+
+
+def _mean_error(held_out: Array | None) -> float | None:
+    return None if held_out is None else float(np.exp(held_out.mean()))
 
 
 def _log_errors(joint: JointObjective, point: Array) -> Array:
