@@ -117,7 +117,7 @@ HEALTHS = ("degraded", "not explained", "cannot tell", "healthy")
 def health_in(document: Mapping[str, Any]) -> str:
     """Return which of `HEALTHS` a diagnosis says of its unit, as `emaphm diagnose --json` prints it.
 
-    A unit is healthy where each of `COMPONENTS` is: one that cannot be told may be degraded.
+    A unit is healthy where each of `COMPONENTS` is: one without a verdict may be degraded.
     """
     if not document["explained"]:
         return "not explained"

@@ -145,8 +145,8 @@ def select_laws(
     trials = [trial.record(NO_LAW, (), current, began, chosen=True)]
     left, chosen, shown = list(candidates), list[Law](), set[str]()
     while left:
-        names, gains = tuple(law.name for law in chosen), list[tuple[float, Law, _Fit, int]]()
-        fits = dict[str, tuple[_Fit, int]]()
+        names = tuple(law.name for law in chosen)
+        tried, gains = dict[str, tuple[_Fit, int]](), dict[str, float]()
         for i, law in enumerate(left):
             began = time.perf_counter()
             if on_progress is not None:
@@ -156,24 +156,25 @@ def select_laws(
             if fitted is None:
                 continue
             # With a law that it needs it must be worth more than that law alone.
-            simpler = [fits[name][0] for name in law.needs if name in fits]
-            judged = [one for one in simpler if one.held_out is not None]
-            gain = min(trial.gain(before, fitted, least) for before in (current, *judged))
-            if gain > 0:
-                gains.append((trial.gain(current, fitted, least), law, fitted, len(trials)))
-            fits[law.name] = fitted, len(trials)
+            alone = [tried[name][0] for name in law.needs if name in tried]
+            is_more = all(trial.gain(one, fitted, least) > 0 for one in alone if one.held_out is not None)
+            gain = trial.gain(current, fitted, least)
+            if gain > 0 and is_more:
+                gains[law.name] = gain
+            tried[law.name] = fitted, len(trials)
             trials.append(trial.record(law.name, names, fitted, began))
         if not gains:
             break
-        shown |= {law.name for _, law, _, _ in gains}
-        _, law, current, number = max(gains, key=lambda one: one[0])
+        shown |= gains.keys()
+        best = max(gains, key=gains.__getitem__)
         # What it needs is taken first: on that it competes with others in the next round.
-        for needed in (one for one in left if one.name in law.needs and one.name in fits):
-            law, (current, number) = needed, fits[needed.name]
-            current = current if current.held_out is not None else trial.cross_validated(current)
+        taken = next((name for name in LAWS[best].needs if name in tried), best)
+        current, number = tried[taken]
+        if current.held_out is None:
+            current = trial.cross_validated(current)
         trials[number] = replace(trials[number], chosen=True, held_out_error=_mean_error(current.held_out))
-        chosen.append(law)
-        left.remove(law)
+        chosen.append(LAWS[taken])
+        left.remove(LAWS[taken])
     return LawChoice(tuple(chosen), current.actuator, current.free, tuple(trials), current.shared)
 
 

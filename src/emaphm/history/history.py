@@ -7,6 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from emaphm.errors import HistoryError, nearest
 from emaphm.history import reading, writing
 from emaphm.history.basis import Basis, bases
 from emaphm.history.events import Event, add_events, read_events, read_open_conditions
@@ -114,7 +115,9 @@ class History:
         """Refuse a part number that no unit has, `HistoryError` with the nearest; none where left out."""
         with self.database.reading() as connection:
             known = {row.part_number for row in reading.units(connection)}
-        reading.check_part_number(known, part_number)
+        # Where there are no units, none is missed.
+        if part_number is not None and known and part_number not in known:
+            raise HistoryError(f"no units of the part number '{part_number}'{nearest(part_number, known)}")
 
     def unit(self, serial_number: str) -> Unit:
         """Return a unit; an unknown one raises `HistoryError` with the nearest serial number."""

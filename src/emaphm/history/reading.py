@@ -1,6 +1,6 @@
 """What is read of a history; each function reads from one state of it."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,18 +50,6 @@ def unit(connection: sa.Connection, serial_number: str) -> UnitRow:
         hint = nearest(serial_number, known) if known else "; the history is empty"
         raise HistoryError(f"no unit '{serial_number}' in the history{hint}")
     return found
-
-
-def check_part_number(known: Collection[str], part_number: str | None) -> None:
-    """Refuse a part number that is none of those `known` of units; where there are no units, none is refused.
-
-    Raises
-    ------
-    HistoryError
-        With the nearest part number.
-    """
-    if part_number is not None and known and part_number not in known:
-        raise HistoryError(f"no units of the part number '{part_number}'{nearest(part_number, known)}")
 
 
 def flights(connection: sa.Connection, unit_id: int) -> tuple[Flight, ...]:

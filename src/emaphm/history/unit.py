@@ -5,8 +5,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from emaphm.history import reading
+from emaphm.history.entries import UnitEntries
 from emaphm.history.kept_diagnosis import KeptDiagnosis
-from emaphm.history.lives import Life, lives
+from emaphm.history.lives import Life
 from emaphm.history.records import Finding, Flight, Removal, Replacement, Withdrawal
 from emaphm.history.storage.database import Database
 from emaphm.history.withdrawing import read_withdrawals
@@ -77,10 +78,7 @@ class Unit:
         See `emaphm.history.lives.lives` for what ends one, and what censors it.
         """
         with self.database.reading() as connection:
-            flights = reading.flights(connection, self.row.id)
-            removals = reading.removals(connection, self.row.id)
-            findings = reading.findings(connection, self.row.id)
-        return lives(flights, removals, findings, component)
+            return UnitEntries.read(connection, self.row.id, self.serial_number).lives(component)
 
     @cached_property
     def actuator(self) -> "Actuator":

@@ -1,6 +1,6 @@
 """Lists in parts: which entries a page shows, and how that is said."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 
@@ -15,7 +15,8 @@ class Listing:
     @classmethod
     def of(cls, number: int, size: int, total: int) -> Self:
         """Return page `number`, or the last one where entries have gone since its link was made."""
-        return cls(min(number, max(-(-total // size), 1)), size, total)
+        asked = cls(number, size, total)
+        return replace(asked, number=min(number, asked.pages))
 
     @property
     def pages(self) -> int:

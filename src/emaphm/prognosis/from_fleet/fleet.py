@@ -1,6 +1,6 @@
 """The prior of a unit, by the other units of its part number: which of them count, and what they teach it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -55,7 +55,8 @@ class Fleet:
     def of(cls, units: Sequence[Evidence], seed: int) -> "Fleet":
         """Return the fleet of these `units`."""
         evidence = {one.unit: one for one in units}
-        return cls._chosen({name: len(one.used) for name, one in evidence.items()}, evidence, seed)
+        explained = {name: len(one.used) for name, one in evidence.items()}
+        return cls._chosen(explained, evidence.__getitem__, seed)
 
     @classmethod
     def read(
@@ -66,14 +67,17 @@ class Fleet:
         At most `most` diagnoses of each are used, all where left out.
         """
         explained = {one.serial_number: one.explained for one in lines}
-        names = {name for chosen in _teachers(explained) for name in chosen}
-        evidence = {name: Evidence.of(history.unit(name), most) for name in names}
-        return cls._chosen(explained, evidence, seed)
+        return cls._chosen(explained, lambda name: Evidence.of(history.unit(name), most), seed)
 
     @classmethod
-    def _chosen(cls, explained: Mapping[str, int], evidence: Mapping[str, Evidence], seed: int) -> "Fleet":
-        followed, fellows = (tuple(evidence[name] for name in names) for names in _teachers(explained))
-        return cls(followed, fellows, seed)
+    def _chosen(
+        cls, explained: Mapping[str, int], evidence_of: Callable[[str], Evidence], seed: int
+    ) -> "Fleet":
+        followed, fellows = _teachers(explained)
+        evidence = {name: evidence_of(name) for name in {*followed, *fellows}}
+        return cls(
+            tuple(evidence[name] for name in followed), tuple(evidence[name] for name in fellows), seed
+        )
 
     @cached_property
     def general(self) -> Prior:

@@ -11,8 +11,6 @@ from scipy.special import bdtr
 from emaphm.actuator.faults import COMPONENTS, HEALTHY, NAMES, whole_turns
 from emaphm.arrays import Array, Flags
 
-PHASE = "eccentricity_phase"
-
 CHANCE = 1e-3
 """Share of true 95 % intervals' coverages that `least_by_chance` lets lie below it."""
 
