@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from emaphm.history import Finding, History, reading
+from emaphm.history import Event, Finding, History, reading
 
 if TYPE_CHECKING:
     from starlette.testclient import TestClient
@@ -89,7 +89,20 @@ def test_recordings_that_are_not_explained_go_on_with_the_lowest_number(client: 
 def test_events(client: "TestClient") -> None:
     [event] = client.get(f"{API}/events?unit_id=2").json()["events"]
     assert (event["event"], event["unit"]) == ("alarm", "SN-0001")
-    assert client.get(f"{API}/events?kind=sensor_fault").json() == {"events": []}
+    assert client.get(f"{API}/events?kind=sensor_fault").json() == {"events": [], "total": 0}
+
+
+def test_pages_of_events_follow_each_other(client: "TestClient", state: "ServerState") -> None:
+    state.history.add_events(
+        *(Event("refused", "raised", "warning", f"file {n}", f"{n}.csv") for n in range(5))
+    )
+    first = client.get(f"{API}/events?kind=refused&limit=2").json()
+    then = client.get(f"{API}/events?kind=refused&limit=9&before={first['events'][-1]['number']}").json()
+    assert [one["message"][-1] for one in first["events"] + then["events"]] == list("43210")
+    assert first["total"] == then["total"] == 5
+    assert client.get(f"{API}/events").json()["total"] == 6
+    still_open = client.get(f"{API}/events?only_open=true&limit=1").json()
+    assert ([one["event"] for one in still_open["events"]], still_open["total"]) == (["alarm"], 1)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from emaphm.history import Event, History
 from emaphm.monitoring import WATCH, Ownership, WatchTask, watch
 from emaphm.monitoring.outlook import Outlook
 from emaphm.monitoring.receivers import Webhook
+from emaphm.server import pages
 from emaphm.server.folders import ServerFolder
 from emaphm.server.run import running
 from emaphm.server.settings import SETTINGS
@@ -205,3 +206,14 @@ def test_events_of_the_fleet_are_a_page(client: "TestClient", state: "ServerStat
     state.history.add_events(Event("alarm", "cleared", "info", "healthy", "friction", "SN-0001", 200.0))
     assert "<b>0</b> with an alarm" in client.get("/").text
     assert not client.get("/api/v1/events?only_open=true").json()["events"]
+
+
+def test_a_list_of_events_that_is_cut_says_so_and_goes_on(
+    client: "TestClient", state: "ServerState", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pages, "MOST_LISTED", 2)
+    state.history.add_events(*(Event("refused", "raised", "warning", "no", f"{n}.csv") for n in range(3)))
+    first = client.get("/events?kind=refused").text
+    assert "<caption>The newest 2 of 3 events.</caption>" in first
+    assert '<a rel="next" href="/events?kind=refused&amp;page=2#all">' in first
+    assert "<caption>3 to 3 of 3 events, counted" in client.get("/events?kind=refused&page=2").text

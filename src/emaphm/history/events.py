@@ -172,18 +172,17 @@ def read_events(
     watcher: str | None = None,
     recording_hash: str | None = None,
     after: int | None = None,
+    before: int | None = None,
     newest_first: bool = False,
+    offset: int = 0,
     limit: int | None = None,
 ) -> tuple[Event, ...]:
     """Return events as `History.events` does; `watcher` asks for those that one watcher made.
 
-    `recording_hash` for those that come from one recording.
+    `recording_hash` for those that come from one recording, `before` for those of lower numbers; the first
+    `offset` are left out.
     """
-    query = sa.select(EVENTS)
-    if unit is not None:
-        query = query.where(EVENTS.c.unit == unit)
-    if kinds:
-        query = query.where(EVENTS.c.kind.in_(kinds))
+    query = sa.select(EVENTS).where(*_of(unit, kinds))
     if since is not None:
         query = query.where(EVENTS.c.at >= _moment(since))
     if until is not None:
@@ -194,8 +193,22 @@ def read_events(
         query = query.where(EVENTS.c.recording_hash == recording_hash)
     if after is not None:
         query = query.where(EVENTS.c.id > after)
+    if before is not None:
+        query = query.where(EVENTS.c.id < before)
     query = query.order_by(EVENTS.c.id.desc() if newest_first else EVENTS.c.id)
-    return tuple(_event(row) for row in connection.execute(query if limit is None else query.limit(limit)))
+    return tuple(_event(row) for row in connection.execute(query.offset(offset).limit(limit)))
+
+
+def count_events(connection: sa.Connection, *, unit: str | None = None, kinds: Sequence[str] = ()) -> int:
+    """Return how many events there are, of a unit or of all, of these kinds or of all where empty."""
+    query = sa.select(sa.func.count()).select_from(EVENTS).where(*_of(unit, kinds))
+    return int(connection.execute(query).scalar_one())
+
+
+def _of(unit: str | None, kinds: Sequence[str]) -> list[sa.ColumnElement[bool]]:
+    """Return the conditions of a unit and of kinds."""
+    of_unit = [] if unit is None else [EVENTS.c.unit == unit]
+    return [*of_unit, *([EVENTS.c.kind.in_(kinds)] if kinds else [])]
 
 
 def read_open_conditions(connection: sa.Connection, unit: str | None = None) -> tuple[Event, ...]:

@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 from emaphm.actuator.faults import HEALTHS
 from emaphm.history.blocks import diagnosis_blocks
 from emaphm.history.entries import UnitEntries
-from emaphm.history.events import KINDS, read_events
+from emaphm.history.events import KINDS, count_events, read_events
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis
 from emaphm.history.reading import UnitRow
@@ -71,6 +71,13 @@ class DataHealth(BaseModel):
     total: int = Field(description="How many recordings are not explained, on all pages.")
 
 
+class Events(BaseModel):
+    """Events, the newest or the oldest first."""
+
+    events: list[dict[str, Any]]
+    total: int = Field(description="How many the unit, the kind and only_open leave, on all pages.")
+
+
 class JobAnswer(BaseModel):
     """An upload, and what has become of it."""
 
@@ -84,6 +91,13 @@ class JobAnswer(BaseModel):
     result: dict[str, Any]
     added_at: str
     ended_at: str | None
+
+
+class Jobs(BaseModel):
+    """Uploads, the newest first."""
+
+    jobs: list[JobAnswer]
+    total: int = Field(description="How many there are, on all pages.")
 
 
 class Refusal(BaseModel):
@@ -192,31 +206,32 @@ def events(
     after: Annotated[
         int | None, Query(ge=0, le=LARGEST_ID, description="Only those of higher numbers.")
     ] = None,
+    before: Before = None,
     newest_first: bool = True,
     only_open: Annotated[bool, Query(description="Only what was raised and not cleared since.")] = False,
     limit: Limit = 100,
-) -> dict[str, list[dict[str, Any]]]:
+) -> Events:
     """Return events."""
     serial = None if unit_id is None else row_of(server, unit_id).unit
     if only_open:
-        still_open = [
-            one
-            for one in server.history.open_conditions(serial)
-            if kind in ("", one.kind) and (one.number or 0) > (after or 0)
-        ]
-        if newest_first:
-            still_open.reverse()
-        return {"events": [one.to_dict() for one in still_open[:limit]]}
+        still_open = [one for one in server.history.open_conditions(serial) if kind in ("", one.kind)]
+        lowest, end = after or 0, before or LARGEST_ID
+        found = [one for one in still_open if lowest < (one.number or 0) < end]
+        found = (found[::-1] if newest_first else found)[:limit]
+        return Events(events=[one.to_dict() for one in found], total=len(still_open))
+    kinds = (kind,) if kind else ()
     with server.history.database.reading() as connection:
-        found = read_events(
+        page = read_events(
             connection,
             unit=serial,
-            kinds=(kind,) if kind else (),
+            kinds=kinds,
             after=after,
+            before=before,
             newest_first=newest_first,
             limit=limit,
         )
-    return {"events": [one.to_dict() for one in found]}
+        total = count_events(connection, unit=serial, kinds=kinds)
+    return Events(events=[one.to_dict() for one in page], total=total)
 
 
 @router.get("/data-health")
@@ -282,9 +297,10 @@ async def upload(request: Request, server: Server) -> JobAnswer:
 
 
 @router.get("/jobs")
-def jobs(server: Server, before: Before = None, limit: Limit = 100) -> dict[str, list[JobAnswer]]:
+def jobs(server: Server, before: Before = None, limit: Limit = 100) -> Jobs:
     """Return uploads and what has become of them, the newest first."""
-    return {"jobs": [job_answer(server, one) for one in server.queue.jobs(limit, before)]}
+    found = server.queue.jobs(limit, before)
+    return Jobs(jobs=[job_answer(server, one) for one in found], total=server.queue.total())
 
 
 @router.get("/jobs/{job_id}", responses=NOT_FOUND)

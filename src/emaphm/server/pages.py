@@ -14,7 +14,7 @@ from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Re
 from emaphm.actuator.faults import HEALTHS, degraded_in, health_in
 from emaphm.errors import EmaphmError
 from emaphm.history.entries import UnitEntries
-from emaphm.history.events import KINDS
+from emaphm.history.events import KINDS, count_events, read_events
 from emaphm.history.views import diagnosis_lines, read_curves
 from emaphm.recording.io.read import READERS
 from emaphm.server import api
@@ -275,9 +275,14 @@ def data_health(request: Request, server: Server, page: PageNumber = 1) -> Respo
 
 
 @router.get("/events")
-def events(request: Request, server: Server, kind: Kind = "") -> Response:
-    """Return the page of what became known of the units, the newest first."""
-    found = server.history.events(kinds=(kind,) if kind else (), newest_first=True, limit=MOST_LISTED)
+def events(request: Request, server: Server, kind: Kind = "", page: PageNumber = 1) -> Response:
+    """Return the page of what became known of the units, the newest first; `page` is that of all events."""
+    kinds = (kind,) if kind else ()
+    with server.history.database.reading() as connection:
+        listing = Listing.of(page, MOST_LISTED, count_events(connection, kinds=kinds))
+        found = read_events(
+            connection, kinds=kinds, newest_first=True, offset=listing.start, limit=listing.size
+        )
     still_open = [one for one in reversed(server.history.open_conditions()) if kind in ("", one.kind)]
     return _html(
         "events.html.jinja",
@@ -286,7 +291,7 @@ def events(request: Request, server: Server, kind: Kind = "") -> Response:
         still_open=still_open,
         kind=kind,
         kinds=KINDS,
-        most=MOST_LISTED,
+        listing=listing,
         ids=server.fleet.ids(),
     )
 

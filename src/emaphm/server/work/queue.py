@@ -197,6 +197,11 @@ class Queue:
             ).fetchall()
         return [_job(row) for row in rows]
 
+    def total(self) -> int:
+        """Return how many jobs there are."""
+        with self._working() as connection:
+            return int(connection.execute("SELECT count(*) FROM jobs").fetchone()[0])
+
     def waiting(self) -> int:
         """Return how many jobs wait or run."""
         with self._working() as connection:
