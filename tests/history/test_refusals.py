@@ -354,3 +354,11 @@ def test_what_cannot_be_withdrawn_is_refused(flown: History) -> None:
     assert {name: unit_blocks(flown.unit(name)) for name in before} == before
     assert "did you mean 'removal'" in refusal(partial(Mistake, "removl", 1.0, "typo"))
     assert "needs a reason; give one" in refusal(partial(Mistake, "removal", 1.0, " "))
+
+
+def test_hours_are_written_with_all_their_digits(flown: History) -> None:
+    old = Entry("SN-0042", made_up.PART, 123456.75)
+    flown.add(old, recording(8), diagnosis(8))
+    said = refusal(lambda: flown.add(replace(old, hours=123456.5), recording(9), diagnosis(9)))
+    assert "123456.75 h already" in said
+    assert "123456.5 h would be going backwards" in said

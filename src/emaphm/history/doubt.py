@@ -15,7 +15,7 @@ def doubt(unit: Unit, finding: Finding) -> str | None:
     if removed:
         near = min(removed, key=lambda hours: abs(hours - finding.hours))
         return (
-            f"{unit.serial_number} has no removal at {finding.hours:g} h, the nearest is at {near:g} h: "
+            f"{unit.serial_number} has no removal at {finding.hours:.9g} h, the nearest is at {near:.9g} h: "
             "whether the unit had failed there is judged by findings of the same hours only; if these hours "
             "are wrong, 'emaphm history withdraw' takes the finding out"
         )
@@ -23,6 +23,6 @@ def doubt(unit: Unit, finding: Finding) -> str | None:
     if finding.hours <= last:
         return None
     return (
-        f"the last recording of {unit.serial_number} is of {last:g} h, and it has no removal; if "
-        f"{finding.hours:g} h is wrong, 'emaphm history withdraw' takes the finding out"
+        f"the last recording of {unit.serial_number} is of {last:.9g} h, and it has no removal; if "
+        f"{finding.hours:.9g} h is wrong, 'emaphm history withdraw' takes the finding out"
     )

@@ -243,5 +243,5 @@ def check_hours(hours: float) -> None:
     """Refuse hours that no unit has, `HistoryError`: what is in a history stays there."""
     if not 0 <= hours <= MOST_HOURS:
         raise HistoryError(
-            f"hours {hours:g}: give a number from 0 to {MOST_HOURS:,.0f}, the unit's since it was new"
+            f"hours {hours:.9g}: give a number from 0 to {MOST_HOURS:,.0f}, the unit's since it was new"
         )

@@ -85,10 +85,10 @@ def _found(connection: sa.Connection, unit: UnitRow, mistake: Mistake) -> sa.Row
     """Return the row of the entry that is meant."""
     rows = connection.execute(_entries(mistake.kind, unit)).mappings().all()
     there = [row for row in rows if row["hours"] == mistake.hours]
-    where = f"unit '{unit.serial_number}' at {mistake.hours:g} h"
+    where = f"unit '{unit.serial_number}' at {mistake.hours:.9g} h"
     if not there:
         hours = sorted({row["hours"] for row in rows}, key=lambda one: abs(one - mistake.hours))[:3]
-        known = ", ".join(f"{one:g} h" for one in hours)
+        known = ", ".join(f"{one:.9g} h" for one in hours)
         hint = f"; the nearest are at {known}" if hours else ", nor at other hours"
         raise HistoryError(f"{where}: no {mistake.kind} there{hint}")
     names = ", ".join(_title(row) for row in there)

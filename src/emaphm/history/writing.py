@@ -83,8 +83,8 @@ def _is_there(connection: sa.Connection, entry: Entry, recording_hash: str) -> b
         )
     if row.hours != entry.hours:
         raise HistoryError(
-            f"this recording is in the history already, as '{row.name}' at {row.hours:g} h; it cannot be of "
-            f"{entry.hours:g} h too, check --hours; 'emaphm history withdraw' takes out a mistake"
+            f"this recording is in the history already, as '{row.name}' at {row.hours:.9g} h; it cannot be "
+            f"of {entry.hours:.9g} h too, check --hours; 'emaphm history withdraw' takes out a mistake"
         )
     if None not in (row.cycles, entry.cycles) and row.cycles != entry.cycles:
         raise HistoryError(
@@ -99,9 +99,9 @@ def _check_hours(connection: sa.Connection, unit: UnitRow, entry: Entry) -> None
     latest, what = latest_entry(connection, unit.id)
     if entry.hours < latest and not entry.late:
         raise HistoryError(
-            f"unit '{entry.unit}' has {latest:g} h already, by a {what} ('emaphm history withdraw' takes out "
-            f"a mistake), {entry.hours:g} h would be going backwards; check --hours, or give --late for an "
-            "old recording that is added late"
+            f"unit '{entry.unit}' has {latest:.9g} h already, by a {what} ('emaphm history withdraw' takes "
+            f"out a mistake), {entry.hours:.9g} h would be going backwards; check --hours, or give --late "
+            "for an old recording that is added late"
         )
 
 
@@ -120,8 +120,8 @@ def _check_cycles(connection: sa.Connection, unit: UnitRow, entry: Entry) -> Non
     row = connection.execute(of_unit.where(wrong).limit(1)).first()
     if row is not None:
         raise HistoryError(
-            f"unit '{entry.unit}' had {row.cycles} cycles at {row.hours:g} h, so {entry.cycles} at "
-            f"{entry.hours:g} h cannot be; check --cycles and --hours"
+            f"unit '{entry.unit}' had {row.cycles} cycles at {row.hours:.9g} h, so {entry.cycles} at "
+            f"{entry.hours:.9g} h cannot be; check --cycles and --hours"
         )
 
 
@@ -140,8 +140,8 @@ def _check_stress(connection: sa.Connection, unit: UnitRow, entry: Entry) -> Non
     ):
         if None not in (known, given) and known != given:
             raise HistoryError(
-                f"unit '{entry.unit}' has the {name} {known:g} at {entry.hours:g} h already, not {given:g}; "
-                f"check --{name} and --hours"
+                f"unit '{entry.unit}' has the {name} {known:.9g} at {entry.hours:.9g} h already, not "
+                f"{given:.9g}; check --{name} and --hours"
             )
 
 
@@ -204,7 +204,7 @@ def add_removal(connection: sa.Connection, unit: UnitRow, removal: Removal) -> b
     key = {"unit_id": unit.id, "hours": removal.hours}
     values = {"reason": removal.reason, "note": removal.note}
     return _added(
-        connection, REMOVALS, key, values, f"unit '{unit.serial_number}' at {removal.hours:g} h: a removal"
+        connection, REMOVALS, key, values, f"unit '{unit.serial_number}' at {removal.hours:.9g} h: a removal"
     )
 
 
@@ -217,7 +217,7 @@ def add_finding(connection: sa.Connection, unit: UnitRow, finding: Finding) -> b
         "replaced": finding.replaced,
         "note": finding.note,
     }
-    what = f"unit '{unit.serial_number}' at {finding.hours:g} h: a finding on {finding.component}"
+    what = f"unit '{unit.serial_number}' at {finding.hours:.9g} h: a finding on {finding.component}"
     return _added(connection, FINDINGS, key, values, what)
 
 

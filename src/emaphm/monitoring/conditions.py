@@ -51,7 +51,7 @@ class Situation:
     ) -> Event:
         """Return an event on the new diagnosis."""
         new = self.new
-        about = f"{self.unit} at {new.hours:g} h: {message}"
+        about = f"{self.unit} at {new.hours:.9g} h: {message}"
         return Event(
             kind,
             state,
@@ -101,7 +101,7 @@ def _of_component(now: Situation, name: str) -> Iterator[Event]:
     renewed = max((one.hours for one in now.replacements if one.component in (name, UNIT)), default=None)
     alarm = now.opened("alarm", name)
     if alarm is not None and renewed is not None and renewed >= (alarm.hours or 0.0):
-        yield now.event("alarm", "cleared", "info", f"{name} was replaced at {renewed:g} h", name)
+        yield now.event("alarm", "cleared", "info", f"{name} was replaced at {renewed:.9g} h", name)
         alarm = None
     decided = [one for one in now.diagnoses if _is_decided(one, name)]
     verdicts = [one.verdicts[name] for one in decided if renewed is None or one.hours > renewed]
@@ -116,7 +116,7 @@ def _of_component(now: Situation, name: str) -> Iterator[Event]:
         turned = f"turned from {before} to"
         if len(verdicts) == 1:
             turned = "in its first decided diagnosis is"
-            turned += "" if len(decided) == 1 else f" since it was replaced at {renewed:g} h"
+            turned += "" if len(decided) == 1 else f" since it was replaced at {renewed:.9g} h"
         message = f"{name} {turned} {verdicts[-1]}, {size}"
         severity = "warning" if verdicts[-1] == "degraded" else "info"
         yield now.event("health_changed", "raised", severity, message, name, verdict=verdicts[-1], **values)

@@ -43,8 +43,8 @@ def hours_events(now: Situation, arrivals: Arrivals) -> list[Event]:
         return []
     first, last = arrivals.added[0], arrivals.added[-1]
     message = (
-        f"the last {len(arrivals.added)} recordings, of {first:g} to {last:g} h, lie behind a "
-        f"{arrivals.entry} at {arrivals.latest:g} h, so that alarms can be missing; if those hours are "
+        f"the last {len(arrivals.added)} recordings, of {first:.9g} to {last:.9g} h, lie behind a "
+        f"{arrivals.entry} at {arrivals.latest:.9g} h, so that alarms can be missing; if those hours are "
         "wrong, 'emaphm history withdraw' takes it out"
     )
     return [

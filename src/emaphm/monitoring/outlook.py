@@ -176,7 +176,7 @@ def rul_events(
     low, high = made.to_dict()["rul_hours"]["interval90"]
     what = f"{made.component} ({made.limit.label})" if made.limit else "nothing in sight"
     about = (
-        f"{unit} at {made.evidence.hours:g} h: probability of failure within {settings.horizon:g} h is "
+        f"{unit} at {made.evidence.hours:.9g} h: probability of failure within {settings.horizon:.9g} h is "
         f"{100 * risk:.1f} %, by {what}"
     )
     details = {

@@ -157,7 +157,7 @@ def without_new_diagnoses(given: Advice, since: float, failed: float) -> Advice:
     if given.action == "replace before":
         return given
     why = (
-        f"no recording since {since:g} h is explained, so the forecast does not know what they show; record "
-        "again, and look for the cause where that is not explained either"
+        f"no recording since {since:.9g} h is explained, so the forecast does not know what they show; "
+        "record again, and look for the cause where that is not explained either"
     )
     return Advice("inspect by", 0.0, failed, why)

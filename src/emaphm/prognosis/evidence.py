@@ -241,7 +241,7 @@ def moments(
             belief = updated(belief, event.level, _usable(evidence.unit, event), settings)
         except np.linalg.LinAlgError:
             raise PrognosisError(
-                f"unit '{evidence.unit}': the covariance of the diagnosis at {hours:g} h is not positive "
+                f"unit '{evidence.unit}': the covariance of the diagnosis at {hours:.9g} h is not positive "
                 "definite; diagnose its recording again"
             ) from None
         yield Moment(belief, none, observed=True)
@@ -285,7 +285,7 @@ def _usable(unit: str, observation: Observation) -> Array:
         and np.all(np.isfinite(observation.covariance))
     ):
         raise PrognosisError(
-            f"unit '{unit}': the diagnosis at {observation.hours:g} h is not finite; "
+            f"unit '{unit}': the diagnosis at {observation.hours:.9g} h is not finite; "
             "diagnose its recording again"
         )
     own = observation.covariance - observation.shared

@@ -50,7 +50,7 @@ class Prediction:
         sample = np.sort(np.asarray(self.sample, float).ravel())
         if not sample.size or not sample[0] >= 0 or np.isnan(sample[-1]):
             raise PrognosisError(
-                f"the prediction at {self.hours:g} h needs a sample of RUL values of 0 or more, got "
+                f"the prediction at {self.hours:.9g} h needs a sample of RUL values of 0 or more, got "
                 f"{sample.size} values"
             )
         object.__setattr__(self, "sample", sample)
@@ -121,7 +121,7 @@ def at_share_of_life(hours: Sequence[float], failure: float, share: float) -> in
         raise PrognosisError(f"λ = {share:g} is no share of life; give a value from 0 to 1")
     before = [one for one in hours if one < failure]
     if not before:
-        raise PrognosisError(f"no prediction before the failure at {failure:g} h; predict earlier")
+        raise PrognosisError(f"no prediction before the failure at {failure:.9g} h; predict earlier")
     reached = before[0] + share * (failure - before[0])
     return sum(one <= reached + ROUNDING * failure for one in before) - 1
 
@@ -154,7 +154,7 @@ def relative_accuracy(prediction: Prediction, failure: float) -> float:
     true = failure - prediction.hours
     if not true > 0:
         raise PrognosisError(
-            f"relative accuracy at {prediction.hours:g} h: the failure at {failure:g} h is not later"
+            f"relative accuracy at {prediction.hours:.9g} h: the failure at {failure:.9g} h is not later"
         )
     return 1 - abs(prediction.median - true) / true
 
@@ -163,7 +163,7 @@ def cumulative_relative_accuracy(predictions: Sequence[Prediction], failure: flo
     """Return the mean relative accuracy of all predictions before the failure, equally weighted [1, 3.4]."""
     before = [one for one in predictions if one.hours < failure]
     if not before:
-        raise PrognosisError(f"no prediction before the failure at {failure:g} h; predict earlier")
+        raise PrognosisError(f"no prediction before the failure at {failure:.9g} h; predict earlier")
     return float(np.mean([relative_accuracy(one, failure) for one in before]))
 
 
@@ -232,5 +232,5 @@ def false_alarms_per_1000_hours(alarms: Sequence[tuple[float, float]], flown: fl
     Per 1,000 of the `flown` hours, which are those of all units; a true RUL that is not known is `inf`.
     """
     if not flown > 0:
-        raise PrognosisError(f"{flown:g} flown hours; give those of all units, above 0")
+        raise PrognosisError(f"{flown:.9g} flown hours; give those of all units, above 0")
     return 1000 * sum(true > within for _, true in alarms) / flown

@@ -69,7 +69,7 @@ class Question:
     def __post_init__(self) -> None:
         if not 0 < self.horizon <= LONGEST_HORIZON:
             raise PrognosisError(
-                f"a horizon of {self.horizon:g} h: give hours above 0, {LONGEST_HORIZON:g} at most"
+                f"a horizon of {self.horizon:.9g} h: give hours above 0, {LONGEST_HORIZON:g} at most"
             )
         if not 0 < self.risk < 1:
             raise PrognosisError(f"a risk of {self.risk:g} is no probability: give one between 0 and 1")
@@ -171,7 +171,7 @@ def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
         times, component = replace(times, hours=hours), limit.component
     elif failure.components:
         component = failure.components[0]
-    since = f"failed at {failure.hours:g} h and was neither repaired nor flown since"
+    since = f"failed at {failure.hours:.9g} h and was neither repaired nor flown since"
     return replace(
         forecast,
         times=times,

@@ -174,16 +174,17 @@ class Prognosis(RemainingLife):
             for name, level in self.levels().items()
         ]
         asked = [requirement_row(name, found) for name, found in self.requirements().items()]
+        within = f"within {self.horizon:.9g} h"
         cause = f", by {self.component} ({self.limit.label})" if self.limit else ""
         lines = [
-            f"{evidence.unit}, part number {evidence.part_number}, at {evidence.hours:g} h",
+            f"{evidence.unit}, part number {evidence.part_number}, at {evidence.hours:.9g} h",
             f"remaining useful life: {self.rul_text()}{cause}",
-            f"probability of failure within {self.horizon:g} h: {100 * self.probability_of_failure:.1f} %",
+            f"probability of failure {within}: {100 * self.probability_of_failure:.1f} %",
             f"advice: {advice_text(self.advice)}",
             "",
             format_table(("component", "level", "90 % interval", "likeliest law"), rows),
             "",
-            format_table(("requirement", "now", "90 % interval", f"fails within {self.horizon:g} h"), asked),
+            format_table(("requirement", "now", "90 % interval", f"fails {within}"), asked),
             *([""] if self.notes else []),
             *(f"note: {note}" for note in self.notes),
         ]
@@ -192,7 +193,7 @@ class Prognosis(RemainingLife):
     def rul_text(self) -> str:
         """Return the RUL as text, with its 90 % interval."""
         if self.evidence.unrepaired is not None:
-            return f"none, failed at {self.evidence.unrepaired.hours:g} h"
+            return f"none, failed at {self.evidence.unrepaired.hours:.9g} h"
         low, high = (hours_text(x) for x in self.interval90)
         return f"{hours_text(self.median)} (90 %: {low} to {high})"
 

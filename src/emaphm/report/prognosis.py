@@ -35,7 +35,7 @@ def document(prognosis: Prognosis) -> Document:
     with plain_style():
         health, life = svg(draw_health(curves)), svg(draw_life(curves))
         fan = svg(draw_fan(curves)) if past else None
-    horizon = f"{prognosis.horizon:g} h"
+    horizon = f"{prognosis.horizon:.9g} h"
     blocks: list[Block] = [
         Paragraph(advice_text(prognosis.advice), warning=prognosis.advice.action != "fly on"),
         Facts(

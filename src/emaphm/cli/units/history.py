@@ -118,7 +118,7 @@ def add(
         "recordings": added,
     }
     lines = [f"{one['recording']}: {_outcome(one)}" for one in added]
-    where = f"{'new unit' if is_new else 'unit'} {unit} ({entry.part_number}) at {hours:g} h"
+    where = f"{'new unit' if is_new else 'unit'} {unit} ({entry.part_number}) at {hours:.9g} h"
     show(values, "\n".join([*lines, f"{where}, in {values['db']}", *map(_similar, similar)]), as_json)
 
 
@@ -144,7 +144,7 @@ def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False)
         (
             line["part_number"],
             line["serial_number"],
-            f"{line['hours']:g}",
+            f"{line['hours']:.9g}",
             _number(line["cycles"]),
             str(line["recordings"]),
             str(line["explained"]),
@@ -175,7 +175,7 @@ def show_unit(
         f"{about['serial_number']}, part number {about['part_number']}, position {position}",
         format_table(header, [_row(one) for one in values["diagnoses"]]),
         *(
-            f"removed at {one['hours']:g} h: {one['reason']}{_noted(one['note'])}"
+            f"removed at {one['hours']:.9g} h: {one['reason']}{_noted(one['note'])}"
             for one in values["removals"]
         ),
         *(_found(one) for one in values["findings"]),
@@ -222,7 +222,7 @@ def removal(
     with History.open(db) as history:
         added = history.add_removal(unit, entry)
     values = {"unit": unit, "hours": hours, "reason": reason, "note": note, "added": added}
-    show(values, f"removal of {unit} at {hours:g} h {_added(added)}", as_json)
+    show(values, f"removal of {unit} at {hours:.9g} h {_added(added)}", as_json)
 
 
 @app.command
@@ -264,7 +264,7 @@ def finding(
         "added": added,
         "doubt": doubted,
     }
-    text = f"finding on {component} of {unit} at {hours:g} h {_added(added)}"
+    text = f"finding on {component} of {unit} at {hours:.9g} h {_added(added)}"
     show(values, text if doubted is None else f"{text}\nNote: {doubted}.", as_json)
 
 
@@ -293,7 +293,7 @@ def withdraw(
         gone = all(one.serial_number != unit for one in history.units())
     values = {"unit": unit, "unit_left": not gone, **asdict(made)}
     last = "; it was its only recording, so the unit is no longer in the history" if gone else ""
-    show(values, f"{_named(values)} of {unit} at {hours:g} h is withdrawn{last}", as_json)
+    show(values, f"{_named(values)} of {unit} at {hours:.9g} h is withdrawn{last}", as_json)
 
 
 def _assessed(values: dict[str, Any]) -> str:
@@ -302,10 +302,10 @@ def _assessed(values: dict[str, Any]) -> str:
     median = made["rul_hours"]["median"]
     lasts = "no failure in sight" if median is None else f"remaining useful life {median:,.0f} h"
     if made.get("failed_at_hours") is not None:
-        lasts = f"no remaining useful life, failed at {made['failed_at_hours']:g} h"
+        lasts = f"no remaining useful life, failed at {made['failed_at_hours']:.9g} h"
     old = ", out of date" if made["out_of_date"] else ""
     what = f"{advised['action']} at {advised['at_hours']:,.0f} h"
-    return f"prognosis of {made['made_at']} at {made['hours']:g} h{old}: {lasts}; {what}"
+    return f"prognosis of {made['made_at']} at {made['hours']:.9g} h{old}: {lasts}; {what}"
 
 
 def _overview(one: "UnitState") -> dict[str, Any]:
@@ -341,7 +341,7 @@ def _row(diagnosis: dict[str, Any]) -> tuple[str, ...]:
     health = health_in({**assessed, "explained": explained})
     degraded = [f"{name} {assessed['faults'][name]['value']:.3f}" for name in degraded_in(assessed)]
     return (
-        f"{diagnosis['hours']:g}",
+        f"{diagnosis['hours']:.9g}",
         _number(diagnosis["cycles"]),
         diagnosis["data_manipulation"]["recording"],
         "yes" if explained else "no",
@@ -352,11 +352,11 @@ def _row(diagnosis: dict[str, Any]) -> tuple[str, ...]:
 def _found(one: dict[str, Any]) -> str:
     level = "" if one["level"] is None else f", level {one['level']:g}"
     what = f"{one['component']} {one['condition']}{level}{', replaced' if one['replaced'] else ''}"
-    return f"found at {one['hours']:g} h: {what}{_noted(one['note'])}"
+    return f"found at {one['hours']:.9g} h: {what}{_noted(one['note'])}"
 
 
 def _withdrawn(one: dict[str, Any]) -> str:
-    return f"withdrawn on {one['at']}: {_named(one)} at {one['hours']:g} h ({one['reason']})"
+    return f"withdrawn on {one['at']}: {_named(one)} at {one['hours']:.9g} h ({one['reason']})"
 
 
 def _named(one: dict[str, Any]) -> str:

@@ -196,11 +196,11 @@ def _row(values: "Mapping[str, Any]") -> tuple[str, ...]:
     interval = " to ".join(_hours(end) for end in rul["interval90"])
     action = f"{advice['action']} {_hours(advice['at_hours'])} h"
     return (
-        f"{values['hours']:g}",
+        f"{values['hours']:.9g}",
         *((_hours(rul["median"]), interval) if failed_at is None else ("failed", "–")),
         f"{100 * values['probability_of_failure']:.1f} %",
         values["component"] or "–",
-        action if failed_at is None else f"failed at {failed_at:g} h",
+        action if failed_at is None else f"failed at {failed_at:.9g} h",
     )
 
 

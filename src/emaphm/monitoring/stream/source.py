@@ -150,7 +150,7 @@ class StreamSource:
     def _arrival(self, ended: _Ended) -> Arrival | None:
         """Return a movement as work; None where an earlier run has set it aside."""
         movement, entry = ended.movement, ended.entry
-        name = f"{entry.unit} at {entry.hours:g} h, {movement.first:.3f} to {movement.last:.3f} s"
+        name = f"{entry.unit} at {entry.hours:.9g} h, {movement.first:.3f} to {movement.last:.3f} s"
 
         def read() -> list[tuple[Entry, Recording]]:
             pieces = self.call(recordings_of, movement.columns, name, self.actuator, split=self.split)

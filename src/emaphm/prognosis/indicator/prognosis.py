@@ -103,12 +103,12 @@ class IndicatorPrognosis(RemainingLife):
         one = self.indicator
         law = max(self.laws, key=self.laws.__getitem__)
         lines = [
-            f"{one.unit}, at {one.hours:g} h",
+            f"{one.unit}, at {one.hours:.9g} h",
             f"{one.measures}: {value:.4g} (90 %: {from_value:.4g} to {to_value:.4g})",
             f"fails at {one.fails_at:.4g}",
             f"likeliest law: {law} ({100 * self.laws[law]:.0f} %)",
             f"remaining useful life: {hours_text(self.median)} (90 %: {low} to {high})",
-            f"probability of failure within {self.horizon:g} h: {100 * self.probability_of_failure:.1f} %",
+            f"probability of failure within {self.horizon:.9g} h: {100 * self.probability_of_failure:.1f} %",
             f"advice: {advice_text(self.advice)}",
             *(f"note: {note}" for note in self.notes),
         ]

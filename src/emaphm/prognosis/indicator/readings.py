@@ -35,11 +35,11 @@ class Reading:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.hours) and self.hours >= 0 and math.isfinite(self.value)):
             raise PrognosisError(
-                f"a reading of {self.value:g} at {self.hours:g} h: give finite numbers, hours of 0 or more"
+                f"a reading of {self.value:g} at {self.hours:.9g} h: give finite numbers, hours of 0 or more"
             )
         if not (math.isfinite(self.variance) and self.variance > 0):
             raise PrognosisError(
-                f"the reading at {self.hours:g} h has the variance {self.variance:g}: give a number above 0"
+                f"the reading at {self.hours:.9g} h has the variance {self.variance:g}: give a number above 0"
             )
 
 
@@ -94,11 +94,11 @@ class Indicator:
         late = [one.hours for one in self.readings if one.hours > self.hours]
         if late:
             raise PrognosisError(
-                f"unit '{self.unit}' has {self.hours:g} h, and a reading at {late[0]:g} h; give the hours "
-                "of now"
+                f"unit '{self.unit}' has {self.hours:.9g} h, and a reading at {late[0]:.9g} h; give the "
+                "hours of now"
             )
         if not 0 <= self.hours < math.inf:
-            raise PrognosisError(f"unit '{self.unit}' has {self.hours:g} h; give a number of 0 or more")
+            raise PrognosisError(f"unit '{self.unit}' has {self.hours:.9g} h; give a number of 0 or more")
 
     def level(self, value: Array | float) -> Array:
         """Return values as levels of the filter, 0 healthy and `FAILING` at the limit."""

@@ -26,17 +26,17 @@ def hours_notes(evidence: "Evidence") -> list[str]:
     hours = np.array([one.hours for one in evidence.observations])
     if evidence.hours - hours[-1] > hours[-1] - hours[0]:
         notes.append(
-            f"the last recording is of {hours[-1]:g} h, but a removal or a finding has {evidence.hours:g} h: "
-            "what came in between is forecast; if those hours are wrong, 'emaphm history withdraw' takes the "
-            "entry out"
+            f"the last recording is of {hours[-1]:.9g} h, but a removal or a finding has "
+            f"{evidence.hours:.9g} h: what came in between is forecast; if those hours are wrong, "
+            "'emaphm history withdraw' takes the entry out"
         )
     gaps = np.diff(hours)[LEAST_SEEN - 1 : 1 - LEAST_SEEN]
     longest = float(gaps.max(initial=0.0))
     if longest > LONG * (hours[-1] - hours[0] - longest):
         after = LEAST_SEEN + int(gaps.argmax())
         notes.append(
-            f"no recording is from between {hours[after - 1]:g} and {hours[after]:g} h, {longest:g} of the "
-            f"{hours[-1] - hours[0]:g} h from the first to the last: rates follow from these hours; if they "
-            "are wrong, 'emaphm history withdraw' takes recordings out, to be added at the right ones"
+            f"no recording is from between {hours[after - 1]:.9g} and {hours[after]:.9g} h, {longest:.9g} of "
+            f"the {hours[-1] - hours[0]:.9g} h from the first to the last: rates follow from these hours; if "
+            "they are wrong, 'emaphm history withdraw' takes recordings out, to be added at the right ones"
         )
     return notes

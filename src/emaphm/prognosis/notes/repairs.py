@@ -12,7 +12,7 @@ def repair_notes(evidence: "Evidence") -> list[str]:
     None while the unit is out of service by a failure: its prognosis says so.
     """
     notes = [
-        f"{' and '.join(one.components)} found failed at {one.hours:g} h, and no replacement is in the "
+        f"{' and '.join(one.components)} found failed at {one.hours:.9g} h, and no replacement is in the "
         "history: the unit counts as in service all the same, since another component was replaced, or it "
         "was flown or removed again; if it was not repaired, it has no remaining useful life"
         for one in evidence.not_replaced
@@ -20,8 +20,8 @@ def repair_notes(evidence: "Evidence") -> list[str]:
     removed = evidence.open_removal
     if removed is not None:
         notes.append(
-            f"the unit was removed as failed at {removed.hours:g} h, and the shop's findings of these hours "
-            f"name only {', '.join(removed.named)}, none as failed: it counts as in service; if a finding is "
-            "still to come, wait for it"
+            f"the unit was removed as failed at {removed.hours:.9g} h, and the shop's findings of these "
+            f"hours name only {', '.join(removed.named)}, none as failed: it counts as in service; if a "
+            "finding is still to come, wait for it"
         )
     return notes
