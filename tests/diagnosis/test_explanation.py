@@ -193,6 +193,13 @@ def test_an_error_within_rounding_is_no_suspect() -> None:
     assert not SensorScore("scale", "position_rad", 0.01, 0.001).is_suspect()
 
 
+def test_a_channel_that_comes_early_is_mended_in_the_description() -> None:
+    said = str(SensorScore("delay", "voltage_V", -7.5e-5, 1e-6))
+    assert "some 0.075 ms early" in said
+    assert "state delay_s = -7.5e-05 for it under [channels]" in said
+    assert "[channels]" not in str(SensorScore("delay", "", -7.5e-5, 1e-6))  # of all together: the command's
+
+
 def diagnosed(
     late: int,
     faults: Faults = Faults(short_b=0.2),  # noqa: B008 - frozen

@@ -77,7 +77,9 @@ class SensorScore:
         certainty = "which leaves a smaller residual; the faults would otherwise take it up"
         if self.kind == "delay":
             way = "late" if self.size > 0 else "early"
-            return f"{what} seems to come some {1e3 * abs(self.size):.2g} ms {way}, {certainty}"
+            mend = f"; if it always does, state delay_s = {self.size:.2g} for it under [channels]"
+            found = f"{what} seems to come some {1e3 * abs(self.size):.2g} ms {way}, {certainty}"
+            return found + (mend if self.channel else "")
         if self.kind == "scale":
             return f"{what} seems to have another scale, by some {100 * self.size:+.2g} %, {certainty}"
         return f"{what} seems to have another zero, by some {100 * self.size:+.2g} % of its rms, {certainty}"
