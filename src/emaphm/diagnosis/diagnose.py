@@ -10,6 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
+from emaphm.diagnosis.explanation.moment import notes_on_moment
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
 from emaphm.diagnosis.explanation.open_phases import undecided_between_phases
@@ -310,6 +311,7 @@ def conclude(
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
     if reasons:
         components = unexplained(components, space.fixed)
+        reasons = (*reasons, *notes_on_moment(result))
     elif tests:
         components = tested(components, result, jacobians, seed)
     components = undecided_by_model_error(components, known.model_error_share, space)
