@@ -72,4 +72,5 @@ def moment_of(squares: Array, command: Array) -> tuple[int, int] | None:
 def _sums(values: Array, rows: int) -> Array:
     """Return the sum of each `rows` values in turn, (n - rows + 1,)."""
     total = np.concatenate([[0.0], np.cumsum(values)])
-    return total[rows:] - total[:-rows]
+    sums: Array = total[rows:] - total[:-rows]
+    return sums
