@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binom, chi2, kstest, multivariate_normal
+from scipy.stats import binom, chi2, kstest
 
 from amortized.toys import CHIRP, short_setup
 from emaphm.actuator import Actuator
@@ -19,6 +19,9 @@ from emaphm.simulation import AVERAGED
 
 SETUP = short_setup()
 SPACE = SETUP.space
+COUNT = 250
+"""Answers that are judged."""
+
 MIDDLE = np.array([0.4, 0.5, 0.3, 0.5, 0.4, 0.3, 0.2, 0.5, 0.02, 0.03])
 
 
@@ -146,13 +149,13 @@ def exact_answers(count: int, stated: float, rng: np.random.Generator) -> tuple[
 
 def test_right_answers_are_judged_right_and_sure_ones_wrong() -> None:
     rng = np.random.default_rng(7)
-    answers, truths = exact_answers(500, 1.0, rng)
+    answers, truths = exact_answers(COUNT, 1.0, rng)
     right = judged(answers, truths, SPACE, rng)
-    limits = binom.interval(0.9999, 500, 0.95)
-    assert np.all((500 * right.coverage >= limits[0]) & (500 * right.coverage <= limits[1]))
+    limits = binom.interval(0.9999, COUNT, 0.95)
+    assert np.all((COUNT * right.coverage >= limits[0]) & (COUNT * right.coverage <= limits[1]))
     assert np.all(right.rank_statistic < chi2.ppf(0.9999, 15))
     assert right.rank_limit == pytest.approx(chi2.ppf(0.99, 15), rel=0.03)
-    answers, truths = exact_answers(500, 0.5, rng)
+    answers, truths = exact_answers(COUNT, 0.5, rng)
     sure = judged(answers, truths, SPACE, rng)
     assert np.all(sure.coverage < 0.8)
     assert np.all(sure.rank_statistic > sure.rank_limit)
@@ -160,23 +163,3 @@ def test_right_answers_are_judged_right_and_sure_ones_wrong() -> None:
     np.testing.assert_allclose(temperature, 2.0, rtol=0.15)
     warmed = judged([one.scaled(temperature) for one in answers], truths, SPACE, rng)
     assert np.all(warmed.coverage > 0.93)
-
-
-def test_the_trained_loss_is_the_density_of_the_mixture() -> None:
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed")
-    from emaphm.amortized.networks.torch_network import loss
-
-    rng = np.random.default_rng(8)
-    d, components = 3, 2
-    means, weights = rng.normal(size=(components, d)), np.array([0.3, 0.7])
-    lower = np.tril(rng.normal(size=(components, d, d)))
-    points = rng.normal(size=(5, d))
-    outputs = []
-    density = np.zeros(5)
-    for weight, mean, one in zip(weights, means, lower, strict=True):
-        logs = np.diag(one)
-        factor = np.tril(one, -1) + np.diag(np.exp(logs))
-        density += weight * multivariate_normal(mean, np.linalg.inv(factor.T @ factor)).pdf(points)
-        outputs += [np.log(weight), *mean, *one[np.tril_indices(d)]]
-    found = loss(torch.tensor([outputs] * 5), torch.tensor(points), components)
-    np.testing.assert_allclose(found, -np.log(density), rtol=1e-6)

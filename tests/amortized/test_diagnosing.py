@@ -23,14 +23,14 @@ from emaphm.simulated_recording import simulate
 pytestmark = pytest.mark.usefixtures("any_delay_shows")
 
 TRUTH = Faults(friction=0.4, backlash=0.3, short_b=0.2, eccentricity=0.3, eccentricity_phase=0.7, gain=0.6)
-COMMAND = Chirp(duration=0.25)
-SETUP = RecordingSetup.of(THESIS, COMMAND, duration=0.25)
+COMMAND = Chirp(duration=0.2)
+SETUP = RecordingSetup.of(THESIS, COMMAND, duration=0.2)
 ANSWER = SETUP.space.points(TRUTH.vector)
 
 
 @pytest.fixture(scope="module")
 def recording() -> Recording:
-    whole = simulate(THESIS, COMMAND, duration=0.25, faults=TRUTH, noise=0.05, adc_bits=12)
+    whole = simulate(THESIS, COMMAND, duration=0.2, faults=TRUTH, noise=0.05, adc_bits=12)
     return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
 
 
@@ -197,9 +197,9 @@ REFUSED: dict[str, tuple[Callable[[Recording], Recording], Actuator, str]] = {
     ),
     "another rate": (lambda r: chirp(r, time_s=2 * r["time_s"]), THESIS, "rows a second"),
     "another duration": (
-        lambda r: Recording({name: values[:1000] for name, values in r.channels.items()}),
+        lambda r: Recording({name: values[:800] for name, values in r.channels.items()}),
         THESIS,
-        "1000 rows",
+        "800 rows",
     ),
     "instants": (lambda r: Recording(r.channels, "instant"), THESIS, "instants"),
     "a known load": (lambda r: chirp(r, load_Nm=np.full(r.samples, 0.1)), THESIS, "known load"),
@@ -238,7 +238,7 @@ def test_an_actuator_without_windings_is_refused() -> None:
     "channels", [("voltage", "current"), ("voltage_V", "current"), ("current_A", "voltage")]
 )
 def test_channels_of_a_setup_go_by_short_names_or_by_their_columns(channels: tuple[str, ...]) -> None:
-    setup = RecordingSetup.of(THESIS, COMMAND, duration=0.25, channels=channels)
+    setup = RecordingSetup.of(THESIS, COMMAND, duration=0.2, channels=channels)
     assert setup.channels == ("current_A", "voltage_V")
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from amortized.toys import CHIRP, short_setup
 from emaphm.actuator import Faults
@@ -95,6 +96,27 @@ def test_numpy_and_torch_run_the_same_network() -> None:
     network = converted(module, layer, np.ones(4), 3)
     expected = module(torch.from_numpy(network.features(rows[:9]))).detach().numpy()
     np.testing.assert_allclose(network.outputs(network.features(rows[:9])), expected, rtol=1e-4, atol=1e-4)
+
+
+def test_the_trained_loss_is_the_density_of_the_mixture() -> None:
+    import torch
+
+    from emaphm.amortized.networks.torch_network import loss
+
+    rng = np.random.default_rng(8)
+    d, components = 3, 2
+    means, weights = rng.normal(size=(components, d)), np.array([0.3, 0.7])
+    lower = np.tril(rng.normal(size=(components, d, d)))
+    points = rng.normal(size=(5, d))
+    outputs = []
+    density = np.zeros(5)
+    for weight, mean, one in zip(weights, means, lower, strict=True):
+        logs = np.diag(one)
+        factor = np.tril(one, -1) + np.diag(np.exp(logs))
+        density += weight * multivariate_normal(mean, np.linalg.inv(factor.T @ factor)).pdf(points)
+        outputs += [np.log(weight), *mean, *one[np.tril_indices(d)]]
+    found = loss(torch.tensor([outputs] * 5), torch.tensor(points), components)
+    np.testing.assert_allclose(found, -np.log(density), rtol=1e-6)
 
 
 def test_noise_of_the_features_is_that_of_the_rows() -> None:
@@ -267,7 +289,7 @@ def test_from_simulations_to_a_file(tmp_path: Path) -> None:
         tmp_path / "work",
         simulations=128,
         workers=1,
-        settings=SMALL,
+        settings=replace(SMALL, epochs=2),
         on_stage=stage,
     )
     assert sum("network is kept as after epoch" in stage for stage in stages) == 2

@@ -30,7 +30,7 @@ FACTORS = dict(zip(FREE, (1.08, 0.9, 0.92, 1.04, 0.95), strict=True))
 UNIT = with_lumped_parameters(
     THESIS, {n: v * FACTORS[n] for n, v in lumped_parameters(THESIS, FREE).items()}, name="unit 7"
 )
-DURATION = 0.3
+DURATION = 0.2
 TRUTH = Faults(friction=0.2, short_a=0.15, gain=0.55)
 
 

@@ -57,7 +57,7 @@ def current_of(recording: Recording) -> Recording:
 @pytest.fixture(scope="module")
 def instants() -> Recording:
     """Return what the averaged model recorded itself, a row a step, so that only the noise is unexplained."""
-    return own_recording(duration=0.25)
+    return own_recording(duration=0.15)
 
 
 @pytest.fixture(scope="module")
@@ -68,10 +68,13 @@ def found(instants: Recording) -> Calibration:
 
 @pytest.fixture(scope="module")
 def reference() -> Recording:
-    return simulate(UNIT, Chirp(duration=0.3), noise=0.05, duration=0.3)
+    return simulate(UNIT, Chirp(duration=0.2), noise=0.05, duration=0.2)
 
 
-@pytest.mark.parametrize("factors", WRONG_STARTS)
+@pytest.mark.parametrize(
+    "factors",
+    [*WRONG_STARTS[:2], *(pytest.param(one, marks=pytest.mark.evidence) for one in WRONG_STARTS[2:])],
+)
 def test_a_unit_is_found_again_from_starts_that_are_30_percent_wrong(
     instants: Recording, factors: Sequence[float]
 ) -> None:
@@ -216,7 +219,7 @@ def test_the_error_of_what_is_not_identifiable_covers_a_value_far_too_small() ->
 
 def test_a_scale_that_no_current_shows_is_not_identifiable() -> None:
     # Torque constant, inertia and friction times one factor give the same current, to the last bits.
-    recording = current_of(simulate(THESIS, Chirp(duration=0.25), duration=0.25))
+    recording = current_of(simulate(THESIS, Chirp(duration=0.15), duration=0.15))
     found = calibrate(recording, THESIS, ["torque_constant", "inertia", "coulomb", "viscous"])
     assert not any(p.identifiable for p in found.parameters.values())
 

@@ -20,12 +20,18 @@ UNIT = with_lumped_parameters(
     THESIS, {"inertia": 3.2e-5, "viscous": 2e-4, "coulomb": 0.06, "offset": 0.02}, name="unit"
 )
 TRUE = lumped_parameters(UNIT, FREE)
+DURATION = 0.3
 WRONG_GAIN = with_lumped_parameters(THESIS, {"position_gain": 5e4}, name="other gain")
+
+
+def recorded(actuator: Actuator, *, stop_hz: float = 15.0, seed: int = 0) -> Recording:
+    command = Chirp(stop_hz=stop_hz, duration=DURATION)
+    return simulate(actuator, command, duration=DURATION, noise=0.02, seed=seed)
 
 
 @pytest.fixture(scope="module")
 def reference() -> Recording:
-    return simulate(UNIT, Chirp(), noise=0.02)
+    return recorded(UNIT)
 
 
 def test_a_wrong_gain_leads_to_measured_motion(reference: Recording) -> None:
@@ -116,7 +122,7 @@ def test_what_measured_motion_does_not_show_is_refused(
 
 def test_each_recording_may_have_what_is_known_of_it_and_its_own(reference: Recording) -> None:
     weak = with_lumped_parameters(UNIT, {"offset": -0.05})
-    other = simulate(weak, Chirp(stop_hz=11), noise=0.02)
+    other = recorded(weak, stop_hz=11.0)
     rows = [CampaignRow(reference, {"offset": 0.02}), CampaignRow(other, free=("offset",))]
     found = calibrate(rows, THESIS, FREE[:3], loop="measured")
     assert found.recordings[0].known == {"offset": 0.02}
@@ -138,7 +144,7 @@ def test_each_recording_may_have_what_is_known_of_it_and_its_own(reference: Reco
 def test_recordings_that_contradict_each_other_are_doubtful_by_measured_motion_too(
     reference: Recording,
 ) -> None:
-    heavy = simulate(with_lumped_parameters(UNIT, {"inertia": 6.4e-5}), Chirp(), noise=0.02)
+    heavy = recorded(with_lumped_parameters(UNIT, {"inertia": 6.4e-5}))
     found = calibrate([reference, heavy], THESIS, FREE, loop="measured", nuisances=[])
     inertia = found.parameters["inertia"]
     assert inertia.doubtful
@@ -147,7 +153,7 @@ def test_recordings_that_contradict_each_other_are_doubtful_by_measured_motion_t
         assert abs(inertia.value - value) < 2 * inertia.standard_error
     assert found.birge_ratio is not None
     assert found.birge_ratio > 10
-    again = simulate(UNIT, Chirp(stop_hz=12), noise=0.02, seed=1)
+    again = recorded(UNIT, stop_hz=12.0, seed=1)
     agreeing = calibrate([reference, again], THESIS, FREE, loop="measured")
     assert not agreeing.parameters["inertia"].doubtful
     assert agreeing.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=2e-3)
@@ -167,7 +173,7 @@ def test_heat_of_the_magnets_is_known_or_in_the_errors(reference: Recording) -> 
 def test_laws_are_found_by_measured_motion() -> None:
     description = UNIT.model_dump(exclude_none=True) | {"friction": {"viscous_asymmetry": 0.3}}
     unequal = Actuator.from_dict(description, where="unequal")
-    recording = simulate(unequal, Chirp(), noise=0.02)
+    recording = recorded(unequal)
     found = calibrate(recording, THESIS, laws=["directional"], loop="measured", nuisances=[])
     assert found.laws == ("directional",)
     asymmetry = found.parameters["viscous_asymmetry"]

@@ -185,9 +185,9 @@ FREE = ("inertia", "viscous", "coulomb")
 
 
 def recorded(seed: int, faults: Faults = Faults()) -> Recording:  # noqa: B008 - frozen
-    command = Chirp(duration=0.2)
+    command = Chirp(duration=0.15)
     whole = foreign_plant.simulate(
-        THESIS, command, SMOOTH, faults=faults, duration=0.2, noise=0.05, adc_bits=12, seed=seed
+        THESIS, command, SMOOTH, faults=faults, duration=0.15, noise=0.05, adc_bits=12, seed=seed
     )
     kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
     return Recording(kept, whole.sampling, f"day {seed}")
@@ -224,7 +224,7 @@ def test_noise_that_no_healthy_recording_had_explains_nothing(unit: Actuator) ->
     assert diagnosis.model_error["current_A"].ratio > 3
 
 
-@pytest.mark.usefixtures("one_search")
+@pytest.mark.usefixtures("one_search", "unrefined")
 def test_without_it_the_model_does_not_explain_that_recording(unit: Actuator) -> None:
     bare = unit.model_copy(update={"model_error": NOT_LEARNED})
     diagnosis = diagnose(recorded(10), bare, nuisances=THESIS.nuisances.estimated, workers=1)
@@ -252,8 +252,9 @@ def test_the_ripple_that_faults_add_is_no_reason_against_an_estimate() -> None:
     learned = ModelError(current_A=current, voltage_V=voltage)
     unit = THESIS.model_copy(update={"drive": drive, "model_error": learned})
     faults = Faults(friction=0.3, short_c=0.6, eccentricity=0.8, eccentricity_phase=0.4)
+    command, lagging = Chirp(duration=0.3), ForeignFeatures(sensor_lag=20e-6)
     whole = foreign_plant.simulate(
-        THESIS, Chirp(), ForeignFeatures(sensor_lag=20e-6), faults=faults, noise=0.05, adc_bits=12
+        THESIS, command, lagging, faults=faults, duration=0.3, noise=0.05, adc_bits=12
     )
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
     diagnosis = diagnose(recording, unit, nuisances=("load",), workers=1)

@@ -8,10 +8,13 @@ from typing import Any, NamedTuple
 import pytest
 
 from emaphm.cli import main
+from history.unsynced import unsynced
 
 from . import files
 
 Refusal = Callable[..., str]
+
+GOOD = files.csv(files.columns())
 
 
 class Answer(NamedTuple):
@@ -23,6 +26,12 @@ class Answer(NamedTuple):
 
 
 Emaphm = Callable[..., Answer]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _unsynced() -> Iterator[None]:
+    with unsynced():
+        yield
 
 
 @pytest.fixture
@@ -40,7 +49,7 @@ def emaphm(capsys: pytest.CaptureFixture[str]) -> Emaphm:
 @pytest.fixture
 def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the current folder: it holds the recording `good.csv` and the description `good.toml`."""
-    (tmp_path / "good.csv").write_bytes(files.csv(files.columns()))
+    (tmp_path / "good.csv").write_bytes(GOOD)
     (tmp_path / "good.toml").write_text(files.THESIS, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     return tmp_path

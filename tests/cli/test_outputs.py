@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 # Loaded before anything is replaced: whatever takes a name from elsewhere would keep the replacement.
 import emaphm.demo  # noqa: F401
@@ -100,13 +101,23 @@ def test_a_folder_of_the_system_is_refused_before_the_work(refused: Refusal, lin
     assert f"{path}: cannot be written there" in refused(*line.format(path).split())
 
 
+def _plain_figure() -> Figure:
+    figure = Figure()
+    figure.subplots().plot(range(9))
+    return figure
+
+
 @pytest.mark.parametrize(("line", "name"), EACH)
 def test_force_replaces_the_file_by_what_its_name_says_and_nothing_else_is_left(
-    emaphm: Emaphm, desk: Path, line: str, name: str
+    emaphm: Emaphm, desk: Path, monkeypatch: pytest.MonkeyPatch, line: str, name: str
 ) -> None:
+    monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")  # drawn in `test_verbs.py`
     (desk / name).write_text("old", encoding="utf-8")
     verb = line.partition(" ")[0]
-    quick = {"simulate": ["--model", "averaged"], "diagnose": ["--no-correction"]}.get(verb, [])
+    if name.endswith((".svg", ".pdf")):  # the whole figure is drawn as a PNG
+        monkeypatch.setattr("emaphm.plotting.replay.draw_replay", lambda *_: _plain_figure())
+    plain = ["--no-correction", "--nuisance", "none"]
+    quick = {"simulate": ["--model", "averaged"], "diagnose": plain, "calibrate": plain}.get(verb, [])
     code, _, err = emaphm(*line.format(name).split(), *quick, "--force")
     assert (code, err) == (0, "")
     written = (desk / name).read_bytes()

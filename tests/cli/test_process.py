@@ -155,7 +155,7 @@ def test_a_reader_that_left_is_no_mishap(start: Start, line: str, unbuffered: st
     assert (code, err) == (0, "")
 
 
-@pytest.mark.parametrize("line", ["--help", "diagnose --help", "--version"])
+@pytest.mark.parametrize("line", ["diagnose --help", "--version"])
 def test_a_reader_of_help_that_left_is_no_mishap(start: Start, line: str) -> None:
     reading, writing = os.pipe()
     os.close(reading)
@@ -273,9 +273,8 @@ def terminals() -> Iterator[Forks]:
 @ON_A_TERMINAL
 def test_progress_is_shown_on_a_terminal_and_stdout_stays_clean(start: Start) -> None:
     terminal, other = os.openpty()
-    process = start(
-        "diagnose", "good.csv", "--no-correction", stdout=subprocess.PIPE, stderr=other, TERM="xterm"
-    )
+    line = "diagnose good.csv --no-correction --nuisance none"
+    process = start(*line.split(), stdout=subprocess.PIPE, stderr=other, TERM="xterm")
     os.close(other)
     shown = shown_on(terminal)
     code, out, _ = ended(process)
@@ -390,8 +389,8 @@ def test_an_interruption_is_said(
 
 
 def test_answers_survive_ascii_and_files_are_utf_8_in_every_locale(desk: Path) -> None:
-    diagnosed = "diagnose good.csv --no-correction"
-    calibrated = "calibrate good.csv --free inertia --no-correction -o out.toml --json"
+    diagnosed = "diagnose good.csv --no-correction --nuisance none"
+    calibrated = "calibrate good.csv --free inertia --no-correction --nuisance none -o out.toml --json"
     lines = (f"{diagnosed} --json", "replay good.csv", diagnosed, "simulate --help", calibrated)
     done = subprocess.run(  # noqa: S603 - the arguments are this file's
         [sys.executable, "-c", ALL, *lines],

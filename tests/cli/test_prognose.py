@@ -45,7 +45,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a history of three units, which nobody may write to."""
     file = tmp_path_factory.mktemp("flown") / "history.sqlite"
     with History.open(file, create=True) as history:
-        wearing(history, "SN-1", [50.0 * i for i in range(1, 13)], 5e-4, 0)
+        wearing(history, "SN-1", [100.0 * i for i in range(1, 7)], 5e-4, 0)
         wearing(history, "SN-2", [50.0 * i for i in range(1, 5)], 5e-4, 100)
         wearing(history, "SN-3", [50.0], 5e-4, 200)
     return file
@@ -88,7 +88,7 @@ def test_a_unit_that_wears_is_predicted(emaphm: Emaphm, fleet: Path) -> None:
 def test_units_that_failed_correct_a_prognosis_alone_and_among_all(
     emaphm: Emaphm, fleet: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(record, "PATHS", replace(record.PATHS, paths=100))
+    monkeypatch.setattr(record, "PATHS", replace(record.PATHS, paths=100, steps=30))
     chosen = ("--actuator", "required.toml")
     before = asked(emaphm, "prognose", "--unit", "SN-1", *chosen)["rul_hours"]
     with History.open(fleet / "history.sqlite") as history:

@@ -66,7 +66,7 @@ def parsed(emaphm: Emaphm, *arguments: str | Path) -> dict[str, Any]:
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a recording of an actuator with the faults `TRUTH`, made by the reference model."""
     path = tmp_path_factory.mktemp("made") / "faulty.csv"
-    assert main(["simulate", str(path), *TRUTH, "--duration", "0.3", "--json"]) == 0
+    assert main(["simulate", str(path), *TRUTH, "--duration", "0.2", "--json"]) == 0
     return path
 
 
@@ -489,11 +489,11 @@ def test_the_demo_prints_the_estimate_and_the_truth(
         return made[0]
 
     monkeypatch.setattr("emaphm.demo.diagnose", once)
+    monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")  # its figures are drawn above
     said = parsed(emaphm, "demo", "--seed", "1")
     check_demo(said, desk)
-    # Its figures have been drawn.
+    # Its figure has been drawn.
     monkeypatch.setattr("emaphm.demo.draw_diagnosis", lambda *_: Figure())
-    monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")
     code, out, err = emaphm("demo", "--out", "new/folder", "--seed", "1")
     assert (code, err) == (0, "")
     for piece in ("true", "estimate", *NAMES, "0.7000", "Error: ", str(Path("new", "folder", "report.html"))):

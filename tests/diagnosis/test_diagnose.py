@@ -57,7 +57,7 @@ def test_a_diagnosis_is_written_whole_or_refused(mixed: Recording, tmp_path: Pat
 
 @pytest.fixture(scope="module")
 def mixed() -> Recording:
-    return reference_recordings([MIXED.vector], noise=0.05, duration=0.2)[0]
+    return reference_recordings([MIXED.vector], noise=0.05, duration=0.15)[0]
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +138,7 @@ def test_another_seed_starts_elsewhere_and_ends_at_the_same_faults(
 
 
 def test_the_number_of_workers_changes_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    recording = simulate(THESIS, Chirp(duration=0.2), faults=MIXED, duration=0.2)
+    recording = simulate(THESIS, Chirp(duration=0.1), faults=MIXED, duration=0.1)
     # As if so short a recording were worth threads: two groups of actuators are shared out already.
     monkeypatch.setattr(running, "WORTH_A_THREAD", 1)
     alone, together = (
@@ -169,7 +169,7 @@ def test_evaluations_are_the_runs_of_the_averaged_model(
     assert reported == counted
 
 
-QUICK = ("hybrid", "dragonfly", "random+lsq", "cma-es")
+QUICK = ("hybrid", "dragonfly", "random+lsq", "l-shade")
 """A method of each kind: with starts of its own or an optimiser's, and an optimiser alone, ours or another's.
 
 That the other optimisers report each population is tested in `tests/optimizers`.
@@ -199,7 +199,7 @@ def with_channels(recording: Recording, *names: str) -> Recording:
 
 
 def test_heat_is_identified_by_the_voltage_and_collinear_without() -> None:
-    whole = simulate(THESIS, Chirp(duration=0.3), faults=MIXED, duration=0.3, load=0.1, noise=0.05)
+    whole = simulate(THESIS, Chirp(duration=0.2), faults=MIXED, duration=0.2, load=0.1, noise=0.05)
     blind = diagnose(with_channels(whole, "current_A"), THESIS, nuisances=USUAL)
     assert blind.channels == ("current_A",)
     # Heat and a short in all phases differ in resistance alone, which a current hardly shows.
@@ -232,7 +232,11 @@ def test_no_nuisance_is_estimated_where_none_is_asked_for(mixed: Recording) -> N
 
 @pytest.mark.parametrize(
     ("method", "fitness"),
-    [("dragonfly", "least_squares"), ("dragonfly", "total_least_squares"), ("dragonfly-thesis", "thesis")],
+    [
+        ("dragonfly", "least_squares"),
+        pytest.param("dragonfly", "total_least_squares", marks=pytest.mark.evidence),
+        ("dragonfly-thesis", "thesis"),
+    ],
 )
 def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
     truth = Faults(friction=0.5)
@@ -256,7 +260,7 @@ def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
 
 def test_the_monitor_model_finds_what_it_recorded_itself() -> None:
     truth = Faults(gain=0.75)
-    recording = simulate(THESIS, Chirp(duration=0.25), faults=truth, model="monitor", duration=0.25)
+    recording = simulate(THESIS, Chirp(duration=0.15), faults=truth, model="monitor", duration=0.15)
 
     def error(seed: int) -> float:
         found = diagnose(recording, THESIS, model="monitor", method="dragonfly", seed=seed)

@@ -204,9 +204,12 @@ def diagnosed(
     late: int,
     faults: Faults = Faults(short_b=0.2),  # noqa: B008 - frozen
     nuisances: tuple[str, ...] | None = None,
+    duration: float = 0.2,
     **known: float,
 ) -> Diagnosis:
-    whole = simulate(THESIS, Chirp(duration=0.3), faults=faults, duration=0.3, noise=0.05, adc_bits=12)
+    whole = simulate(
+        THESIS, Chirp(duration=duration), faults=faults, duration=duration, noise=0.05, adc_bits=12
+    )
     rows = np.clip(np.arange(whole.samples) - late, 0, whole.samples - 1)
     columns = {name: whole[name] for name in ("time_s", "command_rad")}
     columns |= {name: whole[name][rows] for name in CHANNELS[:2]}
@@ -278,7 +281,8 @@ def test_noise_is_no_motion(command: Array, position: Array, moved: bool) -> Non
 
 
 @pytest.mark.usefixtures("one_search")
-@pytest.mark.parametrize("late", [pytest.param(-1, marks=pytest.mark.evidence), 1])
+@pytest.mark.evidence
+@pytest.mark.parametrize("late", [-1, 1])
 def test_a_row_of_delay_is_no_degraded_gain(late: int) -> None:
     assert diagnosed(late, nuisances=USUAL).components["gain"].verdict != "degraded"
 
@@ -286,7 +290,7 @@ def test_a_row_of_delay_is_no_degraded_gain(late: int) -> None:
 @pytest.mark.usefixtures("one_search")
 def test_a_row_of_delay_leaves_the_size_of_a_degraded_gain_open() -> None:
     faults = Faults(friction=0.03, gain=0.66)
-    in_time, late = (diagnosed(rows, faults, USUAL).components["gain"] for rows in (0, 1))
+    in_time, late = (diagnosed(rows, faults, USUAL, 0.3).components["gain"] for rows in (0, 1))
     assert in_time.verdict == "degraded"
     assert in_time.interval95[1] - in_time.interval95[0] < 0.01
     assert late.verdict == "degraded"  # with the row and without

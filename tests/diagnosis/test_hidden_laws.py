@@ -48,7 +48,7 @@ def as_described() -> SearchResult:
 
 @pytest.mark.parametrize("value", [0.01, -0.01])
 def test_a_saturation_is_suspected_where_there_is_one(value: float) -> None:
-    result = near_the_truth(on_a_rig(with_law("saturation", value), FAULTS, 0.3))
+    result = near_the_truth(on_a_rig(with_law("saturation", value), FAULTS, 0.2))
     assert "saturation" in suspected_laws(result, seed=0)
     # A linear step, the other parameters making up for a part.
     assert hidden_scores(result, seed=0)["saturation"].values == pytest.approx([value * LIMIT], rel=0.4)
@@ -110,7 +110,7 @@ def test_a_saturation_that_nobody_described_is_no_fault() -> None:
 
 @pytest.mark.parametrize("value", [0.2, -0.1])
 def test_a_sine_in_the_back_emf_is_suspected_and_sized(value: float) -> None:
-    result = near_the_truth(on_a_rig(with_law("emf-sine", value), FAULTS, 0.3))
+    result = near_the_truth(on_a_rig(with_law("emf-sine", value), FAULTS, 0.2))
     assert "emf-sine" in suspected_laws(result, seed=0)
     assert hidden_scores(result, seed=0)["emf-sine"].values == pytest.approx([value], rel=0.4)
 
@@ -118,7 +118,7 @@ def test_a_sine_in_the_back_emf_is_suspected_and_sized(value: float) -> None:
 def test_hall_sensors_out_of_place_are_suspected_and_sized() -> None:
     early = {"hall_a": 0.035, "hall_b": -0.025, "hall_c": 0.02}
     displaced = with_lumped_parameters(LAWS["hall-angles"].added_to(THESIS), early)
-    result = near_the_truth(on_a_rig(displaced, FAULTS, 0.3))
+    result = near_the_truth(on_a_rig(displaced, FAULTS, 0.2))
     assert "hall-angles" in suspected_laws(result, seed=0)
     score = hidden_scores(result, seed=0)["hall-angles"]
     assert score.values == pytest.approx([*early.values()], abs=0.015)

@@ -14,7 +14,7 @@ from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.diagnosis.diagnose import SEARCH_SHARE
-from emaphm.diagnosis.selection import first_look
+from emaphm.diagnosis.selection import control_errors, first_look
 from emaphm.diagnosis.selection.laws import law_fit, law_selection, sensor_lag
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, acts, with_law, without_law
 from emaphm.diagnosis.selection.laws.law_selection import SUSPECTS, select_laws
@@ -60,6 +60,7 @@ def found(recording: Recording, progress: list[float]) -> Iterator[Diagnosis]:
     with pytest.MonkeyPatch.context() as patched:
         for tried in ("SUSPECTS", "FRICTION_CURVES"):
             patched.setattr(law_selection, tried, ("stribeck", "directional"))
+        patched.setattr(control_errors, "CONTROL_LAWS", ("speed-integral",))
         for asked in (first_look, sensor_lag):
             patched.setattr(asked, "can_show_lag", lambda _: False)
         few = replace(SENSOR_SELECTION, most_corrected=1)

@@ -19,7 +19,7 @@ FACTORS = (pytest.param(0.3, marks=pytest.mark.evidence), 0.7)
 KEPT = ("time_s", "command_rad", "current_A", "voltage_V")
 
 
-def recorded(faults: Faults, seed: int = 0, *, duration: float = 0.3) -> Recording:
+def recorded(faults: Faults, seed: int = 0, *, duration: float = 0.2) -> Recording:
     command = Chirp(duration=duration)
     whole = simulate(THESIS, command, faults=faults, duration=duration, noise=0.05, adc_bits=12, seed=seed)
     return Recording({name: whole[name] for name in KEPT})

@@ -54,7 +54,7 @@ def recorded(duration: float) -> Recording:
 
 @pytest.fixture(scope="module")
 def whole() -> Recording:
-    return recorded(0.3)
+    return recorded(0.2)
 
 
 def diagnosed(
@@ -169,7 +169,7 @@ def test_exchanged_channels_are_put_right(whole: Recording) -> None:
 def test_a_frozen_current_is_not_compared_while_it_is(whole: Recording) -> None:
     def frozen(name: str, values: Array) -> Array:
         if name == "current_A":
-            values[1000:1300] = values[1000]
+            values[600:900] = values[600]
         return values
 
     check(diagnosed(whole, LINE, frozen), "current_A", "frozen", 0.06, 1e-3)

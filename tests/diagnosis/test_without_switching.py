@@ -12,11 +12,14 @@ from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
 DC = Actuator.dc()
+DURATION = 0.3
 FAULTS = Faults(friction=0.3, backlash=0.4, gain=0.3)
 
 
 def recorded(actuator: Actuator, faults: Faults, command: Command, seed: int = 0) -> Recording:
-    whole = simulate(actuator, command, faults=faults, noise=0.05, adc_bits=16, load=0.1, seed=seed)
+    whole = simulate(
+        actuator, command, faults=faults, duration=DURATION, noise=0.05, adc_bits=16, load=0.1, seed=seed
+    )
     return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")})
 
 
@@ -28,7 +31,10 @@ def square(t: Array) -> Array:
 def test_an_inertia_that_deviates_is_found(share: float) -> None:
     inertia = lumped_parameters(DC, ("inertia",))["inertia"]
     found = diagnose(
-        recorded(with_lumped_parameters(DC, {"inertia": (1 + share) * inertia}), FAULTS, Chirp()), DC
+        recorded(
+            with_lumped_parameters(DC, {"inertia": (1 + share) * inertia}), FAULTS, Chirp(duration=DURATION)
+        ),
+        DC,
     )
     assert found.selected == ("inertia",)
     assert found.nuisances["inertia"].value == pytest.approx(share, abs=0.01)
@@ -36,7 +42,7 @@ def test_an_inertia_that_deviates_is_found(share: float) -> None:
 
 
 def test_the_step_of_the_averaged_model_is_no_bias() -> None:
-    recording = recorded(DC, FAULTS, Chirp())
+    recording = recorded(DC, FAULTS, Chirp(duration=DURATION))
     found, uncorrected = diagnose(recording, DC), diagnose(recording, DC, max_corrections=0)
     errors = [float(error_percent(FAULTS.vector, one.faults.vector)) for one in (found, uncorrected)]
     assert errors[0] < 0.5 * errors[1]

@@ -80,7 +80,8 @@ def test_a_collinear_set_says_what_would_help() -> None:
 def test_heat_and_a_short_in_all_phases_look_alike_to_the_current_and_not_to_the_voltage() -> None:
     actuator = Actuator.thesis()
     faults = Faults(friction=0.2, short_a=0.3, short_b=0.3, short_c=0.3)
-    whole = simulate(actuator, Chirp(), faults=faults, noise=0.05, adc_bits=12)
+    command = Chirp(duration=0.3)
+    whole = simulate(actuator, command, duration=0.3, faults=faults, noise=0.05, adc_bits=12)
 
     def found(*channels: str) -> tuple[CollinearSet, ...]:
         rows = {name: whole[name] for name in ("time_s", "command_rad", *channels)}

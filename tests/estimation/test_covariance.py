@@ -192,7 +192,7 @@ def test_a_residual_that_is_large_where_the_model_moves_counts_for_more() -> Non
     assert np.any(np.abs(stationary / actual - 1) > 0.05 + SAMPLING)
 
 
-@pytest.mark.parametrize("samples", [50, 200, 2500])
+@pytest.mark.parametrize("samples", [50, 2500])
 def test_intervals_hold_the_truth_as_often_as_they_say_however_few_the_rows(samples: int) -> None:
     draws = 1000
     values = np.random.default_rng(6).normal(size=(draws, samples))

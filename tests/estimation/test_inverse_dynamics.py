@@ -159,7 +159,7 @@ def test_the_description_that_it_starts_from_does_not_matter(plain: Recording) -
     check(inverse_dynamics(plain, far, list(SPRING)), SPRING, 0.005)
 
 
-@pytest.mark.parametrize(("noise", "tolerance"), [(1e-5, 0.005), (1e-4, 0.005), (1e-3, 0.02)])
+@pytest.mark.parametrize(("noise", "tolerance"), [(1e-4, 0.005), (1e-3, 0.02)])
 def test_noise_of_the_position_makes_no_bias(plain: Recording, noise: float, tolerance: float) -> None:
     rng = np.random.default_rng(0)
     values = []
@@ -641,9 +641,9 @@ def test_the_reference_models_laws_are_found(law: str) -> None:
     )
     actuator = with_parameters(bare, LAWS[law])
     # The load shows its part of the Stribeck friction at reversals alone: it takes more of them.
-    duration = 3.0 if "stribeck_load_motor" in LAWS[law] else 2.0
+    duration, rate = (2.0, 5000.0) if "stribeck_load_motor" in LAWS[law] else (1.5, 2500.0)
     chirp = Chirp(amplitude=1.0, stop_hz=3.0, duration=duration)
-    recording = simulate(actuator, chirp, duration=duration)
+    recording = simulate(actuator, chirp, duration=duration, sample_rate=rate)
     found = inverse_dynamics(recording, bare, ["inertia", "coulomb", *LAWS[law]])
     assert found.relative_error < 0.01
     assert found.values["inertia"] == pytest.approx(actuator.mechanics.inertia, rel=0.01)

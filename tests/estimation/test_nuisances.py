@@ -233,6 +233,7 @@ def plain() -> Array:
     return found_of(THESIS)
 
 
+@pytest.mark.evidence
 @pytest.mark.usefixtures("one_search")
 def test_a_recorded_temperature_takes_the_heat_out(plain: Array) -> None:
     warm = with_lumped_parameters(THESIS, warmed(40.0))
@@ -242,6 +243,7 @@ def test_a_recorded_temperature_takes_the_heat_out(plain: Array) -> None:
     assert np.abs(unaware - plain).max() > 0.03
 
 
+@pytest.mark.evidence
 @pytest.mark.usefixtures("one_search")
 def test_a_recorded_load_takes_the_load_out(plain: Array) -> None:
     loaded, unaware = found_of(THESIS, load=0.15, load_Nm=0.15), found_of(THESIS, load=0.15)

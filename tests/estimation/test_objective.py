@@ -7,7 +7,7 @@ import pytest
 
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
-from emaphm.diagnosis import diagnose, error_percent
+from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.errors import MethodError
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem
@@ -117,24 +117,33 @@ def test_an_idle_column_is_not_compared() -> None:
     assert Problem.of(recording, THESIS, channels=None).channels == ("current_A",)
 
 
+@pytest.fixture(scope="module")
+def loaded_and_hot() -> Recording:
+    """Return current and voltage of a unit under a load, 40 K above its nominal temperature."""
+    return rig(0.15, 40.0, "current_A", "voltage_V")
+
+
+@pytest.fixture(scope="module")
+def seeing(loaded_and_hot: Recording) -> Diagnosis:
+    return diagnose(loaded_and_hot, THESIS, nuisances=USUAL)
+
+
 @pytest.mark.usefixtures("one_search")
-def test_current_and_voltage_separate_load_and_heat_from_faults() -> None:
-    recording = rig(0.15, 40.0, "current_A", "voltage_V")
-    found = diagnose(recording, THESIS, nuisances=USUAL)
+def test_current_and_voltage_separate_load_and_heat_from_faults(
+    loaded_and_hot: Recording, seeing: Diagnosis
+) -> None:
     # The issue's bounds over random cases: 2 % in the median, 6 % for 95 of 100.
-    assert error_percent(TRUTH.vector, found.faults.vector) <= 6.0
-    assert found.nuisances["load"].value == pytest.approx(0.15, abs=0.01)
-    assert found.nuisances["temperature"].value == pytest.approx(40.0, abs=5.0)
-    blind = diagnose(recording, THESIS, nuisances=())
+    assert error_percent(TRUTH.vector, seeing.faults.vector) <= 6.0
+    assert seeing.nuisances["load"].value == pytest.approx(0.15, abs=0.01)
+    assert seeing.nuisances["temperature"].value == pytest.approx(40.0, abs=5.0)
+    blind = diagnose(loaded_and_hot, THESIS, nuisances=())
     # A tenth of the torque limit is more than all friction: unknown, it is read as faults.
     assert error_percent(TRUTH.vector, blind.faults.vector) > 10.0
     assert not blind.explained
 
 
-def test_from_the_current_alone_the_shorts_are_as_uncertain_as_the_heat() -> None:
-    recording = rig(0.0, 40.0, "current_A")
-    found = diagnose(recording, THESIS, nuisances=USUAL)
-    seeing = diagnose(rig(0.0, 40.0, "current_A", "voltage_V"), THESIS, nuisances=USUAL)
+def test_from_the_current_alone_the_shorts_are_as_uncertain_as_the_heat(seeing: Diagnosis) -> None:
+    found = diagnose(rig(0.0, 40.0, "current_A"), THESIS, nuisances=USUAL)
     for name in ("short_a", "short_b", "short_c"):
         low, high = found.interval[name]
         # 40 K lie 1.3 prior standard deviations off: within 1.96 of them.

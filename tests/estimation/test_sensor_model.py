@@ -70,8 +70,8 @@ def test_a_replay_sees_the_model_through_the_same_sensors() -> None:
 )
 def test_a_short_is_found_through_a_described_sensor(sensor: Sensor) -> None:
     actuator = rig(current_A=sensor)
-    command = Chirp(duration=0.3)
-    whole = simulate(actuator, command, duration=0.3, faults=SHORT, noise=0.05)
+    command = Chirp(duration=0.2)
+    whole = simulate(actuator, command, duration=0.2, faults=SHORT, noise=0.05)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
     # The figure that undescribed sensors are held to as well (docs/physics.md, section 10).
     assert error_percent(SHORT.vector, diagnose(recording, actuator, nuisances=USUAL).faults.vector) <= 2.0

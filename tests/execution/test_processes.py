@@ -31,7 +31,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.parametrize("workers", [1, 2, 3])
+@pytest.mark.parametrize("workers", [1, 3])
 def test_every_task_is_done_once_by_whatever_number_of_workers(workers: int) -> None:
     found = list(outcomes(toy.tasks(20), workers=workers))
     assert toy.in_order(found) == toy.results(20)

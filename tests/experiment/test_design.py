@@ -13,7 +13,8 @@ import scipy.stats
 from cases import THESIS
 from emaphm.actuator import NAMES, Actuator, Chirp, Command, DecayingChirp, Sampled, Sine, Step
 from emaphm.errors import EmaphmError
-from emaphm.experiment import Design, design
+from emaphm.experiment import Design, candidate_search, design
+from emaphm.experiment.candidate_search import PlannedTest, choose_finalist
 from emaphm.experiment.excitation import Excitation
 from emaphm.experiment.predicted_precision import Precision, predicted_precision
 from emaphm.experiment.simulated_tests import Gain, SimulatedTests, simulate_tests
@@ -25,7 +26,7 @@ EMPS = Actuator.from_toml(Path(__file__).resolve().parents[2] / "examples" / "em
 
 THESIS_CHIRP = Excitation(Chirp(), 0.5)
 
-SHORT = 0.12
+SHORT = 0.1
 """Duration [s] of the poor manoeuvre: it is as poor as in half a second, and sooner simulated."""
 
 
@@ -47,12 +48,12 @@ def precision_of(
 def improved() -> Design:
     """Return the design that begins with a chirp to 2 Hz and may go to 15 Hz."""
     poor = Chirp(5e-3, 0.0, 2.0, SHORT)
-    return design(THESIS, poor, duration=SHORT, max_frequency=15.0, candidates=2, tests=4, workers=1)
+    return design(THESIS, poor, duration=SHORT, max_frequency=15.0, candidates=1, tests=4, workers=1)
 
 
 def linear_design(workers: int) -> Design:
-    chirp = Chirp(stop_hz=6.0, duration=0.15)
-    return design(EMPS, chirp, duration=0.15, noise=0.02, candidates=2, tests=4, seed=2, workers=workers)
+    chirp = Chirp(stop_hz=9.0, duration=0.1)
+    return design(EMPS, chirp, duration=0.1, noise=0.02, candidates=2, tests=4, seed=2, workers=workers)
 
 
 @pytest.fixture(scope="module")
@@ -152,6 +153,26 @@ def test_a_good_excitation_stays() -> None:
     assert result.found is result.given
     assert not result.better
     assert "Nothing better was found" in str(result)
+
+
+def test_of_two_finalists_that_with_the_narrower_intervals_in_simulated_tests_is_chosen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    predicted = Precision({}, np.zeros(4))
+    finalists = [PlannedTest(Excitation(Chirp(stop_hz=hertz), 0.5), predicted) for hertz in (9.0, 12.0)]
+    asked = []
+
+    def simulated(_: TestSetup, excitations: list[Excitation], *given: Any) -> list[SimulatedTests]:
+        asked.append((excitations, given[:2]))
+        wide, narrow = (Precision({}, np.full(4, width)) for width in (-3.0, -4.0))
+        return [SimulatedTests(one, np.ones(4), np.zeros(4)) for one in (wide, narrow)]
+
+    monkeypatch.setattr(candidate_search, "simulate_tests", simulated)
+    setup = TestSetup.of(THESIS, ("current",), 0.05, 5000.0)
+    assert choose_finalist(setup, finalists, 12, 3, None) is finalists[1]
+    assert asked == [([one.excitation for one in finalists], (6, 3))]
+    assert choose_finalist(setup, finalists[:1], 12, 3, None) is finalists[0]
+    assert len(asked) == 1
 
 
 def test_chance_is_seldom_taken_for_a_gain() -> None:

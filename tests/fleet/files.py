@@ -13,7 +13,7 @@ QUICK = DiagnosisSettings(max_corrections=0, nuisances=())
 
 def recorded(seed: int, faults: Faults = Faults()) -> Recording:  # noqa: B008 - frozen
     """Return what is usually recorded, with the sensor noise of the demonstration."""
-    whole = simulate(THESIS, Chirp(duration=0.2), faults=faults, duration=0.2, noise=0.05, seed=seed)
+    whole = simulate(THESIS, Chirp(duration=0.1), faults=faults, duration=0.1, noise=0.05, seed=seed)
     return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
 
 

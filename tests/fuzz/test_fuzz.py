@@ -9,7 +9,13 @@ PROCESS = [name for name, (_, weight) in CLASSES.items() if weight == 1]
 """Classes that start a process a case."""
 
 
-@pytest.mark.parametrize("name", CLASSES)
+SLOW = ["mdf: bytes"]
+"""Its library takes seconds to load; `tests/recording/test_logger_files.py` damages such a file too."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.evidence) if name in SLOW else name for name in CLASSES]
+)
 def test_spoilt_inputs_are_refused_in_one_line_or_read(name: str) -> None:
     report = fuzz(0, cases=1 if name in PROCESS else 8, names=[name])
     assert not report.complaints, report.complaints[0][2]

@@ -239,14 +239,14 @@ def test_the_blocks_hold_each_key_of_a_diagnosis_once(history: History) -> None:
 
 
 def test_the_latest_diagnoses_are_taken_and_some_of_those_before(history: History) -> None:
-    fill(history, range(1, 21), "S1")
+    fill(history, range(1, 11), "S1")
     unit = history.unit("S1")
     every = [one.hours for one in unit.diagnoses()]
     assert [one.hours for one in unit.diagnoses(3)] == every[-3:]
-    # Every 4th of the 17 before the latest three: at most five.
-    assert [one.hours for one in unit.diagnoses(3, 5)] == [*every[:17:4], *every[-3:]]
-    assert [one.hours for one in unit.diagnoses(3, 17)] == every
-    assert [one.hours for one in unit.diagnoses(0, 2)] == every[::16]
+    # Every 4th of the 7 before the latest three: at most two.
+    assert [one.hours for one in unit.diagnoses(3, 2)] == [*every[:7:4], *every[-3:]]
+    assert [one.hours for one in unit.diagnoses(3, 7)] == every
+    assert [one.hours for one in unit.diagnoses(0, 2)] == every[::8]
 
 
 def test_an_export_has_every_unit(history: History, tmp_path: Path) -> None:

@@ -1,11 +1,19 @@
 """Histories that nothing was added to."""
 
+import importlib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from emaphm.history import History
+from history.unsynced import unsynced
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _unsynced() -> Iterator[None]:
+    with unsynced():
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -14,6 +22,13 @@ def new_history(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     file = tmp_path_factory.mktemp("new") / "history.sqlite"
     History.open(file, create=True).close()
     return file.read_bytes()
+
+
+@pytest.fixture(autouse=True)
+def _looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a watcher that has nothing to do look again soon."""
+    module = importlib.import_module("emaphm.monitoring.watch")  # a function has its name
+    monkeypatch.setattr(module, "IDLE_S", 0.01)
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """Hours that do not rise with the arrival of recordings: an alarm that they hide is not missing silently."""
 
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -13,13 +12,6 @@ from emaphm.monitoring.settings import WATCH
 from emaphm.recording import Recording
 
 from .stand_in import THESIS, diagnosed, diagnosis
-
-
-@pytest.fixture
-def history(tmp_path: Path) -> Iterator[History]:
-    """Return an empty history."""
-    with History.open(tmp_path / "history.sqlite", create=True) as made:
-        yield made
 
 
 def filed(history: History, hours: Sequence[float], friction: float = 0.0) -> list[Event]:

@@ -30,7 +30,7 @@ from .stand_in import PATTERN, QUICK, THESIS
 
 pytestmark = pytest.mark.usefixtures("warm_workers")
 
-FAST = replace(QUICK, folder=replace(QUICK.folder, poll_s=0.05, settle_s=0.1))
+FAST = replace(QUICK, folder=replace(QUICK.folder, poll_s=0.05, settle_s=0.0))
 POISON = stand_in.name(1, 1)
 
 
@@ -162,7 +162,7 @@ STREAM = [
 """Three movements of 1 s, each behind 1 s of rest and before 1 s more."""
 
 
-LONGEST_S = 2.0
+LONGEST_S = 1.0
 """Of a call, where the diagnosis hangs [s]; it starts its process too, on a machine that may be busy."""
 
 

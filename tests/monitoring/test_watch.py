@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,10 @@ from emaphm.history.storage.database import Database
 from emaphm.history.storage.schema import VERSION
 from emaphm.history.storage.tables import DIAGNOSES
 from emaphm.monitoring import NamePattern, Ownership, Watching, WatchSettings, WatchTask, watch
+from emaphm.monitoring.folder import FolderSource
 from emaphm.monitoring.receivers import Webhook
 from emaphm.monitoring.settings import PressureSettings
+from emaphm.monitoring.stream.source import StreamSource
 from emaphm.monitoring.watch_state import WatchState
 from emaphm.recording import Recording, read_recordings
 
@@ -45,9 +48,9 @@ FAST = replace(
 )
 WRITTEN = replace(
     FAST,
-    folder=replace(FAST.folder, poll_s=0.02, settle_s=0.02),
-    delivery=replace(FAST.delivery, longest_pause_s=0.1),
-    retry_s=0.05,
+    folder=replace(FAST.folder, poll_s=0.05, settle_s=0.0),
+    delivery=replace(FAST.delivery, first_pause_s=0.01, longest_pause_s=0.1),
+    retry_s=0.02,
 )
 """Where all files are whole before the watching begins."""
 
@@ -217,7 +220,7 @@ def test_events_are_lines_once(inbox: Path, history: History, tmp_path: Path) ->
 
 def test_a_watcher_that_was_stopped_goes_on(inbox: Path, history: History) -> None:
     """Between any two steps: the history fails once after each number of transactions."""
-    put(inbox, *range(19, 27))
+    put(inbox, *range(22, 26))
     counts = iter(range(1, 200))
     failed = True
     while failed:
@@ -236,22 +239,40 @@ def test_a_watcher_that_was_stopped_goes_on(inbox: Path, history: History) -> No
                 once(inbox, history)
             except KeyboardInterrupt:
                 failed = True
-    assert judged(history) == [("U01", round(i * stand_in.FLIGHT_H, 2)) for i in range(19, 27)]
+    assert judged(history) == [("U01", round(i * stand_in.FLIGHT_H, 2)) for i in range(22, 26)]
     kinds = [(one.kind, one.state) for one in history.events()]
     assert kinds == [("health_changed", "raised"), ("alarm", "raised"), ("health_changed", "raised")]
 
 
-def test_a_half_written_file_is_waited_for(inbox: Path, history: History) -> None:
+def test_a_half_written_file_is_waited_for(
+    inbox: Path, history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By a clock that goes on between two looks alone, whatever else the machine does."""
     text = stand_in.content(1, 0)
-    # Longer than the writing may be held up by other work on the machine.
+    clock, looks, look = [0.0], [0], FolderSource._look
+
+    def counted(self: FolderSource) -> None:
+        look(self)
+        looks[0] += 1
+
+    def looked_after(seconds: float) -> None:
+        before = looks[0]
+        clock[0] += seconds
+        wait_for(lambda: looks[0] > before)
+
+    monkeypatch.setattr(FolderSource, "_look", counted)
+    monkeypatch.setattr("emaphm.monitoring.folder.time", SimpleNamespace(monotonic=lambda: clock[0]))
     settings = replace(FAST, folder=replace(FAST.folder, settle_s=1.5))
     with running(task(inbox, once=False), history, settings=settings):
         with (inbox / stand_in.name(1, 0)).open("w") as file:
             for i in range(0, len(text), len(text) // 8):
                 file.write(text[i : i + len(text) // 8])
                 file.flush()
-                time.sleep(0.06)
+                looked_after(1.0)
                 assert not judged(history)
+        looked_after(1.0)
+        assert not judged(history)
+        looked_after(1.0)
         wait_for(lambda: judged(history))
     (kept,) = history.unit("U01").diagnoses()
     assert json.loads(kept.text)["recording"] == str(inbox / stand_in.name(1, 0))
@@ -377,7 +398,7 @@ def test_once_does_not_wait_for_a_folder_that_vanished(
 def test_a_history_that_fails_is_waited_for(
     inbox: Path, history: History, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    put(inbox, *range(19, 24))
+    put(inbox, *range(19, 22))
     left, calls, real = [0], [0], Database.writing
 
     def failing(self: Database, *options: Any) -> Any:
@@ -397,9 +418,9 @@ def test_a_history_that_fails_is_waited_for(
         diagnosed.append(recording.source)
         return stand_in.diagnosed(recording, actuator, seed=seed)
 
-    assert once(inbox, history, said, diagnose=diagnose).judged == 5
-    assert len(diagnosed) == 5  # kept while the history failed
-    assert len(judged(history)) == 5
+    assert once(inbox, history, said, diagnose=diagnose).judged == 3
+    assert len(diagnosed) == 3  # kept while the history failed
+    assert len(judged(history)) == 3
     assert any("nothing is lost" in line for line in said)
 
 
@@ -455,7 +476,7 @@ def test_back_pressure_is_said_and_taken_back(inbox: Path, history: History) -> 
         return stand_in.diagnosed(recording, actuator, seed=seed)
 
     # Below what one takes: it is cleared once nothing waits any more.
-    settings = replace(FAST, pressure=PressureSettings(raise_s=0.1, clear_s=0.01))
+    settings = replace(WRITTEN, pressure=PressureSettings(raise_s=0.1, clear_s=0.01))
     watch(task(inbox, diagnose=slow), history, THESIS, settings=settings)
     events = history.events()
     assert [(one.kind, one.state) for one in events] == [
@@ -469,7 +490,7 @@ def test_back_pressure_is_said_and_taken_back(inbox: Path, history: History) -> 
 
 
 def test_a_webhook_gets_each_event_once_in_order(inbox: Path, history: History) -> None:
-    put(inbox, *range(19, 27))
+    put(inbox, *range(22, 26))
     with webhook() as hook:
         once(inbox, history, webhook=hook.url)
         once(inbox, history, webhook=hook.url)
@@ -478,7 +499,7 @@ def test_a_webhook_gets_each_event_once_in_order(inbox: Path, history: History) 
 
 
 def test_a_webhook_that_fails_is_tried_again(inbox: Path, history: History) -> None:
-    put(inbox, *range(19, 27))
+    put(inbox, *range(22, 26))
     answers = iter([500, 503, 200, 429, 200])
     said: list[str] = []
     with webhook() as hook:
@@ -492,7 +513,7 @@ def test_a_webhook_that_fails_is_tried_again(inbox: Path, history: History) -> N
 def test_an_event_that_was_sent_and_cannot_be_noted_is_not_sent_again(
     inbox: Path, history: History, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    put(inbox, *range(19, 27))
+    put(inbox, *range(22, 26))
     noted, failures = WatchState.delivered, iter(range(4))
 
     def failing(state: WatchState, receiver: str, number: int) -> None:
@@ -523,7 +544,7 @@ def test_a_link_in_a_circle_does_not_hold_up_the_others(inbox: Path, history: Hi
 
 
 def test_an_event_that_a_webhook_refuses_does_not_hold_up_the_others(inbox: Path, history: History) -> None:
-    put(inbox, *range(19, 27))
+    put(inbox, *range(22, 26))
     said: list[str] = []
     with webhook() as hook:
         refuse = [QUICK.delivery.tries]
@@ -541,8 +562,8 @@ def test_an_event_that_a_webhook_refuses_does_not_hold_up_the_others(inbox: Path
 def test_a_webhook_that_never_answers_holds_up_nothing_and_is_sent_all_later(
     inbox: Path, history: History
 ) -> None:
-    put(inbox, *range(19, 27))
-    settings = replace(FAST, delivery=replace(FAST.delivery, timeout_s=0.5, last_s=0.2))
+    put(inbox, *range(22, 26))
+    settings = replace(WRITTEN, delivery=replace(WRITTEN.delivery, timeout_s=0.5, last_s=0.1))
     silent = threading.Event()
     with webhook() as hook:
 
@@ -554,7 +575,7 @@ def test_a_webhook_that_never_answers_holds_up_nothing_and_is_sent_all_later(
         began = time.monotonic()
         watch(task(inbox, webhook=hook.url), history, THESIS, settings=settings)
         assert time.monotonic() - began < 15
-        assert len(judged(history)) == 8
+        assert len(judged(history)) == 4
         assert not hook.events
         silent.set()
         hook.status = lambda: 200
@@ -627,7 +648,7 @@ def rows(
     ]
 
 
-def stream(lines: list[str], history: History, **options: Any) -> Watching:
+def stream(lines: list[str], history: History, *, settings: WatchSettings = FAST, **options: Any) -> Watching:
     """Watch lines that come on a pipe."""
     out, into = os.pipe()
 
@@ -639,7 +660,7 @@ def stream(lines: list[str], history: History, **options: Any) -> Watching:
     writer.start()
     try:
         usual: dict[str, Any] = {"ownership": Ownership(THESIS.name), "name": "pipe"}
-        return watch(task(out, **usual | options), history, THESIS, settings=FAST)
+        return watch(task(out, **usual | options), history, THESIS, settings=settings)
     finally:
         os.close(out)
         writer.join(PATIENCE_S)
@@ -658,7 +679,7 @@ def test_movements_of_a_stream_are_judged_and_those_sent_again_are_not(history: 
 
 
 def test_a_stream_cut_anywhere_and_sent_again_is_judged_once(history: History) -> None:
-    lines = rows(1.0, movements=4)
+    lines = rows(1.0, movements=3)
     for stop in range(150, len(lines), 130):
         settled = lines[:stop]
         stream(settled, history)
@@ -683,11 +704,14 @@ def test_units_of_one_stream_are_kept_apart(history: History) -> None:
     assert judged(history) == [("S1", 1.0)] * 2 + [("S2", 5.0)] * 2
 
 
+FEW_UNITS = replace(FAST, stream=replace(FAST.stream, most_units=3))
+
+
 def test_of_more_units_at_once_than_are_held_some_are_judged_and_the_others_said(history: History) -> None:
-    most = QUICK.stream.most_units
+    most = FEW_UNITS.stream.most_units
     each = [rows(1.0, unit=f"S{number}", fault=0.01 * number) for number in range(most + 2)]
     mixed = [line for lines in zip(*each, strict=True) for line in lines]
-    assert stream(mixed, history).judged == most
+    assert stream(mixed, history, settings=FEW_UNITS).judged == most
     assert len(judged(history)) == most
     left_out = [one.details for one in history.events(kinds=["rows_skipped"])]
     # All rows of two units, but those by which the others were seen to be more.
@@ -695,9 +719,10 @@ def test_of_more_units_at_once_than_are_held_some_are_judged_and_the_others_said
 
 
 def test_more_units_one_after_the_other_are_all_judged(history: History) -> None:
-    most = QUICK.stream.most_units
+    most = FEW_UNITS.stream.most_units
     each = [rows(1.0, unit=f"S{number}", fault=0.01 * number) for number in range(most + 2)]
-    assert stream([line for lines in each for line in lines], history).judged == most + 2
+    mixed = [line for lines in each for line in lines]
+    assert stream(mixed, history, settings=FEW_UNITS).judged == most + 2
     assert not history.events(kinds=["rows_skipped"])
 
 
@@ -768,12 +793,21 @@ def test_a_stream_as_csv_by_the_command_alone(history: History) -> None:
     assert judged(history) == [("S9", 3.0)]
 
 
-def test_a_sender_that_is_too_fast_is_held_back(history: History) -> None:
+def test_a_sender_that_is_too_fast_is_held_back(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
+    sources, begin = list[StreamSource](), StreamSource.__post_init__
+
+    def begun(self: StreamSource) -> None:
+        begin(self)
+        sources.append(self)
+
     def slow(recording: Recording, actuator: Any, *, seed: int) -> Any:
-        time.sleep(0.1)
+        if len(history.units()) == 0:  # the first one takes until no further one fits
+            wait_for(lambda: sources[0].is_held_back)
         return stand_in.diagnosed(recording, actuator, seed=seed)
 
-    assert stream(rows(1.0, movements=12), history, diagnose=slow).judged == 12
+    monkeypatch.setattr(StreamSource, "__post_init__", begun)
+    most = QUICK.stream.queue + 4
+    assert stream(rows(1.0, movements=most), history, diagnose=slow).judged == most
     kinds = [(one.kind, one.state) for one in history.events()]
     # Once, or again where the reading was slow in between.
     assert kinds
@@ -821,7 +855,7 @@ def test_a_full_disk_is_waited_for(inbox: Path, history: History) -> None:
     # Python ignores the signal, and writing beyond the limit fails as on a full disk.
     resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, limits[1]))
     try:
-        with running(task(inbox, once=False), history, said):
+        with running(task(inbox, once=False), history, said, WRITTEN):
             wait_for(lambda: said)
             assert "free space there" in said[0]
             held = judged(history)
@@ -836,9 +870,9 @@ def test_a_full_disk_is_waited_for(inbox: Path, history: History) -> None:
 
 
 def test_a_receiver_that_stays_away_is_not_asked_without_a_pause(inbox: Path, history: History) -> None:
-    put(inbox, *range(19, 27))
+    put(inbox, *range(22, 26))
     with webhook() as hook:
         hook.status = lambda: 503
-        settings = replace(WRITTEN, delivery=replace(FAST.delivery, last_s=0.5))
+        settings = replace(WRITTEN, delivery=replace(FAST.delivery, last_s=0.2))
         watch(task(inbox, webhook=hook.url), history, THESIS, settings=settings)
         assert 1 <= hook.attempts < 8

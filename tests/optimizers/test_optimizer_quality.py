@@ -161,7 +161,7 @@ def test_swarm_reaches_goals_no_later_than_published(
     The swarm is faster, on the sphere by a third; that other libraries' swarms are as good is tested below.
     """
     swarm = ParticleSwarm(*box(30, half_width), population=30, iterations=4000)
-    needed = [evaluations_to(goal, swarm, function, seed) / 30 for seed in range(10)]
+    needed = [evaluations_to(goal, swarm, function, seed) / 30 for seed in range(5)]
     assert np.median(needed) < published
 
 
@@ -212,7 +212,7 @@ def evaluations_by_the_text(
     [
         pytest.param(squares, box(3, 5.12), (10, 0.9, 0.1), id="f1"),
         pytest.param(rosenbrock, box(2, 2.048), (10, 0.9, 0.9), id="f2"),
-        pytest.param(squares, box(3, 5.12), (15, 0.5, 0.9), id="f1-defaults"),
+        pytest.param(squares, box(3, 5.12), (15, 0.5, 0.9), id="f1-defaults", marks=pytest.mark.evidence),
     ],
 )
 def test_differential_evolution_needs_the_evaluations_of_its_text(

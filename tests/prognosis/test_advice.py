@@ -106,7 +106,7 @@ def test_costs_that_the_paths_do_not_resolve_are_said_to_be_so() -> None:
 def test_where_the_hazard_does_not_grow_no_replacement_is_cheaper() -> None:
     """Barlow and Hunter: with a constant or falling hazard, the cheapest age is infinite."""
     for shape in (1.0, 0.7):
-        for seed in range(60):
+        for seed in range(20):
             sample = 800.0 * np.random.default_rng(seed).weibull(shape, 1000)
             given = advice(sample, 1e5, risk=0.05, costs=Costs(10.0, 1.0))
             assert (given.action, given.hours) == ("fly on", 1e5), (shape, seed)

@@ -90,11 +90,12 @@ def test_what_is_known_only_in_sum_stays_so() -> None:
 def flown(level: list[float], *, seed: int = 0, step: float = 50.0, error: float = 0.01) -> Belief:
     """Return the belief after diagnoses every `step` [h] of a unit whose friction has these levels."""
     random = np.random.default_rng(seed)
-    belief = Belief.new(Prior(), seed=seed)
+    settings = FilterSettings(particles=500)
+    belief = Belief.new(Prior(), seed=seed, settings=settings)
     for i, one in enumerate(level):
         z = NEW + error * random.standard_normal(8)
         z[0] += one
-        belief = updated(predicted(belief, (i + 1) * step), z, np.eye(8) * error**2)
+        belief = updated(predicted(belief, (i + 1) * step), z, np.eye(8) * error**2, settings)
     return belief
 
 

@@ -119,7 +119,7 @@ def test_no_number_of_diagnoses_makes_up_for_what_they_share() -> None:
     shared[:2, :2] = 0.05**2 * np.array([[1.0, -0.6], [-0.6, 1.0]])
     level = NEW + 0.4 * (np.arange(8) < 2)
     seen = np.ones(8, bool)
-    hours = 20.0 * np.arange(1, 31)
+    hours = 40.0 * np.arange(1, 16)
 
     def drawn(common: Array | float) -> Array:
         observations = tuple(

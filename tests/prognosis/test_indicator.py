@@ -13,6 +13,9 @@ from emaphm.prognosis.indicator import Indicator, Reading, prognose_indicator
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.settings import DegradationSettings, FilterSettings, ForecastSettings
 
+FEWER = FilterSettings(particles=4000)
+"""Enough for what goes a way that the prior holds to be usual."""
+
 
 def readings(rate: float, *, start: float = 2.0, count: int = 30, error: float = 0.05) -> tuple[Reading, ...]:
     random = np.random.default_rng(3)
@@ -26,7 +29,7 @@ def readings(rate: float, *, start: float = 2.0, count: int = 30, error: float =
 def test_an_indicator_is_followed_to_its_limit_rising_or_falling(sign: float) -> None:
     """A line of 2 mA an hour over 1,160 h: 4.32 A, and 840 h from the limit of 6 A; or as far below 2 A."""
     one = Indicator("A", 2.0, 2.0 + 4 * sign, readings(2e-3 * sign), 1160.0, "current [A]")
-    made = prognose_indicator(one)
+    made = prognose_indicator(one, filter_settings=FEWER)
     low, high = made.interval90
     assert made.median == pytest.approx(840.0, rel=0.15)
     assert low < 840 < high
@@ -51,7 +54,8 @@ def test_what_has_passed_its_limit_has_no_life_left() -> None:
 
 
 def test_what_stays_healthy_has_no_failure_in_sight() -> None:
-    made = prognose_indicator(Indicator("A", 2.0, 6.0, readings(0.0), 1160.0), Question(horizon=100.0))
+    one = Indicator("A", 2.0, 6.0, readings(0.0), 1160.0)
+    made = prognose_indicator(one, Question(horizon=100.0), filter_settings=FEWER)
     assert math.isinf(made.median)
     assert made.probability_of_failure < 0.01
 
@@ -95,15 +99,15 @@ def test_a_pure_wiener_process_fails_by_the_inverse_gaussian_distribution() -> N
         one,
         prior=Prior(settings),
         filter_settings=FilterSettings(particles=50),
-        settings=ForecastSettings(paths=4000, longest_hours=60_000.0, steps=60),
+        settings=ForecastSettings(paths=4000, longest_hours=60_000.0, steps=30),
     )
     # The rate is known to its posterior: the walk's own mean slope, and the variance of such a mean.
     span, q2 = float(times[used.size - 1]), noise**2 / scale
     precision = scale**2 + span / q2
     mean, deviation = (used[-1] / q2) / precision, precision**-0.5
-    rates = norm.ppf((np.arange(400) + 0.5) / 400, mean, deviation)
+    rates = norm.ppf((np.arange(100) + 0.5) / 100, mean, deviation)
     ahead = 0.5 - used[-1]
-    uniform = np.linspace(0, 60_000, 2001)
+    uniform = np.linspace(0, 60_000, 1001)
     exact = np.mean([_passed(uniform, ahead, float(v), q2) for v in rates], axis=0)
     sample = np.minimum(made.sample, 60_000.0)
     assert kstest(sample[sample < 60_000], lambda t: np.interp(t, uniform, exact) / exact[-1]).pvalue > 0.01

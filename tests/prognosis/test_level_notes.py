@@ -39,7 +39,7 @@ def at(friction: float) -> Array:
     return np.array([friction, 0, 0, 0, 0, 0, 0, 0])
 
 
-@pytest.mark.usefixtures("few_paths")
+@pytest.mark.usefixtures("few_steps")
 def test_a_level_at_the_end_of_its_scale_has_reached_a_limit_there() -> None:
     """Half of the probability of a level of 1, known to 0.002, is at 1 or more."""
     actuator = Actuator.thesis().model_copy(

@@ -1,6 +1,8 @@
 """What the pace of a fleet's units says of when another fails, against formulas and units drawn anew."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -51,15 +53,22 @@ def unit(life: float, number: int, upto: float = np.inf) -> Evidence:
     )
 
 
-def fellows(count: int = 24) -> list[Evidence]:
+@cache
+def fellows(count: int = 24) -> tuple[Evidence, ...]:
     """Return units of many lives, every third of which was removed half-way."""
     random = np.random.default_rng(0)
     lives = 2500.0 * np.exp(0.3 * random.standard_normal(count))
-    return [unit(life, i, 0.5 * life if i % 3 == 0 else np.inf) for i, life in enumerate(lives)]
+    return tuple(unit(life, i, 0.5 * life if i % 3 == 0 else np.inf) for i, life in enumerate(lives))
 
 
-def of(units: list[Evidence]) -> Fellows:
+def of(units: Sequence[Evidence]) -> Fellows:
     return Fellows(units, NEW, None, np.zeros((8, 3)))
+
+
+@cache
+def usual() -> Fellows:
+    """Return the usual fellows, of which much is computed once."""
+    return of(fellows())
 
 
 def pooled(by: Fellows, evidence: Evidence, times: Array, ahead: Stress | None = None) -> Array:
@@ -121,7 +130,7 @@ def test_the_last_step_given_those_before_is_that_of_the_normal_distribution() -
     errors = covariance[:9, :9] + LEAST_VARIANCE * np.eye(9)
     gain = np.linalg.solve(errors, covariance[:9, 9])
     mean, variance = 5.0 + gain @ (gone - 5.0), covariance[9, 9] - gain @ covariance[:9, 9]
-    now = np.full(100_000, SHARES[8])
+    now = np.full(20_000, SHARES[8])
     hours = hours_left(one_class(FLAT, covariance), 0, one, now, np.random.default_rng(1))
     assert kstest((np.log(hours) - mean) / np.sqrt(variance), "norm").pvalue > 0.01
 
@@ -154,7 +163,7 @@ def test_what_is_learnt_has_the_mean_of_the_units_though_half_were_removed_early
 
 
 def test_predictions_of_a_law_that_nobody_knows_hold_the_truth() -> None:
-    by, random = of(fellows()), np.random.default_rng(4)
+    by, random = usual(), np.random.default_rng(4)
     transforms, errors = [], []
     for i in range(40):
         life = 2500.0 * float(np.exp(0.3 * random.standard_normal()))
@@ -172,13 +181,11 @@ def test_few_fellows_vague_diagnoses_and_what_has_failed_change_nothing() -> Non
     one, times = unit(2500.0, 100, 1500.0), np.linspace(100.0, 900.0, 50)[np.newaxis]
     few = of(fellows(FEWEST_FELLOWS - 1))
     assert pooled(few, one, times).tolist() == times[0].tolist()
-    assert not pooled(of(fellows()), one, np.zeros((1, 50))).any()
+    assert not pooled(usual(), one, np.zeros((1, 50))).any()
     vague = [replace(each, covariance=0.1**2 * np.eye(8)) for each in one.observations]
-    assert pooled(of(fellows()), replace(one, observations=tuple(vague)), times).tolist() == times[0].tolist()
+    assert pooled(usual(), replace(one, observations=tuple(vague)), times).tolist() == times[0].tolist()
     hidden = [replace(each, seen=np.zeros(8, bool)) for each in one.observations]
-    assert (
-        pooled(of(fellows()), replace(one, observations=tuple(hidden)), times).tolist() == times[0].tolist()
-    )
+    assert pooled(usual(), replace(one, observations=tuple(hidden)), times).tolist() == times[0].tolist()
     resting = [replace(each, observations=each.observations[:1], failures=()) for each in fellows()]
     assert pooled(of(resting), one, times).tolist() == times[0].tolist()
 
@@ -195,7 +202,7 @@ def test_steps_that_fewer_than_four_have_gone_leave_a_limit_to_the_filter() -> N
 def test_a_last_diagnosis_that_surprised_the_filter_teaches_no_pace() -> None:
     one, times = unit(2500.0, 100, 1500.0), np.linspace(100.0, 900.0, 50)[np.newaxis]
     belief = replace(Belief.new(Prior()), hours=one.hours, surprise=0.9 * np.eye(8)[0])
-    by = of(fellows())
+    by = usual()
     level, filtered = last_level(one, times), FailureTimes(LIMITS, times)
     assert by.pooled(filtered, level, belief, one, None).first.tolist() == times[0].tolist()
     other = replace(belief, surprise=0.9 * np.eye(8)[1])
@@ -218,20 +225,20 @@ def test_a_last_diagnosis_beyond_the_limit_fails_only_what_the_filter_says_has_f
     level[:, 0] = LIMIT * np.linspace(0.9, 1.02, 400)
     times = np.where(level[:, 0] < LIMIT, 500.0, 0.0)[np.newaxis]
     belief = replace(Belief.new(Prior()), hours=one.hours)
-    found = of(fellows()).pooled(FailureTimes(LIMITS, times), level, belief, seen, None).first
+    found = usual().pooled(FailureTimes(LIMITS, times), level, belief, seen, None).first
     assert np.array_equal(found == 0, times[0] == 0)
     assert np.mean(found[found > 0] != 500.0) == pytest.approx(24 / 32, abs=0.01)
 
 
 def test_a_unit_that_has_outlived_the_pace_of_its_fellows_is_the_filters() -> None:
-    by, times = of(fellows()), np.full((1, 400), 900.0)
+    by, times = usual(), np.full((1, 400), 900.0)
     seen = unit(2500.0, 100, 1800.0)
     assert np.mean(pooled(by, replace(seen, hours=1900.0), times) != 900.0) > 0.7
     assert pooled(by, replace(seen, hours=9000.0), times).tolist() == times[0].tolist()
 
 
 def test_a_unit_passes_a_wider_limit_after_a_tighter_one_by_the_pace_too() -> None:
-    one, by = unit(2500.0, 100, 1800.0), of(fellows())
+    one, by = unit(2500.0, 100, 1800.0), usual()
     bounds = (0.63, LIMIT)
     requirements = tuple(Requirement(component="friction", at_most=bound) for bound in bounds)
     limits = Requirements(ACTUATOR.model_copy(update={"requirements": requirements})).limits
@@ -246,11 +253,11 @@ def test_a_unit_passes_a_wider_limit_after_a_tighter_one_by_the_pace_too() -> No
 def test_a_unit_that_has_gone_nowhere_is_the_filters() -> None:
     times = np.linspace(1000.0, 3000.0, 50)[np.newaxis]
     for one in (Evidence("new", "part", 0.0), unit(2500.0, 100, 400.0)):
-        assert pooled(of(fellows()), one, times).tolist() == times[0].tolist()
+        assert pooled(usual(), one, times).tolist() == times[0].tolist()
 
 
 def test_a_replaced_component_has_a_life_of_its_own() -> None:
-    by, times = of(fellows()), np.full((1, 400), 2000.0)
+    by, times = usual(), np.full((1, 400), 2000.0)
     first, second = unit(2500.0, 100, 1800.0), unit(2500.0, 101, 1500.0)
     later = [replace(one, hours=one.hours + first.hours) for one in second.observations]
     both = replace(
@@ -294,7 +301,7 @@ def test_units_of_which_one_component_had_more_lives_teach_as_the_lives_do() -> 
 
 
 def test_a_replacement_after_a_diagnosis_of_the_same_hours_says_nothing_of_then() -> None:
-    by, times = of(fellows()), np.full((1, 400), 2000.0)
+    by, times = usual(), np.full((1, 400), 2000.0)
     then = unit(2500.0, 100, 1800.0)
     belief = replace(Belief.new(Prior()), hours=then.hours)
     since = replace(then, replacements=((then.hours, "friction"),))
@@ -315,7 +322,7 @@ def test_a_fleet_of_short_lives_lasts_as_much_shorter(share: float) -> None:
         return replace(one, hours=share * one.hours, observations=seen, failures=failures)
 
     one, times = unit(2500.0, 100, 1500.0), np.full((1, 400), 1e-9)
-    slow = pooled(of(fellows()), one, times)
+    slow = pooled(usual(), one, times)
     fast = pooled(of([shorter(each) for each in fellows()]), shorter(one), times)
     by_pace = slow > 1.0
     assert np.median(slow[by_pace]) > 300.0

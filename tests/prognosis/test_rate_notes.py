@@ -32,9 +32,9 @@ def test_hours_entered_in_thousands_are_said() -> None:
     assert "check the unit of the hours" in note
 
 
-@pytest.mark.usefixtures("few_paths")
+@pytest.mark.usefixtures("few_steps")
 def test_a_prognosis_has_the_note() -> None:
-    notes = prognose(worn(20.0, every=1e-3), Actuator.thesis()).notes
+    notes = prognose(worn(20.0, every=1e-3), Actuator.thesis(), keep_past=False).notes
     assert any("faster than this forecast can follow" in note for note in notes)
 
 

@@ -32,6 +32,8 @@ ACTUATOR = Actuator.thesis().model_copy(
     update={"requirements": (Requirement(component="friction", at_most=LIMIT),)}
 )
 FEW = replace(record.PATHS, paths=100)
+ROUGH = replace(FEW, steps=30)
+"""Where no number of a forecast matters."""
 FIRST, SECOND = np.array([1.0, 0.0]), np.array([0.0, 1.0])
 
 
@@ -199,7 +201,7 @@ def test_a_shape_that_no_law_has_is_foreseen_where_the_fleet_has_shown_it(
 def test_forecasts_made_together_are_those_made_one_by_one(fleet: list[Evidence]) -> None:
     past = follow(fleet[0], Prior(), settings=FilterSettings(particles=200)).past
     chosen = [past[5], past[-1]]
-    settings = replace(FORECAST, paths=300)
+    settings = replace(FORECAST, paths=300, steps=40)
     together = uncorrected(chosen, fleet[0], ACTUATOR, settings)
     for times, (_, one) in zip(together, lives(chosen, fleet[0], ACTUATOR, settings=settings), strict=True):
         assert times.first.shape == one.shape
@@ -224,7 +226,7 @@ def test_past_units_are_predicted_once(seldom: list[Evidence], monkeypatch: pyte
 def test_a_unit_that_was_diagnosed_at_its_failure_alone_corrects_nothing(
     seldom: list[Evidence], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(record, "PATHS", FEW)
+    monkeypatch.setattr(record, "PATHS", ROUGH)
     monkeypatch.setattr(record, "AT", (0.5,))
     failed, known = seldom[:FEWEST_FAILED], seldom[0]
     failed_at = known.observations[-1].hours
@@ -256,8 +258,10 @@ def test_predictions_of_each_life_that_ended_by_a_failure_are_compared_with_it()
 
 
 def test_beliefs_of_the_past_are_kept_for_a_figure_only_and_few_of_them(fleet: list[Evidence]) -> None:
-    assert len(fleet[0].used) > MOST_PAST
-    kept = prognose(fleet[0], ACTUATOR, settings=FEW).past
+    one, few = (replace(fleet[0], observations=fleet[0].observations[:n]) for n in (MOST_PAST + 2, 3))
+    assert len(one.used) > MOST_PAST
+    kept = prognose(one, ACTUATOR, settings=ROUGH).past
     assert len(kept) == MOST_PAST
-    assert [kept[0].hours, kept[-1].hours] == [fleet[0].used[0].hours, fleet[0].used[-1].hours]
-    assert prognose(fleet[0], ACTUATOR, settings=FEW, keep_past=False).past == ()
+    assert [kept[0].hours, kept[-1].hours] == [one.used[0].hours, one.used[-1].hours]
+    assert len(prognose(few, ACTUATOR, settings=ROUGH).past) == 3
+    assert prognose(few, ACTUATOR, settings=ROUGH, keep_past=False).past == ()

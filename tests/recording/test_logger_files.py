@@ -91,6 +91,10 @@ SAVE: dict[str, Callable[[Columns, Path], Path]] = {"tdms": tdms, "h5": h5, "mf4
 Saved = Callable[[str], Path]
 
 
+HERE = ReadLimits(isolated=False)
+"""In this process: another is not kept where it refused a file, and loads the library of MDF for seconds."""
+
+
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Saved:
     """Return what saves a file of an ending, once; it is only to be read."""
@@ -189,27 +193,32 @@ def test_what_a_file_does_not_hold_is_refused(
     name: str,
     expected: list[str],
 ) -> None:
-    path, here = saved(ending), ReadLimits(isolated=False)  # a process that refused is not kept
-    text = refusal(lambda: read_recording(path, rig(thesis, current_A=name), limits=here))
+    path = saved(ending)
+    text = refusal(lambda: read_recording(path, rig(thesis, current_A=name), limits=HERE))
     for part in (str(path), *expected):
         assert part in text
 
 
+DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "cut": lambda raw: raw[: len(raw) // 2],
+    "noise": lambda raw: raw[::-1],
+}
+
+
 @pytest.mark.parametrize("ending", ENDINGS)
-@pytest.mark.parametrize(
-    "spoil", [lambda raw: raw[: len(raw) // 2], lambda raw: raw[::-1]], ids=["cut", "noise"]
-)
+@pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_file_is_refused(
     saved: Saved,
     tmp_path: Path,
     thesis: Actuator,
     refusal: Refusal,
     ending: str,
-    spoil: Callable[[bytes], bytes],
+    damage: str,
 ) -> None:
     path = tmp_path / f"rec.{ending}"
-    path.write_bytes(spoil(saved(ending).read_bytes()))
-    assert str(path) in refusal(lambda: read_recording(path, thesis))
+    path.write_bytes(DAMAGES[damage](saved(ending).read_bytes()))
+    limits = HERE if (ending, damage) == ("mf4", "noise") else ReadLimits()
+    assert str(path) in refusal(lambda: read_recording(path, thesis, limits=limits))
 
 
 def test_a_state_with_times_of_its_own_is_never_between_two(
@@ -226,6 +235,6 @@ def test_a_state_with_times_of_its_own_is_never_between_two(
         file.append([asammdf.Signal(np.where(slow < 0.2, 0.0, 7.0), slow, name="mode")])
         file.save(tmp_path / "day.mf4", overwrite=True)
     actuator = rig(thesis).model_copy(update={"reading": Reading(keep="mode == 7")})
-    recording = read_recording(tmp_path / "day.mf4", actuator)
+    recording = read_recording(tmp_path / "day.mf4", actuator, limits=HERE)
     assert recording["time_s"][0] == pytest.approx(0.2, abs=1e-9)
     assert recording["time_s"][-1] == columns["time_s"][-1]

@@ -307,7 +307,7 @@ def _twice_in_mat(columns: Columns, folder: Path) -> Path:
 
 NOISE = np.random.default_rng(0).bytes(4000)
 
-BAD = {
+BAD: dict[str, tuple[Callable[[Columns, Path], Path], list[str]]] = {
     "missing file": (lambda _, folder: folder / "rec.csv", ["no such file", "check the path"]),
     "below a file": (
         lambda columns, folder: _save(columns, folder / "a.csv") / "rec.csv",
@@ -399,17 +399,13 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize(("save", "expected"), BAD.values(), ids=BAD.keys())
+@pytest.mark.parametrize("name", BAD)
 def test_bad_file_is_refused(
-    columns: Columns,
-    tmp_path: Path,
-    thesis: Actuator,
-    refusal: Refusal,
-    save: Callable[[Columns, Path], Path],
-    expected: list[str],
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal, name: str
 ) -> None:
-    path = save(columns, tmp_path)
-    text = refusal(lambda: read_recording(path, thesis))
+    save, expected = BAD[name]
+    path, limits = save(columns, tmp_path), ReadLimits(isolated=name == "cut parquet")
+    text = refusal(lambda: read_recording(path, thesis, limits=limits))
     assert text.startswith(f"{path}: ")
     for part in expected:
         assert part in text

@@ -22,7 +22,7 @@ FINITE = arrays(np.float64, 60, elements=st.floats(allow_nan=False, allow_infini
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(command=FINITE.filter(np.any), current=FINITE, extra=arrays(np.float64, 60))
 def test_what_is_read_back_is_the_same_to_the_last_bit(
     tmp_path: Path,

@@ -70,9 +70,7 @@ def test_the_limit_and_the_forecast_of_a_friction_that_falls_are_within_the_figu
     assert axes["backlash"].get_ylim()[0] == pytest.approx(-0.03)
 
 
-@pytest.mark.parametrize(
-    ("now", "narrow"), [(800.0, True), (99_999.0, True), (1e6, True), (1.23e7, True), (1.23e7, False)]
-)
+@pytest.mark.parametrize(("now", "narrow"), [(800.0, True), (1.23e7, True), (1.23e7, False)])
 def test_flight_hours_are_written_in_full_and_do_not_overlap(now: float, narrow: bool) -> None:
     for figure in (draw_health(falling(now), narrow=narrow), draw_life(falling(now), narrow=narrow)):
         figure.draw_without_rendering()

@@ -79,6 +79,8 @@ def path(tmp_path: Path) -> Path:
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures empty where only the text matters."""
+    for part in ("faults", "fit", "residual", "posterior"):
+        monkeypatch.setattr(emaphm.report.write, f"draw_{part}", lambda *_: None)
     monkeypatch.setattr(emaphm.report.write, "svg", lambda _: b"<svg/>")
 
 

@@ -13,6 +13,7 @@ from emaphm.actuator import Actuator
 from emaphm.server.app import create_app
 from emaphm.server.run import running
 from emaphm.server.settings import SETTINGS
+from history.unsynced import unsynced
 
 from .made_up import fill
 
@@ -25,6 +26,13 @@ if TYPE_CHECKING:
 
 UNITS = 12
 SMALL = replace(SETTINGS, workers=1, upload_bytes=300_000, most_waiting=3, units_a_page=8, quiet_seconds=0.0)
+WITHOUT_WORKERS = replace(SMALL, workers=0)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _unsynced() -> "Iterator[None]":
+    with unsynced():
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -45,8 +53,8 @@ def fleet(filled: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def state(fleet: Path) -> "Iterator[ServerState]":
-    """Yield what a server of the fleet shares."""
-    with running(str(fleet), None, None, {"thesis": Actuator.thesis()}, SMALL) as made:
+    """Yield what a server of the fleet without workers shares: uploads wait, prognoses stay as they are."""
+    with running(str(fleet), None, None, {"thesis": Actuator.thesis()}, WITHOUT_WORKERS) as made:
         yield made
 
 
@@ -54,6 +62,21 @@ def state(fleet: Path) -> "Iterator[ServerState]":
 def client(state: "ServerState") -> "TestClient":
     """Return a client of the server, without a network."""
     return client_of(state)
+
+
+@pytest.fixture(scope="module")
+def unchanged(filled: Path, tmp_path_factory: pytest.TempPathFactory) -> "Iterator[ServerState]":
+    """Yield what one server of the fleet shares for all tests of a module that change nothing."""
+    copied = tmp_path_factory.mktemp("unchanged") / "fleet.sqlite"
+    copied.write_bytes(filled.read_bytes())
+    with running(str(copied), None, None, {"thesis": Actuator.thesis()}, WITHOUT_WORKERS) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def reader(unchanged: "ServerState") -> "TestClient":
+    """Return a client of that server, for what only reads."""
+    return client_of(unchanged)
 
 
 def client_of(state: "ServerState", *, only_loopback: bool = True) -> "TestClient":

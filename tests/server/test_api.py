@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 API = "/api/v1"
 
 
-def test_units_are_the_history_s(client: "TestClient", state: "ServerState") -> None:
-    answer = client.get(f"{API}/units?sort=unit").json()
-    with History.open(state.history.database.address.shown) as history:
+def test_units_are_the_history_s(reader: "TestClient", unchanged: "ServerState") -> None:
+    answer = reader.get(f"{API}/units?sort=unit").json()
+    with History.open(unchanged.history.database.address.shown) as history:
         known = {one.serial_number: one for one in history.states()}
     assert [one["unit"] for one in answer["units"]] == sorted(known)
     for one in answer["units"]:
@@ -29,19 +29,19 @@ def test_units_are_the_history_s(client: "TestClient", state: "ServerState") -> 
         assert one["current"]
 
 
-def test_one_unit_one_diagnosis_one_prognosis(client: "TestClient", state: "ServerState") -> None:
-    unit = client.get(f"{API}/units/3").json()
+def test_one_unit_one_diagnosis_one_prognosis(reader: "TestClient", unchanged: "ServerState") -> None:
+    unit = reader.get(f"{API}/units/3").json()
     assert unit["unit"]["unit"] == "SN-0002"
     assert unit["removals"][0]["reason"] == "suspected"
-    [*_, last] = client.get(f"{API}/diagnoses?unit_id=3").json()["diagnoses"]
-    one = client.get(f"{API}/diagnoses/{last['id']}").json()
-    kept = state.history.unit("SN-0002").diagnoses()[0]
+    [*_, last] = reader.get(f"{API}/diagnoses?unit_id=3").json()["diagnoses"]
+    one = reader.get(f"{API}/diagnoses/{last['id']}").json()
+    kept = unchanged.history.unit("SN-0002").diagnoses()[0]
     assert one["data_manipulation"]["recording_hash"] == kept.recording_hash == last["recording_hash"]
     assert one["health_assessment"]["k"] == kept.vector.tolist()
-    prognosis = client.get(f"{API}/units/3/prognosis").json()
-    assert prognosis["advice"] == state.history.prognoses()["SN-0002"].document["advice"]
-    assert client.get(f"{API}/prognoses").json()["SN-0002"] == prognosis
-    assert client.get(f"{API}/units/3/curves").json()["unit"] == "made up"
+    prognosis = reader.get(f"{API}/units/3/prognosis").json()
+    assert prognosis["advice"] == unchanged.history.prognoses()["SN-0002"].document["advice"]
+    assert reader.get(f"{API}/prognoses").json()["SN-0002"] == prognosis
+    assert reader.get(f"{API}/units/3/curves").json()["unit"] == "made up"
 
 
 def test_the_entries_of_a_unit_are_those_of_one_moment(
@@ -62,12 +62,12 @@ def test_the_entries_of_a_unit_are_those_of_one_moment(
     assert len(client.get(f"{API}/units/3").json()["findings"]) == len(before["findings"]) + 1
 
 
-def test_pages_of_diagnoses_follow_each_other(client: "TestClient") -> None:
-    first = client.get(f"{API}/recordings?limit=5").json()["diagnoses"]
-    then = client.get(f"{API}/recordings?limit=5&before={first[-1]['id']}").json()["diagnoses"]
+def test_pages_of_diagnoses_follow_each_other(reader: "TestClient") -> None:
+    first = reader.get(f"{API}/recordings?limit=5").json()["diagnoses"]
+    then = reader.get(f"{API}/recordings?limit=5&before={first[-1]['id']}").json()["diagnoses"]
     assert [one["id"] for one in first + then] == list(range(36, 26, -1))
     assert all(
-        not one["explained"] for one in client.get(f"{API}/recordings?explained=false").json()["diagnoses"]
+        not one["explained"] for one in reader.get(f"{API}/recordings?explained=false").json()["diagnoses"]
     )
     totals = {
         "limit=5": 36,
@@ -76,20 +76,20 @@ def test_pages_of_diagnoses_follow_each_other(client: "TestClient") -> None:
         "unit_id=6&explained=false": 3,
     }
     for query, total in totals.items():
-        assert client.get(f"{API}/recordings?{query}").json()["total"] == total
+        assert reader.get(f"{API}/recordings?{query}").json()["total"] == total
 
 
-def test_recordings_that_are_not_explained_go_on_with_the_lowest_number(client: "TestClient") -> None:
-    first = client.get(f"{API}/data-health?limit=2").json()
-    then = client.get(f"{API}/data-health?limit=2&before={first['recordings'][-1]['id']}").json()
+def test_recordings_that_are_not_explained_go_on_with_the_lowest_number(reader: "TestClient") -> None:
+    first = reader.get(f"{API}/data-health?limit=2").json()
+    then = reader.get(f"{API}/data-health?limit=2&before={first['recordings'][-1]['id']}").json()
     assert [one["id"] for one in first["recordings"] + then["recordings"]] == [18, 17, 16]
     assert first["total"] == then["total"] == 3
 
 
-def test_events(client: "TestClient") -> None:
-    [event] = client.get(f"{API}/events?unit_id=2").json()["events"]
+def test_events(reader: "TestClient") -> None:
+    [event] = reader.get(f"{API}/events?unit_id=2").json()["events"]
     assert (event["event"], event["unit"]) == ("alarm", "SN-0001")
-    assert client.get(f"{API}/events?kind=sensor_fault").json() == {"events": [], "total": 0}
+    assert reader.get(f"{API}/events?kind=sensor_fault").json() == {"events": [], "total": 0}
 
 
 def test_pages_of_events_follow_each_other(client: "TestClient", state: "ServerState") -> None:
@@ -121,8 +121,8 @@ def test_pages_of_events_follow_each_other(client: "TestClient", state: "ServerS
         ("/jobs/1", 404),
     ],
 )
-def test_what_is_wrong_is_refused(client: "TestClient", path: str, status: int) -> None:
-    answer = client.get(API + path)
+def test_what_is_wrong_is_refused(reader: "TestClient", path: str, status: int) -> None:
+    answer = reader.get(API + path)
     assert answer.status_code == status
     assert answer.json()["detail"]
 
@@ -150,34 +150,34 @@ def test_what_is_wrong_is_refused(client: "TestClient", path: str, status: int) 
     ],
 )
 def test_a_query_that_would_select_nothing_is_refused(
-    client: "TestClient", path: str, reasons: list[str]
+    reader: "TestClient", path: str, reasons: list[str]
 ) -> None:
-    answer = client.get(path)
+    answer = reader.get(path)
     assert answer.status_code == 422
     assert all(reason in answer.text for reason in reasons)
 
 
-def test_an_address_of_nothing_says_where_all_stand(client: "TestClient") -> None:
-    answer = client.get(f"{API}/unit/3")
+def test_an_address_of_nothing_says_where_all_stand(reader: "TestClient") -> None:
+    answer = reader.get(f"{API}/unit/3")
     assert answer.status_code == 404
     assert "/openapi.json" in answer.json()["detail"]
 
 
-def test_what_is_sent_stands_in_the_form_alone(client: "TestClient") -> None:
-    answer = client.post(f"{API}/recordings?late=true", data={"unit": "SN-0001", "hours": "900"})
+def test_what_is_sent_stands_in_the_form_alone(reader: "TestClient") -> None:
+    answer = reader.post(f"{API}/recordings?late=true", data={"unit": "SN-0001", "hours": "900"})
     assert answer.status_code == 422
     assert answer.json()["detail"][0]["loc"] == ["query", "late"]
 
 
-def test_the_schema_names_every_way_in(client: "TestClient") -> None:
-    paths = client.get("/openapi.json").json()["paths"]
+def test_the_schema_names_every_way_in(reader: "TestClient") -> None:
+    paths = reader.get("/openapi.json").json()["paths"]
     assert all(path.startswith(API) for path in paths)
     assert "multipart/form-data" in paths[f"{API}/recordings"]["post"]["requestBody"]["content"]
 
 
 @pytest.mark.parametrize("path", ["/api/v1/units", "/", "/static/style.css", "/api/v1/units/999"])
-def test_the_head_alone_is_that_of_the_whole(client: "TestClient", path: str) -> None:
-    whole, head = client.get(path), client.head(path)
+def test_the_head_alone_is_that_of_the_whole(reader: "TestClient", path: str) -> None:
+    whole, head = reader.get(path), reader.head(path)
     assert head.status_code == whole.status_code
     assert head.headers == whole.headers
     assert head.content == b""

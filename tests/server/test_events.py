@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 
 THESIS = Actuator.thesis()
 
-NUMBERS = range(19, 28)
-"""Of recordings: a healthy one, five with a fault, three healthy ones again."""
+NUMBERS = range(22, 28)
+"""Of recordings: three with a fault, then three healthy ones."""
 
-WRITTEN = replace(stand_in.QUICK, folder=replace(stand_in.QUICK.folder, poll_s=0.02, settle_s=0.02))
+WRITTEN = replace(stand_in.QUICK, folder=replace(stand_in.QUICK.folder, poll_s=0.05, settle_s=0.0))
 """Where all files are whole before the watching begins."""
 
 
@@ -104,8 +104,8 @@ def test_uploads_make_the_events_that_watching_makes(arrived: Path, tmp_path: Pa
 
 def test_a_refusal_names_the_fields_of_an_upload(arrived: Path, tmp_path: Path) -> None:
     where = tmp_path / "uploads.sqlite"
-    uploaded(arrived, where, [20])
-    (outcome,) = uploaded(arrived, where, [19])  # of earlier hours
+    uploaded(arrived, where, [23])
+    (outcome,) = uploaded(arrived, where, [22])  # of earlier hours
     message = outcome.message
     assert message.endswith("check 'hours', or give 'late' for an old recording that is added late")
 
@@ -185,10 +185,10 @@ def test_a_watcher_and_the_server_make_the_same_event_of_a_life(tmp_path: Path) 
     assert made[0][1]["fleet_units"] == 2
 
 
-@pytest.mark.usefixtures("few_paths", "undrawn_prognosis")
+@pytest.mark.usefixtures("few_steps", "undrawn_prognosis")
 def test_a_prognosis_of_the_server_makes_the_event_of_a_life_that_ends(tmp_path: Path) -> None:
     with History.open(tmp_path / "history.sqlite", create=True) as history:
-        stand_in.fly(history, [0.1 + 0.12 * i for i in range(8)])
+        stand_in.fly(history, [0.1 + 0.12 * i for i in range(6)])
         place = Place(str(tmp_path / "history.sqlite"), ServerFolder(tmp_path), {}, 2**33, 2**26)
         assert worker._outcome(Forecast("S1"), place, Pipe()[1]).state == DONE
         (event,) = history.events()

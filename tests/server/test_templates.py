@@ -10,7 +10,7 @@ from emaphm.errors import ServerError
 from emaphm.server.html import check_templates
 from emaphm.server.run import running
 
-from .conftest import SMALL, client_of
+from .conftest import WITHOUT_WORKERS, client_of
 
 PAGE = "events.html.jinja"
 EXTENDED = '{% extends "emaphm/events.html.jinja" %}{% block title %}'
@@ -19,7 +19,8 @@ EXTENDED = '{% extends "emaphm/events.html.jinja" %}{% block title %}'
 def shown(fleet: Path, folder: Path) -> str:
     """Return the page of events, with the templates in a folder."""
     check_templates(folder)
-    with running(str(fleet), None, None, {"thesis": Actuator.thesis()}, SMALL, templates=folder) as state:
+    thesis = {"thesis": Actuator.thesis()}
+    with running(str(fleet), None, None, thesis, WITHOUT_WORKERS, templates=folder) as state:
         answer = client_of(state).get("/events")
     assert answer.status_code == 200
     return answer.text

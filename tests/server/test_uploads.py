@@ -3,7 +3,6 @@
 import errno
 import multiprocessing
 import time
-from dataclasses import replace
 from multiprocessing import Pipe
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +19,8 @@ from emaphm.server.work.worker import Place, Upload
 from .conftest import SMALL, client_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from starlette.testclient import TestClient
 
     from emaphm.server.state import ServerState
@@ -32,13 +33,6 @@ GOOD = {"unit": "SN-0001", "hours": "200"}
 
 def sent(client: "TestClient", name: str = "a.csv", content: bytes = CSV, **fields: Any) -> Any:
     return client.post("/api/v1/recordings", files={"recording": (name, content)}, data={**GOOD, **fields})
-
-
-@pytest.fixture
-def idle(fleet: Path) -> Any:
-    """Yield what a server without workers shares: uploads wait."""
-    with running(str(fleet), None, None, {"thesis": Actuator.thesis()}, replace(SMALL, workers=0)) as made:
-        yield made
 
 
 @pytest.mark.parametrize(
@@ -58,11 +52,11 @@ def idle(fleet: Path) -> Any:
         ({"Late": "true"}, "unknown field 'Late' (did you mean 'late'?)"),
     ],
 )
-def test_what_is_said_must_be_right(idle: "ServerState", fields: dict[str, str], reason: str) -> None:
-    answer = sent(client_of(idle), "a.csv", CSV, **fields)
+def test_what_is_said_must_be_right(unchanged: "ServerState", fields: dict[str, str], reason: str) -> None:
+    answer = sent(client_of(unchanged), "a.csv", CSV, **fields)
     assert answer.status_code == 422
     assert reason in answer.json()["detail"]
-    assert not list(idle.folder.uploads.iterdir())
+    assert not list(unchanged.folder.uploads.iterdir())
 
 
 @pytest.mark.parametrize(
@@ -77,17 +71,17 @@ def test_what_is_said_must_be_right(idle: "ServerState", fields: dict[str, str],
     ],
 )
 def test_what_contradicts_the_history_is_refused_at_once(
-    idle: "ServerState", fields: dict[str, str], reason: str
+    unchanged: "ServerState", fields: dict[str, str], reason: str
 ) -> None:
-    answer = sent(client_of(idle), "a.csv", CSV, **fields)
+    answer = sent(client_of(unchanged), "a.csv", CSV, **fields)
     assert answer.status_code == 422
     assert reason in answer.json()["detail"]
-    assert not list(idle.folder.uploads.iterdir())
-    assert not idle.queue.jobs(1)
+    assert not list(unchanged.folder.uploads.iterdir())
+    assert not unchanged.queue.jobs(1)
 
 
-def test_a_form_that_is_refused_is_shown_to_be_corrected(idle: "ServerState") -> None:
-    client = client_of(idle)
+def test_a_form_that_is_refused_is_shown_to_be_corrected(state: "ServerState") -> None:
+    client = client_of(state)
     fields = {"unit": "sn-0001", "hours": "<1250>", "position": "left", "actuator": "thesis", "late": "on"}
     answer = client.post("/upload", files={"recording": ("a.csv", CSV)}, data=fields)
     assert answer.status_code == 422
@@ -117,47 +111,47 @@ def test_a_form_that_is_refused_is_shown_to_be_corrected(idle: "ServerState") ->
         {"unit": "SN-9"},  # which the one before may begin
     ],
 )
-def test_what_may_be_right_is_left_to_the_job(idle: "ServerState", fields: dict[str, str]) -> None:
+def test_what_may_be_right_is_left_to_the_job(state: "ServerState", fields: dict[str, str]) -> None:
     if fields == {"unit": "SN-9"}:
-        assert sent(client_of(idle), "a.csv", CSV, actuator="thesis", **fields).status_code == 202
-    assert sent(client_of(idle), "a.csv", CSV, **fields).status_code == 202
+        assert sent(client_of(state), "a.csv", CSV, actuator="thesis", **fields).status_code == 202
+    assert sent(client_of(state), "a.csv", CSV, **fields).status_code == 202
 
 
-def test_an_upload_is_taken_while_the_history_is_away(idle: "ServerState", fleet: Path) -> None:
-    idle.history.close()
+def test_an_upload_is_taken_while_the_history_is_away(state: "ServerState", fleet: Path) -> None:
+    state.history.close()
     away = fleet.rename(fleet.with_name("away.sqlite"))
-    assert sent(client_of(idle), unit="nobody").status_code == 202
+    assert sent(client_of(state), unit="nobody").status_code == 202
     away.rename(fleet)
 
 
 @pytest.mark.parametrize("name", ["a.exe", "a", ".csv", "a.csv.gz", "a.pkl"])
-def test_only_recordings_are_taken(idle: "ServerState", name: str) -> None:
-    assert sent(client_of(idle), name).status_code == 422
+def test_only_recordings_are_taken(unchanged: "ServerState", name: str) -> None:
+    assert sent(client_of(unchanged), name).status_code == 422
 
 
 @pytest.mark.parametrize("name", ["../../x.csv", "/etc/x.csv", "..\\x.csv", "a\nb.csv", "é" * 300 + ".csv"])
-def test_no_name_of_a_client_names_a_file(idle: "ServerState", name: str, tmp_path: Path) -> None:
-    before = {path for path in tmp_path.rglob("*") if path.parent != idle.folder.uploads}
-    answer = sent(client_of(idle), name)
+def test_no_name_of_a_client_names_a_file(state: "ServerState", name: str, tmp_path: Path) -> None:
+    before = {path for path in tmp_path.rglob("*") if path.parent != state.folder.uploads}
+    answer = sent(client_of(state), name)
     assert answer.status_code == 202
-    [kept] = idle.folder.uploads.iterdir()
+    [kept] = state.folder.uploads.iterdir()
     assert kept.stem.isalnum()
     assert len(kept.name) == 36
-    assert {path for path in tmp_path.rglob("*") if path.parent != idle.folder.uploads} == before
+    assert {path for path in tmp_path.rglob("*") if path.parent != state.folder.uploads} == before
     assert answer.json()["recording"].isprintable()
     assert not {"/", "\\"} & set(answer.json()["recording"])
 
 
-def test_too_many_waiting_and_too_large(idle: "ServerState") -> None:
-    client = client_of(idle)
+def test_too_many_waiting_and_too_large(state: "ServerState") -> None:
+    client = client_of(state)
     assert sent(client, content=b"x" * 400_000).status_code == 413
     assert [sent(client).status_code for _ in range(4)] == [202, 202, 202, 503]
     answer = client.get("/api/v1/jobs?limit=2").json()
     assert ([job["id"] for job in answer["jobs"]], answer["total"]) == ([3, 2], 3)
 
 
-def test_a_broken_form_is_refused(idle: "ServerState") -> None:
-    client = client_of(idle)
+def test_a_broken_form_is_refused(unchanged: "ServerState") -> None:
+    client = client_of(unchanged)
     for kind in ("multipart/form-data", "multipart/form-data; boundary=x", "application/json", "text/plain"):
         answer = client.post("/api/v1/recordings", content=b"--y\r\n\r\n", headers={"content-type": kind})
         assert 400 <= answer.status_code < 500
@@ -167,40 +161,40 @@ def test_a_broken_form_is_refused(idle: "ServerState") -> None:
     "fields",
     [{"files": {"file": ("a.csv", CSV)}, "data": GOOD}, {"data": {"recording": "a.csv"}}, {"json": GOOD}],
 )
-def test_a_file_stands_in_its_field(idle: "ServerState", fields: dict[str, Any]) -> None:
-    answer = client_of(idle).post("/api/v1/recordings", **fields)
+def test_a_file_stands_in_its_field(unchanged: "ServerState", fields: dict[str, Any]) -> None:
+    answer = client_of(unchanged).post("/api/v1/recordings", **fields)
     assert answer.status_code == 422
     assert "as 'recording'" in answer.json()["detail"]
 
 
-def test_a_field_is_given_once(idle: "ServerState") -> None:
-    answer = sent(client_of(idle), unit=["SN-0001", "SN-0002"])
+def test_a_field_is_given_once(unchanged: "ServerState") -> None:
+    answer = sent(client_of(unchanged), unit=["SN-0001", "SN-0002"])
     assert answer.status_code == 422
     assert answer.json()["detail"] == "unit: is given 2 times; give it once"
 
 
-def test_an_accepted_upload_survives_the_server(fleet: Path, idle: "ServerState") -> None:
-    number = sent(client_of(idle)).json()["id"]
-    assert idle.queue.take() is not None  # a worker had it when the server was killed
-    queue = Queue(idle.folder.queue)
+def test_an_accepted_upload_survives_the_server(fleet: Path, state: "ServerState") -> None:
+    number = sent(client_of(state)).json()["id"]
+    assert state.queue.take() is not None  # a worker had it when the server was killed
+    queue = Queue(state.folder.queue)
     assert queue.resume() == 1
     found = queue.job(number)
     assert found is not None
     assert found.state == WAITING
-    assert idle.folder.upload(found.file).read_bytes() == CSV
+    assert state.folder.upload(found.file).read_bytes() == CSV
     with pytest.raises(ServerError, match="another server works"), running(str(fleet), None, None, {}, SMALL):
         pass
 
 
-def test_two_of_one_unit_are_not_diagnosed_at_once(idle: "ServerState") -> None:
+def test_two_of_one_unit_are_not_diagnosed_at_once(state: "ServerState") -> None:
     first, second, other = (
-        sent(client_of(idle), unit=unit, hours=str(hours)).json()["id"]
+        sent(client_of(state), unit=unit, hours=str(hours)).json()["id"]
         for unit, hours in (("SN-0001", 200), ("SN-0001", 201), ("SN-0002", 200))
     )
-    taken = [idle.queue.take() for _ in range(3)]
+    taken = [state.queue.take() for _ in range(3)]
     assert [one and one.id for one in taken] == [first, other, None]
-    idle.queue.end(first, DONE, "", {})
-    found = idle.queue.take()
+    state.queue.end(first, DONE, "", {})
+    found = state.queue.take()
     assert found is not None
     assert found.id == second
 
@@ -257,58 +251,65 @@ def test_jobs_of_a_server_that_has_ended_need_not_be_waited_for(tmp_path: Path) 
     queue.close()
 
 
-def test_an_upload_waits_where_the_history_is_away(idle: "ServerState", fleet: Path) -> None:
-    sent(client_of(idle))
-    job = idle.queue.take()
+def test_an_upload_waits_where_the_history_is_away(state: "ServerState", fleet: Path) -> None:
+    sent(client_of(state))
+    job = state.queue.take()
     assert job is not None
     place = Place(
-        str(fleet.with_name("away.sqlite")), idle.folder, {"thesis": Actuator.thesis()}, 2**33, 2**26
+        str(fleet.with_name("away.sqlite")), state.folder, {"thesis": Actuator.thesis()}, 2**33, 2**26
     )
-    order = Upload(idle.folder.upload(job.file), "a.csv", job.request)
+    order = Upload(state.folder.upload(job.file), "a.csv", job.request)
     assert worker._outcome(order, place, Pipe()[1]).state == AGAIN
-    idle.queue.again(job.id)
-    found = idle.queue.take()
+    state.queue.again(job.id)
+    found = state.queue.take()
     assert found is not None
     assert (found.id, found.kills) == (job.id, 0)
 
 
 def test_an_upload_that_cannot_be_queued_leaves_no_file(
-    idle: "ServerState", monkeypatch: pytest.MonkeyPatch
+    state: "ServerState", monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object) -> int:
         raise ServerError("the disk of the queue is full")
 
-    monkeypatch.setattr(idle.queue, "add", full)
-    assert sent(client_of(idle)).status_code == 503
-    assert not list(idle.folder.uploads.iterdir())
+    monkeypatch.setattr(state.queue, "add", full)
+    assert sent(client_of(state)).status_code == 503
+    assert not list(state.folder.uploads.iterdir())
 
 
 @pytest.mark.parametrize("where", ["shutil.copyfileobj", "starlette.requests.Request.form"])
 def test_an_upload_that_a_full_disk_does_not_hold_may_be_sent_again(
-    idle: "ServerState", monkeypatch: pytest.MonkeyPatch, where: str
+    state: "ServerState", monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patched:
         patched.setattr(where, full)
-        answer = sent(client_of(idle))
+        answer = sent(client_of(state))
     assert answer.status_code == 503
     assert "cannot be kept (No space left on device)" in answer.json()["detail"]
-    assert not list(idle.folder.uploads.iterdir())
-    assert sent(client_of(idle)).status_code == 202
+    assert not list(state.folder.uploads.iterdir())
+    assert sent(client_of(state)).status_code == 202
 
 
-def test_a_killed_job_is_run_again_once(state: "ServerState") -> None:
-    number = sent(client_of(state)).json()["id"]
+@pytest.fixture
+def working(fleet: Path) -> "Iterator[ServerState]":
+    """Yield what a server with a worker shares."""
+    with running(str(fleet), None, None, {"thesis": Actuator.thesis()}, SMALL) as made:
+        yield made
+
+
+def test_a_killed_job_is_run_again_once(working: "ServerState") -> None:
+    number = sent(client_of(working)).json()["id"]
     deadline = time.monotonic() + 60
-    found = state.queue.job(number)
+    found = working.queue.job(number)
     while found is not None and not found.is_over and time.monotonic() < deadline:
         for process in multiprocessing.active_children():
             process.kill()
         time.sleep(0.01)
-        found = state.queue.job(number)
+        found = working.queue.job(number)
     assert found is not None
     assert (found.state, found.kills) == (FAILED, 2)
     assert "killed twice" in found.message
-    assert state.folder.upload(found.file).exists()
+    assert working.folder.upload(found.file).exists()

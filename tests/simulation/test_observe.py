@@ -122,7 +122,7 @@ def test_a_hinge_moment_in_models_with_one_winding(model: Model, form: dict[str,
 
 
 def test_a_hinge_moment_in_the_reference_model() -> None:
-    faults, steps = Faults.from_vector(FAULTS[0]), 20_000
+    faults, steps = Faults.from_vector(FAULTS[0]), 10_000
     expected = scalar_reference.simulate(HINGED, faults, sine, steps)
     got = record(REFERENCE, Sine(8e-3, 15.0), HINGED, faults=faults, duration=steps * 1e-6, interval=1e-6)
     for name, values in expected.items():

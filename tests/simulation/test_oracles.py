@@ -82,7 +82,7 @@ def test_reference_model(
     ("k", "actuator"), [(DRAWN[0], THESIS), (DRAWN[1], PID)], ids=["faults", "PID and lags"]
 )
 def test_models_with_one_winding(model: Model, form: dict[str, Any], k: Array, actuator: Actuator) -> None:
-    command, faults, duration = Sine(8e-3, 15.0), Faults.from_vector(k), 0.05
+    command, faults, duration = Sine(8e-3, 15.0), Faults.from_vector(k), 0.03
     expected = scalar_winding.simulate(
         actuator,
         faults,

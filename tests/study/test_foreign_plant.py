@@ -100,11 +100,17 @@ def test_it_is_sampled_as_the_reference_model_is(rate: float) -> None:
             np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-9, atol=1e-9, err_msg=name)
 
 
+@pytest.fixture(scope="module")
+def mixed() -> Array:
+    """Return the current of the reference model with `MIXED`."""
+    return simulated_recording.simulate(THESIS, BRIEF, faults=MIXED, duration=BRIEF.duration)["current_A"]
+
+
 @pytest.mark.parametrize("name", EACH)
-def test_each_feature_makes_it_differ_from_the_reference_model(name: str) -> None:
-    foreign = simulate(THESIS, CHIRP, EACH[name], faults=MIXED)["current_A"]
+def test_each_feature_makes_it_differ_from_the_reference_model(name: str, mixed: Array) -> None:
+    foreign = simulate(THESIS, BRIEF, EACH[name], faults=MIXED, duration=BRIEF.duration)["current_A"]
     # Halving the reference model's step makes 0.1 A (docs/physics.md, section 3); the lag is the mildest.
-    assert rms(foreign - simulated_recording.simulate(THESIS, CHIRP, faults=MIXED)["current_A"]) > 0.1
+    assert rms(foreign - mixed) > 0.1
     assert np.all(np.isfinite(foreign))
 
 
@@ -120,14 +126,16 @@ def test_features_fade_into_the_reference_model() -> None:
         }
     )
     stiff = Shaft(stiffness=6160.0, damping=1.96e-2)
-    reference = simulated_recording.simulate(plain, CHIRP)["current_A"]
+    brief: dict[str, Any] = {"duration": BRIEF.duration}
+    reference = simulated_recording.simulate(plain, BRIEF, **brief)["current_A"]
     # What chaos makes of a run whose switching is shaken.
-    chaos = rms(simulated_recording.simulate(plain, CHIRP, controller_noise=1e-3)["current_A"] - reference)
+    shaken = simulated_recording.simulate(plain, BRIEF, controller_noise=1e-3, **brief)["current_A"]
+    chaos = rms(shaken - reference)
     steep = Features(friction=Stribeck(speed=20.0, smoothing=0.1))
     brush = Features(friction=Bristles(bend=1e-6, speed=20.0))
     angles = Features(back_emf=BackEmf(flat=120.01, sine=1e-4), hall=(0.01, -0.01, 0.01))
     for features in (steep, brush, Features(shaft=stiff), Features(sensor_lag=1e-7), angles):
-        assert rms(simulate(plain, CHIRP, features)["current_A"] - reference) < 1.5 * chaos
+        assert rms(simulate(plain, BRIEF, features, **brief)["current_A"] - reference) < 1.5 * chaos
 
 
 def test_friction_has_its_two_levels_and_no_jump() -> None:
@@ -155,7 +163,7 @@ def test_bristles_hold_like_a_spring_and_slide_at_their_level() -> None:
     dynamic = m.dynamic_friction_motor + m.dynamic_friction_user
     braked = altered(mechanics={"viscous_motor": 2e-2, "viscous_user": 0.0})
     start = (100.0, 0.0, 100.0, 0.0)
-    slid = _moved(Features(friction=BRISTLES), braked, start, lambda _: dynamic + 2.0, 50_000)
+    slid = _moved(Features(friction=BRISTLES), braked, start, lambda _: dynamic + 2.0, 25_000)
     assert slid[-1, 0] == pytest.approx(100.0, rel=1e-6)
 
 

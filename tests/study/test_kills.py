@@ -20,15 +20,15 @@ from . import small
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="needs fork, SIGKILL and /proc")
 
-KILLS = 12
+KILLS = 8
 EARLY = 2
 """Of these kills, the ones at the very beginning."""
 
 PATIENCE_S = 60
 """For a process to come up or to end on a busy machine."""
 
-PLAN = small.plan(("runs = 3", "runs = 30"))
-TOTAL = 120
+PLAN = small.plan(("runs = 3", "runs = 20"))
+TOTAL = 80
 
 # A Python that has loaded everything takes a millisecond to fork and a second and a half to start. Polars
 # must not have been used before a fork: its threads would be missing in the child.
@@ -175,7 +175,7 @@ def test_a_kill_while_a_result_is_written_leaves_nothing_of_it(
     os.kill(child, signal.SIGKILL)
     assert int(_hear(nursery)) == signal.SIGKILL
     assert _results(folder) == 0
-    resumed = small.table(run_study(PLAN, folder, share=0.1, workers=1))
+    resumed = small.table(run_study(PLAN, folder, share=0.15, workers=1))
     assert resumed.height == 12
     assert resumed.equals(undisturbed.head(12))
     assert not _left_over(folder)

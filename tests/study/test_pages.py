@@ -1,6 +1,7 @@
 """The pages of the studies `accuracy` and `limits`: rates, what is met, what is overconfident, figures."""
 
 import math
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -39,14 +40,21 @@ from emaphm.study.trials import Trial
 from .made_up import HEALTHY, results
 
 
+@cache
+def made(name: str) -> tuple[Plan, pl.DataFrame]:
+    """Return a plan and made-up results of a share of it."""
+    plan = Plan.load(name)
+    return plan, results(plan)
+
+
 @pytest.fixture(scope="module")
 def accuracy() -> Plan:
-    return Plan.load("accuracy")
+    return made("accuracy")[0]
 
 
 @pytest.fixture(scope="module")
 def limits() -> Plan:
-    return Plan.load("limits")
+    return made("limits")[0]
 
 
 # Rates
@@ -151,7 +159,7 @@ def verdicts(page: str) -> list[str]:
 
 
 def test_the_first_table_says_no_where_too_little_was_reached(accuracy: Plan) -> None:
-    runs = results(accuracy)
+    _, runs = made("accuracy")
     page = accuracy_page(accuracy, runs)
     # Intervals that always hold the truth are not 92 to 98 %.
     assert verdicts(page) == ["yes"] * 5 + ["no"] * 2 + ["yes", "–"]
@@ -170,7 +178,7 @@ def test_the_first_table_says_no_where_too_little_was_reached(accuracy: Plan) ->
 
 
 def test_the_page_has_every_row_of_its_sections_and_both_sizes(accuracy: Plan) -> None:
-    page = accuracy_page(accuracy, results(accuracy))
+    page = accuracy_page(*made("accuracy"))
     for section in accuracy.sections:
         for one in section.rows:
             assert f"| {one.text}" in page
@@ -183,23 +191,23 @@ def test_the_page_has_every_row_of_its_sections_and_both_sizes(accuracy: Plan) -
 
 
 def test_a_page_without_results_is_refused(accuracy: Plan, limits: Plan) -> None:
-    runs = results(accuracy).filter(pl.col("case_kind") != "heavy")
+    runs = made("accuracy")[1].filter(pl.col("case_kind") != "heavy")
     with pytest.raises(StudyError, match="no run of '0' with heavy cases is finished"):
         accuracy_page(accuracy, runs)
-    runs = results(limits).filter(pl.col("rig") != "8 bits")
+    runs = made("limits")[1].filter(pl.col("rig") != "8 bits")
     with pytest.raises(StudyError, match="no run of '8 bits' with random cases is finished"):
         limits_page(limits, runs, "limits")
 
 
 # The map of the limits
 
-DRAWN = {"noise", "load"}
-"""Figures of the map, of eight that are drawn alike; drawing is what takes long."""
+DRAWN = {"noise"}
+"""Figure of the map, of eight that are drawn alike; drawing is what takes long."""
 
 
 def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Plan) -> None:
     undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
-    page, none = limits_page(limits.model_copy(update={"sections": undrawn}), results(limits), "limits")
+    page, none = limits_page(limits.model_copy(update={"sections": undrawn}), made("limits")[1], "limits")
     assert none == {}
     assert "336 of 1512 runs" in page
     assert "none of 42." in page
@@ -244,8 +252,8 @@ def test_the_base_setting_is_diagnosed_once_for_all_sections(limits: Plan) -> No
 
 
 def test_other_plants_are_on_a_page_of_that_form() -> None:
-    plan = Plan.load("plants")
-    page, figures = limits_page(plan, results(plan), "plants")
+    plan, runs = made("plants")
+    page, figures = limits_page(plan, runs, "plants")
     assert page.startswith("# Plants that are not as described\n")
     assert figures == {}
     # The base setting, 22 foreign plants, 14 with their laws calibrated too, all with their laws chosen.
@@ -336,7 +344,7 @@ def test_the_command_writes_the_page_and_its_figures(
 
 
 def test_the_page_of_a_drive_has_a_dash_where_a_plan_has_no_such_cases() -> None:
-    plan = Plan.load("pmsm")
+    plan, runs = made("pmsm")
 
     def wrong_by_a_case(trial: Trial) -> dict[str, Any]:
         return {"error_percent": {"named": 0.5, "random": 0.25}.get(trial.case_kind, 0.125)}
@@ -347,9 +355,9 @@ def test_the_page_of_a_drive_has_a_dash_where_a_plan_has_no_such_cases() -> None
     base = "| base setting: current and line voltage | – | 0.25 / 0.25 / 0.25 | 200 | 100 % | 100 % | 100 % |"
     assert f"{base} 0.0 % |" in page
     with pytest.raises(StudyError, match="no run of 'noise-free' with random cases"):
-        drive_page(plan, results(plan).filter(pl.col("case_kind") != "random"))
+        drive_page(plan, runs.filter(pl.col("case_kind") != "random"))
     with pytest.raises(StudyError, match="needs"):
-        drive_page(plan.model_copy(update={"sections": ()}), results(plan))
+        drive_page(plan.model_copy(update={"sections": ()}), runs)
 
 
 @pytest.mark.parametrize(
@@ -362,15 +370,14 @@ def test_a_share_is_all_or_none_only_where_it_is(share: float, text: str) -> Non
 
 @pytest.mark.parametrize("name", ["accuracy", "plants", "pmsm"])
 def test_a_page_says_that_results_of_several_versions_are_mixed(name: str) -> None:
-    plan, written = Plan.load(name), {"accuracy": accuracy_page, "pmsm": drive_page}
+    (plan, made_up), written = made(name), {"accuracy": accuracy_page, "pmsm": drive_page}
 
     def page(runs: pl.DataFrame) -> str:
         return written[name](plan, runs) if name in written else limits_page(plan, runs, name)[0]
 
-    runs = results(plan)
-    assert "mixed" not in page(runs)
-    first = pl.col("index") == runs["index"].min()
-    two = runs.with_columns(
+    assert "mixed" not in page(made_up)
+    first = pl.col("index") == made_up["index"].min()
+    two = made_up.with_columns(
         pl.when(first).then(pl.lit("ba9876543210")).otherwise("revision").alias("revision")
     )
     expected = "> **Results of 2 versions of the models are mixed: 0123456789ab, ba9876543210."
