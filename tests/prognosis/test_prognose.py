@@ -88,6 +88,12 @@ def test_what_is_violated_has_no_life_left() -> None:
     assert made.advice.action == "replace before"
 
 
+def test_a_requirement_that_a_new_actuator_violates_is_refused() -> None:
+    wrong = requiring(Requirement(measure="tracking_error", at_most=4e-4))
+    with pytest.raises(PrognosisError, match=r"a new actuator .* violates .*tracking_error at most"):
+        prognose(wearing(3), wrong)
+
+
 @pytest.mark.usefixtures("few_steps")
 def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
     made = prognose(wearing(3), requiring(Requirement(measure="free_play", at_most=1.0)))

@@ -42,6 +42,25 @@ def test_the_stall_margin_is_the_stall_torque() -> None:
     assert worn == pytest.approx((1.689 + 0.1 * 1.689) / 0.5, rel=0.02)
 
 
+def test_a_soft_position_loop_holds_what_its_gain_makes_of_the_amplitude() -> None:
+    """Torque is GAP (0.05 N·m·s/rad) times G times the position's error, and friction holds as much more."""
+    healthy, soft = measure("stall_margin", Faults(), Faults(gain=0.0), load=0.5, amplitude=2e-4)
+    for found, gain in ((healthy, 1e5), (soft, 0.5e5)):
+        assert found == pytest.approx((0.05 * gain * (2e-4 + 5e-6) + 0.05 * 1.689) / 0.5, rel=0.05)
+
+
+@pytest.mark.parametrize("duration", [0.5, 4.0])
+def test_a_motor_that_stalls_holds_the_same_however_fast_the_load_rises(duration: float) -> None:
+    (worn,) = measure("stall_margin", Faults(friction=0.5), load=0.5, duration=duration)
+    assert worn == pytest.approx((1.689 + 0.1 * 1.689) / 0.5, rel=0.02)
+
+
+def test_a_motion_that_is_too_fast_to_be_followed_is_all_error() -> None:
+    """Its samples are more than two a period, which would fall on the zeros of the sine."""
+    sine = {"command": "sine", "amplitude": 1e-4, "frequency_hz": 1000.0}
+    assert measure("tracking_error", Faults(), **sine) == pytest.approx([1e-4 / math.sqrt(2)], rel=0.01)
+
+
 def test_a_slow_ramp_of_position_lags_by_speed_over_gain() -> None:
     """A slow sine of amplitude A and frequency f, P control: the error has the rms 2π f A / (G √2)."""
     (found,) = measure(
@@ -113,6 +132,34 @@ def test_levels_fail_at_their_limits_and_play_where_it_is_too_large() -> None:
     assert play.levels["backlash"][0] == pytest.approx((5e-5 * 500 / 5e-3 - 1) / 9)
     assert [one.can_fail for one in (backlash, above, below, play)] == [True] * 4
     assert [one.limit.label for one in (above, below)] == ["gain at most 0.7", "gain at least 0.3"]
+
+
+def test_a_measure_that_jumps_fails_where_it_does() -> None:
+    """From some friction on a step never settles; a level next to it decides, not the next of 41."""
+    actuator = described({"measure": "settling_time", "at_most": 0.1, "amplitude": 5e-4})
+    (found,) = failure_levels(actuator)
+    level = found.levels["friction"][0]
+    assert level is not None
+    near = np.stack([Faults(friction=one).vector for one in (level - 2e-3, level)])
+    holds, fails = Requirements(actuator).margins(near)[0]
+    assert fails < 0 < holds
+
+
+@pytest.mark.parametrize(("name", "absent"), [("thesis", 0), ("dc", 4)])
+def test_a_fault_that_the_actuator_cannot_have_has_no_level(name: str, absent: int) -> None:
+    actuator: Actuator = getattr(Actuator, name)()
+    assert len(failure_levels(actuator)) == 6 - absent
+    short = {"component": "short_a", "at_most": 0.4}
+    values = actuator.model_dump(exclude_none=True) | {"requirements": [short]}
+    (found,) = failure_levels(Actuator.from_dict(values))
+    assert len(found.levels) == 7 - absent
+    assert found.can_fail == (absent == 0)
+
+
+def test_requirements_of_one_name_are_numbered() -> None:
+    limits = [{"component": "backlash", "name": "play", "at_most": limit} for limit in (0.6, 0.65, 0.6)]
+    labels = [limit.label for limit in Requirements(described(*limits)).limits]
+    assert labels == ["play at most 0.6", "play at most 0.65", "play at most 0.6 (2)"]
 
 
 def test_combinations_are_looked_at_from_the_given_faults() -> None:
@@ -195,6 +242,15 @@ WRONG: dict[str, dict[str, object]] = {
     },
     "4 at most, of a larger load": {"measure": "stall_margin", "at_least": 5.0, "load": 0.05},
     "give a longer duration": {"measure": "settling_time", "at_most": 0.8},
+    "no peak_current is below 0": {"measure": "peak_current", "at_most": -5.0},
+    "give a shorter duration": {
+        "measure": "peak_current",
+        "at_most": 5.0,
+        "command": "sine",
+        "frequency_hz": 1000.0,
+        "duration": 4.0,
+    },
+    "is beyond the end stops": {"measure": "tracking_error", "at_most": 1.0, "amplitude": 5.0},
     "did you mean 'at_most'": {"component": "friction", "atmost": 0.6},
     "'friction', 'backlash'": {"component": "frictoin", "at_most": 0.6},
 }

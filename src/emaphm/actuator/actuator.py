@@ -118,6 +118,18 @@ class Actuator(Section):
         return self
 
     @model_validator(mode="after")
+    def _requirements_within_the_stops(self) -> Self:
+        stops = self.mechanics.end_stops
+        reach = float("inf") if stops is None else min(map(abs, stops))
+        for i, one in enumerate(self.requirements):
+            if one.measure not in (None, "free_play") and one.amplitude > reach:
+                raise ValueError(
+                    f"'requirements[{i}].amplitude': {one.amplitude:g} is beyond the end stops "
+                    f"{list(stops or ())}; give {reach:g} or less"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _deviations_of_what_is_described(self) -> Self:
         deviating = [("baseline.names", name) for name in self.baseline.names] if self.baseline else []
         deviating += [("tolerances", name) for name in self.tolerances.names] if self.tolerances else []

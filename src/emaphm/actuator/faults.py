@@ -136,6 +136,23 @@ def lower_bounds(actuator: Actuator) -> NDArray[np.float64]:
     return lower
 
 
+def absent_faults(actuator: Actuator) -> dict[str, str]:
+    """Return why `actuator` cannot have each of the components of `NAMES` that it cannot have."""
+    absent = {}
+    if actuator.mechanics.static_friction == 0:
+        absent["friction"] = "the healthy friction is zero, so its fault scales nothing"
+    if actuator.mechanics.backlash == 0:
+        absent["backlash"] = "the healthy backlash is zero, so its fault scales nothing"
+    if not actuator.three_phases:
+        reason = (
+            "needs an electrical description, which the actuator lacks"
+            if actuator.electrical is None
+            else "needs a motor of three phases"
+        )
+        absent |= dict.fromkeys(NAMES[2:7], reason)
+    return absent
+
+
 def check_vectors(vectors: NDArray[np.float64], actuator: Actuator) -> None:
     """Refuse fault vectors (n, 8) with a component that `actuator` cannot have.
 

@@ -33,6 +33,9 @@ MEASURE_UNITS: dict[str, str] = {
 LOWEST_HZ, HIGHEST_HZ = 2.0, 100.0
 """Where bandwidths are looked for, unless `frequency_hz` says how high they may be."""
 
+MOST_PERIODS = 3000
+"""Of a manoeuvre, whose samples are at least 32 a period."""
+
 LARGEST_STALL_MARGIN = 4.0
 """Multiple of the load up to which the load is raised."""
 
@@ -97,6 +100,8 @@ class Requirement(Section):
                 raise ValueError(
                     f"a level lies in [{lowest:g}, 1], got the limit {limit:g}; give it normalised"
                 )
+        if self.measure is not None and self.at_most is not None and self.at_most < 0:
+            raise ValueError(f"no {self.measure} is below 0, got at_most = {self.at_most:g}")
         if self.measure == "stall_margin" and self.load == 0:
             raise ValueError("a stall_margin is a multiple of the load that must be held: give load")
         self._check_range()
@@ -117,6 +122,13 @@ class Requirement(Section):
                 f"the load is raised to {LARGEST_STALL_MARGIN:g} times itself: give a stall_margin of "
                 f"{LARGEST_STALL_MARGIN:g} at most, of a larger load"
             )
+        if self.measure in ("tracking_error", "peak_current") and self.command != "step":
+            periods = (self.frequency_hz or 0.0) * self.duration
+            if periods > MOST_PERIODS:
+                raise ValueError(
+                    f"frequency_hz = {self.frequency_hz:g} over duration = {self.duration:g} s are "
+                    f"{periods:,.0f} periods, {MOST_PERIODS:,} are simulated at most: give a shorter duration"
+                )
         if self.measure == "settling_time" and max(limits) > self.duration:
             raise ValueError(
                 f"a settling_time is looked for within duration = {self.duration:g} s: give a longer duration"

@@ -109,13 +109,14 @@ def prognose(
     Raises
     ------
     PrognosisError
-        A diagnosis cannot be used.
+        A diagnosis cannot be used, or a new actuator violates a requirement: a life would begin with its end.
     MethodError
         The averaged model did not stay finite.
     """
     prior, settings = prior or Prior(), settings or FORECAST
     settings = replace(settings, longest_hours=max(settings.longest_hours, 2 * question.horizon))
     requirements = Requirements(actuator)
+    requirements.check_new()
     followed = follow(evidence, prior, seed=seed, past=_shown(evidence) if keep_past else ())
     made, forecast = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
     times = forecast.by_fleet(made.level[0], followed.belief, evidence, question.ahead)

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
+from emaphm.actuator.faults import HEALTHY
 from emaphm.cli.options import ActuatorFile, AsJson, FaultList, described_actuator, fault_vector
 from emaphm.cli.output import show
 
@@ -29,7 +30,7 @@ def limits(*, actuator: ActuatorFile = "thesis", fault: FaultList = (), as_json:
     lines = [format_table(("requirement", "value", *names), rows)]
     if not stated:
         lines.append("the actuator states no [[requirements]]: shown is the end of each scale")
-    lines += [f"violated already: {one.limit.label}" for one in found if one.violated]
+    lines += [_violated(one, by_a_new_one=faults == HEALTHY) for one in found if one.violated]
     lines += [f"no single fault violates it: {one.limit.label}" for one in found if not one.can_fail]
     lines.append(f"{NOTHING}: no level of this fault violates the requirement; ↓: falling to this level does")
     show(values, "\n".join(lines), as_json)
@@ -47,6 +48,12 @@ def _entry(one: "FailureLevels") -> dict[str, Any]:
         "can_fail": one.can_fail,
         "fails_at": {name: {"rising": up, "falling": down} for name, (up, down) in one.levels.items()},
     }
+
+
+def _violated(one: "FailureLevels", *, by_a_new_one: bool) -> str:
+    if not by_a_new_one:
+        return f"violated already: {one.limit.label}"
+    return f"a new actuator violates it: {one.limit.label}; correct the limit, or the description"
 
 
 def _levels(one: "FailureLevels", name: str) -> str:

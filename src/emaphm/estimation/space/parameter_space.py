@@ -7,7 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from emaphm.actuator import NAMES, Actuator
-from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY, from_cartesian, lower_bounds, to_cartesian
+from emaphm.actuator.faults import (
+    CARTESIAN_NAMES,
+    HEALTHY,
+    absent_faults,
+    from_cartesian,
+    lower_bounds,
+    to_cartesian,
+)
 from emaphm.arrays import Array
 from emaphm.estimation.space.nuisances import NO_NUISANCES, NuisanceSet
 from emaphm.quantiles import normal_quantile
@@ -52,18 +59,7 @@ class ParameterSpace(Box):
 
         Without `below_healthy` the friction is healthy at least, as in the thesis.
         """
-        fixed = {}
-        if actuator.mechanics.static_friction == 0:
-            fixed["friction"] = "the healthy friction is zero, so its fault scales nothing"
-        if actuator.mechanics.backlash == 0:
-            fixed["backlash"] = "the healthy backlash is zero, so its fault scales nothing"
-        if not actuator.three_phases:
-            reason = (
-                "needs an electrical description, which the actuator lacks"
-                if actuator.electrical is None
-                else "needs a motor of three phases"
-            )
-            fixed |= dict.fromkeys((*SHORTS, *ECCENTRICITY), reason)
+        fixed = absent_faults(actuator)
         columns = tuple(i for i, name in enumerate(NAMES) if name not in fixed)
         lower = lower_bounds(actuator) if below_healthy else np.zeros(len(NAMES))
         upper = np.ones(len(NAMES))

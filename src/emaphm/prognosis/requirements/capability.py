@@ -14,7 +14,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 INTERVAL = 5e-4
-"""Between the samples of a manoeuvre [s]: 30 in a period of the fastest default sine that is tracked."""
+"""Between the samples of a manoeuvre, at most [s]."""
+
+SINE_HZ, CHIRP_HZ = 4.0, 15.0
+"""Frequency of a sine, and the highest of a chirp, where the requirement gives none [Hz]."""
+
+SAMPLES = 32
+"""In a period of a manoeuvre, at least: its largest current is between samples by 0.5 % at most."""
 
 BATCH = 128
 """Actuators at a time: with four channels of 1,000 samples, 4 MB, which stay in the cache."""
@@ -28,8 +34,9 @@ FREQUENCIES = 10
 PERIODS, PERIOD_SAMPLES = 3, 64
 """Of each sine; its amplitude is that of the last period."""
 
-STILL = 0.1
-"""Share of the amplitude below which a position under load has not begun to give way."""
+FULL, RUN_AWAY = 0.99, 0.05
+"""Share of the largest current, from which on there is hardly more to come; share of the amplitude that the
+position goes on giving way with that current, where the motor has stalled."""
 
 MINUS_3_DB = 1 / np.sqrt(2)
 """Amplitude ratio of -3 dB."""
@@ -61,13 +68,16 @@ def measured(actuator: Actuator, requirement: Requirement, vectors: Array) -> Ar
 
 def _tracking_error(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
     command = _manoeuvre(requirement)
-    time, signals = _run(actuator, vectors, command, requirement.load, requirement.duration, INTERVAL)
+    time, signals = _run(
+        actuator, vectors, command, requirement.load, requirement.duration, _interval(requirement)
+    )
     return np.asarray(np.sqrt(np.mean((command(time) - signals["position_rad"]) ** 2, axis=1)))
 
 
 def _peak_current(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
+    command = _manoeuvre(requirement)
     _, signals = _run(
-        actuator, vectors, _manoeuvre(requirement), requirement.load, requirement.duration, INTERVAL
+        actuator, vectors, command, requirement.load, requirement.duration, _interval(requirement)
     )
     return np.asarray(np.abs(signals["current_A"]).max(axis=1))
 
@@ -104,18 +114,31 @@ def _gain(actuator: Actuator, requirement: Requirement, vectors: Array, frequenc
 
 
 def _stall_margin(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
-    """Raise the load evenly up to its largest multiple; held is that from which on the position gives way."""
+    """Raise the load evenly up to its largest multiple, until the position is off by the amplitude.
+
+    A soft position loop gives way in proportion to the load, and so does the current. A motor that stalls
+    is run away with at its largest current, while the load goes on rising: what it held is the load at which
+    the current reached 99 % of that.
+    """
 
     def load(time: Array) -> Array:
         return LARGEST_STALL_MARGIN * requirement.load * time / requirement.duration
 
     time, signals = _run(actuator, vectors, Step(0.0), load, requirement.duration, INTERVAL)
-    moved = np.abs(signals["position_rad"]) / requirement.amplitude
-    gives_way = moved > 1
-    after = np.cumsum(gives_way, axis=1) > 0
-    begins = np.where(~after & (moved < STILL), time, 0.0).max(axis=1)
-    held = np.where(gives_way.any(axis=1), begins, requirement.duration)
+    moved, current = np.abs(signals["position_rad"]) / requirement.amplitude, np.abs(signals["current_A"])
+    gives_way = (moved > 1).any(axis=1)
+    ends = np.where(gives_way, np.argmax(moved > 1, axis=1), time.size - 1)
+    current[np.arange(time.size) > ends[:, np.newaxis]] = 0.0
+    full = np.argmax(current >= FULL * current.max(axis=1, keepdims=True), axis=1)
+    rows = np.arange(len(vectors))
+    stalled = moved[rows, ends] - moved[rows, full] > RUN_AWAY
+    held = np.where(stalled, time[full], np.where(gives_way, time[ends], requirement.duration))
     return np.asarray(LARGEST_STALL_MARGIN * held / requirement.duration)
+
+
+def _interval(requirement: Requirement) -> float:
+    """Return the time between the samples of its manoeuvre [s]."""
+    return min(INTERVAL, 1 / (SAMPLES * (requirement.frequency_hz or CHIRP_HZ)))
 
 
 def _manoeuvre(requirement: Requirement) -> Command:
@@ -123,8 +146,8 @@ def _manoeuvre(requirement: Requirement) -> Command:
     if requirement.command == "step":
         return Step(amplitude)
     if requirement.command == "sine":
-        return Sine(amplitude, frequency or 4.0)
-    return Chirp(amplitude, stop_hz=frequency or 15.0, duration=requirement.duration)
+        return Sine(amplitude, frequency or SINE_HZ)
+    return Chirp(amplitude, stop_hz=frequency or CHIRP_HZ, duration=requirement.duration)
 
 
 def _run(

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.actuator import COMPONENTS, NAMES, Actuator, Faults
-from emaphm.actuator.faults import HEALTHY, lower_bounds
+from emaphm.actuator.faults import HEALTHY, absent_faults, lower_bounds
 from emaphm.arrays import Array
 from emaphm.prognosis.requirements.margins import Limit, Requirements
 
-POINTS = 41
-"""Levels that are tried from the given one to the end of the scale, and interpolated linearly between."""
+POINTS, BETWEEN = 41, 17
+"""Levels that are tried from the given one to the end of the scale, then between the two where a measure
+fails, and interpolated linearly between."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,8 @@ class FailureLevels:
     value
         What it limits, of the unit with the given faults, in its unit.
     levels
-        By component, the first levels beyond the given one at which it fails, upwards and downwards; None
-        where no level up to the end of the scale does.
+        By component that the actuator has, the first levels beyond the given one at which it fails, upwards
+        and downwards; None where no level up to the end of the scale does.
     """
 
     limit: Limit
@@ -53,33 +54,61 @@ def failure_levels(actuator: Actuator, faults: Faults = HEALTHY) -> tuple[Failur
     MethodError
         The averaged model did not stay finite.
     """
-    requirements, start = Requirements(actuator), faults.vector
-    blocks, ways, lowest = [start[np.newaxis]], [], lower_bounds(actuator)
-    for name in COMPONENTS:
-        column = NAMES.index(name)
-        for end in (1.0, float(lowest[column])):
-            block = np.tile(start, (POINTS, 1))
-            block[:, column] = np.linspace(start[column], end, POINTS)
-            blocks.append(block)
-            ways.append((name, block[:, column]))
-    values = requirements.values(np.concatenate(blocks))
+    requirements, start, absent = Requirements(actuator), faults.vector, absent_faults(actuator)
+    present = [name for name in COMPONENTS if name not in absent]
+    ways = [
+        (NAMES.index(name), np.linspace(start[NAMES.index(name)], end, POINTS))
+        for name in present
+        for end in (1.0, float(lower_bounds(actuator)[NAMES.index(name)]))
+    ]
+    vectors = [start[np.newaxis], *(_vectors(start, *one) for one in ways)]
+    values = requirements.values(np.concatenate(vectors))
     results = []
     for limit, row in zip(requirements.limits, values, strict=True):
         margins = limit.margin(row[1:]).reshape(len(ways), POINTS)
-        found = [_crossing(limit, *one) for one in zip((levels for _, levels in ways), margins, strict=True)]
-        pairs = {name: (found[2 * i], found[2 * i + 1]) for i, name in enumerate(COMPONENTS)}
+        found = [
+            _failing(requirements, limit, start, way, margin)
+            for way, margin in zip(ways, margins, strict=True)
+        ]
+        pairs = {name: (found[2 * i], found[2 * i + 1]) for i, name in enumerate(present)}
         results.append(FailureLevels(limit, float(row[0]), pairs))
     return tuple(results)
 
 
-def _crossing(limit: Limit, levels: Array, margin: Array) -> float | None:
-    """Return the first level (of n) at which the margin (n,) falls to 0, None where it never does."""
+def _vectors(start: Array, column: int, levels: Array) -> Array:
+    """Return the faults `start` (8,) with each of the `levels` (n,) of one of them, (n, 8)."""
+    vectors = np.tile(start, (levels.size, 1))
+    vectors[:, column] = levels
+    return vectors
+
+
+def _failing(
+    requirements: Requirements, limit: Limit, start: Array, way: tuple[int, Array], margin: Array
+) -> float | None:
+    """Return the first level on a `way` at which the limit fails, whose margin (n,) is known there."""
+    column, levels = way
+    i = _first_failing(limit, margin)
+    if i is None:
+        return None
+    if limit.component is None:  # A measure may jump, as from settled to never: nothing to interpolate there.
+        levels = np.linspace(levels[i - 1], levels[i], BETWEEN)
+        margin = requirements.margins(_vectors(start, column, levels), [limit])[0]
+        i = int(np.argmax(margin < 0))
+    return _crossing(levels, margin, i)
+
+
+def _first_failing(limit: Limit, margin: Array) -> int | None:
+    """Return which of the margins (n,) is the first at which it fails; None where none is, or all are."""
     # At the very limit a level does not fail yet where it stands, and fails where it comes there, as its path
     # would go on. A measure holds its limit there: it may be quantised, or end at what is looked at.
     below = margin <= 0 if margin[0] > 0 and limit.component is not None else margin < 0
     if margin[0] < 0 or not below.any():
         return None  # violated already: growing or falling is not what makes it fail
-    i = int(np.argmax(below))
+    return int(np.argmax(below))
+
+
+def _crossing(levels: Array, margin: Array, i: int) -> float:
+    """Return the level at which the margin (n,) falls to 0, between the levels i - 1 and i."""
     high, low = margin[i - 1], margin[i]
     share = high / (high - low) if np.isfinite(low) else 1.0
     return float(levels[i - 1] + share * (levels[i] - levels[i - 1]))

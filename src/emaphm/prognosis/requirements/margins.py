@@ -7,14 +7,15 @@ from functools import cached_property
 import numpy as np
 
 from emaphm.actuator import COMPONENTS, NAMES, Actuator
-from emaphm.actuator.faults import HEALTHY, from_cartesian, lower_bounds
+from emaphm.actuator.faults import HEALTHY, absent_faults, from_cartesian, lower_bounds
 from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.requirements import MEASURE_UNITS, Requirement
 from emaphm.arrays import Array
+from emaphm.errors import PrognosisError
 from emaphm.prognosis.requirements.capability import measured
 
 FULL_SCALE = tuple(Requirement(component=name, at_most=1.0) for name in COMPONENTS if name != "gain")
-"""Requirements of an actuator that states none: each level is below the end of its scale."""
+"""Requirements of an actuator that states none: each level that it may have is below the end of its scale."""
 
 
 @dataclass(frozen=True)
@@ -58,16 +59,25 @@ class Requirements:
         """Whether the actuator states requirements; else they are `FULL_SCALE`."""
         return bool(self.actuator.requirements)
 
+    @property
+    def all(self) -> tuple[Requirement, ...]:
+        """The requirements."""
+        absent = absent_faults(self.actuator)
+        present = tuple(one for one in FULL_SCALE if one.component not in absent)
+        return self.actuator.requirements or present or FULL_SCALE
+
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
         """The limits of all requirements, in their order."""
         found: list[Limit] = []
-        for one in self.actuator.requirements or FULL_SCALE:
+        labels: list[str] = []
+        for one in self.all:
             unit = unit_for(MEASURE_UNITS[one.measure], self.actuator.coordinates) if one.measure else "-"
             for bound, upper in ((one.at_most, True), (one.at_least, False)):
                 if bound is not None:
                     label = _label(one, bound, unit, upper=upper)
-                    again = sum(other.label.startswith(label) for other in found)
+                    again = labels.count(label)
+                    labels.append(label)
                     found.append(Limit(one, bound, upper, f"{label} ({again + 1})" if again else label, unit))
         return tuple(found)
 
@@ -99,11 +109,31 @@ class Requirements:
         values = self.values(vectors, chosen)
         return np.stack([one.margin(row) for one, row in zip(chosen, values, strict=True)])
 
+    def check_new(self) -> None:
+        """Refuse a requirement that a new actuator violates: its life would begin with its end.
+
+        Raises
+        ------
+        PrognosisError
+            There is one.
+        MethodError
+            The averaged model did not stay finite.
+        """
+        values = self.values(HEALTHY.vector[np.newaxis])[:, 0]
+        for limit, value in zip(self.limits, values, strict=True):
+            if limit.margin(value) < 0:
+                unit = "" if limit.unit == "-" else f" {limit.unit}"
+                raise PrognosisError(
+                    f"a new actuator of '{self.actuator.name}' violates the requirement '{limit.label}', it "
+                    f"has {value:.4g}{unit}: correct the limit, or the description (emaphm limits)"
+                )
+
     def can_fail(self, limit: Limit) -> bool:
         """Return whether any single fault at an end of its scale violates a limit; errors as in `values`."""
-        ends = np.tile(HEALTHY.vector, (2 * len(COMPONENTS), 1))
-        for i, name in enumerate(COMPONENTS):
-            column = NAMES.index(name)
+        absent = absent_faults(self.actuator)
+        columns = [NAMES.index(name) for name in COMPONENTS if name not in absent]
+        ends = np.tile(HEALTHY.vector, (2 * len(columns), 1))
+        for i, column in enumerate(columns):
             ends[2 * i : 2 * i + 2, column] = lower_bounds(self.actuator)[column], 1.0
         return bool(np.any(self.margins(ends, [limit]) < 0))
 
