@@ -11,6 +11,7 @@ from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.actuator.unit.baseline import Baseline
 from emaphm.calibration import Calibration, calibrate
+from emaphm.calibration.warnings.earlier import earlier_warnings
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.errors import MethodError
 from emaphm.estimation.objective import faults_objective
@@ -79,6 +80,26 @@ def healthy() -> list[Recording]:
 def calibrated(healthy: list[Recording]) -> Calibration:
     # Corrected once, to save time: no claim below needs what further corrections add.
     return calibrate(healthy, THESIS, FREE, max_corrections=1, workers=1)
+
+
+def found_again(calibrated: Calibration, recordings: list[Recording]) -> tuple[str, ...]:
+    return calibrate(recordings, calibrated.actuator, FREE, max_corrections=0, workers=1).warnings
+
+
+def test_a_calibration_that_leaves_out_earlier_recordings_says_so(
+    calibrated: Calibration, healthy: list[Recording]
+) -> None:
+    (lost,) = found_again(calibrated, healthy[:2])
+    assert lost.startswith("this calibration takes the place of the one before, by day 3: ")
+    assert earlier_warnings(calibrated.actuator, calibrated.actuator) == ()
+
+
+def test_another_unit_contradicts_the_calibration_before(calibrated: Calibration) -> None:
+    other = with_lumped_parameters(UNIT, {"inertia": 0.8 * lumped_parameters(UNIT, ("inertia",))["inertia"]})
+    warnings = found_again(calibrated, [of_a_day(other, seed=5)])
+    (contradiction,) = (one for one in warnings if "contradicts" in one)
+    assert "by day 1, day 2, day 3" in contradiction
+    assert "inertia by " in contradiction
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from cases import THESIS
 from emaphm.actuator import Actuator, Chirp
 from emaphm.arrays import Array
 from emaphm.calibration import Calibration, calibrate
+from emaphm.errors import RecordingError
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED
@@ -54,10 +55,11 @@ def test_a_torque_that_the_model_lacks_is_not_averaged_away() -> None:
     assert alone.error_correlation is None
 
 
-def test_copies_of_a_recording_have_the_errors_of_one() -> None:
-    # Derivatives are taken about other points of each copy, which leaves 10 or 20 %; by sqrt(3), 42 %.
+def test_a_copy_of_a_recording_is_refused() -> None:
     day = recorded(THESIS, 1, 0.1)
-    np.testing.assert_allclose(errors(fitted([day] * 3)) / errors(fitted([day])), 1.0, atol=0.2)
+    copy = Recording(dict(day.channels), day.sampling, "copy")
+    with pytest.raises(RecordingError, match="copy: the same, row by row, as day 1"):
+        fitted([day, copy])
 
 
 def test_noise_is_averaged_away() -> None:

@@ -15,8 +15,8 @@ from emaphm.actuator import NAMES, Actuator
 from emaphm.cli import main
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.fleet import settings as settings_module
-from emaphm.history.fingerprint import recording_hash
 from emaphm.recording import Recording
+from emaphm.recording.content import recording_hash
 
 from .conftest import Emaphm, Refusal
 

@@ -14,12 +14,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from emaphm.history import History, KeptSettings
-from emaphm.history.fingerprint import description_of, recording_hash
+from emaphm.history.fingerprint import description_of
 from emaphm.history.writing import add_diagnosis
 from emaphm.prognosis import Evidence, learnt_prior, prognose
 from emaphm.prognosis.batch import prognose_all
 from emaphm.prognosis.evidence import follow
 from emaphm.prognosis.prior import Prior
+from emaphm.recording.content import recording_hash
 
 from .made_up import PART, THESIS, diagnosis, entry, recording
 

@@ -16,8 +16,8 @@ from pathlib import Path
 import sqlalchemy as sa
 
 from emaphm.history import History
-from emaphm.history.fingerprint import recording_hash
 from emaphm.history.storage.tables import DIAGNOSES, FLIGHTS, RECORDINGS, UNITS
+from emaphm.recording.content import recording_hash
 
 from . import made_up
 from .nursery import Job, Nursery, entry, nursery

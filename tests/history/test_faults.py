@@ -13,12 +13,13 @@ import sqlalchemy as sa
 from emaphm.errors import HistoryError
 from emaphm.history import History, Removal
 from emaphm.history.columns import columns_of
-from emaphm.history.fingerprint import description_of, recording_hash
+from emaphm.history.fingerprint import description_of
 from emaphm.history.storage import schema
 from emaphm.history.storage.address import Address
 from emaphm.history.storage.database import Database
 from emaphm.history.storage.schema import ADVISORY_LOCK, KNOWN, NEWEST, VERSION, upgrade
 from emaphm.history.storage.tables import DESCRIPTIONS, DIAGNOSES, FLIGHTS, METADATA, RECORDINGS, UNITS
+from emaphm.recording.content import recording_hash
 
 from . import made_up
 from .faults import acknowledged, held, kill_writers, write_at_once

@@ -15,10 +15,10 @@ from emaphm.errors import HistoryError, OutputError
 from emaphm.history import Entry, Finding, Flight, History, Life, Mistake, Removal, Replacement
 from emaphm.history.blocks import METHOD, diagnosis_blocks, unit_blocks
 from emaphm.history.export import export
-from emaphm.history.fingerprint import recording_hash
 from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis
 from emaphm.history.views import diagnosis_lines, read_curves
 from emaphm.recording import Recording
+from emaphm.recording.content import recording_hash
 
 from . import made_up
 from .made_up import diagnosis, entry, recording

@@ -11,7 +11,7 @@ from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.diagnosis import Diagnosis, Estimate
 from emaphm.history import Entry, Event, Finding, History, KeptSettings, Removal
 from emaphm.history.basis import bases
-from emaphm.history.fingerprint import description_of, recording_hash
+from emaphm.history.fingerprint import description_of
 from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis
 from emaphm.history.reading import unit as unit_row
 from emaphm.history.storage.tables import UNITS
@@ -20,6 +20,7 @@ from emaphm.prognosis import Evidence, Observation, prognose
 from emaphm.prognosis.keeping import Curves
 from emaphm.prognosis.settings import ForecastSettings
 from emaphm.recording import Recording
+from emaphm.recording.content import recording_hash
 from emaphm.version import VERSION
 
 THESIS = Actuator.thesis()

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,6 +39,7 @@ from emaphm.calibration.reference_laws.shaft import fit_description, with_shaft_
 from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
 from emaphm.calibration.unit_fit import FitSettings, UnitFit
+from emaphm.calibration.warnings.earlier import earlier_warnings
 from emaphm.calibration.warnings.one_way import one_way_warnings, open_members, with_open
 from emaphm.calibration.warnings.units_and_signs import calibration_warnings, unit_or_sign
 from emaphm.calibration.warnings.unmodelled import unmodelled_warnings
@@ -46,6 +48,7 @@ from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.space.parameter_variation import sizes
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import check_plausible
+from emaphm.recording.content import check_each_once
 
 CALIBRATED = ", calibrated"
 """What the name of a calibrated actuator ends with."""
@@ -81,7 +84,8 @@ def calibrate(
     actuator
         The description to start from. A positive parameter is sought within a factor of 30 of its value, and
         the search begins within a factor of 3: where the description is farther off, it may miss the best
-        fit. A baseline of its own is replaced by that of these recordings.
+        fit. A baseline and a model error of its own are replaced by those of these recordings; where that
+        loses recordings or contradicts it, a warning says so.
     free
         Names from `emaphm.actuator.unit.baseline.LUMPED_PARAMETERS`. The others keep their values, except
         those with a tolerance, which are free too in closed loop.
@@ -114,7 +118,7 @@ def calibrate(
         parameter; what is known of a recording contradicts itself; laws are to be chosen by one recording;
         or measured motion is asked for, and does not show a free parameter.
     RecordingError
-        Values of a recording are orders of magnitude away from this actuator's.
+        Values of a recording are orders of magnitude away from this actuator's, or two are the same.
     """
     began = time.perf_counter()
     rows = campaign_rows(recordings)
@@ -126,7 +130,7 @@ def calibrate(
     choice = chosen_loop(loop, rows, bare, names or ())
     if choice.loop == "measured":
         try:
-            return _by_motion(rows, actuator, names, laws, choice, settings, began)
+            return _compared(_by_motion(rows, actuator, names, laws, choice, settings, began), actuator)
         except EmaphmError as error:
             if loop == "measured":
                 hints = [hint for row in rows for hint in unit_or_sign(row, bare)]
@@ -146,7 +150,12 @@ def calibrate(
     fitting = subprogress(on_progress, share, 1.0)
     description, fit = fit_description(rows, description, settings, fitting)
     scanned = {} if lag is None else {sensor_lag.NAME: lag.parameter}
-    return _result(rows, description, fit, scanned, choice, settings, began)
+    return _compared(_result(rows, description, fit, scanned, choice, settings, began), actuator)
+
+
+def _compared(found: Calibration, before: Actuator) -> Calibration:
+    """Return the calibration with what it makes of an earlier one, by the description it began with."""
+    return replace(found, warnings=(*found.warnings, *earlier_warnings(before, found.actuator)))
 
 
 def _check(
@@ -159,6 +168,7 @@ def _check(
     if not rows:
         raise MethodError("no recording to calibrate from; give one of the healthy unit, or several")
     check_nuisances(nuisances, free or ())
+    check_each_once(row.recording for row in rows)
     for row in rows:
         check_plausible(row.recording, actuator)
 

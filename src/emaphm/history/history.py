@@ -11,7 +11,7 @@ from emaphm.errors import HistoryError, nearest
 from emaphm.history import reading, writing
 from emaphm.history.basis import Basis, bases
 from emaphm.history.events import Event, add_events, read_events, read_open_conditions
-from emaphm.history.fingerprint import description_of, recording_hash
+from emaphm.history.fingerprint import description_of
 from emaphm.history.kept_diagnosis import KeptSettings
 from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis, read_prognoses
 from emaphm.history.records import Entry, Finding, Mistake, Removal, Withdrawal
@@ -22,6 +22,7 @@ from emaphm.history.storage.tables import UNITS
 from emaphm.history.unit import Unit
 from emaphm.history.views import UnitState, states
 from emaphm.history.withdrawing import withdraw
+from emaphm.recording.content import recording_hash
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

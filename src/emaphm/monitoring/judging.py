@@ -8,7 +8,6 @@ from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError
 from emaphm.history import Entry, Event, History, KeptDiagnosis
 from emaphm.history.events import read_events
-from emaphm.history.fingerprint import recording_hash
 from emaphm.history.reading import unit_or_none
 from emaphm.monitoring.arrival import Call, call_here
 from emaphm.monitoring.conditions import Situation, health_events, reach_far_enough
@@ -16,6 +15,7 @@ from emaphm.monitoring.diagnosers import Diagnose, methods_of
 from emaphm.monitoring.order import Arrivals, hours_events
 from emaphm.monitoring.settings import AlarmSettings
 from emaphm.recording import Recording
+from emaphm.recording.content import recording_hash
 
 if TYPE_CHECKING:
     from emaphm.detection import Detector

@@ -24,6 +24,7 @@ from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import Recording, check_plausible
+from emaphm.recording.content import check_each_once
 from emaphm.recording.sensor_checks import check_sensors
 from emaphm.simulation import AVERAGED
 
@@ -65,7 +66,8 @@ def diagnose_joint(
     MethodError
         There is no recording, they are of different units, one has no current, or a nuisance is unknown.
     RecordingError
-        A recording cannot be of this actuator, by orders of magnitude, or too little of its current is left.
+        A recording cannot be of this actuator, by orders of magnitude, or too little of its current is left;
+        or two are the same.
     """
     began = time.perf_counter()
     _check(recordings, actuator)
@@ -121,6 +123,7 @@ def _check(recordings: Sequence[Recording], actuator: Actuator) -> None:
             f"{other.source} is of unit '{second}', {recording.source} of unit '{first}'; a joint estimate "
             "is of one unit: leave the others out, or diagnose without --joint"
         )
+    check_each_once(recordings)
     for recording in recordings:
         check_plausible(recording, actuator)
 

@@ -16,9 +16,9 @@ from emaphm.fleet.synthetic.recordings import PART_NUMBER, fleet_actuator
 from emaphm.fleet.synthetic.tasks import diagnose_flight, record_unit
 from emaphm.fleet.synthetic.unit import SyntheticUnit, drawn_unit
 from emaphm.history import Entry, Finding, History, Removal
-from emaphm.history.fingerprint import recording_hash
 from emaphm.prognosis import Evidence
 from emaphm.recording import read_recording
+from emaphm.recording.content import recording_hash
 
 NOTE = "synthetic"
 """Of each removal and finding in the history."""

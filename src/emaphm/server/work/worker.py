@@ -172,8 +172,8 @@ def _described(known: "Unit | None", request: dict[str, Any], place: Place) -> "
 
 def _filed(history: "History", recording: "Recording") -> "tuple[int, UnitRow, KeptDiagnosis]":
     """Return the last diagnosis of a recording: its number, its unit, and itself."""
-    from emaphm.history.fingerprint import recording_hash
     from emaphm.history.views import diagnosis, last_diagnosis
+    from emaphm.recording.content import recording_hash
 
     key = recording_hash(recording)
     with history.database.reading() as connection:
