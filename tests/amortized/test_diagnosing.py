@@ -17,6 +17,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.diagnosis.explanation.one_way import REASON as ONE_WAY
 from emaphm.errors import MethodError
+from emaphm.estimation.starts import Starts
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -168,6 +169,23 @@ def test_a_search_that_leads_away_from_a_sure_answer_is_made_anew(recording: Rec
     assert error_percent(TRUTH.vector, diagnosis.faults.vector) < 1.5
 
 
+def test_laws_that_a_search_from_an_answer_finds_are_searched_for_in_full(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estimator = constant_estimator(SETUP, ANSWER, 0.01)
+    found = diagnose_by(estimator, recording, THESIS, max_corrections=0, workers=1)
+    searched = []
+
+    def with_a_law(recording: Recording, *_: object, starts: Starts | None, **__: object) -> Diagnosis:
+        searched.append((starts is None, recording.notes))
+        return found if starts is None else replace(found, laws=("cogging",))
+
+    monkeypatch.setattr(diagnosing, "diagnose", with_a_law)
+    assert diagnose_by(estimator, recording, THESIS, workers=1).laws == ()
+    assert [in_full for in_full, _ in searched] == [False, True]
+    assert "answer found laws: cogging; all of the range was searched" in searched[1][1][-1]
+
+
 def test_a_search_begins_at_several_points_where_the_answer_is_wide() -> None:
     def starts(deviation: float, shorts: float = 0.0) -> int:
         middle = np.where(np.isin(SETUP.space.columns, (2, 3, 4)), shorts, 0.3)
@@ -249,8 +267,9 @@ def test_channels_of_a_setup_go_by_short_names_or_by_their_columns(channels: tup
         ({"channels": ("current_A", "sped")}, "speed_rad_s"),
         ({"duration": 100.0}, "rows"),
         ({"noise": -1.0}, "rms"),
+        ({"command": Chirp(amplitude=1.0)}, "beyond the end stops"),
     ],
 )
 def test_impossible_setups_are_refused(values: dict[str, object], complaint: str) -> None:
     with pytest.raises(MethodError, match=complaint):
-        RecordingSetup.of(THESIS, Chirp(), **values)  # type: ignore[arg-type]
+        RecordingSetup.of(**{"actuator": THESIS, "command": Chirp()} | values)  # type: ignore[arg-type]

@@ -229,6 +229,17 @@ def test_a_finding_of_other_hours_than_the_units_is_doubted(
     assert ("Note: " in emaphm("history", *finding).out) == (words is not None)
 
 
+@pytest.mark.parametrize(
+    ("hours", "words"), [("60", "after this removal: 1, up to 100 h; it counts as in service"), ("120", None)]
+)
+def test_a_removal_before_the_last_recording_is_doubted(
+    emaphm: Emaphm, flown: Path, hours: str, words: str | None
+) -> None:
+    assert flown.is_dir()
+    doubt = answer(emaphm, "removal", "--unit", "SN-7", "--hours", hours, "--reason", "failed")["doubt"]
+    assert doubt is None if words is None else words in doubt
+
+
 def test_a_mistake_is_withdrawn(emaphm: Emaphm, flown: Path) -> None:
     assert flown.is_dir()
     wrong = ("--unit", "SN-7", "--hours", "120")

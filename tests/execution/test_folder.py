@@ -24,6 +24,16 @@ def test_a_folder_is_not_removed_from_who_works_in_it(folder: WorkFolder) -> Non
     assert list(folder.path.parent.iterdir()) == []
 
 
+def test_what_a_killed_process_left_is_cleared_in_all_folders_and_nothing_else(folder: WorkFolder) -> None:
+    inner = folder.path / "recordings" / "SN-1"
+    inner.mkdir(parents=True)
+    left, kept = inner / f".{'0123' * 8}.tmp", inner / "flight.tmp"
+    for path in (left, kept):
+        path.touch()
+    folder.clear()
+    assert list(inner.iterdir()) == [kept]
+
+
 def test_a_folder_that_is_removed_before_it_is_locked_is_said_to_be(folder: WorkFolder) -> None:
     folder.remove()  # by another process that has done all of the work
     with pytest.raises(ExecutionError, match="has been removed meanwhile; start again"), folder.locked():

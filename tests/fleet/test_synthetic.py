@@ -173,6 +173,16 @@ def test_a_history_is_of_one_synthetic_fleet(
         assert complaint in capsys.readouterr().err
 
 
+def test_a_history_that_cannot_be_used_is_said_before_anything_is_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    db = tmp_path / "missing" / "fleet.sqlite"
+    line = ["fleet", "simulate", "-o", str(tmp_path / "fleet"), "--units", "1", "--flights", "1"]
+    assert main([*line, "--workers", "1", "--db", str(db)]) == 2
+    assert str(db) in capsys.readouterr().err
+    assert not list(tmp_path.rglob("flight-*.parquet"))
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [

@@ -57,6 +57,7 @@ def test_no_failure_in_sight_is_no_reason_to_land() -> None:
     for costs in (None, Costs(10.0, 1.0)):
         given = advice(np.full(10, math.inf), 100.0, risk=0.05, costs=costs)
         assert (given.action, given.risk) == ("fly on", 0.0)
+        assert given.reason.endswith("nowhere in the forecast")
 
 
 def test_the_cheapest_replacement_is_that_of_barlow_and_hunter() -> None:

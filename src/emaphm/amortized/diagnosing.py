@@ -11,11 +11,11 @@ from emaphm.actuator import Actuator
 from emaphm.amortized.delays import found_delay, in_time_and_moved
 from emaphm.amortized.doubt.comparison import RUNS, Comparison
 from emaphm.amortized.doubt.deviations import OTHERS
+from emaphm.amortized.doubt.other_explanations import other_explanations
 from emaphm.amortized.drawing import PRIOR, SHORTS
 from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.likeness import Unlikeness, unlikeness
 from emaphm.amortized.networks.mixture import Mixture
-from emaphm.amortized.other_explanations import other_explanations
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import nuisance_estimates
@@ -124,14 +124,10 @@ def diagnose_by(
         )
 
     diagnosis = searched(recording, starts)
-    if diagnosis.method == CORRECTED:
-        name, deviations = _farthest(mixture, estimator.space, diagnosis)
-        if deviations > FARTHEST:
-            note = (
-                f"least squares led away from the estimator's answer, by {deviations:.2g} of its standard "
-                f"deviations in {name}; all of the range was searched"
-            )
-            diagnosis = searched(recording.with_channels(recording.channels, [note]), None)
+    led_astray = _led_astray(mixture, estimator.space, diagnosis)
+    if led_astray is not None:
+        note = f"{led_astray}; all of the range was searched"
+        diagnosis = searched(recording.with_channels(recording.channels, [note]), None)
     return replace(diagnosis, seconds=time.perf_counter() - began)
 
 
@@ -164,6 +160,24 @@ def answer_alone(
     if asked.answer is None or asked.reasons:
         return asked.reasons
     return asked.answer.diagnosis(asked.recording, seed, began)
+
+
+def _led_astray(mixture: Mixture, space: ParameterSpace, diagnosis: Diagnosis) -> str | None:
+    """Return why the end of a search that began at the answer is not believed, None where it is.
+
+    A law that the description lacks takes up what a wrong answer leaves as well.
+    """
+    if diagnosis.method != CORRECTED:
+        return None
+    name, deviations = _farthest(mixture, space, diagnosis)
+    if deviations > FARTHEST:
+        return (
+            f"least squares led away from the estimator's answer, by {deviations:.2g} of its standard "
+            f"deviations in {name}"
+        )
+    if diagnosis.laws:
+        return f"the search from the estimator's answer found laws: {', '.join(diagnosis.laws)}"
+    return None
 
 
 def _farthest(mixture: Mixture, space: ParameterSpace, diagnosis: Diagnosis) -> tuple[str, float]:

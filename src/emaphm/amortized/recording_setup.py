@@ -80,7 +80,8 @@ class RecordingSetup:
         ------
         MethodError
             The actuator has no three phases, so that there is no switching to learn from; or
-            a channel or a nuisance is not one that the models have, or the recording would be too long.
+            a channel or a nuisance is not one that the models have, the recording would be too long, or its
+            command goes beyond the end stops.
         """
         check_windings(actuator)
         channels = [SHORT_NAMES.get(name, name) for name in channels]
@@ -103,6 +104,7 @@ class RecordingSetup:
             sample_rate=sample_rate,
             sampling=sampling,
         )
+        _check_stops(actuator, rows)
         named = None if nuisances is None else tuple(nuisances)
         ordered = tuple(sorted(dict.fromkeys(channels), key=lambda name: name != "current_A"))
         NuisanceSet.of(actuator, named, ordered)  # asked for here, not by the first worker that simulates
@@ -247,3 +249,12 @@ def check_channels(actuator: Actuator, channels: Sequence[str]) -> None:
 def rows_of(recording: Mapping[str, Array] | Recording, channels: Sequence[str]) -> Array:
     """Return `channels` of a recording as single precision, (1, channels, samples)."""
     return np.stack([recording[name] for name in channels])[np.newaxis].astype(np.float32)
+
+
+def _check_stops(actuator: Actuator, rows: Recording) -> None:
+    stops, command = actuator.mechanics.end_stops, np.asarray(rows["command_rad"])
+    if stops is not None and not stops[0] <= command.min() <= command.max() <= stops[1]:
+        raise MethodError(
+            f"the command goes from {command.min():.4g} to {command.max():.4g}, beyond the end stops "
+            f"{list(stops)}: give a smaller --amplitude, or another --command"
+        )

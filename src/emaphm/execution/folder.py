@@ -137,11 +137,10 @@ class WorkFolder:
         shutil.rmtree(away, ignore_errors=True)
 
     def clear(self) -> None:
-        """Remove what a killed process left half-written."""
+        """Remove what a killed process left half-written, in its folders too."""
         try:
-            for path in self.path.iterdir():
-                if TEMPORARY.fullmatch(path.name):
-                    path.unlink()
+            for path in [one for one in self.path.rglob("*.tmp") if TEMPORARY.fullmatch(one.name)]:
+                path.unlink()
         except OSError as error:
             raise self._not_writable(error) from None
 

@@ -1,10 +1,30 @@
-"""Whether the hours of a shop's finding fit the other entries of its unit, or may be wrong."""
+"""Whether the hours of a removal or a shop's finding fit the other entries of its unit, or may be wrong."""
 
-from emaphm.history.records import Finding
+from emaphm.history.records import Finding, Removal
 from emaphm.history.unit import Unit
 
 
-def doubt(unit: Unit, finding: Finding) -> str | None:
+def doubt_of_removal(unit: Unit, removal: Removal) -> str | None:
+    """Return what may be wrong with the hours of a removal of a unit of a history, None where they fit.
+
+    They fit from its last recording on, up to as many hours later as it was recorded over before.
+    """
+    hours = [one.hours for one in unit.flights()]
+    if not hours:
+        return None
+    wrong = f"if {removal.hours:.9g} h is wrong, 'emaphm history withdraw' takes the removal out"
+    later = sum(one > removal.hours for one in hours)
+    if later:
+        return (
+            f"recordings of {unit.serial_number} after this removal: {later}, up to {hours[-1]:.9g} h; it "
+            f"counts as in service again; {wrong}"
+        )
+    if len(hours) > 1 and removal.hours - hours[-1] > hours[-1] - hours[0]:
+        return f"the last recording of {unit.serial_number} is of {hours[-1]:.9g} h; {wrong}"
+    return None
+
+
+def doubt_of_finding(unit: Unit, finding: Finding) -> str | None:
     """Return what may be wrong with the hours of a finding on a unit of a history, None where they fit.
 
     They fit where they are those of a removal; without any removal, up to those of the last recording.

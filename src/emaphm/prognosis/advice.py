@@ -101,11 +101,11 @@ def advice(
         return Advice("replace before", 0.0, failed, "a requirement is violated already")
     limit, why = _until_risk(ordered, risk) if costs is None else _until_costs(ordered, age, costs)
     if limit >= horizon:
-        return Advice("fly on", horizon, float(np.mean(ordered < horizon)), f"{why} beyond the horizon")
+        when = "beyond the horizon" if math.isfinite(limit) else "nowhere in the forecast"
+        return Advice("fly on", horizon, float(np.mean(ordered < horizon)), f"{why} {when}")
     before = int(np.sum(ordered < limit))
     until = max(before / ordered.size if costs is None else (before + 1) / (ordered.size + 1), failed)
-    median = float(ordered[(ordered.size - 1) // 2])
-    if median > WIDE * limit:
+    if ordered[(ordered.size - 1) // 2] > WIDE * limit:
         return Advice(
             "inspect by",
             limit,

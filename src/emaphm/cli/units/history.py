@@ -217,12 +217,21 @@ def removal(
 ) -> None:
     """Add that a unit was taken off its aircraft."""
     from emaphm.history import History, Removal
+    from emaphm.history.doubt import doubt_of_removal
 
     entry = Removal(hours, reason, note)
     with History.open(db) as history:
         added = history.add_removal(unit, entry)
-    values = {"unit": unit, "hours": hours, "reason": reason, "note": note, "added": added}
-    show(values, f"removal of {unit} at {hours:.9g} h {_added(added)}", as_json)
+        doubted = doubt_of_removal(history.unit(unit), entry)
+    values = {
+        "unit": unit,
+        "hours": hours,
+        "reason": reason,
+        "note": note,
+        "added": added,
+        "doubt": doubted,
+    }
+    show(values, _with_doubt(f"removal of {unit} at {hours:.9g} h {_added(added)}", doubted), as_json)
 
 
 @app.command
@@ -247,12 +256,12 @@ def finding(
 ) -> None:
     """Add what a shop found of a component, and whether it replaced it."""
     from emaphm.history import Finding, History
-    from emaphm.history.doubt import doubt
+    from emaphm.history.doubt import doubt_of_finding
 
     entry = Finding(hours, component, condition, level, replaced, note)
     with History.open(db) as history:
         added = history.add_finding(unit, entry)
-        doubted = doubt(history.unit(unit), entry)
+        doubted = doubt_of_finding(history.unit(unit), entry)
     values = {
         "unit": unit,
         "hours": hours,
@@ -265,7 +274,7 @@ def finding(
         "doubt": doubted,
     }
     text = f"finding on {component} of {unit} at {hours:.9g} h {_added(added)}"
-    show(values, text if doubted is None else f"{text}\nNote: {doubted}.", as_json)
+    show(values, _with_doubt(text, doubted), as_json)
 
 
 @app.command
@@ -294,6 +303,10 @@ def withdraw(
     values = {"unit": unit, "unit_left": not gone, **asdict(made)}
     last = "; it was its only recording, so the unit is no longer in the history" if gone else ""
     show(values, f"{_named(values)} of {unit} at {hours:.9g} h is withdrawn{last}", as_json)
+
+
+def _with_doubt(text: str, doubted: str | None) -> str:
+    return text if doubted is None else f"{text}\nNote: {doubted}."
 
 
 def _assessed(values: dict[str, Any]) -> str:

@@ -73,6 +73,9 @@ def run_chain(chain: Chain, *, simulate_only: bool = False) -> list[SyntheticUni
     with chain.folder.work.locked():
         chain.folder.work.clear()
         chain.folder.write_description(units, chain.plan, fleet_actuator(chain.plan.drawn_from))
+        if not simulate_only:  # A history that cannot be used is said before the recordings are made.
+            with History.open(chain.where, create=True):
+                pass
         _record(chain, units)
         if simulate_only:
             return units

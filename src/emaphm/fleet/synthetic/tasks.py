@@ -4,7 +4,7 @@ from pathlib import Path
 
 from emaphm.actuator import Actuator
 from emaphm.diagnosis import Diagnosis, diagnose
-from emaphm.errors import ExecutionError
+from emaphm.errors import ExecutionError, RecordingError
 from emaphm.fleet.synthetic.folder import CheckFlight, FleetFolder, revision
 from emaphm.fleet.synthetic.plan import FleetPlan
 from emaphm.fleet.synthetic.recordings import check_flight
@@ -40,7 +40,10 @@ def diagnose_flight(
 ) -> tuple[Recording, Diagnosis]:
     """Return the recording of a check flight and its diagnosis; errors as in `record_unit` and `diagnose`."""
     _check(expected)
-    recording = read_recording(flight.path, actuator)
+    try:
+        recording = read_recording(flight.path, actuator)
+    except RecordingError as error:
+        raise RecordingError(f"{error}; or remove it: the same command makes it again") from None
     return recording, diagnose(recording, actuator, seed=seed, workers=1)
 
 
