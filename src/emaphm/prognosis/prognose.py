@@ -1,6 +1,5 @@
 """Prognosis of a unit: from its diagnoses to the distribution of its remaining useful life, and advice."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -8,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis.advice import Advice, Costs, advice, without_new_diagnoses
@@ -19,6 +17,7 @@ from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
 from emaphm.prognosis.notes.failures import failure_notes
 from emaphm.prognosis.notes.hours import hours_notes
 from emaphm.prognosis.notes.levels import level_notes
+from emaphm.prognosis.notes.life import life_notes
 from emaphm.prognosis.notes.rates import rate_notes
 from emaphm.prognosis.notes.repairs import repair_notes
 from emaphm.prognosis.notes.shared_error import shared_error_notes
@@ -32,11 +31,8 @@ from emaphm.prognosis.stress import STRESSES, Stress, StressReference, ageing_ah
 if TYPE_CHECKING:
     from emaphm.history import Failure
 
-ENOUGH = 3
-"""Explained diagnoses from which on a rate is seen rather than assumed: two give one that nothing checks."""
-
-MOST_PAST = 12
-"""Most earlier forecasts in a figure of the RUL against time."""
+MOST_PAST, PAST_PATHS = 12, 250
+"""Most earlier forecasts in a figure of the RUL against time, and paths of each where measures end them."""
 
 LONGEST_HORIZON = 1e6
 """Longest horizon of a forecast [h]."""
@@ -113,8 +109,7 @@ def prognose(
     MethodError
         The averaged model did not stay finite.
     """
-    prior, settings = prior or Prior(), settings or FORECAST
-    settings = replace(settings, longest_hours=max(settings.longest_hours, 2 * question.horizon))
+    prior, settings = prior or Prior(), _reaching(settings or FORECAST, question.horizon)
     requirements = Requirements(actuator)
     requirements.check_new()
     followed = follow(evidence, prior, seed=seed, past=_shown(evidence) if keep_past else ())
@@ -139,7 +134,7 @@ def prognose(
         ahead=question.ahead,
         notes=(
             *repair_notes(evidence),
-            *_notes(evidence, requirements, times, prior),
+            *life_notes(evidence, requirements, times, prior),
             *stress_notes(question.ahead, followed.belief.prior.reference),
             *shared_error_notes(followed.belief, component),
             *level_notes(evidence, made.level[0]),
@@ -184,8 +179,19 @@ def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
 
 
 def past_lives(prognosis: Prognosis) -> list[tuple[float, np.ndarray]]:
-    """Return the RUL as forecast at the diagnoses whose beliefs were kept: pairs of hours and samples [h]."""
-    return lives(prognosis.past, prognosis.evidence, prognosis.actuator, prognosis.ahead)
+    """Return the RUL as forecast at the diagnoses whose beliefs were kept: pairs of hours and samples [h].
+
+    By fewer paths where a requirement is a measure, of which each value takes a run of the model.
+    """
+    settings = _reaching(FORECAST, prognosis.horizon)
+    if any(limit.component is None for limit in prognosis.times.limits):
+        settings = replace(settings, paths=PAST_PATHS)
+    return lives(prognosis.past, prognosis.evidence, prognosis.actuator, prognosis.ahead, settings)
+
+
+def _reaching(settings: ForecastSettings, horizon: float) -> ForecastSettings:
+    """Return the settings of a forecast that goes beyond the horizon [h]."""
+    return replace(settings, longest_hours=max(settings.longest_hours, 2 * horizon))
 
 
 def _shown(evidence: Evidence) -> set[int]:
@@ -290,40 +296,3 @@ def stress_notes(ahead: Stress | None, reference: StressReference | None) -> lis
     far = "far from what was recorded: of the stress to come,"
     beyond = [f"{far} {text}" for text in reference.beyond(ahead)]
     return [*([missing] if names else []), *beyond]
-
-
-def _notes(evidence: Evidence, requirements: Requirements, times: FailureTimes, prior: Prior) -> list[str]:
-    notes = []
-    used, kept = len(evidence.used), len(evidence.observations)
-    if used < ENOUGH:
-        fleet = "one other unit says" if prior.units == 1 else f"{prior.units} other units say"
-        source = "the general prior says" if prior.fleet is None else fleet
-        notes.append(
-            f"explained diagnoses: {used}; {ENOUGH} are needed to see a rate, until then the prognosis is "
-            f"mostly what {source}"
-        )
-    if kept > used:
-        notes.append(f"{kept - used} of {kept} diagnoses are not explained and not used")
-    if not requirements.stated:
-        notes.append(
-            "the actuator states no [[requirements]]: a failure is taken to be a level of 1, the end of scale"
-        )
-    hidden = [name for name, seen in zip(CARTESIAN_NAMES, evidence.seen, strict=True) if not seen]
-    if hidden:
-        notes.append(f"never seen by a diagnosis, and taken as healthy: {', '.join(hidden)}")
-    violated = [
-        limit.label for limit, row in zip(times.limits, times.hours, strict=True) if np.median(row) == 0
-    ]
-    if violated:
-        notes.append(f"violated already: {', '.join(violated)}")
-    never = [
-        limit
-        for limit, row in zip(times.limits, times.hours, strict=True)
-        if (limit.component is None or limit.holds_always) and not np.isfinite(row).any()
-    ]
-    harmless = [limit.label for limit in never if not requirements.can_fail(limit)]
-    if harmless:
-        notes.append(f"no single fault at the end of its scale violates: {', '.join(harmless)}")
-    if math.isinf(float(np.median(times.first))):
-        notes.append("no failure in sight in more than half of the forecast paths")
-    return notes

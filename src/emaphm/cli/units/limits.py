@@ -2,7 +2,6 @@
 
 from typing import TYPE_CHECKING, Any
 
-from emaphm.actuator.faults import HEALTHY
 from emaphm.cli.options import ActuatorFile, AsJson, FaultList, described_actuator, fault_vector
 from emaphm.cli.output import show
 
@@ -14,6 +13,7 @@ def limits(*, actuator: ActuatorFile = "thesis", fault: FaultList = (), as_json:
     """Show at which level of each fault each of the actuator's [[requirements]] fails."""
     faults = fault_vector(fault)
     described = described_actuator(actuator)
+    from emaphm.actuator.faults import HEALTHY
     from emaphm.prognosis import Requirements, failure_levels
     from emaphm.text_table import NOTHING, format_table
 

@@ -10,8 +10,9 @@ from emaphm.prognosis.advice import Advice, advice
 from emaphm.prognosis.evidence import follow
 from emaphm.prognosis.forecast import drawn_states, paths
 from emaphm.prognosis.indicator.readings import FAILING, Indicator
+from emaphm.prognosis.notes.life import ENOUGH
 from emaphm.prognosis.prior import Prior
-from emaphm.prognosis.prognose import DEFAULT_QUESTION, ENOUGH, Question, pace_ahead, stress_notes
+from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, pace_ahead, stress_notes
 from emaphm.prognosis.requirements.first_passage import first_passage
 from emaphm.prognosis.result import INTERVAL90, RemainingLife, advice_text, hours_text
 from emaphm.prognosis.settings import FORECAST, INDICATOR_FILTER, LAWS, FilterSettings, ForecastSettings

@@ -11,8 +11,12 @@ from emaphm.prognosis.requirements.margins import Limit, Requirements, vectors_o
 Places = NDArray[np.intp]
 """Indices of steps or of paths."""
 
+EVERY = 6
+"""Of the times of a path that has not failed, which are computed at least: a measure may jump, or fail and
+recover, where nothing that is known shows it."""
+
 SCREENINGS = 3
-"""How often a regression on what was computed chooses the next time of each path that is computed."""
+"""How often a regression on what was computed then chooses the next time of each path that is computed."""
 
 AT_ONCE = ("free_play",)
 """Measures that are computed at every time of every path: without a run of the model."""
@@ -25,10 +29,10 @@ def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: 
     """Return when each of n paths first fails a `limit` on a measure [h], (n,); `inf` where it does not.
 
     A measure may fail and recover along a path, and each of its values is a run of the averaged model, but of
-    those in `AT_ONCE`. Besides the path's first and last time it is computed where a regression on the
-    margins computed so far, quadratic in the levels, first falls below 0, or is lowest; then by bisection up
-    to the first time that is known to fail. The regression chooses times only: a failure is always one of
-    the model.
+    those in `AT_ONCE`. It is computed at the path's first and last time, at each sixth between while it has
+    not failed, and where a regression on the margins computed so far, quadratic in the levels, first falls
+    below 0, or is lowest; then by bisection up to the first time that is known to fail. The regression
+    chooses times only: a failure is always one of the model.
 
     Parameters
     ----------
@@ -52,6 +56,9 @@ def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: 
     if limit.requirement.measure in AT_ONCE:
         for step in range(1, len(known) - 1):
             compute(np.full(now.size, step), np.arange(now.size))
+    for step in range(EVERY, len(known) - 1, EVERY) if np.isnan(known).any() else ():
+        paths = np.flatnonzero(works & (_bracket(known)[1] > step))
+        compute(np.full(paths.size, step), paths)
     for _ in range(SCREENINGS if np.isnan(known).any() else 0):
         steps = _worth_computing(known, _regression(known, made.level))
         paths = np.flatnonzero(works & (steps > 0))
@@ -66,7 +73,9 @@ def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: 
     paths = np.flatnonzero(works & (high < len(known)))
     low, high = low[paths], high[paths]
     before, after = known[low, paths], known[high, paths]
-    share = np.where(np.isfinite(after), before / np.where(np.isfinite(after), before - after, 1.0), 1.0)
+    # Where it jumps, or stands at its limit until it fails, there is nothing to interpolate.
+    is_smooth = np.isfinite(after) & ((before > 0) | (limit.requirement.measure in AT_ONCE))
+    share = np.where(is_smooth, before / np.where(is_smooth, before - after, 1.0), 1.0)
     passed[paths] = made.hours[low] + share * (made.hours[high] - made.hours[low])
     return passed
 
