@@ -175,6 +175,27 @@ def test_of_two_finalists_that_with_the_narrower_intervals_in_simulated_tests_is
     assert len(asked) == 1
 
 
+def test_tests_that_refute_the_prediction_do_not_confirm_it(improved: Design) -> None:
+    assert improved.given.simulated is not None
+    simulated = improved.given.simulated.precision
+    given = replace(improved.given, predicted=simulated)
+    right = replace(improved, given=given, found=given, gain=None)
+    assert any(line.startswith("Confirmed by diagnoses of 4 tests") for line in right.notes())
+    narrow = replace(simulated, half_widths={k: width / 3 for k, width in simulated.half_widths.items()})
+    given = replace(given, predicted=narrow)
+    notes = replace(right, given=given, found=given).notes()
+    assert any(line.startswith("Tested by diagnoses of 4 tests") for line in notes)
+    assert any(line.startswith("Not confirmed: friction, ") for line in notes)
+
+
+@pytest.mark.parametrize(("channels", "seen"), [(("current",), False), (("current", "position"), True)])
+def test_a_command_that_never_changes_is_seen_by_the_position_alone(
+    channels: tuple[str, ...], seen: bool
+) -> None:
+    found = design(EMPS, Step(0.1), duration=0.1, channels=channels, candidates=0, tests=0, workers=1)
+    assert any("sees no motion" in line for line in found.notes()) != seen
+
+
 def test_chance_is_seldom_taken_for_a_gain() -> None:
     rng = np.random.default_rng(0)
     tests, runs = 12, 4000

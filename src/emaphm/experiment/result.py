@@ -17,6 +17,9 @@ from emaphm.version import VERSION
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+WIDER = 2.0
+"""Ratio of a simulated to a predicted interval from which on simulated tests do not confirm it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Design:
@@ -92,19 +95,39 @@ class Design:
         )
         given, found = self.given.simulated, self.found.simulated
         if given is None or found is None:
-            return [shown, "Not confirmed by simulated tests: none were asked for.", self._conclusion()]
+            untested = "Not confirmed by simulated tests: none were asked for."
+            return [shown, *self._unseen(), untested, self._conclusion()]
+        too_wide = sorted(
+            _wider(self.given) | (_wider(self.found) if self.better else set()), key=NAMES.index
+        )
         evidence = (
-            f"Confirmed by diagnoses of {self.tests} tests simulated by the {setup.truth.name} model; "
-            f"median error of the given test {given.median_error:.2f} %"
+            f"{'Tested' if too_wide else 'Confirmed'} by diagnoses of {self.tests} tests simulated by the "
+            f"{setup.truth.name} model; median error of the given test {given.median_error:.2f} %"
         )
         evidence += f", of the one found {found.median_error:.2f} %." if self.better else "."
-        lines = [shown, evidence]
+        lines = [shown, *self._unseen(), evidence]
+        if too_wide:
+            lines.append(
+                f"Not confirmed: {', '.join(too_wide)}, whose simulated intervals are more than {WIDER:g} "
+                "times as wide as predicted. Go by the simulated ones; give more --tests where these are few."
+            )
         if not setup.actuator.three_phases:
             lines.append(
                 f"A drive of kind '{setup.actuator.drive_kind}' does not switch: the fitted model stands for "
                 "the actuator too, and its own errors are in no figure here."
             )
         return [*lines, self._conclusion()]
+
+    def _unseen(self) -> list[str]:
+        """Return a line where the given command never changes, so that only a position shows the motion."""
+        lowest, highest = self.given.excitation.range
+        if lowest < highest or "position_rad" in self.setup.channels:
+            return []
+        sentence = (
+            "The given command is the same from its first row on: a diagnosis without the position sees no "
+            "motion. Rest at 0 before the step, in a file with time_s and command_rad."
+        )
+        return [sentence]
 
     def _conclusion(self) -> str:
         """Return whether a better test was found, and how sure that is."""
@@ -123,6 +146,18 @@ class Design:
             f"errors, "
             "would be better."
         )
+
+
+def _wider(test: PlannedTest) -> set[str]:
+    """Return the components whose intervals in simulated tests are much wider than predicted."""
+    if test.simulated is None:
+        return set()
+    predicted, simulated = test.predicted, test.simulated.precision
+    return {
+        name
+        for name, width in predicted.half_widths.items()
+        if predicted.identifies(name) and not simulated.half_widths.get(name, np.inf) <= WIDER * width
+    }
 
 
 def _change(logarithm: float, error: float, less: str, more: str) -> str:

@@ -87,6 +87,11 @@ def segments(
     if not 0 < longest_s < math.inf:
         raise MethodError(f"stretches of {longest_s:g} s are impossible; give a number above 0")
     cells = Cells.of(recording, actuator)
+    shortest = max(cells.rows, FEWEST_SAMPLES) / recording.sample_rate_hz
+    if longest_s < shortest:
+        raise MethodError(
+            f"stretches of {longest_s:g} s at most are too short for a diagnosis; give {shortest:g} s or more"
+        )
     space = ParameterSpace.of(actuator)
     information: dict[int, Array] = {}
     for first, of_cells, found in block_information(recording, actuator, cells, seed, workers):
