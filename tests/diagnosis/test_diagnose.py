@@ -234,7 +234,7 @@ def test_no_nuisance_is_estimated_where_none_is_asked_for(mixed: Recording) -> N
     ("method", "fitness"),
     [
         ("dragonfly", "least_squares"),
-        pytest.param("dragonfly", "total_least_squares", marks=pytest.mark.evidence),
+        ("dragonfly", "total_least_squares"),
         ("dragonfly-thesis", "thesis"),
     ],
 )

@@ -233,7 +233,6 @@ def plain() -> Array:
     return found_of(THESIS)
 
 
-@pytest.mark.evidence
 @pytest.mark.usefixtures("one_search")
 def test_a_recorded_temperature_takes_the_heat_out(plain: Array) -> None:
     warm = with_lumped_parameters(THESIS, warmed(40.0))
