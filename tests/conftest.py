@@ -56,6 +56,16 @@ def shorted() -> Recording:
     return simulate(THESIS, Chirp(), faults=Faults(short_b=0.3), noise=0.05)
 
 
+@pytest.fixture(scope="session")
+def new_history(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """Return the file of a new history: to make its tables takes ten times as long as to open it."""
+    from emaphm.history import History  # with the database's library, which few tests need
+
+    file = tmp_path_factory.mktemp("new") / "history.sqlite"
+    History.open(file, create=True).close()
+    return file.read_bytes()
+
+
 @pytest.fixture(scope="module")
 def one_search() -> Iterator[None]:
     """Search once, also where that does not explain a recording: where what follows is tested, to save time.

@@ -49,18 +49,10 @@ def address(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
         engine.dispose()
 
 
-@pytest.fixture(scope="session")
-def new_file(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """Return the file of a new history: to make its tables takes ten times as long as to open it."""
-    file = tmp_path_factory.mktemp("new") / "history.sqlite"
-    History.open(file, create=True).close()
-    return file.read_bytes()
-
-
 @pytest.fixture
-def history(address: str, new_file: bytes) -> Iterator[History]:
+def history(address: str, new_history: bytes) -> Iterator[History]:
     """Return a new history."""
     if "://" not in address:
-        Path(address).write_bytes(new_file)
+        Path(address).write_bytes(new_history)
     with History.open(address, create=True) as opened:
         yield opened

@@ -16,14 +16,6 @@ def _unsynced() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="session")
-def new_history(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """Return the file of a new history: to make its tables takes ten times as long as to open it."""
-    file = tmp_path_factory.mktemp("new") / "history.sqlite"
-    History.open(file, create=True).close()
-    return file.read_bytes()
-
-
 @pytest.fixture(autouse=True)
 def _looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a watcher that has nothing to do look again soon."""

@@ -153,6 +153,12 @@ def absent_faults(actuator: Actuator) -> dict[str, str]:
     return absent
 
 
+def present_components(actuator: Actuator) -> tuple[str, ...]:
+    """Return those of `COMPONENTS` that `actuator` can have."""
+    absent = absent_faults(actuator)
+    return tuple(name for name in COMPONENTS if name not in absent)
+
+
 def check_vectors(vectors: NDArray[np.float64], actuator: Actuator) -> None:
     """Refuse fault vectors (n, 8) with a component that `actuator` cannot have.
 

@@ -97,9 +97,8 @@ class Design:
         if given is None or found is None:
             untested = "Not confirmed by simulated tests: none were asked for."
             return [shown, *self._unseen(), untested, self._conclusion()]
-        too_wide = sorted(
-            _wider(self.given) | (_wider(self.found) if self.better else set()), key=NAMES.index
-        )
+        wider = _wider(self.given.predicted, given.precision) | _wider(self.found.predicted, found.precision)
+        too_wide = sorted(wider, key=NAMES.index)
         evidence = (
             f"{'Tested' if too_wide else 'Confirmed'} by diagnoses of {self.tests} tests simulated by the "
             f"{setup.truth.name} model; median error of the given test {given.median_error:.2f} %"
@@ -148,11 +147,8 @@ class Design:
         )
 
 
-def _wider(test: PlannedTest) -> set[str]:
+def _wider(predicted: Precision, simulated: Precision) -> set[str]:
     """Return the components whose intervals in simulated tests are much wider than predicted."""
-    if test.simulated is None:
-        return set()
-    predicted, simulated = test.predicted, test.simulated.precision
     return {
         name
         for name, width in predicted.half_widths.items()

@@ -216,6 +216,8 @@ def removal(
     as_json: AsJson = False,
 ) -> None:
     """Add that a unit was taken off its aircraft."""
+    from dataclasses import asdict
+
     from emaphm.history import History, Removal
     from emaphm.history.doubt import doubt_of_removal
 
@@ -223,14 +225,7 @@ def removal(
     with History.open(db) as history:
         added = history.add_removal(unit, entry)
         doubted = doubt_of_removal(history.unit(unit), entry)
-    values = {
-        "unit": unit,
-        "hours": hours,
-        "reason": reason,
-        "note": note,
-        "added": added,
-        "doubt": doubted,
-    }
+    values = {"unit": unit, **asdict(entry), "added": added, "doubt": doubted}
     show(values, _with_doubt(f"removal of {unit} at {hours:.9g} h {_added(added)}", doubted), as_json)
 
 
@@ -255,6 +250,8 @@ def finding(
     as_json: AsJson = False,
 ) -> None:
     """Add what a shop found of a component, and whether it replaced it."""
+    from dataclasses import asdict
+
     from emaphm.history import Finding, History
     from emaphm.history.doubt import doubt_of_finding
 
@@ -262,17 +259,7 @@ def finding(
     with History.open(db) as history:
         added = history.add_finding(unit, entry)
         doubted = doubt_of_finding(history.unit(unit), entry)
-    values = {
-        "unit": unit,
-        "hours": hours,
-        "component": component,
-        "condition": condition,
-        "level": level,
-        "replaced": replaced,
-        "note": note,
-        "added": added,
-        "doubt": doubted,
-    }
+    values = {"unit": unit, **asdict(entry), "added": added, "doubt": doubted}
     text = f"finding on {component} of {unit} at {hours:.9g} h {_added(added)}"
     show(values, _with_doubt(text, doubted), as_json)
 

@@ -65,27 +65,35 @@ def measured(actuator: Actuator, requirement: Requirement, vectors: Array) -> Ar
         "peak_current": _peak_current,
     }
     one = partial(by_name[str(requirement.measure)], actuator, requirement)
-    return np.concatenate([one(vectors[i : i + BATCH]) for i in range(0, len(vectors), BATCH)])
+    samples = requirement.duration / _interval(actuator, requirement)
+    at_once = int(np.clip(BATCH_SAMPLES / samples, 1, BATCH))
+    return np.concatenate([one(vectors[i : i + at_once]) for i in range(0, len(vectors), at_once)])
+
+
+def _interval(actuator: Actuator, requirement: Requirement) -> float:
+    """Return the time between the samples of its manoeuvre [s].
+
+    Each step of the model for the current: after a step of the command its peak takes less than 1 ms.
+    """
+    if requirement.measure == "peak_current":
+        return AVERAGED.step_for(actuator)
+    if requirement.measure == "tracking_error":
+        return min(INTERVAL, 1 / (SAMPLES * (requirement.frequency_hz or CHIRP_HZ)))
+    return INTERVAL
 
 
 def _tracking_error(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
-    command = _manoeuvre(requirement)
-    interval = min(INTERVAL, 1 / (SAMPLES * (requirement.frequency_hz or CHIRP_HZ)))
+    command, interval = _manoeuvre(requirement), _interval(actuator, requirement)
     plant = Plant.of(actuator, vectors)
     time, signals = _run(actuator, plant, command, requirement.load, requirement.duration, interval)
     return np.asarray(np.sqrt(np.mean((command(time) - signals["position_rad"]) ** 2, axis=1)))
 
 
 def _peak_current(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
-    """Look at each step of the model: after a step of the command the current's peak takes less than 1 ms."""
-    command, interval = _manoeuvre(requirement), AVERAGED.step_for(actuator)
-    at_once = max(int(BATCH_SAMPLES * interval / requirement.duration), 1)
-    peaks = []
-    for i in range(0, len(vectors), at_once):
-        plant = Plant.of(actuator, vectors[i : i + at_once])
-        _, signals = _run(actuator, plant, command, requirement.load, requirement.duration, interval)
-        peaks.append(np.abs(signals["current_A"]).max(axis=1))
-    return np.concatenate(peaks)
+    command, interval = _manoeuvre(requirement), _interval(actuator, requirement)
+    plant = Plant.of(actuator, vectors)
+    _, signals = _run(actuator, plant, command, requirement.load, requirement.duration, interval)
+    return np.asarray(np.abs(signals["current_A"]).max(axis=1))
 
 
 def _settling_time(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
@@ -104,13 +112,13 @@ def _bandwidth(actuator: Actuator, requirement: Requirement, vectors: Array) -> 
     gains = np.stack([_gain(actuator, requirement, vectors, float(f)) for f in frequencies], axis=1)
     below = gains < MINUS_3_DB
     first = np.argmax(below, axis=1)
-    found = np.where(first > 0, frequencies[-1], frequencies[0])
+    found = np.where(below.any(axis=1), frequencies[0], frequencies[-1])
     for i in np.unique(first[first > 0]):
         rows = np.flatnonzero(first == i)
         closer = np.geomspace(frequencies[i - 1], frequencies[i], REFINED + 1)
         between = [_gain(actuator, requirement, vectors[rows], float(f)) for f in closer[1:-1]]
         found[rows] = _fallen(closer, np.stack([gains[rows, i - 1], *between, gains[rows, i]], axis=1))
-    return np.asarray(np.where(below.any(axis=1), found, frequencies[-1]))
+    return np.asarray(found)
 
 
 def _fallen(frequencies: Array, gains: Array) -> Array:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.actuator import COMPONENTS, NAMES, Actuator, Faults
-from emaphm.actuator.faults import HEALTHY, absent_faults, lower_bounds
+from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.actuator.faults import HEALTHY, lower_bounds, present_components
 from emaphm.arrays import Array
 from emaphm.prognosis.requirements.margins import Limit, Requirements
 
@@ -54,12 +54,12 @@ def failure_levels(actuator: Actuator, faults: Faults = HEALTHY) -> tuple[Failur
     MethodError
         The averaged model did not stay finite.
     """
-    requirements, start, absent = Requirements(actuator), faults.vector, absent_faults(actuator)
-    present = [name for name in COMPONENTS if name not in absent]
+    requirements, start, lowest = Requirements(actuator), faults.vector, lower_bounds(actuator)
+    present = present_components(actuator)
     ways = [
-        (NAMES.index(name), np.linspace(start[NAMES.index(name)], end, POINTS))
-        for name in present
-        for end in (1.0, float(lower_bounds(actuator)[NAMES.index(name)]))
+        (column, np.linspace(start[column], end, POINTS))
+        for column in map(NAMES.index, present)
+        for end in (1.0, lowest[column])
     ]
     vectors = [start[np.newaxis], *(_vectors(start, *one) for one in ways)]
     values = requirements.values(np.concatenate(vectors))

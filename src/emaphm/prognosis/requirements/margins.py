@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from emaphm.actuator import COMPONENTS, NAMES, Actuator
-from emaphm.actuator.faults import HEALTHY, absent_faults, from_cartesian, lower_bounds
+from emaphm.actuator.faults import HEALTHY, from_cartesian, lower_bounds, present_components
 from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.requirements import MEASURE_UNITS, Requirement
 from emaphm.arrays import Array
@@ -62,8 +62,8 @@ class Requirements:
     @property
     def all(self) -> tuple[Requirement, ...]:
         """The requirements."""
-        absent = absent_faults(self.actuator)
-        present = tuple(one for one in FULL_SCALE if one.component not in absent)
+        names = present_components(self.actuator)
+        present = tuple(one for one in FULL_SCALE if one.component in names)
         return self.actuator.requirements or present or FULL_SCALE
 
     @cached_property
@@ -130,8 +130,7 @@ class Requirements:
 
     def can_fail(self, limit: Limit) -> bool:
         """Return whether any single fault at an end of its scale violates a limit; errors as in `values`."""
-        absent = absent_faults(self.actuator)
-        columns = [NAMES.index(name) for name in COMPONENTS if name not in absent]
+        columns = [NAMES.index(name) for name in present_components(self.actuator)]
         ends = np.tile(HEALTHY.vector, (2 * len(columns), 1))
         for i, column in enumerate(columns):
             ends[2 * i : 2 * i + 2, column] = lower_bounds(self.actuator)[column], 1.0
