@@ -32,7 +32,6 @@ from emaphm.estimation.objective import MapObjective, faults_objective, faults_o
 from emaphm.estimation.problem import Problem, rms
 from emaphm.estimation.rows.after_jumps import rows_after_jumps
 from emaphm.estimation.rows.means import masks_of_means, notes_on_means, over_swings
-from emaphm.estimation.rows.unknown_start import notes_on_start
 from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
@@ -338,7 +337,7 @@ def conclude(
         channels=problem.channels,
         recording_notes=(
             *recording.notes,
-            *notes_on_start(problem.unknown_s),
+            *problem.unknown_start.notes(),
             *notes_on_means(problem),
             *((*idle_channels(problem), *unseen_inertia(objective)) if moves else ()),
         ),

@@ -22,12 +22,6 @@ LIKE_A_SPEED_SCALE = (
 )
 """The recorded position then follows the command as it should, and the speed does not go with it."""
 
-LIKE_A_HELD_SHAFT = (
-    " The current of a shaft that friction holds off the command, after a motion before the recording, looks "
-    "alike: a recording that includes this motion shows which."
-)
-"""A recording that was cut out at a rest begins like that; the model begins on the command."""
-
 MEANINGS = {
     "bias": "shows {size:.3g} {unit} at zero",
     "scale": "shows {factor:.4g} times its quantity",
@@ -147,8 +141,6 @@ def _estimated(
         sentence = f"All channels {meaning} against the command{digits}."
     if (channel, kind) == ("speed_rad_s", "scale") and "position_rad" in channels:
         sentence += LIKE_A_SPEED_SCALE
-    if (channel, kind) == ("current_A", "bias"):
-        sentence += LIKE_A_HELD_SHAFT
     if others:
         what = "an actuator fault" if faults else "another deviation"
         sentence += f" This recording does not tell it from {what}: {', '.join(others)}."

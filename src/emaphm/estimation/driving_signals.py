@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from typing import Self
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
 from emaphm.actuator import Command, Load
 from emaphm.actuator.channels import Sampling
 from emaphm.recording import Recording, held, other_curve, reconstructed
@@ -45,6 +47,24 @@ class DrivingSignals:
             reconstructed(recording, "supply_V") if "supply_V" in recording else None,
             held(recording, "enabled") if "enabled" in recording else None,
             other_curve(recording, "command_rad"),
+        )
+
+    def beginning(self, seconds: float, samples: int) -> "DrivingSignals":
+        """Return the `samples` rows that begin `seconds` into these signals.
+
+        Before their own beginning, where `seconds` is below 0, each holds its first value.
+        """
+
+        def later(signal: Command) -> Command:
+            return lambda times: signal(np.maximum(times + seconds, 0.0))
+
+        return DrivingSignals(
+            later(self.command),
+            later(self.load) if callable(self.load) else self.load,
+            samples,
+            self.interval,
+            self.sampling,
+            enabled=later(self.enabled) if self.enabled is not None else None,
         )
 
     def inputs(self, step: float) -> Inputs:

@@ -33,9 +33,9 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     """Return where the recorded manoeuvre starts.
 
     The user stands where it was recorded, or on the command where its position was not recorded or
-    differs by no more than the sensor's noise; the backlash gap is centred. Without a position the motor's
-    angle stands in for it. Where the command moves and nothing shows how the shaft does, the first rows are
-    not compared (`emaphm.estimation.rows.unknown_start`).
+    differs by no more than the sensor's noise or one of its counts; the backlash gap is centred. Without a
+    position the motor's angle stands in for it. Where nothing shows how the shaft moves or stands at first,
+    the first rows are not compared (`emaphm.estimation.rows.unknown_start`).
     """
     ratio = actuator.mechanics.gear_ratio
     speed = _starting_speed(recording, actuator)
@@ -45,7 +45,7 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     if "position_rad" in recording:
         measured = true_values(recording["position_rad"], "position_rad", actuator)
         first = float(measured[0]) - moved * ratio
-        if abs(first - position) > SIGNIFICANT * noise_level(measured):
+        if abs(first - position) > max(SIGNIFICANT * noise_level(measured), visible_count(measured)):
             position = first
     angle = position / ratio
     offset = _rotor_offset(recording, actuator) if "angle_rad" in recording else 0.0

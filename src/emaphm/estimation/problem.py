@@ -14,11 +14,7 @@ from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.initial_state import initial_state, shows_start
 from emaphm.estimation.recorded_supply import with_recorded_supply
 from emaphm.estimation.rests import Rests
-from emaphm.estimation.rows.unknown_start import (
-    command_moves,
-    masks_of_unknown_start,
-    rows_of_unknown_start,
-)
+from emaphm.estimation.rows.unknown_start import FROM_REST, UnknownStart, unknown_start
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
@@ -66,8 +62,8 @@ class Problem:
         How many rows of the recording each of `samples` is the mean of.
     rests
         Where the shaft stands, and what of the rows there is chance; None where it is not known, or nowhere.
-    unknown_s
-        Time at the start that depends on an unknown motion before it [s]: its rows are not compared.
+    unknown_start
+        The time at the start that depends on an unknown motion before it: its rows are not compared.
     runs
         Counts the simulations.
     """
@@ -89,7 +85,7 @@ class Problem:
     band_spread: float = 0.0
     averaged_rows: int = 1
     rests: Rests | None = None
-    unknown_s: float = 0.0
+    unknown_start: UnknownStart = FROM_REST
 
     @classmethod
     def of(
@@ -134,13 +130,12 @@ class Problem:
             counts={name: step for name in compared if (step := visible_count(recording[name])) > 0},
         )
         every = problem.observing(compared_channels(recording, actuator, model))
-        is_known = not command_moves(every) or shows_start(recording, actuator)
-        unknown = 0 if is_known else rows_of_unknown_start(every)
+        unknown = unknown_start(every, shown=shows_start(recording, actuator))
         problem = replace(
             problem,
             model_error=row_errors(problem),
-            unusable=masks_of_unknown_start(every, unknown),
-            unknown_s=unknown * recording.interval_s,
+            unusable=unknown.masks(every),
+            unknown_start=unknown,
         )
         # To begin with, a residual counts in proportion to its channel.
         return problem.weighted([rms(recording[name]) for name in problem.channels])

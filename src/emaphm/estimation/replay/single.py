@@ -10,7 +10,6 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.replay.errors import ErrorStatistics, error_table, relative_of, warnings
-from emaphm.estimation.rows.unknown_start import notes_on_start
 from emaphm.recording import Recording, check_plausible, with_equivalent_current
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation import model_named
@@ -132,6 +131,5 @@ def replay(
     signals = problem.signals((faults or Faults()).vector)
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
-    first_row = round(problem.unknown_s / recording.interval_s)
-    recording = recording.with_channels(recording.channels, notes_on_start(problem.unknown_s))
-    return Replay(recording, actuator, model, signals, first_row)
+    recording = recording.with_channels(recording.channels, problem.unknown_start.notes())
+    return Replay(recording, actuator, model, signals, problem.unknown_start.rows)

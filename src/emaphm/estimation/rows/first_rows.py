@@ -1,0 +1,64 @@
+"""What models show in the first rows of a recording, from one start or another, and what counts there."""
+
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emaphm.actuator import Faults
+from emaphm.arrays import Array, root_mean_square
+from emaphm.estimation.driving_signals import DrivingSignals
+from emaphm.recording.noise import noise_on_most_rows
+from emaphm.simulation import AVERAGED
+
+if TYPE_CHECKING:
+    from emaphm.estimation.problem import Problem
+
+NOISE = 1.0
+"""Difference that counts in a channel, over its noise."""
+
+SHARE = 5e-3
+"""Least difference that counts in a channel, over its rms."""
+
+
+def likely_faults(problem: "Problem") -> Array:
+    """Return fault vectors (n, 8) that change how the actuator follows, and the size of its channels."""
+    shorts = (0.0, 0.2) if problem.actuator.electrical is not None else (0.0,)
+    return np.array(
+        [
+            Faults(friction=friction, gain=gain, short_a=short, short_b=short, short_c=short).vector
+            for friction, gain, short in product((0.0, 0.5, 1.0), (0.5, 0.0, 1.0), shorts)
+        ]
+    )
+
+
+def first_rows(problem: "Problem", driving: DrivingSignals, angle: float, faults: Array) -> Array:
+    """Return the channels (n, channels, rows) of the averaged model that starts at the motor's `angle` [rad].
+
+    It is driven over as many rows as the `driving` signals have.
+    """
+    inputs = driving.inputs(AVERAGED.step_for(problem.actuator))
+    start = replace(problem.start, angle=angle)
+    return replace(problem, model=AVERAGED, inputs=inputs, start=start).predict(faults)
+
+
+def rows_apart(problem: "Problem", outputs: list[Array]) -> int:
+    """Return the number of rows up to the last in which `outputs` (n, channels, rows) of starts differ.
+
+    By more than the noise of a channel and more than a share of its size, for any of the n faults.
+    """
+    distances = np.max([np.abs(one - outputs[0]) for one in outputs[1:]], axis=(0, 1))
+    apart = (distances > _least_difference(problem)[:, np.newaxis]).any(axis=0)
+    return int(np.flatnonzero(apart)[-1]) + 1 if apart.any() else 0
+
+
+def _least_difference(problem: "Problem") -> Array:
+    """Return the difference that counts in each channel, in its unit, (channels,)."""
+    rows = [problem.measured[name] for name in problem.channels]
+    noise = [
+        max(noise_on_most_rows(one), problem.counts.get(name, 0.0))
+        for name, one in zip(problem.channels, rows, strict=True)
+    ]
+    sizes = [root_mean_square(one) for one in rows]
+    return np.maximum(NOISE * np.array(noise), SHARE * np.array(sizes))

@@ -1,0 +1,102 @@
+"""Recordings that begin at a rest after a motion, in which friction holds the shaft off the command."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cases import INTERVAL, THESIS
+from emaphm.actuator import Faults, Sampled
+from emaphm.diagnosis import diagnose, error_percent
+from emaphm.estimation import replay
+from emaphm.estimation.problem import Problem
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import Initial
+
+ELECTRICAL = ("current_A", "voltage_V")
+FAULTS = Faults(friction=0.4, short_b=0.2)
+FIRST = 2500
+"""Row in the middle of the first rest, which ends at row 3000."""
+REST = 3000
+
+
+@cache
+def whole(faults: Faults = FAULTS, last_phase: float = 0.3) -> Recording:
+    """Return a sine over 0.4 s, a rest up to 0.6 s, and a chirp from there on: 1.1 s."""
+    time = np.arange(5500) * INTERVAL
+    end = 3e-3 * np.sin(2 * np.pi * (2 + last_phase))
+    command = np.where(time < 0.4, 3e-3 * np.sin(2 * np.pi * (2 + last_phase) * time / 0.4), end)
+    since = np.maximum(time - 0.6, 0.0)
+    command += 5e-3 * np.sin(2 * np.pi * 15 * since**2)
+    return simulate(THESIS, Sampled(time, command), faults=faults, duration=1.1, noise=0.05)
+
+
+def cut(first: int, *names: str, faults: Faults = FAULTS) -> Recording:
+    """Return the rows from the `first` on, with the channels `names`."""
+    recording = whole(faults)
+    return Recording({name: recording[name][first:] for name in ("time_s", "command_rad", *names)})
+
+
+@pytest.mark.parametrize("first", [2050, FIRST, 2940])
+def test_the_rest_and_what_depends_on_it_are_not_compared(first: int) -> None:
+    problem = Problem.of(cut(first, *ELECTRICAL), THESIS, channels=None)
+    rows = problem.unknown_start.rows
+    assert problem.unknown_start.held
+    assert REST - first <= rows <= REST - first + 500
+    for name in problem.channels:
+        np.testing.assert_array_equal(np.flatnonzero(problem.unusable[name]), np.arange(rows))
+    # Where the shaft stands in truth: after the rows left out the start does not matter.
+    stands = Initial(whole()["position_rad"][first] / THESIS.mechanics.gear_ratio)
+    on_command, held = (
+        one.predict(FAULTS.vector[np.newaxis])[0, 0] for one in (problem, replace(problem, start=stands))
+    )
+    apart = np.abs(on_command - held)
+    assert apart[: REST - first].max() > 0.2
+    assert apart[rows:].max() < 0.05
+
+
+@pytest.mark.parametrize("names", [ELECTRICAL, ("current_A",), (*ELECTRICAL, "position_rad")], ids=str)
+def test_before_any_motion_every_row_is_compared(names: tuple[str, ...]) -> None:
+    time = np.arange(2500) * INTERVAL
+    command = 5e-3 * np.sin(2 * np.pi * 15 * np.maximum(time - 0.1, 0.0) ** 2)
+    for faults in (Faults(), FAULTS):
+        full = simulate(THESIS, Sampled(time, command), faults=faults, noise=0.05, load=0.05)
+        recording = Recording({name: full[name] for name in ("time_s", "command_rad", "load_Nm", *names)})
+        problem = Problem.of(recording, THESIS, channels=None)
+        assert (problem.unknown_start.rows, dict(problem.unusable)) == (0, {})
+
+
+def test_a_diagnosis_does_without_them_and_says_so() -> None:
+    found = diagnose(cut(FIRST, *ELECTRICAL), THESIS)
+    assert found.explained
+    assert error_percent(FAULTS.vector, found.faults.vector) <= 1.0
+    assert found.sensor_faults == ()
+    (note,) = (one for one in found.recording_notes if "begins at a rest" in one)
+    assert "0.1" in note
+
+
+@pytest.mark.parametrize("zero", [0.3, -0.3])
+def test_the_zero_of_a_sensor_is_found_in_the_motion(zero: float) -> None:
+    recording = cut(FIRST, *ELECTRICAL)
+    shifted = Recording({name: recording[name] + zero * (name == "current_A") for name in recording})
+    (fault,) = diagnose(shifted, THESIS).sensor_faults
+    assert (fault.channel, fault.kind) == ("current_A", "bias")
+    assert fault.size == pytest.approx(zero, abs=0.01)
+
+
+def test_a_coarse_position_does_not_move_the_start() -> None:
+    recording = cut(FIRST, *ELECTRICAL, "position_rad")
+    count = 6e-4  # 12 bits over 144 degrees
+    coarse = np.round(recording["position_rad"] / count) * count
+    problem = Problem.of(
+        Recording({name: recording[name] for name in recording} | {"position_rad": coarse}), THESIS
+    )
+    assert problem.start.angle * THESIS.mechanics.gear_ratio == pytest.approx(recording["command_rad"][0])
+
+
+def test_a_replay_does_without_them_and_says_so() -> None:
+    found = replay(cut(FIRST, *ELECTRICAL), THESIS, faults=FAULTS)
+    assert found.first_row > REST - FIRST
+    assert "begins at a rest" in found.recording.notes[-1]
