@@ -135,6 +135,29 @@ def test_peak_current_grows_with_friction() -> None:
     assert 0 < healthy < worn <= 22.5 * 1.1
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"measure": "tracking_error", "at_most": 1.0},
+        {"measure": "peak_current", "at_most": 50.0, "command": "step"},
+        {"measure": "settling_time", "at_most": 0.4},
+        {"measure": "bandwidth", "at_least": 3.0},
+        {"measure": "stall_margin", "at_least": 0.1, "load": 0.05},
+    ],
+    ids=lambda one: str(one["measure"]),
+)
+def test_a_manoeuvre_of_a_retracted_actuator_is_made_in_the_middle_of_its_travel(
+    settings: dict[str, object],
+) -> None:
+    stops = THESIS.mechanics.model_copy(update={"end_stops": (0.0, 0.5)})
+    from_0 = described(settings)
+    retracted = from_0.model_copy(update={"mechanics": stops})
+    vectors = np.array([Faults().vector, Faults(friction=0.4, gain=0.7).vector])
+    found, expected = (measured(one, one.requirements[0], vectors) for one in (retracted, from_0))
+    # Half a radian further nothing is another but the rounding of 25 turns of the motor.
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
 def test_a_measure_that_reaches_as_far_as_is_looked_holds_the_limit_there() -> None:
     actuator = described(
         {"measure": "bandwidth", "at_least": 5.0, "frequency_hz": 5.0, "amplitude": 1e-3},

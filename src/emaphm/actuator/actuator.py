@@ -120,7 +120,7 @@ class Actuator(Section):
     @model_validator(mode="after")
     def _requirements_within_the_stops(self) -> Self:
         stops = self.mechanics.end_stops
-        reach = float("inf") if stops is None else min(map(abs, stops))
+        reach = float("inf") if stops is None else (stops[1] - stops[0]) / 2
         for i, one in enumerate(self.requirements):
             if one.measure not in (None, "free_play") and one.amplitude > reach:
                 raise ValueError(

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emaphm.actuator import Actuator, Chirp, Command, Load, Sine, Step
+from emaphm.actuator import Actuator, Chirp, Command, Sine, Step
 from emaphm.actuator.requirements import HIGHEST_HZ, LARGEST_STALL_MARGIN, LOWEST_HZ, Requirement
 from emaphm.arrays import Array
-from emaphm.simulation import AVERAGED, OBSERVABLE, Inputs, Plant, observe_batch
+from emaphm.simulation import AVERAGED, OBSERVABLE, Initial, Inputs, Plant, observe_batch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -85,20 +85,20 @@ def _interval(actuator: Actuator, requirement: Requirement) -> float:
 def _tracking_error(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
     command, interval = _manoeuvre(requirement), _interval(actuator, requirement)
     plant = Plant.of(actuator, vectors)
-    time, signals = _run(actuator, plant, command, requirement.load, requirement.duration, interval)
+    time, signals = _run(actuator, plant, requirement, command, requirement.duration, interval)
     return np.asarray(np.sqrt(np.mean((command(time) - signals["position_rad"]) ** 2, axis=1)))
 
 
 def _peak_current(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
     command, interval = _manoeuvre(requirement), _interval(actuator, requirement)
     plant = Plant.of(actuator, vectors)
-    _, signals = _run(actuator, plant, command, requirement.load, requirement.duration, interval)
+    _, signals = _run(actuator, plant, requirement, command, requirement.duration, interval)
     return np.asarray(np.abs(signals["current_A"]).max(axis=1))
 
 
 def _settling_time(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
     step, plant = Step(requirement.amplitude), Plant.of(actuator, vectors)
-    _, signals = _run(actuator, plant, step, requirement.load, requirement.duration, INTERVAL)
+    _, signals = _run(actuator, plant, requirement, step, requirement.duration, INTERVAL)
     outside = np.abs(signals["position_rad"] - requirement.amplitude) > SETTLED * requirement.amplitude
     settled = outside.shape[1] - np.argmax(outside[:, ::-1], axis=1)
     # Rounded to what is meant: a limit of 0.022 s is no more and no less than 44 samples.
@@ -133,7 +133,7 @@ def _fallen(frequencies: Array, gains: Array) -> Array:
 def _gain(actuator: Actuator, requirement: Requirement, vectors: Array, frequency: float) -> Array:
     sine, plant = Sine(requirement.amplitude, frequency), Plant.of(actuator, vectors)
     interval = 1 / frequency / PERIOD_SAMPLES
-    time, signals = _run(actuator, plant, sine, requirement.load, PERIODS / frequency, interval)
+    time, signals = _run(actuator, plant, requirement, sine, PERIODS / frequency, interval)
     turn = np.exp(-2j * np.pi * frequency * time[-PERIOD_SAMPLES:])
     component = signals["position_rad"][:, -PERIOD_SAMPLES:] @ turn * 2 / PERIOD_SAMPLES
     return np.asarray(np.abs(component) / requirement.amplitude)
@@ -148,12 +148,13 @@ def _stall_margin(actuator: Actuator, requirement: Requirement, vectors: Array) 
     plant = Plant.of(actuator, vectors)
     structure = plant.structure._replace(load_steps=plant.structure.load_steps + 1)
     rise = np.full(len(vectors), requirement.duration / 2)
+    unloaded = requirement.model_copy(update={"load": 0.0})
 
     def holds(multiple: Array) -> Array:
         risen = np.stack([multiple * requirement.load, rise / 2, rise])
         steps = np.concatenate([plant.load_steps, risen[np.newaxis]])
         loaded = replace(plant, structure=structure, load_steps=steps)
-        _, signals = _run(actuator, loaded, Step(0.0), 0.0, requirement.duration, INTERVAL)
+        _, signals = _run(actuator, loaded, unloaded, Step(0.0), requirement.duration, INTERVAL)
         position = signals["position_rad"]
         moved = np.abs(position[:, position.shape[1] // 2 :]).max(axis=1)
         return np.asarray(moved <= requirement.amplitude)
@@ -177,15 +178,27 @@ def _manoeuvre(requirement: Requirement) -> Command:
 
 
 def _run(
-    actuator: Actuator, plant: Plant, command: Command, load: Load, duration: float, interval: float
+    actuator: Actuator,
+    plant: Plant,
+    requirement: Requirement,
+    command: Command,
+    duration: float,
+    interval: float,
 ) -> tuple[Array, dict[str, Array]]:
+    """Return the times (samples,) and the channels, (n, samples) each; a position is counted from its start.
+
+    A manoeuvre starts at 0, or in the middle of the travel where an end stop is nearer than its amplitude.
+    """
+    low, high = actuator.mechanics.end_stops or (-np.inf, np.inf)
+    start = 0.0 if requirement.amplitude <= min(-low, high) else (low + high) / 2
     inputs = Inputs.of(
-        command,
-        load,
+        lambda times: start + command(times),
+        requirement.load,
         samples=max(round(duration / interval), 2),
         interval=interval,
         step=AVERAGED.step_for(actuator),
         sampling="instant",
     )
-    signals = observe_batch(AVERAGED, plant, inputs)
-    return inputs.time_s, {name: signals[:, i] for i, name in enumerate(OBSERVABLE)}
+    signals = observe_batch(AVERAGED, plant, inputs, Initial(start / actuator.mechanics.gear_ratio))
+    channels = {name: signals[:, i] for i, name in enumerate(OBSERVABLE)}
+    return inputs.time_s, channels | {"position_rad": channels["position_rad"] - start}
