@@ -194,6 +194,10 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
         small.with_(("duration", "duratoin")),
         ("'manoeuvre.duratoin'", "did you mean 'duration'?"),
     ),
+    "manoeuvre too fast for its rows": (
+        small.with_(("duration", "stop_hz = 2600\nduration")),
+        ("'manoeuvre'", "'stop_hz' 2600", "half of 'sample_rate'"),
+    ),
     "key of random": (
         small.with_(end="[random]\ncount = 2\nsede = 1"),
         ("'random.sede'", "did you mean 'seed'?"),

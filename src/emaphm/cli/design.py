@@ -101,7 +101,7 @@ def design(
     with progress("designing", as_json) as advance:
         result = plan(
             described,
-            command_named(command, amplitude, frequency, duration),
+            command_named(command, amplitude, frequency, duration, sample_rate),
             duration=duration,
             max_amplitude=max_amplitude,
             max_frequency=max_frequency,

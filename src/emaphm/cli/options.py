@@ -196,7 +196,9 @@ def fault_vector(assignments: tuple[str, ...]) -> "Faults":
     return Faults.from_mapping(values)
 
 
-def command_named(name: str, amplitude: float | None, frequency: float | None, duration: float) -> "Command":
+def command_named(
+    name: str, amplitude: float | None, frequency: float | None, duration: float, sample_rate: float
+) -> "Command":
     """Return the command that --command and its companions describe."""
     from emaphm import actuator
 
@@ -208,6 +210,11 @@ def command_named(name: str, amplitude: float | None, frequency: float | None, d
         )
     if frequency is not None and name not in WITH_FREQUENCY:
         raise SignalError(f"--frequency is of {', '.join(WITH_FREQUENCY)}; leave it out with '{name}'")
+    if abs(frequency or 0.0) > sample_rate / 2 > 0:
+        raise SignalError(
+            f"--frequency {frequency:g} Hz is above half of the {sample_rate:g} rows a second, which would "
+            "show another motion; give a lower one, or a higher --sample-rate"
+        )
     by_name, last = amplitude is not None, 15.0 if frequency is None else frequency
     amplitude = AMPLITUDE if amplitude is None else amplitude
     makers: dict[str, Callable[[], Command]] = {

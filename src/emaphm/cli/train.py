@@ -104,7 +104,7 @@ def train(
     from emaphm.amortized.train import train_estimator
 
     settings = _training_settings(epochs)
-    driven = command_named(command, amplitude, frequency, duration)
+    driven = command_named(command, amplitude, frequency, duration, sample_rate)
     setup = RecordingSetup.of(
         described,
         driven,

@@ -102,7 +102,7 @@ def simulate(
     with progress("simulating", as_json):
         recording = simulated_recording.simulate(
             described,
-            command_named(command, amplitude, frequency, duration),
+            command_named(command, amplitude, frequency, duration, sample_rate),
             faults=faults,
             model=model,
             duration=duration,

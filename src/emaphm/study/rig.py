@@ -4,7 +4,7 @@ These are values alone, which identify the results of a study (`emaphm.study.sto
 them is in `emaphm.study.record`, whose code identifies results too.
 """
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
@@ -44,6 +44,15 @@ class Manoeuvre(Section):
     stop_hz: Positive = 15.0
     duration: Duration = 0.5
     sample_rate: SampleRate = 5000.0
+
+    @model_validator(mode="after")
+    def _slower_than_the_rows(self) -> Self:
+        if max(self.start_hz, self.stop_hz) > self.sample_rate / 2:
+            raise ValueError(
+                f"'start_hz' {self.start_hz:g} and 'stop_hz' {self.stop_hz:g} must not be above half of "
+                f"'sample_rate' {self.sample_rate:g}"
+            )
+        return self
 
 
 class Stribeck(Section):
