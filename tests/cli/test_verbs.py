@@ -109,7 +109,7 @@ def test_simulate_says_where_the_recording_is(emaphm: Emaphm, desk: Path) -> Non
             ("--command", "sine", "--frequency", "7", "--amplitude", "2e-3"),
             lambda t: 2e-3 * np.sin(14 * np.pi * t),
         ),
-        (("--command", "step", "--amplitude", "-1e-3"), lambda t: np.full(t.size, -1e-3)),
+        (("--command", "step", "--amplitude", "-1e-3"), lambda t: np.where(t < 0.05, 0.0, -1e-3)),
         (("--command", "ramp", "--amplitude", "0.01"), lambda t: 0.01 * t / 0.5),
     ],
 )

@@ -73,7 +73,11 @@ KnownList = Annotated[
 FigureFile = Annotated[Path | None, Parameter(help="Draw measured against model: .png, .svg or .pdf.")]
 
 CommandName = Annotated[
-    str, Parameter(help="chirp, decaying-chirp, step, ramp, sine, or a file with time_s and command_rad.")
+    str,
+    Parameter(
+        help="chirp, decaying-chirp, step (after a tenth of the duration), ramp, sine, or a file with time_s "
+        "and command_rad."
+    ),
 ]
 Amplitude = Annotated[
     float | None, Parameter(help="Of a command by name, at the user [rad]; 0.005 if left out.")
@@ -88,6 +92,9 @@ FIGURES = (".png", ".svg", ".pdf")
 
 AMPLITUDE = 5e-3
 """Of a command by name [rad]."""
+
+REST_BEFORE_STEP = 0.1
+"""Share of the duration after which a step by name begins: without a rest its rows would be all the same."""
 
 WITH_FREQUENCY = ("chirp", "decaying-chirp", "sine")
 
@@ -220,7 +227,7 @@ def command_named(
     makers: dict[str, Callable[[], Command]] = {
         "chirp": lambda: actuator.Chirp(amplitude, stop_hz=last, duration=duration),
         "decaying-chirp": lambda: actuator.DecayingChirp(amplitude, stop_hz=last, duration=duration),
-        "step": lambda: actuator.Step(amplitude),
+        "step": lambda: actuator.Step(amplitude, REST_BEFORE_STEP * duration),
         "ramp": lambda: actuator.Ramp(amplitude / duration),
         "sine": lambda: actuator.Sine(amplitude, 4.0 if frequency is None else frequency),
     }

@@ -22,6 +22,10 @@ SHARE = 5e-3
 """Least difference that counts in a channel, over its rms."""
 
 
+FORGOTTEN_S = 20e-3
+"""Time without a difference after which a start is forgotten [s]."""
+
+
 def likely_faults(problem: "Problem") -> Array:
     """Return fault vectors (n, 8) that change how the actuator follows, and the size of its channels."""
     shorts = (0.0, 0.2) if problem.actuator.electrical is not None else (0.0,)
@@ -44,13 +48,19 @@ def first_rows(problem: "Problem", driving: DrivingSignals, angle: float, faults
 
 
 def rows_apart(problem: "Problem", outputs: list[Array]) -> int:
-    """Return the number of rows up to the last in which `outputs` (n, channels, rows) of starts differ.
+    """Return the rows in which `outputs` (n, channels, rows) of several starts differ, 0 where they never do.
 
-    By more than the noise of a channel and more than a share of its size, for any of the n faults.
+    By more than the noise of a channel and more than a share of its size, for any of the n faults. Where they
+    have not differed for a while the start is forgotten: at a rest after the motion friction may hold one
+    shaft here and another there, which is chance (`emaphm.estimation.rests`).
     """
     distances = np.max([np.abs(one - outputs[0]) for one in outputs[1:]], axis=(0, 1))
     apart = (distances > _least_difference(problem)[:, np.newaxis]).any(axis=0)
-    return int(np.flatnonzero(apart)[-1]) + 1 if apart.any() else 0
+    differing = np.flatnonzero(apart)
+    if not differing.size:
+        return 0
+    forgotten = np.flatnonzero(np.diff(differing) * problem.inputs.interval > FORGOTTEN_S)
+    return int(differing[forgotten[0]] if forgotten.size else differing[-1]) + 1
 
 
 def _least_difference(problem: "Problem") -> Array:

@@ -31,8 +31,8 @@ class MovingStartSettings:
     by a simulator that is not part of the project, none passes for a cut one, and of 228 recordings cut out
     of them none for one from rest; from the current alone 4, begun near a turn of the command.
 
-    Rows are left out up to the last one in which both differ, and up to `most` of all rows. They are compared
-    over `longest` [s] at most.
+    Rows are left out while both differ, up to `most` of all rows. They are compared over `longest` [s] at
+    most.
     """
 
     window: float = 0.01
