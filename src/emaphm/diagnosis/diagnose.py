@@ -346,6 +346,7 @@ def conclude(
         moves=moves,
         model_error=healthy,
         reasons=reasons,
+        beyond_range=known.beyond_range,
     )
 
 
