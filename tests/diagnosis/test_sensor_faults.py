@@ -76,15 +76,6 @@ def check(found: Diagnosis, channel: str, kind: str, size: float, error: float) 
     assert error_percent(TRUTH.vector, found.faults.vector) <= WORST
 
 
-@pytest.mark.parametrize(("channel", "held"), [("current_A", True), ("position_rad", False)])
-def test_a_zero_of_the_current_may_be_a_shaft_that_is_held(channel: str, held: bool) -> None:
-    name = f"{channel.partition('_')[0]}_offset"
-    found = {name: NuisanceEstimate(-0.4, 2e-3, "A", known=True)}
-    (fault,) = sensor_faults((), (name,), found, (), (channel,), THESIS, explained=True)
-    assert (fault.channel, fault.kind) == (channel, "bias")
-    assert ("friction holds off the command" in fault.sentence) == held
-
-
 def test_sound_sensors_have_no_fault(whole: Recording) -> None:
     # Current and voltage alone: test_nuisance_selection.
     found = diagnosed(whole, FOUR)
