@@ -4,7 +4,6 @@ import logging
 import os
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,9 +16,8 @@ logging.getLogger("alembic").setLevel(logging.WARNING)
 
 from examples import write_examples  # noqa: E402 - in the folder that was just added
 from figures import scrape  # noqa: E402
-from reference import write_json_keys, write_python_names, write_toml_keys  # noqa: E402
+from reference import write_python_names, write_toml_keys  # noqa: E402
 from sphinx.application import Sphinx  # noqa: E402
-from sphinx.errors import ExtensionError  # noqa: E402
 
 from emaphm.version import VERSION  # noqa: E402
 
@@ -82,18 +80,6 @@ def _prepare(_: Sphinx) -> None:
         text = text.replace("```console", "```text").replace("](../../docs/", "](../../")
         (pages / f"{name}.md").write_text(text, encoding="utf-8")
     write_toml_keys(pages / "toml_keys.md")
-    folder = BUILT / "examples" / "reference"
-    shutil.copytree(files, folder)
-
-    def answer(command: str) -> str:
-        done = subprocess.run(  # noqa: S603 - ours
-            command.split(), cwd=folder, capture_output=True, text=True, check=False
-        )
-        if done.returncode:
-            raise ExtensionError(f"{command}: {done.stderr}")
-        return done.stdout
-
-    write_json_keys(pages / "json_keys.md", answer)
 
 
 def _outside(_: Sphinx, __: str, text: list[str]) -> None:

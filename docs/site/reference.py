@@ -1,4 +1,4 @@
-"""Pages that are made from the program itself: the keys of a description, and the JSON of the commands."""
+"""Pages that are made from the program itself: the keys of a description, and the public names."""
 
 import inspect
 import json
@@ -9,16 +9,6 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 import emaphm as ema
-
-ANSWERS = {
-    "diagnose": "emaphm diagnose flight.csv --actuator unit.toml --json",
-    "calibrate": "emaphm calibrate monday.csv --actuator rig.toml --free viscous -o calibrated.toml --json",
-    "replay": "emaphm replay flight.csv --actuator unit.toml --json",
-    "limits": "emaphm limits --actuator unit.toml --json",
-    "prognose": "emaphm prognose --unit SN-0042 --json",
-    "history show": "emaphm history show --unit SN-0042 --json",
-}
-"""Commands whose keys are listed."""
 
 
 def write_toml_keys(path: Path) -> None:
@@ -75,36 +65,3 @@ def write_python_names(path: Path) -> None:
             members = ["   :members:"] if kind == "autoclass" else []
             lines += [f".. {kind}:: emaphm.{name}", *members, ""]
     path.write_text("\n".join([*lines, "```", ""]), encoding="utf-8")
-
-
-def write_json_keys(path: Path, answer: Any) -> None:
-    """Write the keys of what the commands print with --json; `answer` runs one and returns the text."""
-    lines = [
-        "# JSON of the commands",
-        "",
-        "Made with this page, from what each command printed. Later versions add keys, and rename none.",
-        "A number that is not finite is null. [Nomenclature](../../nomenclature.md) explains the terms.",
-        "",
-    ]
-    for name, command in ANSWERS.items():
-        lines += [f"## `{name}`", "", f"`{command}`", "", "| key | type |", "| --- | --- |"]
-        lines += [f"| `{key}` | {kind} |" for key, kind in _keys(json.loads(answer(command)), "")]
-        lines.append("")
-    path.write_text("\n".join(lines), encoding="utf-8")
-
-
-def _keys(value: Any, place: str) -> Iterator[tuple[str, str]]:
-    if isinstance(value, dict) and value:
-        for name, below in value.items():
-            yield from _keys(below, f"{place}.{name}" if place else name)
-    elif isinstance(value, list) and value and isinstance(value[0], dict):
-        yield from _keys(value[0], f"{place}[]")
-    else:
-        yield place, _kind(value)
-
-
-def _kind(value: Any) -> str:
-    if isinstance(value, list):
-        return f"list of {_kind(value[0])}" if value else "list"
-    names = {bool: "true or false", int: "number", float: "number", str: "text", dict: "object"}
-    return "null" if value is None else names[type(value)]

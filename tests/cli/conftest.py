@@ -1,5 +1,6 @@
 """A command, and what comes back of it."""
 
+import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,6 +12,7 @@ from emaphm.cli import main
 from history.unsynced import unsynced
 
 from . import files
+from .documented import undocumented
 
 Refusal = Callable[..., str]
 
@@ -36,12 +38,16 @@ def _unsynced() -> Iterator[None]:
 
 @pytest.fixture
 def emaphm(capsys: pytest.CaptureFixture[str]) -> Emaphm:
-    """Return what runs a command line in this process."""
+    """Return what runs a command line in this process; its JSON has no key that the reference lacks."""
 
     def run(*arguments: str | Path) -> Answer:
         capsys.readouterr()
         code = main([str(argument) for argument in arguments])
-        return Answer(code, *capsys.readouterr())
+        answer = Answer(code, *capsys.readouterr())
+        if code == 0 and "--json" in arguments:
+            for line in answer.out.splitlines():
+                assert undocumented(arguments, json.loads(line)) == []
+        return answer
 
     return run
 
