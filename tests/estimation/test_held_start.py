@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cases import INTERVAL, THESIS
-from emaphm.actuator import Faults, Sampled
+from emaphm.actuator import Faults, Sampled, Step
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.estimation import replay
 from emaphm.estimation.problem import Problem
@@ -83,6 +83,19 @@ def test_the_zero_of_a_sensor_is_found_in_the_motion() -> None:
     (fault,) = diagnose(shifted, THESIS).sensor_faults
     assert (fault.channel, fault.kind) == ("current_A", "bias")
     assert fault.size == pytest.approx(zero, abs=0.01)
+
+
+def test_where_only_a_step_follows_all_is_compared_and_a_note_asks_for_caution() -> None:
+    # A load beyond friction, which nobody recorded: the current of the rest shows it.
+    full = simulate(THESIS, Step(5e-3, 0.05), load=0.25, faults=Faults(short_b=0.2), noise=0.05)
+    recording = Recording({name: full[name] for name in ("time_s", "command_rad", *ELECTRICAL)})
+    found = diagnose(recording, THESIS)
+    assert (len(found.recorded), found.explained) == (full.samples, True)
+    assert abs(found.nuisances["load"].value - 0.25) < 0.01
+    assert found.components["short_b"].verdict == "degraded"
+    assert any("take what is estimated of load" in one for one in found.recording_notes)
+    recorded = Recording({name: full[name] for name in ("time_s", "command_rad", "load_Nm", *ELECTRICAL)})
+    assert not Problem.of(recorded, THESIS, channels=None).unknown_start.held
 
 
 def test_a_coarse_position_does_not_move_the_start() -> None:

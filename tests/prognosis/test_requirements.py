@@ -149,7 +149,7 @@ def test_peak_current_grows_with_friction() -> None:
 def test_a_manoeuvre_of_a_retracted_actuator_is_made_in_the_middle_of_its_travel(
     settings: dict[str, object],
 ) -> None:
-    stops = THESIS.mechanics.model_copy(update={"end_stops": (0.0, 0.5)})
+    stops = THESIS.mechanics.model_copy(update={"end_stops": (-1e-3, 0.5)})
     from_0 = described(settings)
     retracted = from_0.model_copy(update={"mechanics": stops})
     vectors = np.array([Faults().vector, Faults(friction=0.4, gain=0.7).vector])

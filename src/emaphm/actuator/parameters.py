@@ -270,9 +270,8 @@ class Mechanics(Section):
                 f"dynamic friction ({self.dynamic_friction:.6g}, motor + user) must not exceed "
                 f"static friction ({self.static_friction:.6g})"
             )
-        low, high = self.end_stops or (-1.0, 1.0)
-        if not (low <= 0 <= high and low < high):
-            raise ValueError(f"end_stops {list(self.end_stops or ())} must enclose 0, lower one first")
+        if self.end_stops and not self.end_stops[0] < 0 < self.end_stops[1]:
+            raise ValueError(f"end_stops {list(self.end_stops)} must enclose 0, lower one first")
         return self
 
 

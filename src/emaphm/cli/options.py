@@ -96,7 +96,8 @@ AMPLITUDE = 5e-3
 REST_BEFORE_STEP = 0.1
 """Share of the duration after which a step by name begins: without a rest its rows would be all the same."""
 
-WITH_FREQUENCY = ("chirp", "decaying-chirp", "sine")
+FREQUENCIES = {"chirp": 15.0, "decaying-chirp": 15.0, "sine": 4.0}
+"""Of the commands that have one: of the sine, and the last of a chirp [Hz]."""
 
 CLOSE = 0.85
 """Likeness of a name to a channel's from which on it is taken for a slip."""
@@ -215,21 +216,23 @@ def command_named(
         raise SignalError(
             f"the command is not finite with --amplitude {amplitude}, --frequency {frequency}; give numbers"
         )
-    if frequency is not None and name not in WITH_FREQUENCY:
-        raise SignalError(f"--frequency is of {', '.join(WITH_FREQUENCY)}; leave it out with '{name}'")
-    if abs(frequency or 0.0) > sample_rate / 2 > 0:
+    if frequency is not None and name not in FREQUENCIES:
+        raise SignalError(f"--frequency is of {', '.join(FREQUENCIES)}; leave it out with '{name}'")
+    by_name = amplitude is not None
+    if frequency is None:
+        frequency = FREQUENCIES.get(name, 0.0)
+    if abs(frequency) > sample_rate / 2 > 0:
         raise SignalError(
             f"--frequency {frequency:g} Hz is above half of the {sample_rate:g} rows a second, which would "
             "show another motion; give a lower one, or a higher --sample-rate"
         )
-    by_name, last = amplitude is not None, 15.0 if frequency is None else frequency
     amplitude = AMPLITUDE if amplitude is None else amplitude
     makers: dict[str, Callable[[], Command]] = {
-        "chirp": lambda: actuator.Chirp(amplitude, stop_hz=last, duration=duration),
-        "decaying-chirp": lambda: actuator.DecayingChirp(amplitude, stop_hz=last, duration=duration),
+        "chirp": lambda: actuator.Chirp(amplitude, stop_hz=frequency, duration=duration),
+        "decaying-chirp": lambda: actuator.DecayingChirp(amplitude, stop_hz=frequency, duration=duration),
         "step": lambda: actuator.Step(amplitude, REST_BEFORE_STEP * duration),
         "ramp": lambda: actuator.Ramp(amplitude / duration),
-        "sine": lambda: actuator.Sine(amplitude, 4.0 if frequency is None else frequency),
+        "sine": lambda: actuator.Sine(amplitude, frequency),
     }
     if name in makers:
         return makers[name]()

@@ -1,11 +1,12 @@
 """Rows at the start of a recording that begins at a rest after a motion, in which friction holds the shaft.
 
-A model starts on the command, and draws no current until this moves. A shaft that has moved before stands
-where friction stopped it, somewhat off the command, and its drive draws current against that friction. Its
-mean says nothing of the faults, and nothing of the sensor's zero.
+A model starts on the command, and draws no current until this moves, or what the load asks for. A shaft that
+has moved before stands where friction stopped it, somewhat off the command, and its drive draws current
+against that friction. Its mean says nothing of the faults, and nothing of the sensor's zero.
 """
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,78 +19,107 @@ from emaphm.recording.noise import noise_level, noise_on_most_rows
 if TYPE_CHECKING:
     from emaphm.estimation.problem import Problem
 
-STANDS = 1e-3
-"""Of its range, what the command may move by and still stands."""
 
-SHORTEST_S = 10e-3
-"""Shortest rest that is looked at [s]: what the current is in a shorter one may still be settling."""
+@dataclass(frozen=True)
+class HeldStartSettings:
+    """When a shaft is taken to be held at the start, and which rows are then not compared.
 
-LONGEST_S = 1.0
-"""Longest part of the rest that a model is compared over [s], and of the motion after it."""
+    The command stands while it is within `still` of its range, or six times its noise, from its first value;
+    the rest is looked at if it lasts `shortest` [s] and `fewest` rows, and over `longest` [s] of it. Its mean
+    current is not the model's if it is outside those of models with likely faults by `significant` standard
+    errors, or by as many times the share `resolved` of the current's scatter.
 
-SIGNIFICANT = 3.0
-"""Standard errors, and hundredths of its rms, by which the mean current is off what a model draws."""
+    Rows are left out until a model that starts on the command and one that starts off it no longer differ, up
+    to `motion` [s] after the rest: off by what makes the recorded current, and `further` than that, as
+    switching draws less current than the mean model does near to zero. The `small` share of the command's
+    range shows what current a distance makes. The share `left` of the range must follow, or all is compared.
+    """
 
-SMALL = 1e-6
-"""Distance from the command, over its range, that shows what current a distance makes."""
+    still: float = 1e-6
+    significant: float = 3.0
+    shortest: float = 10e-3
+    fewest: int = 5
+    longest: float = 1.0
+    resolved: float = 0.01
+    motion: float = 0.25
+    further: float = 2.0
+    small: float = 1e-6
+    left: float = 0.5
 
-OFF = (1.0, 2.0)
-"""Distances from the command that the shaft may start at, over that which makes the recorded current.
 
-Switching draws less current than the mean model does so near to zero.
-"""
+HELD_START = HeldStartSettings()
+
+CURRENT = "current_A"
+
+SIX = 6.0
+"""Standard deviations of a command's noise that no row of a rest is beyond."""
+
+
+def held_at_start(problem: "Problem") -> bool:
+    """Return whether the current of a first rest is none that a model draws which starts on the command."""
+    interval = problem.inputs.interval
+    rest = _standing_rows(problem)
+    least = max(HELD_START.shortest / interval, HELD_START.fewest)
+    if CURRENT not in problem.channels or not least <= rest < problem.samples:
+        return False
+    rows = min(rest, math.ceil(HELD_START.longest / interval))
+    driving, angle = problem.driving.beginning(0.0, rows), problem.start.angle
+    drawn = first_rows(problem, driving, angle, likely_faults(problem))
+    means = drawn[:, problem.channels.index(CURRENT)].mean(axis=1)
+    mean, least_off = _mean_current(problem, rows), _least_current(problem, rows)
+    return not means.min() - least_off <= mean <= means.max() + least_off
 
 
 def rows_of_held_start(problem: "Problem") -> int:
-    """Return how many rows at the start depend on where friction holds the shaft, 0 where it holds nothing.
+    """Return how many rows at the start depend on where friction holds the shaft, of one that is held.
 
-    The rest, while the command stands, and what follows until the start does not matter.
+    The rest, and what follows until the start does not matter; 0 where too little motion would be left.
     """
-    name, interval = "current_A", problem.inputs.interval
-    rest = _standing_rows(problem)
-    if name not in problem.channels or not SHORTEST_S / interval <= rest < problem.samples:
-        return 0
-    faults, driving, angle = likely_faults(problem), problem.driving, problem.start.angle
-    looked_at = min(rest, math.ceil(LONGEST_S / interval))
-    current = problem.measured[name][:looked_at]
-    drawn = first_rows(problem, driving.beginning(0.0, looked_at), angle, faults)
-    means = drawn[:, problem.channels.index(name)].mean(axis=1)
-    off = float(np.min(np.abs(current.mean() - means)))
-    if off <= _least_current(problem, name, looked_at):
-        return 0
+    interval, rest = problem.inputs.interval, _standing_rows(problem)
     # From the last rows of the rest on: a model that starts sooner may have crept back to the command.
-    lead = math.ceil(SHORTEST_S / interval)
-    rows = min(problem.samples - rest, math.ceil(LONGEST_S / interval))
-    moving = driving.beginning((rest - lead) * interval, lead + rows)
-    return rest + max(
-        rows_apart(problem, _from_starts(problem, moving, float(current.mean()), faults)) - lead, 0
-    )
+    lead = math.ceil(HELD_START.shortest / interval)
+    rows = min(problem.samples - rest, math.ceil(HELD_START.motion / interval))
+    moving = problem.driving.beginning((rest - lead) * interval, lead + rows)
+    looked_at = min(rest, math.ceil(HELD_START.longest / interval))
+    apart = rows_apart(problem, _from_starts(problem, moving, _mean_current(problem, looked_at)))
+    count = rest + max(apart - lead, 0)
+    command = problem.measured["command_rad"]
+    left = np.ptp(command[count:]) if count < problem.samples else 0.0
+    return count if left >= HELD_START.left * np.ptp(command) else 0
 
 
 def _standing_rows(problem: "Problem") -> int:
     """Return the rows before the command moves, all of them where it never does."""
     command = problem.measured["command_rad"]
-    least = max(STANDS * float(np.ptp(command)), 2 * SIGNIFICANT * noise_level(command))
+    first = command[: max(round(2 * HELD_START.shortest / problem.inputs.interval), 4 * HELD_START.fewest)]
+    noise = SIX * noise_level(first)
+    least = max(HELD_START.still * float(np.ptp(command)), noise)
     moved = np.abs(command - command[0]) > least
     return int(np.argmax(moved)) if moved.any() else command.size
 
 
-def _least_current(problem: "Problem", name: str, rows: int) -> float:
+def _mean_current(problem: "Problem", rows: int) -> float:
+    return float(problem.measured[CURRENT][:rows].mean())
+
+
+def _least_current(problem: "Problem", rows: int) -> float:
     """Return by what the mean current of `rows` must be off a model's to be that of a held shaft [A]."""
-    current = problem.measured[name]
-    error = max(noise_on_most_rows(current) / math.sqrt(rows), 0.01 * float(current.std()))
-    return max(SIGNIFICANT * error, problem.counts.get(name, 0.0) / 2)
+    current = problem.measured[CURRENT]
+    error = max(noise_on_most_rows(current) / math.sqrt(rows), HELD_START.resolved * float(current.std()))
+    return max(HELD_START.significant * error, problem.counts.get(CURRENT, 0.0) / 2)
 
 
-def _from_starts(problem: "Problem", driving: DrivingSignals, current: float, faults: Array) -> list[Array]:
+def _from_starts(problem: "Problem", driving: DrivingSignals, current: float) -> list[Array]:
     """Return the channels (n, channels, rows) of models that start on the command and off it.
 
-    Off by what makes them draw about `current` [A], and by other multiples of that.
+    Off by what makes them draw about `current` [A], and further.
     """
-    name, ratio = "current_A", problem.actuator.mechanics.gear_ratio
+    faults, ratio = likely_faults(problem), problem.actuator.mechanics.gear_ratio
     on = float(driving.command(np.zeros(1))[0]) / ratio
-    small = SMALL * float(np.ptp(problem.measured["command_rad"])) / abs(ratio)
+    small = HELD_START.small * float(np.ptp(problem.measured["command_rad"])) / ratio
     outputs = [first_rows(problem, driving, on + off, faults) for off in (0.0, small)]
-    stiffness = np.abs(outputs[1] - outputs[0])[:, problem.channels.index(name)].max() / small
-    angles = [on - math.copysign(off * current / stiffness, ratio) for off in OFF] if stiffness else []
-    return [outputs[0], *(first_rows(problem, driving, angle, faults) for angle in angles)]
+    stiffness = np.abs(outputs[1] - outputs[0])[:, problem.channels.index(CURRENT)].max() / small
+    if not stiffness:
+        return outputs
+    starts = [on - off * current / stiffness for off in (1.0, HELD_START.further)]
+    return [outputs[0], *(first_rows(problem, driving, start, faults) for start in starts)]

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emaphm.estimation.rows.held_start import rows_of_held_start
+from emaphm.estimation.rows.held_start import held_at_start, rows_of_held_start
 from emaphm.estimation.rows.moving_start import command_moves, rows_of_moving_start
 from emaphm.recording.sensor_checks.resolution import Mask
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class UnknownStart:
     """The first `rows` of a recording, `seconds` long, which are not compared.
 
-    The shaft is `held` off the command by friction there, else in motion from the first row on.
+    The shaft may be `held` off the command by friction there, else it is in motion from the first row on.
     """
 
     rows: int = 0
@@ -30,23 +30,29 @@ class UnknownStart:
         return dict.fromkeys(problem.channels, mask) if self.rows else {}
 
     def notes(self) -> tuple[str, ...]:
-        """Return a note where rows are not compared."""
+        """Return a note where rows are not compared, or would better not be."""
+        if self.held:
+            left_out = (
+                f"the first {self.seconds:.3g} s, up to the motion, are not compared"
+                if self.rows
+                else "too little motion follows to do without the rest, so take what is estimated of load, "
+                "friction and zeros with caution, or begin before that motion"
+            )
+            return (f"{NOT_THE_MODELS}: {left_out}",)
         if not self.rows:
             return ()
-        if self.held:
-            note = (
-                "the recording begins at a rest with a current that is not the model's: friction holds the "
-                "shaft off the command since a motion before, or the sensor's zero is off. How far it is off "
-                f"is not known: the first {self.seconds:.3g} s, up to the motion, are not compared"
-            )
-        else:
-            note = (
-                "the command moves already in the first row, and how the shaft moves there is not known: the "
-                f"first {1e3 * self.seconds:.3g} ms depend on the motion before and are not compared. They "
-                "are if the recording starts at rest, or has position_rad and speed_rad_s"
-            )
+        note = (
+            "the command moves already in the first row, and how the shaft moves there is not known: the "
+            f"first {1e3 * self.seconds:.3g} ms depend on the motion before and are not compared. They are "
+            "if the recording starts at rest, or has position_rad and speed_rad_s"
+        )
         return (note,)
 
+
+NOT_THE_MODELS = (
+    "the recording begins at a rest with a current that is not the model's, by a load that was not recorded, "
+    "by the sensor's zero, or by friction that holds the shaft off the command since a motion before"
+)
 
 FROM_REST = UnknownStart()
 
@@ -59,5 +65,7 @@ def unknown_start(problem: "Problem", *, shown: bool) -> UnknownStart:
     if command_moves(problem):
         rows = 0 if shown else rows_of_moving_start(problem)
         return UnknownStart(rows, rows * problem.inputs.interval)
+    if not held_at_start(problem):
+        return FROM_REST
     rows = rows_of_held_start(problem)
-    return UnknownStart(rows, rows * problem.inputs.interval, held=rows > 0)
+    return UnknownStart(rows, rows * problem.inputs.interval, held=True)
