@@ -244,23 +244,6 @@ def test_one_recording_teaches_no_error() -> None:
     assert one.actuator.model_error == NOT_LEARNED
 
 
-@pytest.mark.parametrize(("described", "hides"), [(0.005, False), (0.01, True)])
-def test_a_description_with_more_backlash_than_the_unit_hides_as_much(
-    described: float, *, hides: bool
-) -> None:
-    # The estimate ends at 0 in both cases: what least squares would have below it says which is right.
-    mechanics = THESIS.mechanics.model_copy(update={"backlash": described})
-    days = []
-    for seed in range(3):
-        whole = simulate(THESIS, Chirp(duration=0.3), model="averaged", duration=0.3, noise=0.05, seed=seed)
-        kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
-        days.append(Recording(kept, whole.sampling, f"day {seed}"))
-    loose = THESIS.model_copy(update={"mechanics": mechanics})
-    learned = calibrate(days, loose, ("inertia",), max_corrections=0, workers=1).actuator.model_error.faults
-    assert learned is not None
-    assert (learned.backlash > 0.01) is hides
-
-
 def test_the_ripple_that_faults_add_is_no_reason_against_an_estimate() -> None:
     # What a calibration with three healthy recordings of this plant learned: its lag, and its model's error.
     current = ChannelError(floor=0.035, noise=0.057, correlation_time=1e-3, scatter=0.02, recordings=3)

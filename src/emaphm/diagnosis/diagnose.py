@@ -346,7 +346,6 @@ def conclude(
         moves=moves,
         model_error=healthy,
         reasons=reasons,
-        beyond_range=known.beyond_range,
     )
 
 

@@ -11,7 +11,7 @@ from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import comparable_channels
 from emaphm.estimation.search_result import DEFAULT_SCATTER, SearchResult
 from emaphm.estimation.space.nuisances import BASELINE, KNOWN_BY
-from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION, ParameterSpace
+from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, resolving_channels
 from emaphm.estimation.uncertainty.further_channels import further_channels_information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, jacobians_of, local_covariance
@@ -25,13 +25,11 @@ class Identifiability:
     """The `covariance` (d, d) of an estimate, and its `collinear_sets`.
 
     Of each variance, `model_error_share` (d,) is what the model's error adds that a calibration has learned.
-    `beyond_range` is by how much least squares would leave the range of a coordinate that is at its end.
     """
 
     covariance: Array
     collinear_sets: tuple[CollinearSet, ...]
     model_error_share: Array
-    beyond_range: dict[str, float]
 
 
 def identifiability(result: SearchResult, seed: int, *, explained: bool = True) -> Identifiability:
@@ -67,13 +65,7 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
         without = local_covariance(exact, result.point, residual, jacobians, bias, hidden).covariance
         added = added + inflation(result, explained=explained) * (local.covariance - without)
     share = np.diag(np.broadcast_to(added, covariance.shape)) / np.diag(covariance)
-    return Identifiability(covariance, sets, share, _beyond_range(space, result.point, local.step))
-
-
-def _beyond_range(space: ParameterSpace, point: Array, step: Array) -> dict[str, float]:
-    """Return the `step` (d,) that leads out of the range, of each coordinate of `point` (d,) at its end."""
-    outward = ((point <= space.lower) & (step < 0)) | ((point >= space.upper) & (step > 0))
-    return {name: float(step[i]) for i, name in enumerate(space.coordinates) if outward[i]}
+    return Identifiability(covariance, sets, share)
 
 
 def collinear_sets(result: SearchResult, covariance: Array, seed: int) -> tuple[CollinearSet, ...]:

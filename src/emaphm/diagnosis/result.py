@@ -86,8 +86,6 @@ class Diagnosis:
         Why the recording is not explained: sentences without their full stop; empty where it is explained.
     healthy_check
         Whether the recording is like healthy ones, as a detector says; where asked for.
-    beyond_range
-        By how much least squares would leave the range of a coordinate that is at its end, by name.
     """
 
     components: Mapping[str, Estimate]
@@ -121,7 +119,6 @@ class Diagnosis:
     model_error: Mapping[str, HealthyComparison] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
     healthy_check: "DetectorResult | None" = None
-    beyond_range: Mapping[str, float] = field(default_factory=dict)
 
     def with_sensor_faults(self, findings: Sequence[SensorFinding]) -> "Diagnosis":
         """Return the diagnosis with faults of sensors, by its estimate and by the earlier `findings`."""

@@ -48,13 +48,9 @@ def apparent_faults(
 
 
 def _excess(found: Sequence[Diagnosis], name: str) -> float:
-    """Return the rms of what a component deviates from healthy by, less what its standard errors explain.
-
-    An error of the model that looks like less than no backlash, or like turns too many, shows in no estimate:
-    it ends at 0. A fault as large is hidden by it, so what is beyond the range counts.
-    """
+    """Return the rms of what a component deviates from healthy by, less what its standard errors explain."""
     healthy = float(HEALTHY.vector[NAMES.index(name)])
-    away = np.array([one.components[name].value + one.beyond_range.get(name, 0.0) - healthy for one in found])
+    away = np.array([one.components[name].value - healthy for one in found])
     errors = np.array([one.components[name].standard_error for one in found])
     if float(np.sum((away / np.maximum(errors, 1e-9)) ** 2)) <= chi_squared_quantile(len(found), 1 - CHANCE):
         return 0.0
