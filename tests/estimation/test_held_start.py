@@ -39,9 +39,12 @@ def cut(first: int, *names: str, faults: Faults = FAULTS) -> Recording:
     return Recording({name: recording[name][first:] for name in ("time_s", "command_rad", *names)})
 
 
+@pytest.mark.parametrize("names", [ELECTRICAL, (*ELECTRICAL, "position_rad", "speed_rad_s")], ids=len)
 @pytest.mark.parametrize("first", [2050, FIRST, 2940])
-def test_the_rest_and_what_depends_on_it_are_not_compared(first: int) -> None:
-    problem = Problem.of(cut(first, *ELECTRICAL), THESIS, channels=None)
+def test_the_rest_and_what_depends_on_it_are_not_compared(first: int, names: tuple[str, ...]) -> None:
+    found = Problem.of(cut(first, *names), THESIS, channels=None)
+    # A position shows where the shaft stands: what it makes of the current depends on faults all the same.
+    problem = replace(found, start=Initial(whole()["command_rad"][first] / THESIS.mechanics.gear_ratio))
     rows = problem.unknown_start.rows
     assert problem.unknown_start.held
     assert REST - first <= rows <= REST - first + 500
@@ -83,6 +86,18 @@ def test_the_zero_of_a_sensor_is_found_in_the_motion() -> None:
     (fault,) = diagnose(shifted, THESIS).sensor_faults
     assert (fault.channel, fault.kind) == ("current_A", "bias")
     assert fault.size == pytest.approx(zero, abs=0.01)
+
+
+def test_a_shaft_that_is_not_there_yet_is_not_held() -> None:
+    time = np.arange(3000) * INTERVAL
+    command = 5e-3 + 5e-3 * np.sin(2 * np.pi * 15 * np.maximum(time - 0.1, 0.0) ** 2)
+    full = simulate(THESIS, Sampled(time, command), duration=0.6, noise=0.05)
+    recording = Recording(
+        {name: full[name] for name in ("time_s", "command_rad", "position_rad", *ELECTRICAL)}
+    )
+    problem = Problem.of(recording, THESIS, channels=None)
+    assert problem.start.angle == pytest.approx(0.0, abs=0.1)
+    assert not problem.unknown_start.held
 
 
 def test_where_only_a_step_follows_all_is_compared_and_a_note_asks_for_caution() -> None:

@@ -37,14 +37,21 @@ def likely_faults(problem: "Problem") -> Array:
     )
 
 
-def first_rows(problem: "Problem", driving: DrivingSignals, angle: float, faults: Array) -> Array:
+def first_rows(
+    problem: "Problem",
+    driving: DrivingSignals,
+    angle: float,
+    faults: Array,
+    channels: tuple[str, ...] = (),
+) -> Array:
     """Return the channels (n, channels, rows) of the averaged model that starts at the motor's `angle` [rad].
 
-    It is driven over as many rows as the `driving` signals have.
+    It is driven over as many rows as the `driving` signals have. Where `channels` are left out, they are
+    those that are compared.
     """
     inputs = driving.inputs(AVERAGED.step_for(problem.actuator))
     start = replace(problem.start, angle=angle)
-    return replace(problem, model=AVERAGED, inputs=inputs, start=start).predict(faults)
+    return replace(problem, model=AVERAGED, inputs=inputs, start=start).predict(faults, channels=channels)
 
 
 def rows_apart(problem: "Problem", outputs: list[Array]) -> int:

@@ -27,7 +27,8 @@ class HeldStartSettings:
     The command stands while it is within `still` of its range, or six times its noise, from its first value;
     the rest is looked at if it lasts `shortest` [s] and `fewest` rows, and over `longest` [s] of it. Its mean
     current is not the model's if it is outside those of models with likely faults by `significant` standard
-    errors, or by as many times the share `resolved` of the current's scatter.
+    errors, or by as many times the share `resolved` of the current's scatter; unless all of these go the
+    share `leaves` of the way from where the shaft was recorded to the command.
 
     Rows are left out until a model that starts on the command and one that starts off it no longer differ, up
     to `motion` [s] after the rest: off by what makes the recorded current, and `further` than that, as
@@ -41,6 +42,7 @@ class HeldStartSettings:
     fewest: int = 5
     longest: float = 1.0
     resolved: float = 0.01
+    leaves: float = 0.5
     motion: float = 0.25
     further: float = 2.0
     small: float = 1e-6
@@ -63,11 +65,12 @@ def held_at_start(problem: "Problem") -> bool:
     if CURRENT not in problem.channels or not least <= rest < problem.samples:
         return False
     rows = min(rest, math.ceil(HELD_START.longest / interval))
-    driving, angle = problem.driving.beginning(0.0, rows), problem.start.angle
-    drawn = first_rows(problem, driving, angle, likely_faults(problem))
+    driving, faults = problem.driving.beginning(0.0, rows), likely_faults(problem)
+    drawn = first_rows(problem, driving, _on_command(problem, driving), faults)
     means = drawn[:, problem.channels.index(CURRENT)].mean(axis=1)
     mean, least_off = _mean_current(problem, rows), _least_current(problem, rows)
-    return not means.min() - least_off <= mean <= means.max() + least_off
+    within = means.min() - least_off <= mean <= means.max() + least_off
+    return not within and not _leaves_its_start(problem, driving, faults)
 
 
 def rows_of_held_start(problem: "Problem") -> int:
@@ -86,6 +89,21 @@ def rows_of_held_start(problem: "Problem") -> int:
     command = problem.measured["command_rad"]
     left = np.ptp(command[count:]) if count < problem.samples else 0.0
     return count if left >= HELD_START.left * np.ptp(command) else 0
+
+
+def _leaves_its_start(problem: "Problem", driving: DrivingSignals, faults: Array) -> bool:
+    """Return whether no model that starts where the shaft was recorded stays there.
+
+    Then the command had not been reached; the current of a shaft that stays is friction's.
+    """
+    off = abs(problem.start.angle - _on_command(problem, driving)) * problem.actuator.mechanics.gear_ratio
+    positions = first_rows(problem, driving, problem.start.angle, faults, ("position_rad",))
+    return bool(np.ptp(positions, axis=2).min() > HELD_START.leaves * off > 0)
+
+
+def _on_command(problem: "Problem", driving: DrivingSignals) -> float:
+    """Return the motor's angle on the command at the beginning of the `driving` signals [rad]."""
+    return float(driving.command(np.zeros(1))[0]) / problem.actuator.mechanics.gear_ratio
 
 
 def _standing_rows(problem: "Problem") -> int:
@@ -115,7 +133,7 @@ def _from_starts(problem: "Problem", driving: DrivingSignals, current: float) ->
     Off by what makes them draw about `current` [A], and further.
     """
     faults, ratio = likely_faults(problem), problem.actuator.mechanics.gear_ratio
-    on = float(driving.command(np.zeros(1))[0]) / ratio
+    on = _on_command(problem, driving)
     small = HELD_START.small * float(np.ptp(problem.measured["command_rad"])) / ratio
     outputs = [first_rows(problem, driving, on + off, faults) for off in (0.0, small)]
     stiffness = np.abs(outputs[1] - outputs[0])[:, problem.channels.index(CURRENT)].max() / small
