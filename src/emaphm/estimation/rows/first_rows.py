@@ -21,7 +21,6 @@ NOISE = 1.0
 SHARE = 5e-3
 """Least difference that counts in a channel, over its rms."""
 
-
 FORGOTTEN_S = 20e-3
 """Time without a difference after which a start is forgotten [s]."""
 

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 class HeldStartSettings:
     """When a shaft is taken to be held at the start, and which rows are then not compared.
 
-    The command stands while it is within `still` of its range, or six times its noise, from its first value;
-    the rest is looked at if it lasts `shortest` [s] and `fewest` rows, and over `longest` [s] of it. Its mean
-    current is not the model's if it is outside those of models with likely faults by `significant` standard
-    errors, or by as many times the share `resolved` of the current's scatter; unless all of these go the
-    share `leaves` of the way from where the shaft was recorded to the command.
+    The command stands while it is within `still` of its range, or `noise` times its noise, from its first
+    value; the rest is looked at if it lasts `shortest` [s] and `fewest` rows, and over `longest` [s] of it.
+    Its mean current is not the model's if it is outside those of models with likely faults by `significant`
+    standard errors, or by as many times the share `resolved` of the current's scatter; unless all of these go
+    the share `leaves` of the way from where the shaft was recorded to the command.
 
     Rows are left out until a model that starts on the command and one that starts off it no longer differ, up
     to `motion` [s] after the rest: off by what makes the recorded current, and `further` than that, as
@@ -37,6 +37,7 @@ class HeldStartSettings:
     """
 
     still: float = 1e-6
+    noise: float = 6.0
     significant: float = 3.0
     shortest: float = 10e-3
     fewest: int = 5
@@ -53,38 +54,41 @@ HELD_START = HeldStartSettings()
 
 CURRENT = "current_A"
 
-SIX = 6.0
-"""Standard deviations of a command's noise that no row of a rest is beyond."""
 
+def rows_of_held_start(problem: "Problem") -> int | None:
+    """Return how many rows at the start depend on where friction holds the shaft, None where it does not.
 
-def held_at_start(problem: "Problem") -> bool:
-    """Return whether the current of a first rest is none that a model draws which starts on the command."""
-    interval = problem.inputs.interval
-    rest = _standing_rows(problem)
-    least = max(HELD_START.shortest / interval, HELD_START.fewest)
-    if CURRENT not in problem.channels or not least <= rest < problem.samples:
-        return False
-    rows = min(rest, math.ceil(HELD_START.longest / interval))
-    driving, faults = problem.driving.beginning(0.0, rows), likely_faults(problem)
-    drawn = first_rows(problem, driving, _on_command(problem, driving), faults)
-    means = drawn[:, problem.channels.index(CURRENT)].mean(axis=1)
-    mean, least_off = _mean_current(problem, rows), _least_current(problem, rows)
-    within = means.min() - least_off <= mean <= means.max() + least_off
-    return not within and not _leaves_its_start(problem, driving, faults)
-
-
-def rows_of_held_start(problem: "Problem") -> int:
-    """Return how many rows at the start depend on where friction holds the shaft, of one that is held.
-
-    The rest, and what follows until the start does not matter; 0 where too little motion would be left.
+    It does where the current of a first rest is none that a model draws which starts on the command. The rows
+    are the rest, and what follows until the start does not matter; 0 where too little motion would be left.
     """
     interval, rest = problem.inputs.interval, _standing_rows(problem)
+    least = max(HELD_START.shortest / interval, HELD_START.fewest)
+    if CURRENT not in problem.channels or not least <= rest < problem.samples:
+        return None
+    rows, faults = min(rest, math.ceil(HELD_START.longest / interval)), likely_faults(problem)
+    current = float(problem.measured[CURRENT][:rows].mean())
+    standing = problem.driving.beginning(0.0, rows)
+    if _is_drawn(problem, standing, current, faults) or _leaves_its_start(problem, standing, faults):
+        return None
+    return _rows_until_forgotten(problem, rest, current, faults)
+
+
+def _is_drawn(problem: "Problem", driving: DrivingSignals, current: float, faults: Array) -> bool:
+    """Return whether the mean `current` [A] is within those of models that start on the command."""
+    drawn = first_rows(problem, driving, _on_command(problem, driving), faults)
+    means = drawn[:, problem.channels.index(CURRENT)].mean(axis=1)
+    least_off = _least_current(problem, driving.samples)
+    return bool(means.min() - least_off <= current <= means.max() + least_off)
+
+
+def _rows_until_forgotten(problem: "Problem", rest: int, current: float, faults: Array) -> int:
+    """Return the rows of a `rest` at `current` [A], and of the motion after it that depend on its start."""
     # From the last rows of the rest on: a model that starts sooner may have crept back to the command.
+    interval = problem.inputs.interval
     lead = math.ceil(HELD_START.shortest / interval)
     rows = min(problem.samples - rest, math.ceil(HELD_START.motion / interval))
     moving = problem.driving.beginning((rest - lead) * interval, lead + rows)
-    looked_at = min(rest, math.ceil(HELD_START.longest / interval))
-    apart = rows_apart(problem, _from_starts(problem, moving, _mean_current(problem, looked_at)))
+    apart = rows_apart(problem, _from_starts(problem, moving, current, faults))
     count = rest + max(apart - lead, 0)
     command = problem.measured["command_rad"]
     left = np.ptp(command[count:]) if count < problem.samples else 0.0
@@ -97,8 +101,10 @@ def _leaves_its_start(problem: "Problem", driving: DrivingSignals, faults: Array
     Then the command had not been reached; the current of a shaft that stays is friction's.
     """
     off = abs(problem.start.angle - _on_command(problem, driving)) * problem.actuator.mechanics.gear_ratio
+    if not off:
+        return False
     positions = first_rows(problem, driving, problem.start.angle, faults, ("position_rad",))
-    return bool(np.ptp(positions, axis=2).min() > HELD_START.leaves * off > 0)
+    return bool(np.ptp(positions, axis=2).min() > HELD_START.leaves * off)
 
 
 def _on_command(problem: "Problem", driving: DrivingSignals) -> float:
@@ -110,14 +116,9 @@ def _standing_rows(problem: "Problem") -> int:
     """Return the rows before the command moves, all of them where it never does."""
     command = problem.measured["command_rad"]
     first = command[: max(round(2 * HELD_START.shortest / problem.inputs.interval), 4 * HELD_START.fewest)]
-    noise = SIX * noise_level(first)
-    least = max(HELD_START.still * float(np.ptp(command)), noise)
+    least = max(HELD_START.still * float(np.ptp(command)), HELD_START.noise * noise_level(first))
     moved = np.abs(command - command[0]) > least
     return int(np.argmax(moved)) if moved.any() else command.size
-
-
-def _mean_current(problem: "Problem", rows: int) -> float:
-    return float(problem.measured[CURRENT][:rows].mean())
 
 
 def _least_current(problem: "Problem", rows: int) -> float:
@@ -127,13 +128,12 @@ def _least_current(problem: "Problem", rows: int) -> float:
     return max(HELD_START.significant * error, problem.counts.get(CURRENT, 0.0) / 2)
 
 
-def _from_starts(problem: "Problem", driving: DrivingSignals, current: float) -> list[Array]:
+def _from_starts(problem: "Problem", driving: DrivingSignals, current: float, faults: Array) -> list[Array]:
     """Return the channels (n, channels, rows) of models that start on the command and off it.
 
     Off by what makes them draw about `current` [A], and further.
     """
-    faults, ratio = likely_faults(problem), problem.actuator.mechanics.gear_ratio
-    on = _on_command(problem, driving)
+    ratio, on = problem.actuator.mechanics.gear_ratio, _on_command(problem, driving)
     small = HELD_START.small * float(np.ptp(problem.measured["command_rad"])) / ratio
     outputs = [first_rows(problem, driving, on + off, faults) for off in (0.0, small)]
     stiffness = np.abs(outputs[1] - outputs[0])[:, problem.channels.index(CURRENT)].max() / small

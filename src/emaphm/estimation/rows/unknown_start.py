@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emaphm.estimation.rows.held_start import held_at_start, rows_of_held_start
+from emaphm.estimation.rows.held_start import rows_of_held_start
 from emaphm.estimation.rows.moving_start import command_moves, rows_of_moving_start
 from emaphm.recording.sensor_checks.resolution import Mask
 
@@ -65,7 +65,5 @@ def unknown_start(problem: "Problem", *, shown: bool) -> UnknownStart:
     if command_moves(problem):
         rows = 0 if shown else rows_of_moving_start(problem)
         return UnknownStart(rows, rows * problem.inputs.interval)
-    if not held_at_start(problem):
-        return FROM_REST
-    rows = rows_of_held_start(problem)
-    return UnknownStart(rows, rows * problem.inputs.interval, held=True)
+    held = rows_of_held_start(problem)
+    return FROM_REST if held is None else UnknownStart(held, held * problem.inputs.interval, held=True)
