@@ -139,6 +139,30 @@ def test_the_command_is_played_as_it_is() -> None:
         np.testing.assert_allclose(recording["command_rad"], command(recording["time_s"]), rtol=0, atol=1e-15)
 
 
+RETRACTED = THESIS.model_copy(
+    update={"mechanics": THESIS.mechanics.model_copy(update={"end_stops": (0.0, 1.0)})}
+)
+"""An actuator whose position is counted from one of its end stops."""
+
+
+@EACH_MODEL
+def test_half_way_out_it_moves_as_in_the_middle(whole: dict[str, Recording], model: str) -> None:
+    # Whole turns of the motor out, so that the phases are where they are at 0.
+    about, times = 40 * 2 * np.pi * RATIO, np.linspace(0.0, 0.5, 50_001)
+    sampled = Sampled(times, Chirp(about=about)(times))
+    by_name = simulate(RETRACTED, Chirp(about=about), model=model)
+    by_file = simulate(RETRACTED, sampled, model=model, initial_position=about)
+    for found in (by_name, by_file):
+        np.testing.assert_allclose(found["position_rad"] - about, whole[model]["position_rad"], atol=5e-6)
+        assert found["current_A"].std() == pytest.approx(whole[model]["current_A"].std(), rel=0.01)
+
+
+@pytest.mark.parametrize("place", [{"command": Chirp(about=-0.1)}, {"initial_position": 1.1}])
+def test_a_start_beyond_the_end_stops_is_refused(place: dict[str, Any]) -> None:
+    with pytest.raises(SignalError, match=r"beyond the end stops \[0.0, 1.0\]; say where it rests"):
+        simulate(RETRACTED, **({"command": Chirp()} | place))
+
+
 def test_a_fault_shows() -> None:
     healthy, rough = quick(), quick(faults=Faults(friction=1.0))
     assert np.array_equal(healthy["command_rad"], rough["command_rad"])

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Command, Faults, Load
 from emaphm.actuator.channels import Sampling
+from emaphm.actuator.commands import rest_position
 from emaphm.actuator.sensors import IDEAL
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, RecordingError, SignalError
@@ -13,7 +14,7 @@ from emaphm.recording import Recording, acquire, full_scales
 from emaphm.recording.acquisition import check_bits
 from emaphm.recording.schema import CURRENTS
 from emaphm.recording.signal_rows import signal_rows
-from emaphm.simulation import REFERENCE, Inputs, Model, Plant, model_named, run
+from emaphm.simulation import REFERENCE, Initial, Inputs, Model, Plant, model_named, run
 from emaphm.simulation.laws.sensors import rounded, sensed
 
 MOST_STEPS = 300_000_000
@@ -36,9 +37,10 @@ def simulate(
     adc_bits: int | None = None,
     controller_noise: float = 0.0,
     sampling: Sampling = "mean",
+    initial_position: float | None = None,
     seed: int = 0,
 ) -> Recording:
-    """Return the recording of `actuator` following `command` from rest at 0, every signal included.
+    """Return the recording of `actuator` following `command` from rest, every signal included.
 
     Signals are as the described sensors show them; what `noise` and `adc_bits` add comes after.
 
@@ -66,6 +68,9 @@ def simulate(
         White noise on the reference current, rms [A] a step (thesis 4.1); the reference model only.
     sampling
         Whether rows are interval means or instants.
+    initial_position
+        Where the shaft rests first, at the user [rad; m if linear]. If left out, what the command is counted
+        from (its `about`), and 0 for one that has no such position.
     seed
         Source of all noise.
 
@@ -75,9 +80,12 @@ def simulate(
         The friction is less than the actuator can have (`emaphm.actuator.faults.lower_bounds`).
     MethodError, SignalError, RecordingError
         The model or the sampling is unknown, or the model did not stay finite; a duration, rate or noise is
-        impossible, the command is 0 throughout, or the recording would be too short.
+        impossible, the command is 0 throughout, the recording would be too short, or it would start beyond
+        the end stops.
     """
     chosen = model_named(model)
+    first = rest_position(command) if initial_position is None else initial_position
+    _check_start(actuator, first)
     _check(chosen, duration, sample_rate, noise, adc_bits, controller_noise, seed)
     inputs = Inputs.of(
         command,
@@ -89,7 +97,9 @@ def simulate(
         noise=controller_noise,
         seed=seed,
     )
-    signals = _sensed(run(chosen, Plant.of(actuator, faults.vector), inputs), actuator, inputs.interval, seed)
+    start = Initial(first / actuator.mechanics.gear_ratio)
+    ran = run(chosen, Plant.of(actuator, faults.vector), inputs, start)
+    signals = _sensed(ran, actuator, inputs.interval, seed)
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
     rows = {"time_s": inputs.time_s, "command_rad": _rows(command, inputs), **signals}
@@ -103,6 +113,15 @@ def simulate(
     return acquire(
         exact, noise=dict.fromkeys(currents, noise), adc_bits=adc_bits, full_scale=ranges, seed=seed
     )
+
+
+def _check_start(actuator: Actuator, position: float) -> None:
+    stops = actuator.mechanics.end_stops or (-np.inf, np.inf)
+    if not (np.isfinite(position) and stops[0] <= position <= stops[1]):
+        raise SignalError(
+            f"the shaft would rest at {position:g} first, beyond the end stops {list(stops)}; say where it "
+            "rests (--about, or initial_position in Python)"
+        )
 
 
 def _sensed(signals: dict[str, Array], actuator: Actuator, interval: float, seed: int) -> dict[str, Array]:

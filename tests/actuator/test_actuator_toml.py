@@ -98,10 +98,10 @@ WRONG = {
     "text for a number": ("supply = 48.0", 'supply = "high"', ("'electrical.supply'", "got 'high'")),
     "half a pole pair": ("pole_pairs = 2", "pole_pairs = 2.5", ("'electrical.pole_pairs'", "got 2.5")),
     "unknown coordinates": ('= "rotary"', '= "polar"', ("'coordinates'", "'rotary' or 'linear'", "'polar'")),
-    "stops that exclude 0": (
+    "stops the wrong way round": (
         "end_stops = [-0.5236, 0.5236]",
-        "end_stops = [0.1, 0.5]",
-        ("'mechanics'", "end_stops [0.1, 0.5]", "enclose 0"),
+        "end_stops = [0.5, 0.1]",
+        ("'mechanics'", "end_stops [0.5, 0.1]", "lower one first"),
     ),
     "dynamic above static": (
         "dynamic_friction_motor = ",

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emaphm.actuator import Chirp, DecayingChirp, Ramp, Sampled, Sine, Step
+from emaphm.actuator import Chirp, Command, DecayingChirp, Ramp, Sampled, Sine, Step
+from emaphm.actuator.commands import rest_position
 from emaphm.arrays import Array
 from emaphm.errors import SignalError
 
@@ -166,6 +167,17 @@ def test_sampled_signals_can_be_compared_and_hashed() -> None:
     one, other = Sampled([0, 1], [0, 1]), Sampled([0, 1], [0, 2])
     assert one != other
     assert len({one, other}) == 2
+
+
+@pytest.mark.parametrize("kind", [Step, Ramp, Sine, Chirp, DecayingChirp])
+@given(about=st.floats(-1.0, 1.0))
+def test_a_command_by_name_is_counted_from_where_the_shaft_rests(
+    kind: Callable[..., Command], about: float
+) -> None:
+    t, moved = np.linspace(0.0, 0.6, 301), kind(about=about)
+    np.testing.assert_allclose(moved(t) - about, kind()(t), rtol=0, atol=1e-15)
+    assert rest_position(moved) == about
+    assert rest_position(Sampled([0.0, 1.0], [about, 0.0])) == 0
 
 
 COMMANDS = (Step(), Ramp(), Sine(), Chirp(), DecayingChirp(), Sampled([0, 1], [0, 1]))

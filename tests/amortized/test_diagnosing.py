@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from amortized.toys import THESIS, constant_estimator, with_limit
 from emaphm.actuator import Actuator, Chirp, Faults, Ramp
 from emaphm.amortized import diagnosing
 from emaphm.amortized.diagnosing import answer_alone, diagnose_by
+from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.arrays import Array
@@ -60,6 +62,25 @@ def test_the_answer_alone_names_no_friction_where_the_manoeuvre_goes_one_way() -
     assert found.components["short_b"].verdict == "degraded"
     assert found.components["friction"].verdict == "cannot tell"
     assert found.components["friction"].reason == ONE_WAY
+
+
+def test_an_estimator_of_a_manoeuvre_elsewhere_takes_what_starts_there(
+    recording: Recording, tmp_path: Path
+) -> None:
+    # Whole turns of the motor out, so that the phases are where they are at 0.
+    about = 2 * np.pi * THESIS.mechanics.gear_ratio
+    setup = RecordingSetup.of(THESIS, Chirp(duration=0.2, about=about), duration=0.2)
+    path = tmp_path / "there.estimator"
+    constant_estimator(setup, ANSWER, 0.01).save(path)
+    there = Estimator.load(path)
+    moved = {name: recording[name] + (about if name == "command_rad" else 0.0) for name in recording}
+    assert diagnose_by(there, Recording(moved), THESIS, fast=True).method == "estimator"
+    with pytest.raises(MethodError, match="another manoeuvre"):
+        diagnose_by(there, recording, THESIS, fast=True)
+    shifted = Recording(moved | {"position_rad": recording["command_rad"]})
+    reasons = answer_alone(there, shifted, THESIS)
+    assert isinstance(reasons, tuple)
+    assert "starts at rest at 0.0125664" in reasons[0]
 
 
 def test_the_answer_alone_is_had_without_a_search(recording: Recording) -> None:

@@ -13,6 +13,7 @@ from emaphm.calibration import calibrate, separation
 from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
+from emaphm.simulation import Initial
 
 NAMES = ("viscous", "coulomb", "offset")
 COULOMB = 0.02
@@ -51,15 +52,34 @@ def test_what_acts_alike_does_not_depend_on_the_description_that_was_started_fro
     assert [one.members for one in found] == [NAMES] * is_reported
 
 
-@pytest.mark.parametrize(("coordinates", "unit"), [("linear", "m"), ("rotary", "rad")])
-def test_advised_manoeuvres_have_units(coordinates: str, unit: str) -> None:
+def recorded_from(
+    start: float, command: list[float], coordinates: str = "rotary", stops: tuple[float, float] | None = None
+) -> Any:
+    """Return what is known of a recording that began at rest at `start`, between end stops."""
+    mechanics = THESIS.mechanics.model_copy(update={"end_stops": stops})
     problem = SimpleNamespace(
-        actuator=SimpleNamespace(coordinates=coordinates),
-        inputs=SimpleNamespace(command=np.array([0.0, -0.246]), interval=1e-3, sampling="instant"),
+        actuator=SimpleNamespace(coordinates=coordinates, mechanics=mechanics),
+        inputs=SimpleNamespace(command=np.array(command), interval=1e-3, sampling="instant"),
+        start=Initial(start / mechanics.gear_ratio),
         duration_s=2.0,
     )
-    joint: Any = SimpleNamespace(terms=[SimpleNamespace(objective=SimpleNamespace(problem=problem))])
-    slow, ramp, chirp = separation._manoeuvres(joint)
+    return SimpleNamespace(terms=[SimpleNamespace(objective=SimpleNamespace(problem=problem))])
+
+
+def test_advised_manoeuvres_stay_where_the_recorded_one_was() -> None:
+    # As far as it went from its start; where a stop is too near for that, within what it covered.
+    for stops, size, about in ((None, 0.3, 0.1), ((0.0, 1.0), 0.15, 0.25)):
+        found = separation._manoeuvres(recorded_from(0.1, [0.1, 0.4], stops=stops))
+        for name, driving in found.items():
+            assert f"{size:g} rad about {about:g} rad" in name
+            assert driving.command(np.zeros(1)) == pytest.approx(about)
+            farthest = np.abs(driving.command(np.linspace(0.0, 2.0, 2001)) - about).max()
+            assert farthest == pytest.approx(size, rel=1e-3)
+
+
+@pytest.mark.parametrize(("coordinates", "unit"), [("linear", "m"), ("rotary", "rad")])
+def test_advised_manoeuvres_have_units(coordinates: str, unit: str) -> None:
+    slow, ramp, chirp = separation._manoeuvres(recorded_from(0.0, [0.0, -0.246], coordinates))
     assert f"0.246 {unit} at 0.5 Hz" in slow
     assert f"0.246 {unit} in 2 s" in ramp
     assert f"0.246 {unit} up to 10 Hz" in chirp

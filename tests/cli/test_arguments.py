@@ -48,6 +48,8 @@ BAD_ARGUMENTS = {
     "diagnose good.csv --seed -1": ("--seed -1", "give 0 or more"),
     "calibrate good.csv --free inertia -o out.toml --seed -1": ("--seed -1", "give 0 or more"),
     "replay good.csv --seed -1": ("--seed -1", "give 0 or more"),
+    "simulate out.csv --about 0.6": ("would rest at 0.6 first", "end stops [-0.5236, 0.5236]", "--about"),
+    "simulate out.csv --about nan": ("not finite", "--about nan"),
     "simulate out.csv --seed abc": ("--seed", '"abc"', "int"),
     "simulate out.csv --seed nan": ("--seed", '"nan"', "int"),
     # Not rounded: another seed would give other numbers.

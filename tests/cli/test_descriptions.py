@@ -84,7 +84,7 @@ BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
         files.thesis_with("static_friction_motor = 0.10134", "static_friction_motor = 0.0"),
         ("dynamic friction", "must not exceed", "static friction"),
     ),
-    "stops.toml": (files.thesis_with("[-0.5236", "[0.1"), ("end_stops [0.1, 0.5236]", "must enclose 0")),
+    "stops.toml": (files.thesis_with("[-0.5236", "[0.6"), ("end_stops [0.6, 0.5236]", "lower one first")),
     "coordinates.toml": (
         files.thesis_with('"rotary"', '"angular"'),
         ("'coordinates'", "'rotary' or 'linear'", "got 'angular'"),

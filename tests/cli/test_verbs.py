@@ -90,6 +90,44 @@ def test_simulate_writes_what_it_says(emaphm: Emaphm, desk: Path) -> None:
     assert (said["seed"], said["version"]) == (3, VERSION)
 
 
+@pytest.fixture
+def retracted(tmp_path: Path) -> Path:
+    """Return the description of an actuator whose position is counted from one of its end stops."""
+    path = tmp_path / "retracted.toml"
+    path.write_text(files.thesis_with("[-0.5236, 0.5236]", "[0.0, 0.6]"), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("options", "lowest", "highest", "said"),
+    [
+        ((), 0.295, 0.305, ()),
+        (("--about", "0.1"), 0.095, 0.105, ()),
+        (("--about", "0.001"), -0.004, 0.006, ("to 0.006; the end stops [0.0, 0.6] hold the shaft",)),
+        (("--command", "file.csv"), 0.2, 0.21, ("file.csv: the command begins at 0.2", "With --about 0.2")),
+        (("--command", "file.csv", "--about", "0.2"), 0.2, 0.21, ()),
+    ],
+)
+def test_simulate_starts_where_there_is_room_and_says_what_may_not_be_meant(
+    emaphm: Emaphm,
+    desk: Path,
+    retracted: Path,
+    options: tuple[str, ...],
+    lowest: float,
+    highest: float,
+    said: tuple[str, ...],
+) -> None:
+    (desk / "file.csv").write_text("time_s,command_rad\n0,0.2\n0.5,0.21\n", encoding="utf-8")
+    code, _, err = emaphm(
+        "simulate", desk / "out.csv", "--actuator", retracted, "--model", "averaged", "--force", *options
+    )
+    assert code == 0
+    command = pl.read_csv(desk / "out.csv")["command_rad"].to_numpy()
+    assert (command.min(), command.max()) == pytest.approx((lowest, highest), abs=2e-5)
+    assert all(text in err for text in said)
+    assert bool(err) == bool(said)
+
+
 def test_simulate_says_where_the_recording_is(emaphm: Emaphm, desk: Path) -> None:
     code, out, err = emaphm("simulate", "out.csv", "--model", "averaged")
     assert (code, err) == (0, "")

@@ -363,6 +363,23 @@ def test_a_given_excitation_may_use_the_longer_side_of_its_end_stops() -> None:
         design(one_sided, Step(-5e-3), candidates=0, tests=0)
 
 
+def test_a_test_of_a_retracted_actuator_is_planned_in_the_middle_of_its_travel() -> None:
+    # Whole turns of the motor out, so that the phases are where they are at 0.
+    middle = 20 * 2 * np.pi * THESIS.mechanics.gear_ratio
+    stops = THESIS.mechanics.model_copy(update={"end_stops": (0.0, 2 * middle)})
+    retracted = THESIS.model_copy(update={"mechanics": stops})
+    found = design(retracted, candidates=4, tests=4, max_amplitude=0.02)
+    expected = design(THESIS, candidates=4, tests=4, max_amplitude=0.02)
+    for mine, other in ((found.given, expected.given), (found.found, expected.found)):
+        assert mine.excitation.rests_at == middle
+        assert mine.excitation.amplitude == pytest.approx(other.excitation.amplitude)
+        assert mine.predicted.half_widths == pytest.approx(other.predicted.half_widths, rel=0.05)
+    with pytest.raises(EmaphmError, match=r"give 0\.251327 or less$"):
+        design(retracted, candidates=4, tests=4, max_amplitude=0.3)
+    with pytest.raises(EmaphmError, match=r"give 0\.1 or less, or start in the middle \(--about 0\.251327\)"):
+        design(retracted, Chirp(0.2, about=0.1), candidates=0, tests=0)
+
+
 @pytest.mark.parametrize(("call", "message"), BAD.values(), ids=BAD.keys())
 def test_what_cannot_be_is_refused_in_one_line(call: Callable[[], Any], message: str) -> None:
     with pytest.raises(EmaphmError) as error:

@@ -246,6 +246,15 @@ def test_a_sensor_whose_noise_is_of_the_size_of_its_counts_is_found_frozen() -> 
     np.testing.assert_array_equal(np.flatnonzero(frozen), np.arange(801, 1200))
 
 
+def test_an_end_stop_that_holds_the_shaft_is_no_clipped_sensor() -> None:
+    mechanics = THESIS.mechanics.model_copy(update={"end_stops": (0.1, 1.0)})
+    retracted = THESIS.model_copy(update={"mechanics": mechanics})
+    pushed = simulate(retracted, Chirp(about=0.101), noise=0.05, adc_bits=12)
+    assert np.ptp(pushed["position_rad"]) < 0.8 * np.ptp(pushed["command_rad"])
+    for names in (LINE, OF_PHASES):
+        assert not check_sensors(Recording({name: pushed[name] for name in names}), retracted).findings
+
+
 def test_the_hardware_holds_a_channel_at_its_own_limits() -> None:
     command = np.sin(2 * np.pi * np.arange(1000) / 200)
     speed = 2 * THESIS.controller.speed_limit * command if THESIS.controller.speed_limit else command

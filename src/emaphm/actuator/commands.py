@@ -28,12 +28,12 @@ def _check_finite(command: object, *names: str) -> None:
 def _check_sweep(chirp: "Chirp | DecayingChirp") -> None:
     if not chirp.duration > 0:
         raise SignalError(f"a chirp of {chirp.duration:g} s sweeps nothing; give a duration above 0")
-    _check_finite(chirp, "amplitude", "start_hz", "stop_hz", "duration")
+    _check_finite(chirp, "amplitude", "start_hz", "stop_hz", "duration", "about")
 
 
 @dataclass(frozen=True)
 class Step:
-    """`amplitude` [rad; m if linear] from `start` [s] on, 0 before.
+    """`amplitude` [rad; m if linear] from `start` [s] on, 0 before; counted from the position `about`.
 
     Raises
     ------
@@ -43,18 +43,21 @@ class Step:
 
     amplitude: float = 5e-3
     start: float = 0.0
+    about: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_finite(self, "amplitude", "start")
+        _check_finite(self, "amplitude", "start", "about")
 
     def __call__(self, t: Array) -> Array:
         """Return the command [rad; m if linear] at times `t` [s], (n,)."""
-        return np.where(t >= self.start, self.amplitude, 0.0)
+        return self.about + np.where(t >= self.start, self.amplitude, 0.0)
 
 
 @dataclass(frozen=True)
 class Ramp:
     """Constant `rate` [rad/s; m/s if linear] from `start` [s] on, held once ±`limit` [rad; m] is reached.
+
+    It is counted from the position `about` [rad; m], and so is the limit.
 
     Raises
     ------
@@ -65,9 +68,10 @@ class Ramp:
     rate: float = 2e-2
     start: float = 0.0
     limit: float = np.inf
+    about: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_finite(self, "rate", "start")
+        _check_finite(self, "rate", "start", "about")
         if not self.limit > 0:
             raise SignalError(
                 f"a ramp's limit is a size, not {self.limit:g}; give one above 0, and its sign by the rate"
@@ -75,12 +79,12 @@ class Ramp:
 
     def __call__(self, t: Array) -> Array:
         """Return the command [rad; m if linear] at times `t` [s], (n,)."""
-        return np.clip(self.rate * np.maximum(t - self.start, 0.0), -self.limit, self.limit)
+        return self.about + np.clip(self.rate * np.maximum(t - self.start, 0.0), -self.limit, self.limit)
 
 
 @dataclass(frozen=True)
 class Sine:
-    """amplitude × sin(2 pi frequency t); amplitude in rad, m if linear, frequency in Hz.
+    """about + amplitude × sin(2 pi frequency t); position and amplitude in rad, m if linear, frequency in Hz.
 
     Raises
     ------
@@ -90,21 +94,22 @@ class Sine:
 
     amplitude: float = 5e-3
     frequency_hz: float = 4.0
+    about: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_finite(self, "amplitude", "frequency_hz")
+        _check_finite(self, "amplitude", "frequency_hz", "about")
 
     def __call__(self, t: Array) -> Array:
         """Return the command [rad; m if linear] at times `t` [s], (n,)."""
-        return self.amplitude * np.sin(2 * np.pi * self.frequency_hz * t)
+        return self.about + self.amplitude * np.sin(2 * np.pi * self.frequency_hz * t)
 
 
 @dataclass(frozen=True)
 class Chirp:
     """Linear chirp from `start_hz` to `stop_hz` over `duration` [s]; the default manoeuvre.
 
-    amplitude × sin(2 pi (f0 t + (f1 - f0) t² / (2 duration))); amplitude in rad, m if linear, frequencies in
-    Hz. After `duration` the frequency goes on rising.
+    about + amplitude × sin(2 pi (f0 t + (f1 - f0) t² / (2 duration))); position and amplitude in rad, m if
+    linear, frequencies in Hz. After `duration` the frequency goes on rising.
 
     Raises
     ------
@@ -116,6 +121,7 @@ class Chirp:
     start_hz: float = 0.0
     stop_hz: float = 15.0
     duration: float = 0.5
+    about: float = 0.0
 
     def __post_init__(self) -> None:
         _check_sweep(self)
@@ -123,7 +129,7 @@ class Chirp:
     def __call__(self, t: Array) -> Array:
         """Return the command [rad; m if linear] at times `t` [s], (n,)."""
         sweep = (self.stop_hz - self.start_hz) / (2 * self.duration)
-        return self.amplitude * np.sin(2 * np.pi * (self.start_hz + sweep * t) * t)
+        return self.about + self.amplitude * np.sin(2 * np.pi * (self.start_hz + sweep * t) * t)
 
 
 @dataclass(frozen=True)
@@ -140,6 +146,7 @@ class DecayingChirp:
     start_hz: float = 0.0
     stop_hz: float = 15.0
     duration: float = 0.5
+    about: float = 0.0
 
     def __post_init__(self) -> None:
         _check_sweep(self)
@@ -147,7 +154,7 @@ class DecayingChirp:
     def __call__(self, t: Array) -> Array:
         """Return the command [rad; m if linear] at times `t` [s], (n,)."""
         chirp = Chirp(self.amplitude, self.start_hz, self.stop_hz, self.duration)
-        return chirp(t) * np.clip(1 - t / self.duration, 0.0, 1.0)
+        return self.about + chirp(t) * np.clip(1 - t / self.duration, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +203,11 @@ class Sampled:
     def __call__(self, t: Array) -> Array:
         """Return the signal at times `t` [s]."""
         return np.interp(t, self.time_s, self.values)
+
+
+def rest_position(command: Command) -> float:
+    """Return where the shaft rests before `command` [rad; m if linear]: what that is counted from, or 0."""
+    return float(getattr(command, "about", 0.0))
 
 
 Load = float | Command

@@ -270,9 +270,22 @@ class Mechanics(Section):
                 f"dynamic friction ({self.dynamic_friction:.6g}, motor + user) must not exceed "
                 f"static friction ({self.static_friction:.6g})"
             )
-        if self.end_stops and not self.end_stops[0] < 0 < self.end_stops[1]:
-            raise ValueError(f"end_stops {list(self.end_stops)} must enclose 0, lower one first")
+        if self.end_stops and not self.end_stops[0] < self.end_stops[1]:
+            raise ValueError(f"end_stops {list(self.end_stops)}: give the lower one first")
         return self
+
+    def encloses(self, lowest: float, highest: float) -> bool:
+        """Return whether the travel holds `lowest` to `highest` [rad at the user; m if linear]."""
+        return self.end_stops is None or (self.end_stops[0] <= lowest and highest <= self.end_stops[1])
+
+    def centre_for(self, amplitude: float) -> float:
+        """Return about which position a manoeuvre of `amplitude` [rad at the user; m if linear] has room.
+
+        0, or the middle of the travel where an end stop is nearer to 0 than that.
+        """
+        if self.end_stops is None or self.encloses(-amplitude, amplitude):
+            return 0.0
+        return (self.end_stops[0] + self.end_stops[1]) / 2
 
 
 class FaultScales(Section):

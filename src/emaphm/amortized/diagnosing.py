@@ -339,5 +339,8 @@ def _elsewhere(
     if findings:
         return Unlikeness(tuple(finding.sentence.removesuffix(".") for finding in findings))
     if not estimator.setup.starts_there(problem.start):
-        return Unlikeness(("it starts elsewhere than the training's manoeuvre, which starts at rest at 0",))
+        where = f"{estimator.setup.initial_position:g}"
+        return Unlikeness(
+            (f"it starts elsewhere than the training's manoeuvre, which starts at rest at {where}",)
+        )
     return Unlikeness(())

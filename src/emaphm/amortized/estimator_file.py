@@ -76,6 +76,7 @@ class _Setup(BaseModel):
     noise: Annotated[float, Field(ge=0, le=LARGEST)]
     adc_bits: Annotated[int, Field(ge=4, le=24)] | None
     nuisances: list[str] | None
+    initial_position: Annotated[float, Field(ge=-LARGEST, le=LARGEST)] = 0.0
 
 
 class _Network(BaseModel):
@@ -121,6 +122,7 @@ def write_estimator(estimator: "Estimator", path: str | Path) -> None:
             noise=setup.noise,
             adc_bits=setup.adc_bits,
             nuisances=None if setup.nuisances is None else list(setup.nuisances),
+            initial_position=setup.initial_position,
         ),
         coordinates=list(estimator.space.coordinates),
         network=_Network.of(estimator.network),
@@ -382,6 +384,7 @@ def _setup(header: _Setup, command: Array, path: Path) -> RecordingSetup:
         header.noise,
         header.adc_bits,
         None if header.nuisances is None else tuple(header.nuisances),
+        header.initial_position,
     )
     try:
         check_channels(actuator, setup.channels)

@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from emaphm.actuator import Actuator, Command
+from emaphm.actuator.commands import rest_position
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.problem import comparable_channels
@@ -48,6 +49,8 @@ class RecordingSetup:
         White noise on the currents, rms [A]; `adc_bits` the resolution of the converters, None if exact.
     nuisances
         What is unknown of a recording and no fault: names, or None for the actuator's own.
+    initial_position
+        Where the shaft rests first, at the user [rad; m if linear].
     """
 
     actuator: Actuator
@@ -58,6 +61,7 @@ class RecordingSetup:
     noise: float
     adc_bits: int | None
     nuisances: tuple[str, ...] | None = None
+    initial_position: float = 0.0
 
     @classmethod
     def of(
@@ -71,6 +75,7 @@ class RecordingSetup:
         noise: float = 0.05,
         adc_bits: int | None = 12,
         nuisances: Sequence[str] | None = None,
+        initial_position: float | None = None,
     ) -> Self:
         """Return the setup of following `command` (see `emaphm.simulate`) with these sensors.
 
@@ -96,9 +101,11 @@ class RecordingSetup:
         if not 0 <= noise < np.inf:
             raise MethodError(f"noise of {noise:g} A is no rms; give 0 or more")
         sampling = actuator.channels.sampling
+        first = rest_position(command) if initial_position is None else initial_position
         rows = simulate(
             actuator,
             command,
+            initial_position=first,
             model="averaged",
             duration=duration,
             sample_rate=sample_rate,
@@ -109,7 +116,7 @@ class RecordingSetup:
         ordered = tuple(sorted(dict.fromkeys(channels), key=lambda name: name != "current_A"))
         NuisanceSet.of(actuator, named, ordered)  # asked for here, not by the first worker that simulates
         command_rad = np.asarray(rows["command_rad"])
-        return cls(actuator, command_rad, 1 / sample_rate, sampling, ordered, noise, adc_bits, named)
+        return cls(actuator, command_rad, 1 / sample_rate, sampling, ordered, noise, adc_bits, named, first)
 
     @property
     def samples(self) -> int:
@@ -151,13 +158,19 @@ class RecordingSetup:
         )
 
     @property
+    def start(self) -> Initial:
+        """Where the motor is first: at rest."""
+        return Initial(self.initial_position / self.actuator.mechanics.gear_ratio)
+
+    @property
     def reach(self) -> float:
-        """How far the command goes, from its lowest to its highest or from 0, in its unit."""
-        return max(float(np.ptp(self.command_rad)), float(np.max(np.abs(self.command_rad))))
+        """How far the command goes, from its lowest to its highest or from where it starts, in its unit."""
+        farthest = float(np.max(np.abs(self.command_rad - self.initial_position)))
+        return max(float(np.ptp(self.command_rad)), farthest)
 
     def starts_there(self, start: Initial) -> bool:
-        """Return whether a manoeuvre starts as those of the training do: at rest at 0, the rotor too."""
-        away = abs(start.angle) * self.actuator.mechanics.gear_ratio
+        """Return whether a manoeuvre starts as those of the training do: at rest at the same position."""
+        away = abs(start.angle - self.start.angle) * self.actuator.mechanics.gear_ratio
         return away <= COMMAND_TOLERANCE * self.reach and start.speed == 0 and start.rotor_offset == 0
 
     def identity(self) -> dict[str, Any]:
@@ -170,6 +183,7 @@ class RecordingSetup:
             "sampling": self.sampling,
             "channels": list(self.channels),
             "nuisances": None if self.nuisances is None else list(self.nuisances),
+            "initial_position": self.initial_position,
         }
 
     def refusal_of(self, actuator: Actuator) -> str | None:
@@ -256,5 +270,5 @@ def _check_stops(actuator: Actuator, rows: Recording) -> None:
     if stops is not None and not stops[0] <= command.min() <= command.max() <= stops[1]:
         raise MethodError(
             f"the command goes from {command.min():.4g} to {command.max():.4g}, beyond the end stops "
-            f"{list(stops)}: give a smaller --amplitude, or another --command"
+            f"{list(stops)}: give a smaller --amplitude, another place (--about), or another --command"
         )

@@ -117,7 +117,7 @@ def simulated(
         described = lumped_parameters(setup.actuator, ("inertia",))["inertia"]
         lumped["inertia"] = lumped.get("inertia", described) * (1 + inertia)
     plant = Plant.of(actuator or setup.actuator, space.faults(points), lumped)
-    exact = observe_batch(model, plant, inputs, channels=setup.channels, workers=1)
+    exact = observe_batch(model, plant, inputs, setup.start, channels=setup.channels, workers=1)
     shown = all_as_described(exact, setup.channels, setup.actuator, setup.interval_s)
     return in_blocks(shown, block_of(setup.samples))
 

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 
 from emaphm.actuator import Actuator, Chirp, Command, Ramp, Sine
+from emaphm.actuator.commands import rest_position
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.calibration.unit_fit import UnitFit
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.joint.objective import JointObjective
-from emaphm.estimation.problem import comparable_channels, rms
+from emaphm.estimation.problem import Problem, comparable_channels, rms
 from emaphm.estimation.search_result import DEFAULT_SCATTER
 from emaphm.estimation.space.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.space.parameter_variation import sizes
@@ -31,6 +32,9 @@ for one of either sign to what it adds to (`sizes`)."""
 
 LONGEST_S = 2.0
 """Longest manoeuvre that is tried [s]."""
+
+WORTH_SAYING = 0.01
+"""Distance from 0 of the position that a manoeuvre moves about, of its size, from which on it is said."""
 
 
 @dataclass(frozen=True)
@@ -149,11 +153,12 @@ def _manoeuvre_information(fit: UnitFit, seed: int) -> dict[str, Array]:
     point, found = joint.local(0, fit.point), {}
     for name, driving in _manoeuvres(joint).items():
         inputs = driving.inputs(problem.model.step_for(problem.actuator))
+        start = Initial(rest_position(driving.command) / problem.actuator.mechanics.gear_ratio)
 
-        def signals(points: Array, inputs: Inputs = inputs) -> Array:
+        def signals(points: Array, inputs: Inputs = inputs, start: Initial = start) -> Array:
             plant = Plant.of(problem.actuator, space.faults(points), term.objective.lumped_parameters(points))
             return observe_batch(
-                problem.model, plant, inputs, Initial(), channels=channels, workers=problem.workers
+                problem.model, plant, inputs, start, channels=channels, workers=problem.workers
             ).reshape(len(points), -1)
 
         rng = stream(seed, "Jacobians of further manoeuvres", name)
@@ -174,15 +179,18 @@ def _manoeuvre_information(fit: UnitFit, seed: int) -> dict[str, Array]:
 def _manoeuvres(joint: JointObjective) -> dict[str, DrivingSignals]:
     """Return manoeuvres of the size of those recorded, by what they are called."""
     problems = [term.objective.problem for term in joint.terms]
-    amplitude = max(float(np.max(np.abs(one.inputs.command))) for one in problems)
+    amplitude, about = max((_room(one) for one in problems), key=lambda room: room[0])
     duration = min(max(one.duration_s for one in problems), LONGEST_S)
     interval = min(one.inputs.interval for one in problems)
-    size = f"{amplitude:.3g} {unit_for('rad', problems[0].actuator.coordinates)}"
+    unit = unit_for("rad", problems[0].actuator.coordinates)
+    size = f"{amplitude:.3g} {unit}"
+    if abs(about) > WORTH_SAYING * amplitude:
+        size += f" about {about:.3g} {unit}"
     commands: dict[str, Command] = {
-        f"a slow sine of {size} at {1 / duration:.3g} Hz": Sine(amplitude, 1 / duration),
-        f"a ramp to {size} in {duration:.3g} s": Ramp(amplitude / duration),
+        f"a slow sine of {size} at {1 / duration:.3g} Hz": Sine(amplitude, 1 / duration, about),
+        f"a ramp to {size} in {duration:.3g} s": Ramp(amplitude / duration, about=about),
         f"a chirp of {size} up to {20 / duration:.3g} Hz": Chirp(
-            amplitude, stop_hz=20 / duration, duration=duration
+            amplitude, stop_hz=20 / duration, duration=duration, about=about
         ),
     }
     sampling = problems[0].inputs.sampling
@@ -190,3 +198,18 @@ def _manoeuvres(joint: JointObjective) -> dict[str, DrivingSignals]:
         name: DrivingSignals(command, 0.0, round(duration / interval), interval, sampling)
         for name, command in commands.items()
     }
+
+
+def _room(problem: Problem) -> tuple[float, float]:
+    """Return how far a manoeuvre may go [rad at the user], and about which position: as the recorded one.
+
+    That is from where it started or, where an end stop is too near for as much to the other side, in the
+    middle of what it covered.
+    """
+    mechanics, command = problem.actuator.mechanics, problem.inputs.command
+    lowest, highest = float(np.min(command)), float(np.max(command))
+    first = problem.start.angle * mechanics.gear_ratio
+    size = max(highest - first, first - lowest)
+    if mechanics.encloses(first - size, first + size):
+        return size, first
+    return (highest - lowest) / 2, (lowest + highest) / 2

@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from emaphm.cli.options import (
     FIGURES,
+    About,
     ActuatorFile,
     Amplitude,
     AsJson,
@@ -36,6 +37,7 @@ def design(
     command: CommandName = "chirp",
     amplitude: Amplitude = None,
     frequency: Frequency = None,
+    about: About = None,
     duration: Duration = 0.5,
     max_amplitude: Annotated[
         float | None,
@@ -101,8 +103,9 @@ def design(
     with progress("designing", as_json) as advance:
         result = plan(
             described,
-            command_named(command, amplitude, frequency, duration, sample_rate),
+            command_named(command, amplitude, frequency, about, duration, sample_rate, described.mechanics),
             duration=duration,
+            initial_position=about,
             max_amplitude=max_amplitude,
             max_frequency=max_frequency,
             max_duration=max_duration,
@@ -118,7 +121,7 @@ def design(
     if out is not None:
         with written_whole(out) as temporary:
             result.write_command(temporary)
-        text += f"\n\nCommand written to {out}; it lasts {result.found.excitation.duration:g} s."
+        text += f"\n\nCommand written to {out}; {result.found.excitation.played(described.coordinates)}."
     show(result.to_dict(), text, as_json)
     draw(result, figure)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from emaphm.cli.output import say
 from emaphm.errors import ExecutionError, FaultError, MethodError, RecordingError, SignalError
 
 if TYPE_CHECKING:
@@ -13,7 +14,8 @@ if TYPE_CHECKING:
 
     from cyclopts import Token
 
-    from emaphm.actuator import Actuator, Command, Faults, Load
+    from emaphm.actuator import Actuator, Command, Faults, Load, Sampled
+    from emaphm.actuator.parameters import Mechanics
 
 
 def whole_number(_: Any, tokens: "Sequence[Token]") -> int:
@@ -81,6 +83,14 @@ CommandName = Annotated[
 ]
 Amplitude = Annotated[
     float | None, Parameter(help="Of a command by name, at the user [rad]; 0.005 if left out.")
+]
+About = Annotated[
+    float | None,
+    Parameter(
+        help="Where the shaft rests first, at the user [rad]; a command by name is counted from there. 0 if "
+        "left out, or for a command by name the middle of the travel, where an end stop is nearer than its "
+        "amplitude."
+    ),
 ]
 Frequency = Annotated[
     float | None, Parameter(help="Of the sine, or the last of a chirp [Hz]; 4 and 15 if left out.")
@@ -205,16 +215,23 @@ def fault_vector(assignments: tuple[str, ...]) -> "Faults":
 
 
 def command_named(
-    name: str, amplitude: float | None, frequency: float | None, duration: float, sample_rate: float
+    name: str,
+    amplitude: float | None,
+    frequency: float | None,
+    about: float | None,
+    duration: float,
+    sample_rate: float,
+    mechanics: "Mechanics",
 ) -> "Command":
-    """Return the command that --command and its companions describe."""
+    """Return the command that --command and its companions describe, with room between the end stops."""
     from emaphm import actuator
 
     if not duration > 0:
         raise SignalError(f"--duration {duration:g}: give more than 0 s")
-    if not (math.isfinite(amplitude or 0.0) and math.isfinite(frequency or 0.0)):
+    if not all(math.isfinite(value or 0.0) for value in (amplitude, frequency, about)):
         raise SignalError(
-            f"the command is not finite with --amplitude {amplitude}, --frequency {frequency}; give numbers"
+            f"the command is not finite with --amplitude {amplitude}, --frequency {frequency}, --about "
+            f"{about}; give numbers"
         )
     if frequency is not None and name not in FREQUENCIES:
         raise SignalError(f"--frequency is of {', '.join(FREQUENCIES)}; leave it out with '{name}'")
@@ -227,12 +244,15 @@ def command_named(
             "show another motion; give a lower one, or a higher --sample-rate"
         )
     amplitude = AMPLITUDE if amplitude is None else amplitude
+    centre = mechanics.centre_for(abs(amplitude)) if about is None else about
     makers: dict[str, Callable[[], Command]] = {
-        "chirp": lambda: actuator.Chirp(amplitude, stop_hz=frequency, duration=duration),
-        "decaying-chirp": lambda: actuator.DecayingChirp(amplitude, stop_hz=frequency, duration=duration),
-        "step": lambda: actuator.Step(amplitude, REST_BEFORE_STEP * duration),
-        "ramp": lambda: actuator.Ramp(amplitude / duration),
-        "sine": lambda: actuator.Sine(amplitude, frequency),
+        "chirp": lambda: actuator.Chirp(amplitude, stop_hz=frequency, duration=duration, about=centre),
+        "decaying-chirp": lambda: actuator.DecayingChirp(
+            amplitude, stop_hz=frequency, duration=duration, about=centre
+        ),
+        "step": lambda: actuator.Step(amplitude, REST_BEFORE_STEP * duration, centre),
+        "ramp": lambda: actuator.Ramp(amplitude / duration, about=centre),
+        "sine": lambda: actuator.Sine(amplitude, frequency, centre),
     }
     if name in makers:
         return makers[name]()
@@ -242,7 +262,19 @@ def command_named(
         )
     if by_name:
         raise SignalError(f"--amplitude is of {', '.join(makers)}; leave it out with a file")
-    return _signal(name, "command_rad", duration)
+    signal = _signal(name, "command_rad", duration)
+    _say_of_jump(signal, name, 0.0 if about is None else about)
+    return signal
+
+
+def _say_of_jump(command: "Sampled", path: str, start: float) -> None:
+    """Say where a command from a file begins elsewhere than the shaft, by more than it covers itself."""
+    first = float(command.values[0])
+    if abs(first - start) > float(command.values.max() - command.values.min()):
+        say(
+            f"{path}: the command begins at {first:g}, the shaft at {start:g}: it jumps there. With --about "
+            f"{first:g} it would rest there"
+        )
 
 
 def load_named(value: str, duration: float) -> "Load":
@@ -255,7 +287,7 @@ def load_named(value: str, duration: float) -> "Load":
         return _signal(value, "load_Nm", duration)
 
 
-def _signal(path: str, name: str, duration: float) -> "Command":
+def _signal(path: str, name: str, duration: float) -> "Sampled":
     from emaphm.recording import read_signal
 
     signal = read_signal(path, name)

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from emaphm.cli.interruption import going_on
 from emaphm.cli.options import (
+    About,
     ActuatorFile,
     Amplitude,
     AsJson,
@@ -48,6 +49,7 @@ def train(
     command: CommandName = "chirp",
     amplitude: Amplitude = None,
     frequency: Frequency = None,
+    about: About = None,
     duration: Duration = 0.5,
     sample_rate: SampleRate = 5000.0,
     channels: Annotated[
@@ -104,12 +106,13 @@ def train(
     from emaphm.amortized.train import train_estimator
 
     settings = _training_settings(epochs)
-    driven = command_named(command, amplitude, frequency, duration, sample_rate)
+    driven = command_named(command, amplitude, frequency, about, duration, sample_rate, described.mechanics)
     setup = RecordingSetup.of(
         described,
         driven,
         duration=duration,
         sample_rate=sample_rate,
+        initial_position=about,
         channels=names_in(channels),
         noise=noise,
         adc_bits=_bits(adc_bits),

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from emaphm.cli.detect import healthy_check
 from emaphm.cli.options import (
     FIGURES,
+    About,
     ActuatorFile,
     Amplitude,
     AsJson,
@@ -39,7 +40,7 @@ from emaphm.cli.options import (
     recording_of,
     whole_number,
 )
-from emaphm.cli.output import draw, progress, show
+from emaphm.cli.output import draw, progress, say, show
 from emaphm.errors import MethodError, SignalError
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 
     from emaphm.actuator import Actuator
     from emaphm.fleet import DiagnosisSettings
+    from emaphm.recording import Recording
 
 
 def demo(
@@ -72,6 +74,7 @@ def simulate(
     command: CommandName = "chirp",
     amplitude: Amplitude = None,
     frequency: Frequency = None,
+    about: About = None,
     fault: FaultList = (),
     noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.0,
     adc_bits: Annotated[
@@ -99,10 +102,11 @@ def simulate(
     if not 0 <= noise < math.inf:
         raise SignalError(f"--noise {noise:g} is no rms; give 0 or more")
     described, faults = described_actuator(actuator), fault_vector(fault)
+    driven = command_named(command, amplitude, frequency, about, duration, sample_rate, described.mechanics)
     with progress("simulating", as_json):
         recording = simulated_recording.simulate(
             described,
-            command_named(command, amplitude, frequency, duration, sample_rate),
+            driven,
             faults=faults,
             model=model,
             duration=duration,
@@ -111,9 +115,12 @@ def simulate(
             noise=noise,
             adc_bits=adc_bits,
             sampling=described.channels.sampling,
+            initial_position=about,
             seed=seed,
         )
     write_recording(recording, out, force=force)
+    if beyond := _beyond_stops(recording, described):
+        say(beyond)
     summary = {
         "recording": str(out),
         "samples": recording.samples,
@@ -127,6 +134,15 @@ def simulate(
         "version": VERSION,
     }
     show(summary, f"{recording!r}\nwritten to {out}", as_json)
+
+
+def _beyond_stops(recording: "Recording", actuator: "Actuator") -> str | None:
+    """Return that a simulated command goes past an end stop, which may not be meant, None otherwise."""
+    command, stops = recording["command_rad"], actuator.mechanics.end_stops
+    lowest, highest = float(command.min()), float(command.max())
+    if stops is None or actuator.mechanics.encloses(lowest, highest):
+        return None
+    return f"the command goes from {lowest:g} to {highest:g}; the end stops {list(stops)} hold the shaft"
 
 
 def diagnose(

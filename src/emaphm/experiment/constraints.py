@@ -15,11 +15,15 @@ from emaphm.experiment.test_setup import TestSetup
 
 @dataclass(frozen=True)
 class Constraints:
-    """Largest amplitude [rad] at the user, frequency [Hz], inf without a limit, and duration [s]."""
+    """Largest amplitude [rad] at the user, frequency [Hz], inf without a limit, and duration [s].
+
+    `about` [rad] is where the excitation given rests first, and a chirp moves about.
+    """
 
     amplitude: float
     frequency: float
     duration: float
+    about: float = 0.0
 
     def chirp(self, shares: Array) -> Excitation:
         """Return the chirp of `shares` (3,) of the limits: amplitude, first and last frequency.
@@ -27,7 +31,9 @@ class Constraints:
         It lasts as long as it may: more rows only add information.
         """
         size, start, stop = (float(share) for share in shares)
-        command = Chirp(size * self.amplitude, start * self.frequency, stop * self.frequency, self.duration)
+        command = Chirp(
+            size * self.amplitude, start * self.frequency, stop * self.frequency, self.duration, self.about
+        )
         return Excitation(command, self.duration)
 
     @classmethod
@@ -72,8 +78,9 @@ class Constraints:
                     "it less, or allow more"
                 )
             limits[name] = limit
-        found = cls(**limits)
-        lowest, highest = (-found.amplitude, found.amplitude) if searching else given.range
+        found = cls(**limits, about=given.rests_at)
+        size, about = found.amplitude, found.about
+        lowest, highest = (about - size, about + size) if searching else given.range
         found._check(setup, lowest, highest)
         return found
 
@@ -81,13 +88,20 @@ class Constraints:
         """Refuse limits, and commands from `lowest` to `highest`, that actuator or recorder cannot follow."""
         stops, rate = setup.actuator.mechanics.end_stops, setup.sample_rate
         if stops and (lowest < stops[0] or highest > stops[1]):
-            raise SignalError(
-                f"amplitude {max(-lowest, highest):g} is beyond the end stops {list(stops)}; give "
-                f"{min(map(abs, stops)):g} or less"
-            )
+            raise SignalError(self._beyond(max(self.about - lowest, highest - self.about), stops))
         if rate / 2 < self.frequency < np.inf:
             raise SignalError(
                 f"{self.frequency:g} Hz cannot be recorded at {rate:g} Hz; give {rate / 2:g} or less"
             )
         if self.duration > LONGEST_S:
             raise SignalError(f"{self.duration:g} s are too long for a design; give {LONGEST_S:g} or less")
+
+    def _beyond(self, amplitude: float, stops: tuple[float, float]) -> str:
+        """Return what is wrong with an `amplitude` that the end stops leave no room for."""
+        middle, room = (stops[0] + stops[1]) / 2, min(self.about - stops[0], stops[1] - self.about)
+        place = f" about {self.about:g}" if self.about else ""
+        text = f"amplitude {amplitude:g}{place} is beyond the end stops {list(stops)}"
+        text += f"; give {max(room, 0.0):g} or less"
+        if self.about == middle:
+            return text
+        return f"{text}, or start in the middle (--about {middle:g}), where {middle - stops[0]:g} is possible"

@@ -38,6 +38,7 @@ def design(
     max_amplitude: float | None = None,
     max_frequency: float | None = None,
     max_duration: float | None = None,
+    initial_position: float | None = None,
     channels: Sequence[str] = ("current",),
     noise: float = 0.05,
     sample_rate: float = 5000.0,
@@ -61,10 +62,14 @@ def design(
     command, duration
         The excitation given: position of the user [rad; m if linear] as a function of time, and how long
         it lasts [s].
-        The default is `Chirp`, over that duration.
+        The default is `Chirp`, over that duration, about 0 or in the middle of the travel where an end stop
+        is nearer.
     max_amplitude, max_frequency, max_duration
         Constraints of a better one, [rad] at the user, [Hz], [s]; those of the given one where left out. The
         given one must keep them too, without a search as well.
+    initial_position
+        Where the shaft rests first, at the user [rad; m if linear], and a better chirp moves about; as for
+        `emaphm.simulate` where left out.
     channels
         What will be recorded: "current" and, if any, "voltage", "position", "speed"; or their columns,
         "current_A" and so on.
@@ -90,7 +95,10 @@ def design(
     setup = TestSetup.of(actuator, channels, noise, sample_rate, workers)
     if not 0 < duration <= LONGEST_S:
         raise SignalError(f"an excitation of {duration:g} s cannot be planned; give up to {LONGEST_S:g} s")
-    given = Excitation(Chirp(duration=duration) if command is None else command, duration)
+    if command is None:
+        about = actuator.mechanics.centre_for(Chirp().amplitude)
+        command = Chirp(duration=duration, about=about)
+    given = Excitation(command, duration, initial_position)
     faults = setup.faults(VECTORS, child_seed(seed, "prediction"))
     constraints = Constraints.of(
         setup, given, max_amplitude, max_frequency, max_duration, searching=candidates > 0

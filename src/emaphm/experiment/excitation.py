@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from emaphm.actuator import Chirp, Command, DecayingChirp, Sampled, Sine, Step
+from emaphm.actuator.commands import rest_position
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 
@@ -19,17 +20,26 @@ EDGE_S = 1e-9
 
 @dataclass(frozen=True)
 class Excitation:
-    """A `command` and the `duration` [s] that it is played for."""
+    """A `command` and the `duration` [s] that it is played for, from rest at `start` [rad] at the user.
+
+    Where `start` is left out, it is what the command is counted from.
+    """
 
     command: Command
     duration: float
+    start: float | None = None
+
+    @property
+    def rests_at(self) -> float:
+        """Where the shaft rests first [rad] at the user."""
+        return rest_position(self.command) if self.start is None else self.start
 
     @property
     def amplitude(self) -> float:
-        """The largest command [rad] at the user."""
+        """The largest distance of the command from where the shaft rests first [rad] at the user."""
         if isinstance(self.command, Chirp | DecayingChirp | Sine | Step):
             return abs(self.command.amplitude)
-        return max(map(abs, self.range))
+        return max(abs(one - self.rests_at) for one in self.range)
 
     @property
     def range(self) -> tuple[float, float]:
@@ -55,7 +65,13 @@ class Excitation:
             what = f"sine of {size}, {self.command.frequency_hz:.3g} Hz"
         else:
             what = f"{self._kind} of up to {size}"
-        return f"{what}, {self.duration:.3g} s"
+        place = f" about {self.rests_at:.4g} {unit_for('rad', coordinates)}" if self.rests_at else ""
+        return f"{what}{place}, {self.duration:.3g} s"
+
+    def played(self, coordinates: str) -> str:
+        """Return how long the excitation lasts, and where the shaft rests first if not at 0, in words."""
+        place = f", from rest at {self.rests_at:.4g} {unit_for('rad', coordinates)}" if self.rests_at else ""
+        return f"it lasts {self.duration:g} s{place}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the excitation for JSON: its kind, what describes it, and how long it lasts."""
@@ -64,6 +80,7 @@ class Excitation:
         return described | {
             "command": self._kind,
             "amplitude": self.amplitude,
+            "about": self.rests_at,
             "duration_s": self.duration,
         }
 

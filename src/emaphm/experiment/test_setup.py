@@ -93,7 +93,7 @@ class TestSetup:
             The excitation is too short, or does not move the actuator.
         """
         driving = self._driving(excitation)
-        healthy = self._signals(driving, HEALTHY.vector[np.newaxis], AVERAGED)[0]
+        healthy = self._signals(excitation, HEALTHY.vector[np.newaxis], AVERAGED)[0]
         if np.ptp(healthy["position_rad"]) <= LEAST_MOTION * np.ptp(healthy["command_rad"]):
             raise SignalError("the excitation does not move the actuator; give it more amplitude or time")
         problem = Problem(
@@ -101,7 +101,7 @@ class TestSetup:
             AVERAGED,
             driving,
             driving.inputs(AVERAGED.step_for(self.actuator)),
-            Initial(),
+            self._start(excitation),
             {name: healthy[name] for name in ("command_rad", *self.channels)},
             self.channels,
             workers=self.workers,
@@ -116,7 +116,7 @@ class TestSetup:
         fault vector has the same noise under every excitation.
         """
         recordings = []
-        for i, exact in enumerate(self._signals(self._driving(excitation), faults, self.truth)):
+        for i, exact in enumerate(self._signals(excitation, faults, self.truth)):
             kept = {name: exact[name] for name in ("time_s", "command_rad", *self.channels)}
             others = self._full_scales(exact)
             recordings.append(
@@ -150,11 +150,15 @@ class TestSetup:
             excitation.command, 0.0, samples, 1 / self.sample_rate, self.actuator.channels.sampling
         )
 
-    def _signals(self, driving: DrivingSignals, faults: Array, model: Model) -> list[dict[str, Array]]:
+    def _start(self, excitation: Excitation) -> Initial:
+        return Initial(excitation.rests_at / self.actuator.mechanics.gear_ratio)
+
+    def _signals(self, excitation: Excitation, faults: Array, model: Model) -> list[dict[str, Array]]:
         """Return every observable channel, noise-free, for each of `faults` (n, 8)."""
-        inputs = driving.inputs(model.step_for(self.actuator))
+        inputs = self._driving(excitation).inputs(model.step_for(self.actuator))
         given = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command)}
-        exact = observe_batch(model, Plant.of(self.actuator, faults), inputs, workers=self.workers)
+        plant, start = Plant.of(self.actuator, faults), self._start(excitation)
+        exact = observe_batch(model, plant, inputs, start, workers=self.workers)
         signals = all_as_described(exact, OBSERVABLE, self.actuator, inputs.interval)
         return [given | dict(zip(OBSERVABLE, one, strict=True)) for one in signals]
 

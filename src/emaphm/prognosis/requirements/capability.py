@@ -189,8 +189,7 @@ def _run(
 
     A manoeuvre starts at 0, or in the middle of the travel where an end stop is nearer than its amplitude.
     """
-    low, high = actuator.mechanics.end_stops or (-np.inf, np.inf)
-    start = 0.0 if requirement.amplitude <= min(-low, high) else (low + high) / 2
+    start = actuator.mechanics.centre_for(requirement.amplitude)
     inputs = Inputs.of(
         lambda times: start + command(times),
         requirement.load,

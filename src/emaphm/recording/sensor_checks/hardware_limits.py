@@ -3,7 +3,7 @@
 from emaphm.actuator import Actuator
 
 NEAR = 0.03
-"""Distance from a limit, of the limit, within which a value is held there."""
+"""Distance from a limit, of the limit, within which a value is held there; of the travel from an end stop."""
 
 NEAR_SUPPLY = 0.8
 """Share of the supply from which on a voltage is all that there is: a source may give less than described."""
@@ -11,9 +11,12 @@ NEAR_SUPPLY = 0.8
 
 def is_hardware_limit(level: float, channel: str, actuator: Actuator) -> bool:
     """Return whether the hardware of `actuator` may itself hold a channel at `level`."""
-    controller, stops, electrical = actuator.controller, actuator.mechanics.end_stops, actuator.electrical
+    controller, electrical = actuator.controller, actuator.electrical
+    if channel == "position_rad":
+        return _is_end_stop(level, actuator)
+    if channel == "angle_rad":
+        return _is_end_stop(level * actuator.mechanics.gear_ratio, actuator)
     limits = {
-        "position_rad": [*map(abs, stops)] if stops else [],
         "speed_rad_s": [controller.speed_limit] if controller.speed_limit else [],
         "duty": [1.0],
         "supply_V": [abs(level)],
@@ -23,3 +26,11 @@ def is_hardware_limit(level: float, channel: str, actuator: Actuator) -> bool:
     if channel.startswith("voltage") and electrical is not None:
         return abs(level) > NEAR_SUPPLY * electrical.supply
     return any(abs(abs(level) / limit - 1) < NEAR for limit in limits if limit > 0)
+
+
+def _is_end_stop(position: float, actuator: Actuator) -> bool:
+    """Return whether the user may stand at `position` [rad; m if linear] because a stop holds it."""
+    stops = actuator.mechanics.end_stops
+    if stops is None:
+        return False
+    return any(abs(position - stop) < NEAR * (stops[1] - stops[0]) for stop in stops)
