@@ -5,21 +5,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from emaphm.cli.manoeuvre import Manoeuvre
 from emaphm.cli.options import (
     FIGURES,
-    About,
     ActuatorFile,
-    Amplitude,
     AsJson,
-    CommandName,
-    Duration,
     Force,
-    Frequency,
-    SampleRate,
     Seed,
     check_output,
     check_seed,
-    command_named,
     described_actuator,
     names_in,
     whole_number,
@@ -34,11 +28,7 @@ MOST_CANDIDATES, MOST_TESTS = 10_000, 1_000
 def design(
     *,
     actuator: ActuatorFile = "thesis",
-    command: CommandName = "chirp",
-    amplitude: Amplitude = None,
-    frequency: Frequency = None,
-    about: About = None,
-    duration: Duration = 0.5,
+    manoeuvre: Manoeuvre = Manoeuvre(),  # noqa: B008 - frozen
     max_amplitude: Annotated[
         float | None,
         Parameter(help="Largest command of a better one, at the user [rad]; as given if left out."),
@@ -57,7 +47,6 @@ def design(
         ),
     ] = "current",
     noise: Annotated[float, Parameter(help="Noise of the current's sensor, rms [A].")] = 0.05,
-    sample_rate: SampleRate = 5000.0,
     candidates: Annotated[
         int,
         Parameter(
@@ -94,7 +83,7 @@ def design(
     check_output(out, (".csv",), force=force)
     check_output(figure, FIGURES, force=force)
     described = described_actuator(actuator)
-    _check_size(sample_rate * max(duration, max_duration or 0.0), candidates, tests)
+    _check_size(manoeuvre.sample_rate * max(manoeuvre.duration, max_duration or 0.0), candidates, tests)
     if noise > described.controller.current_limit:
         raise SignalError(
             f"--noise {noise:g} A exceeds the current limit of {described.controller.current_limit:g} A; "
@@ -103,15 +92,15 @@ def design(
     with progress("designing", as_json) as advance:
         result = plan(
             described,
-            command_named(command, amplitude, frequency, about, duration, sample_rate, described.mechanics),
-            duration=duration,
-            initial_position=about,
+            manoeuvre.command_for(described),
+            duration=manoeuvre.duration,
+            initial_position=manoeuvre.about,
             max_amplitude=max_amplitude,
             max_frequency=max_frequency,
             max_duration=max_duration,
             channels=names_in(channels),
             noise=noise,
-            sample_rate=sample_rate,
+            sample_rate=manoeuvre.sample_rate,
             candidates=candidates,
             tests=tests,
             seed=seed,

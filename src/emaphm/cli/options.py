@@ -1,21 +1,18 @@
 """What several verbs take: the options, and how their text becomes objects."""
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from emaphm.cli.output import say
 from emaphm.errors import ExecutionError, FaultError, MethodError, RecordingError, SignalError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from cyclopts import Token
 
-    from emaphm.actuator import Actuator, Command, Faults, Load, Sampled
-    from emaphm.actuator.parameters import Mechanics
+    from emaphm.actuator import Actuator, Faults, Load, Sampled
 
 
 def whole_number(_: Any, tokens: "Sequence[Token]") -> int:
@@ -74,40 +71,7 @@ KnownList = Annotated[
 ]
 FigureFile = Annotated[Path | None, Parameter(help="Draw measured against model: .png, .svg or .pdf.")]
 
-CommandName = Annotated[
-    str,
-    Parameter(
-        help="chirp, decaying-chirp, step (after a tenth of the duration), ramp, sine, or a file with time_s "
-        "and command_rad."
-    ),
-]
-Amplitude = Annotated[
-    float | None, Parameter(help="Of a command by name, at the user [rad]; 0.005 if left out.")
-]
-About = Annotated[
-    float | None,
-    Parameter(
-        help="Where the shaft rests first, at the user [rad]; a command by name is counted from there. 0 if "
-        "left out, or for a command by name the middle of the travel, where an end stop is nearer than its "
-        "amplitude."
-    ),
-]
-Frequency = Annotated[
-    float | None, Parameter(help="Of the sine, or the last of a chirp [Hz]; 4 and 15 if left out.")
-]
-Duration = Annotated[float, Parameter(help="Of the recording [s].")]
-SampleRate = Annotated[float, Parameter(help="Rows a second [Hz].")]
-
 FIGURES = (".png", ".svg", ".pdf")
-
-AMPLITUDE = 5e-3
-"""Of a command by name [rad]."""
-
-REST_BEFORE_STEP = 0.1
-"""Share of the duration after which a step by name begins: without a rest its rows would be all the same."""
-
-FREQUENCIES = {"chirp": 15.0, "decaying-chirp": 15.0, "sine": 4.0}
-"""Of the commands that have one: of the sine, and the last of a chirp [Hz]."""
 
 CLOSE = 0.85
 """Likeness of a name to a channel's from which on it is taken for a slip."""
@@ -214,69 +178,6 @@ def fault_vector(assignments: tuple[str, ...]) -> "Faults":
     return Faults.from_mapping(values)
 
 
-def command_named(
-    name: str,
-    amplitude: float | None,
-    frequency: float | None,
-    about: float | None,
-    duration: float,
-    sample_rate: float,
-    mechanics: "Mechanics",
-) -> "Command":
-    """Return the command that --command and its companions describe, with room between the end stops."""
-    from emaphm import actuator
-
-    if not duration > 0:
-        raise SignalError(f"--duration {duration:g}: give more than 0 s")
-    if not all(math.isfinite(value or 0.0) for value in (amplitude, frequency, about)):
-        raise SignalError(
-            f"the command is not finite with --amplitude {amplitude}, --frequency {frequency}, --about "
-            f"{about}; give numbers"
-        )
-    if frequency is not None and name not in FREQUENCIES:
-        raise SignalError(f"--frequency is of {', '.join(FREQUENCIES)}; leave it out with '{name}'")
-    by_name = amplitude is not None
-    if frequency is None:
-        frequency = FREQUENCIES.get(name, 0.0)
-    if abs(frequency) > sample_rate / 2 > 0:
-        raise SignalError(
-            f"--frequency {frequency:g} Hz is above half of the {sample_rate:g} rows a second, which would "
-            "show another motion; give a lower one, or a higher --sample-rate"
-        )
-    amplitude = AMPLITUDE if amplitude is None else amplitude
-    centre = mechanics.centre_for(abs(amplitude)) if about is None else about
-    makers: dict[str, Callable[[], Command]] = {
-        "chirp": lambda: actuator.Chirp(amplitude, stop_hz=frequency, duration=duration, about=centre),
-        "decaying-chirp": lambda: actuator.DecayingChirp(
-            amplitude, stop_hz=frequency, duration=duration, about=centre
-        ),
-        "step": lambda: actuator.Step(amplitude, REST_BEFORE_STEP * duration, centre),
-        "ramp": lambda: actuator.Ramp(amplitude / duration, about=centre),
-        "sine": lambda: actuator.Sine(amplitude, frequency, centre),
-    }
-    if name in makers:
-        return makers[name]()
-    if not Path(name).suffix:
-        raise SignalError(
-            f"unknown command '{name}' (known: {', '.join(makers)}); or give a file such as command.csv"
-        )
-    if by_name:
-        raise SignalError(f"--amplitude is of {', '.join(makers)}; leave it out with a file")
-    signal = _signal(name, "command_rad", duration)
-    _say_of_jump(signal, name, 0.0 if about is None else about)
-    return signal
-
-
-def _say_of_jump(command: "Sampled", path: str, start: float) -> None:
-    """Say where a command from a file begins elsewhere than the shaft, by more than it covers itself."""
-    first = float(command.values[0])
-    if abs(first - start) > float(command.values.max() - command.values.min()):
-        say(
-            f"{path}: the command begins at {first:g}, the shaft at {start:g}: it jumps there. With --about "
-            f"{first:g} it would rest there"
-        )
-
-
 def load_named(value: str, duration: float) -> "Load":
     """Return the load that --load gives: a number, or a file."""
     try:
@@ -284,10 +185,11 @@ def load_named(value: str, duration: float) -> "Load":
     except ValueError:
         if not Path(value).suffix:
             raise SignalError(f"--load {value} is neither a number nor a file; give e.g. 0.05") from None
-        return _signal(value, "load_Nm", duration)
+        return signal_in(value, "load_Nm", duration)
 
 
-def _signal(path: str, name: str, duration: float) -> "Sampled":
+def signal_in(path: str, name: str, duration: float) -> "Sampled":
+    """Return the signal `name` in a file, which must have rows within the `duration` [s] of a simulation."""
     from emaphm.recording import read_signal
 
     signal = read_signal(path, name)

@@ -9,23 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from emaphm.cli.interruption import going_on
+from emaphm.cli.manoeuvre import Manoeuvre
 from emaphm.cli.options import (
-    About,
     ActuatorFile,
-    Amplitude,
     AsJson,
-    CommandName,
-    Duration,
     Force,
-    Frequency,
-    SampleRate,
     Scheduler,
     Seed,
     Workers,
     check_output,
     check_seed,
     check_workers,
-    command_named,
     described_actuator,
     names_in,
     whole_number,
@@ -46,12 +40,7 @@ def train(
     *,
     out: Annotated[Path, Parameter(name=("--out", "-o"), help=f"Estimator to write: {ENDING}.")],
     actuator: ActuatorFile = "thesis",
-    command: CommandName = "chirp",
-    amplitude: Amplitude = None,
-    frequency: Frequency = None,
-    about: About = None,
-    duration: Duration = 0.5,
-    sample_rate: SampleRate = 5000.0,
+    manoeuvre: Manoeuvre = Manoeuvre(),  # noqa: B008 - frozen
     channels: Annotated[
         str,
         Parameter(
@@ -106,13 +95,13 @@ def train(
     from emaphm.amortized.train import train_estimator
 
     settings = _training_settings(epochs)
-    driven = command_named(command, amplitude, frequency, about, duration, sample_rate, described.mechanics)
+    driven = manoeuvre.command_for(described)
     setup = RecordingSetup.of(
         described,
         driven,
-        duration=duration,
-        sample_rate=sample_rate,
-        initial_position=about,
+        duration=manoeuvre.duration,
+        sample_rate=manoeuvre.sample_rate,
+        initial_position=manoeuvre.about,
         channels=names_in(channels),
         noise=noise,
         adc_bits=_bits(adc_bits),

@@ -9,23 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from emaphm.cli.detect import healthy_check
+from emaphm.cli.manoeuvre import Manoeuvre
 from emaphm.cli.options import (
     FIGURES,
-    About,
     ActuatorFile,
-    Amplitude,
     AsJson,
     By,
-    CommandName,
-    Duration,
     FaultList,
     FigureFile,
     Force,
-    Frequency,
     KnownList,
     RecordingFile,
     RecordingsAt,
-    SampleRate,
     Scheduler,
     Seed,
     Workers,
@@ -33,7 +28,6 @@ from emaphm.cli.options import (
     check_output,
     check_seed,
     check_workers,
-    command_named,
     described_actuator,
     fault_vector,
     load_named,
@@ -71,17 +65,12 @@ def simulate(
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Recording to write: .csv or .parquet.")],
     *,
     model: Annotated[str, Parameter(help="reference, monitor or averaged.")] = "reference",
-    command: CommandName = "chirp",
-    amplitude: Amplitude = None,
-    frequency: Frequency = None,
-    about: About = None,
+    manoeuvre: Manoeuvre = Manoeuvre(),  # noqa: B008 - frozen
     fault: FaultList = (),
     noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.0,
     adc_bits: Annotated[
         int | None, Parameter(converter=whole_number, help="Resolution of the sensors' converters.")
     ] = None,
-    duration: Duration = 0.5,
-    sample_rate: SampleRate = 5000.0,
     load: Annotated[
         str, Parameter(help="At the motor [N·m]: a number, or a file with time_s and load_Nm.")
     ] = "0",
@@ -102,20 +91,20 @@ def simulate(
     if not 0 <= noise < math.inf:
         raise SignalError(f"--noise {noise:g} is no rms; give 0 or more")
     described, faults = described_actuator(actuator), fault_vector(fault)
-    driven = command_named(command, amplitude, frequency, about, duration, sample_rate, described.mechanics)
+    driven = manoeuvre.command_for(described)
     with progress("simulating", as_json):
         recording = simulated_recording.simulate(
             described,
             driven,
             faults=faults,
             model=model,
-            duration=duration,
-            sample_rate=sample_rate,
-            load=load_named(load, duration),
+            duration=manoeuvre.duration,
+            sample_rate=manoeuvre.sample_rate,
+            load=load_named(load, manoeuvre.duration),
             noise=noise,
             adc_bits=adc_bits,
             sampling=described.channels.sampling,
-            initial_position=about,
+            initial_position=manoeuvre.about,
             seed=seed,
         )
     write_recording(recording, out, force=force)

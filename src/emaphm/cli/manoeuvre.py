@@ -1,0 +1,128 @@
+"""The options of a manoeuvre: a command by name or from a file, its duration, and the rows a second."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from emaphm.cli.options import signal_in
+from emaphm.cli.output import say
+from emaphm.errors import SignalError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from emaphm.actuator import Actuator, Command, Sampled
+
+AMPLITUDE = 5e-3
+"""Of a command by name [rad]."""
+
+REST_BEFORE_STEP = 0.1
+"""Share of the duration after which a step by name begins: without a rest its rows would be all the same."""
+
+FREQUENCIES = {"chirp": 15.0, "decaying-chirp": 15.0, "sine": 4.0}
+"""Of the commands that have one: of the sine, and the last of a chirp [Hz]."""
+
+BY_NAME = ("chirp", "decaying-chirp", "step", "ramp", "sine")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Manoeuvre:
+    """What `simulate`, `design` and `train` are told of the manoeuvre."""
+
+    command: Annotated[
+        str,
+        Parameter(
+            help="chirp, decaying-chirp, step (after a tenth of the duration), ramp, sine, or a file with "
+            "time_s and command_rad."
+        ),
+    ] = "chirp"
+    amplitude: Annotated[
+        float | None, Parameter(help="Of a command by name, at the user [rad]; 0.005 if left out.")
+    ] = None
+    frequency: Annotated[
+        float | None, Parameter(help="Of the sine, or the last of a chirp [Hz]; 4 and 15 if left out.")
+    ] = None
+    about: Annotated[
+        float | None,
+        Parameter(
+            help="Where the shaft rests first, at the user [rad]; a command by name is counted from there. "
+            "0 if left out, or for a command by name the middle of the travel, where an end stop is nearer "
+            "than its amplitude."
+        ),
+    ] = None
+    duration: Annotated[float, Parameter(help="Of the recording [s].")] = 0.5
+    sample_rate: Annotated[float, Parameter(help="Rows a second [Hz].")] = 5000.0
+
+    def command_for(self, actuator: "Actuator") -> "Command":
+        """Return the command, with room between the end stops of `actuator`.
+
+        Raises
+        ------
+        SignalError
+            It is unknown, not finite, or what the options say of it does not fit together.
+        """
+        self._check()
+        if self.command in BY_NAME:
+            return self._by_name(actuator)
+        if not Path(self.command).suffix:
+            raise SignalError(
+                f"unknown command '{self.command}' (known: {', '.join(BY_NAME)}); or give a file such as "
+                "command.csv"
+            )
+        if self.amplitude is not None:
+            raise SignalError(f"--amplitude is of {', '.join(BY_NAME)}; leave it out with a file")
+        signal = signal_in(self.command, "command_rad", self.duration)
+        self._say_of_jump(signal)
+        return signal
+
+    def _check(self) -> None:
+        if not self.duration > 0:
+            raise SignalError(f"--duration {self.duration:g}: give more than 0 s")
+        if not all(math.isfinite(value or 0.0) for value in (self.amplitude, self.frequency, self.about)):
+            raise SignalError(
+                f"the command is not finite with --amplitude {self.amplitude}, --frequency {self.frequency}, "
+                f"--about {self.about}; give numbers"
+            )
+        if self.frequency is not None and self.command not in FREQUENCIES:
+            raise SignalError(
+                f"--frequency is of {', '.join(FREQUENCIES)}; leave it out with '{self.command}'"
+            )
+        if abs(self._highest_hz) > self.sample_rate / 2 > 0:
+            raise SignalError(
+                f"--frequency {self._highest_hz:g} Hz is above half of the {self.sample_rate:g} rows a "
+                "second, which would show another motion; give a lower one, or a higher --sample-rate"
+            )
+
+    @property
+    def _highest_hz(self) -> float:
+        return FREQUENCIES.get(self.command, 0.0) if self.frequency is None else self.frequency
+
+    def _by_name(self, actuator: "Actuator") -> "Command":
+        from emaphm.actuator import Chirp, DecayingChirp, Ramp, Sine, Step
+
+        amplitude = AMPLITUDE if self.amplitude is None else self.amplitude
+        duration, highest = self.duration, self._highest_hz
+        about = actuator.mechanics.centre_for(abs(amplitude)) if self.about is None else self.about
+        makers: dict[str, Callable[[], Command]] = {
+            "chirp": lambda: Chirp(amplitude, stop_hz=highest, duration=duration, about=about),
+            "decaying-chirp": lambda: DecayingChirp(
+                amplitude, stop_hz=highest, duration=duration, about=about
+            ),
+            "step": lambda: Step(amplitude, REST_BEFORE_STEP * duration, about),
+            "ramp": lambda: Ramp(amplitude / duration, about=about),
+            "sine": lambda: Sine(amplitude, highest, about),
+        }
+        return makers[self.command]()
+
+    def _say_of_jump(self, command: "Sampled") -> None:
+        """Say where a command from a file begins elsewhere than the shaft, by more than it covers itself."""
+        first, start = float(command.values[0]), 0.0 if self.about is None else self.about
+        if abs(first - start) > float(command.values.max() - command.values.min()):
+            say(
+                f"{self.command}: the command begins at {first:g}, the shaft at {start:g}: it jumps there. "
+                f"With --about {first:g} it would rest there"
+            )
