@@ -33,9 +33,10 @@ def floats(values: ArrayLike) -> Array:
     raise TypeError("complex; give real numbers")
 
 
-def root_mean_square(values: Array) -> float:
-    """Return the root of the mean square of `values`, of any shape."""
-    return float(np.sqrt(np.mean(values**2)))
+def rms(values: Array) -> float:
+    """Return the root mean square of `values`, of any shape, however small or large they are."""
+    peak = float(np.max(np.abs(values)))
+    return peak * float(np.sqrt(np.mean((values / peak) ** 2))) if peak > 0 else 0.0
 
 
 def runs(true: Flags) -> list[tuple[int, int]]:

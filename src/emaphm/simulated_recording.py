@@ -80,12 +80,12 @@ def simulate(
         The friction is less than the actuator can have (`emaphm.actuator.faults.lower_bounds`).
     MethodError, SignalError, RecordingError
         The model or the sampling is unknown, or the model did not stay finite; a duration, rate or noise is
-        impossible, the command is 0 throughout, the recording would be too short, or it would start beyond
-        the end stops.
+        impossible, the command stays where the shaft rests, the recording would be too short, or it would
+        start beyond the end stops.
     """
     chosen = model_named(model)
     first = rest_position(command) if initial_position is None else initial_position
-    _check_start(actuator, first)
+    actuator.mechanics.check_start(first)
     _check(chosen, duration, sample_rate, noise, adc_bits, controller_noise, seed)
     inputs = Inputs.of(
         command,
@@ -103,6 +103,8 @@ def simulate(
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
     rows = {"time_s": inputs.time_s, "command_rad": _rows(command, inputs), **signals}
+    if np.all(rows["command_rad"] == first):
+        raise RecordingError(f"nothing was commanded: the command is {first:g} throughout; it must move")
     if callable(load) or load:
         rows["load_Nm"] = _rows(load, inputs) if callable(load) else np.full(inputs.samples, float(load))
     exact = Recording(rows, sampling, f"simulated ({model} model)")
@@ -113,15 +115,6 @@ def simulate(
     return acquire(
         exact, noise=dict.fromkeys(currents, noise), adc_bits=adc_bits, full_scale=ranges, seed=seed
     )
-
-
-def _check_start(actuator: Actuator, position: float) -> None:
-    stops = actuator.mechanics.end_stops or (-np.inf, np.inf)
-    if not (np.isfinite(position) and stops[0] <= position <= stops[1]):
-        raise SignalError(
-            f"the shaft would rest at {position:g} first, beyond the end stops {list(stops)}; say where it "
-            "rests (--about, or initial_position in Python)"
-        )
 
 
 def _sensed(signals: dict[str, Array], actuator: Actuator, interval: float, seed: int) -> dict[str, Array]:

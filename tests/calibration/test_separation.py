@@ -70,8 +70,11 @@ def test_advised_manoeuvres_stay_where_the_recorded_one_was() -> None:
     # As far as it went from its start; where a stop is too near for that, within what it covered.
     for stops, size, about in ((None, 0.3, 0.1), ((0.0, 1.0), 0.15, 0.25)):
         found = separation._manoeuvres(recorded_from(0.1, [0.1, 0.4], stops=stops))
-        for name, driving in found.items():
-            assert f"{size:g} rad about {about:g} rad" in name
+        slow, ramp, chirp = found
+        assert f"{size:g} rad about {about:g} rad at" in slow
+        assert f"{size:g} rad about {about:g} rad up to" in chirp
+        assert f"from {about:g} to {about + size:g} rad in 2 s" in ramp
+        for driving in found.values():
             assert driving.command(np.zeros(1)) == pytest.approx(about)
             farthest = np.abs(driving.command(np.linspace(0.0, 2.0, 2001)) - about).max()
             assert farthest == pytest.approx(size, rel=1e-3)

@@ -5,16 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from cases import HEALTHY, THESIS, USUAL
-from emaphm.actuator import Chirp, Faults
+from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.actuator.unit.baseline import Baseline
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.motion import moves_at
-from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
+from emaphm.diagnosis.explanation.reasons import idle_channels, is_drowned, reasons_against, unseen_inertia
 from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
 from emaphm.estimation.global_search.multistart import local_search
 from emaphm.estimation.objective import MapObjective, faults_objective
@@ -27,6 +29,7 @@ from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
+DQ = ("current_d_A", "current_q_A", "voltage_d_V", "voltage_q_V", "angle_rad")
 CHANNELS = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
 WHOLE = simulate(THESIS, Chirp(), model="averaged", noise=0.05, duration=0.3)
 COLUMNS = {name: WHOLE[name] for name in ("time_s", "command_rad", *CHANNELS)}
@@ -62,6 +65,35 @@ def test_what_the_model_made_itself_is_explained() -> None:
 )
 def test_a_spoilt_channel_is_named(name: str, spoilt: Array, said: str) -> None:
     assert said in reasons(at_the_truth({name: spoilt}))
+
+
+@pytest.mark.parametrize("about", [0.0, 0.5])
+@pytest.mark.parametrize("scale", [-1.0, 0.5])
+def test_a_position_that_moves_otherwise_is_named_wherever_the_shaft_is(about: float, scale: float) -> None:
+    whole = simulate(THESIS, Chirp(about=about), model="averaged", noise=0.05, duration=0.3)
+    columns = {name: whole[name] for name in ("command_rad", *CHANNELS)}
+    assert reasons(at_the_truth(columns)) == ""
+    shown = columns | {"position_rad": about + scale * (whole["position_rad"] - about)}
+    assert "position_rad: the model does not resemble it" in reasons(at_the_truth(shown))
+
+
+@given(signal=st.floats(0, 1), seed=st.integers(0, 99))
+def test_noise_may_drown_a_signal_that_the_model_has(signal: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    modelled, noise = signal * rng.normal(size=4000), rng.normal(size=4000)
+    assert is_drowned("current_d_A", modelled + noise, noise)
+    # Noise in which the model's signal is not found again.
+    if signal > 0.2:
+        assert not is_drowned("voltage_V", noise, noise - modelled)
+        assert not is_drowned("voltage_V", noise - modelled, noise - 2 * modelled)
+
+
+def test_a_current_along_the_flux_that_is_held_at_0_may_be_recorded() -> None:
+    pmsm = Actuator.pmsm()
+    whole = simulate(pmsm, Chirp(), faults=Faults(friction=0.3), noise=0.05, adc_bits=12)
+    found = diagnose(Recording({name: whole[name] for name in ("time_s", "command_rad", *DQ)}), pmsm)
+    assert found.explained
+    assert found.components["friction"].verdict == "degraded"
 
 
 def test_a_channel_that_shows_nothing_is_not_ignored_silently() -> None:

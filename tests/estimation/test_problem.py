@@ -194,6 +194,22 @@ def test_a_diagnosis_without_a_current_lists_columns_as_not_used(shorted: Record
 # Where a manoeuvre starts.
 
 
+def test_a_zero_error_of_the_position_does_not_start_beyond_an_end_stop() -> None:
+    mechanics = THESIS.mechanics.model_copy(update={"end_stops": (0.0, 1.0)})
+    retracted = THESIS.model_copy(update={"mechanics": mechanics})
+
+    def out(t: Array) -> Array:
+        return 2.5e-3 * (1 - np.cos(12 * np.pi * t))
+
+    whole = simulate(retracted, out, model="averaged", noise=0.05, adc_bits=14)
+    columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
+    shown = Recording(columns | {"position_rad": whole["position_rad"] - 1e-3})
+    assert Problem.of(shown, retracted).start.angle == 0
+    wrong = Recording(columns | {"position_rad": whole["position_rad"] - 0.05})
+    with pytest.raises(MethodError, match=r"starts at -0.0\d+, beyond the actuator's end stops"):
+        Problem.of(wrong, retracted).signals(HEALTHY)
+
+
 def test_at_rest_on_the_command() -> None:
     rest = np.full(ROWS, 1e-3)
     found = initial_state(recorded(position_rad=rest, speed_rad_s=0 * rest, angle_rad=rest / RATIO), THESIS)

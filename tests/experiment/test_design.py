@@ -374,6 +374,14 @@ def test_a_test_of_a_retracted_actuator_is_planned_in_the_middle_of_its_travel()
         assert mine.excitation.rests_at == middle
         assert mine.excitation.amplitude == pytest.approx(other.excitation.amplitude)
         assert mine.predicted.half_widths == pytest.approx(other.predicted.half_widths, rel=0.05)
+    # All of the travel, which rounding must not refuse; and a command that is counted from elsewhere.
+    assert design(retracted, Sine(middle, 2.0, middle), candidates=0, tests=0, duration=1.0)
+    apart = design(THESIS, Chirp(about=0.1), initial_position=0.102, candidates=0, tests=0).given.excitation
+    assert apart.amplitude == pytest.approx(7e-3)
+    assert (
+        apart.words("rotary") == "chirp of 0.005 rad, 0 to 15 Hz about 0.1 rad, 0.5 s, from rest at 0.102 rad"
+    )
+    assert apart.to_dict().items() >= {"about": 0.1, "initial_position": 0.102}.items()
     with pytest.raises(EmaphmError, match=r"give 0\.251327 or less$"):
         design(retracted, candidates=4, tests=4, max_amplitude=0.3)
     with pytest.raises(EmaphmError, match=r"give 0\.1 or less, or start in the middle \(--about 0\.251327\)"):

@@ -255,6 +255,17 @@ def test_an_end_stop_that_holds_the_shaft_is_no_clipped_sensor() -> None:
         assert not check_sensors(Recording({name: pushed[name] for name in names}), retracted).findings
 
 
+@pytest.mark.parametrize("stops", [(-0.5236, 0.5236), (0.0, 0.51)])
+def test_a_position_that_is_cut_off_near_a_stop_is_found(stops: tuple[float, float]) -> None:
+    mechanics = THESIS.mechanics.model_copy(update={"end_stops": stops})
+    machine = THESIS.model_copy(update={"mechanics": mechanics})
+    moved = simulate(machine, Chirp(about=0.49), noise=0.05, adc_bits=16)
+    columns = {name: moved[name] for name in LINE}
+    columns["position_rad"] = np.minimum(columns["position_rad"], 0.493)
+    (found,) = check_sensors(Recording(columns), machine).findings
+    assert (found.channel, found.kind) == ("position_rad", "clipped")
+
+
 def test_the_hardware_holds_a_channel_at_its_own_limits() -> None:
     command = np.sin(2 * np.pi * np.arange(1000) / 200)
     speed = 2 * THESIS.controller.speed_limit * command if THESIS.controller.speed_limit else command

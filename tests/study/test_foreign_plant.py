@@ -89,6 +89,17 @@ def test_with_its_commutation_it_is_the_reference_model_with_these_laws(
     assert_same_but_for_rounding(ours, theirs)
 
 
+def test_it_starts_where_the_command_is_counted_from() -> None:
+    # Whole turns of the motor out, so that the phases are where they are at 0.
+    about = 20 * 2 * np.pi * THESIS.mechanics.gear_ratio
+    there, here = (
+        simulate(THESIS, Chirp(duration=0.05, about=start), Features(), faults=MIXED, duration=0.05)
+        for start in (about, 0.0)
+    )
+    np.testing.assert_allclose(there["position_rad"] - about, here["position_rad"], rtol=0, atol=1e-6)
+    assert np.abs(there["current_A"]).max() == pytest.approx(np.abs(here["current_A"]).max(), rel=0.1)
+
+
 @pytest.mark.parametrize("rate", [1e3, 3e3, 2e4])
 def test_it_is_sampled_as_the_reference_model_is(rate: float) -> None:
     options: dict[str, Any] = {"faults": MIXED, "duration": 0.05, "sample_rate": rate}

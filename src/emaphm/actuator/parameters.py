@@ -4,13 +4,14 @@ Symbols and values follow the thesis (Tab. 3.1). A linear actuator uses the same
 in place of rad, N·m, kg·m²; everything mechanical is referred to the motor shaft.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from emaphm.actuator.quantity import quantity
-from emaphm.errors import ActuatorError, nearest
+from emaphm.errors import ActuatorError, SignalError, nearest
 
 THESIS = "thesis Tab. 3.1"
 CHOSEN = "chosen, not in the thesis"
@@ -276,16 +277,30 @@ class Mechanics(Section):
 
     def encloses(self, lowest: float, highest: float) -> bool:
         """Return whether the travel holds `lowest` to `highest` [rad at the user; m if linear]."""
-        return self.end_stops is None or (self.end_stops[0] <= lowest and highest <= self.end_stops[1])
+        if self.end_stops is None:
+            return True
+        low, high = self.end_stops
+        rounding = 1e-9 * (high - low)
+        return low - rounding <= lowest and highest <= high + rounding
 
-    def centre_for(self, amplitude: float) -> float:
-        """Return about which position a manoeuvre of `amplitude` [rad at the user; m if linear] has room.
+    def start_for(self, lowest: float, highest: float) -> float:
+        """Return where a manoeuvre should start that goes from `lowest` to `highest`, counted from there.
 
-        0, or the middle of the travel where an end stop is nearer to 0 than that.
+        All in rad at the user, m if linear. At 0, or where an end stop is too near to 0, such that the
+        manoeuvre is in the middle of the travel.
         """
-        if self.end_stops is None or self.encloses(-amplitude, amplitude):
+        if self.end_stops is None or self.encloses(lowest, highest):
             return 0.0
-        return (self.end_stops[0] + self.end_stops[1]) / 2
+        return (sum(self.end_stops) - lowest - highest) / 2
+
+    def check_start(self, position: float) -> None:
+        """Refuse a `position` [rad at the user; m if linear] where no shaft can rest, with `SignalError`."""
+        if not (math.isfinite(position) and self.encloses(position, position)):
+            stops = list(self.end_stops or ())
+            raise SignalError(
+                f"the shaft would rest at {position:g} first, beyond the end stops {stops}; say where it "
+                "rests (--about, or initial_position in Python)"
+            )
 
 
 class FaultScales(Section):

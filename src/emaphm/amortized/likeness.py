@@ -25,6 +25,7 @@ from emaphm.amortized.estimator import Estimator, Limits
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import noise_rms
 from emaphm.arrays import Array
+from emaphm.estimation.signal_size import row_sizes
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def predictive_ratios(setup: RecordingSetup, comparison: Comparison) -> Array:
     rows, runs = comparison.rows, comparison.runs
     residual = np.mean((rows - runs[:, 0]) ** 2, axis=-1)
     variance = np.mean((runs[:, 1:] - runs[:, :1]) ** 2, axis=(1, 3))
-    expected = variance + noise_rms(setup) ** 2 + LIKENESS.model**2 * np.mean(rows**2, axis=-1)
+    expected = variance + noise_rms(setup) ** 2 + LIKENESS.model**2 * row_sizes(setup.channels, rows) ** 2
     return np.asarray(np.sqrt(residual / np.maximum(expected, np.finfo(np.float32).tiny)), float)
 
 

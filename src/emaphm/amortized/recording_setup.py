@@ -266,9 +266,10 @@ def rows_of(recording: Mapping[str, Array] | Recording, channels: Sequence[str])
 
 
 def _check_stops(actuator: Actuator, rows: Recording) -> None:
-    stops, command = actuator.mechanics.end_stops, np.asarray(rows["command_rad"])
-    if stops is not None and not stops[0] <= command.min() <= command.max() <= stops[1]:
+    command = np.asarray(rows["command_rad"])
+    stops = list(actuator.mechanics.end_stops or ())
+    if not actuator.mechanics.encloses(float(command.min()), float(command.max())):
         raise MethodError(
             f"the command goes from {command.min():.4g} to {command.max():.4g}, beyond the end stops "
-            f"{list(stops)}: give a smaller --amplitude, another place (--about), or another --command"
+            f"{stops}: give a smaller --amplitude, another place (--about), or another --command"
         )

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.arrays import Array
+from emaphm.arrays import Array, rms
 from emaphm.diagnosis.explanation.reasons import EXPLAINED
 from emaphm.diagnosis.explanation.unexplained import unexplained_scores
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.joint.correction import JointEstimate
-from emaphm.estimation.problem import rms
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 
 BY_CHANCE = 4.0

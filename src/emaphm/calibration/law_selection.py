@@ -18,7 +18,7 @@ import numpy as np
 from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS, Law
-from emaphm.arrays import Array
+from emaphm.arrays import Array, rms
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import joint_objective
 from emaphm.calibration.held_out import folds, left_out_residual, subset
@@ -29,7 +29,7 @@ from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.joint.search import DESCENT, settle
 from emaphm.estimation.levenberg_marquardt import descend
 from emaphm.estimation.objective import LEAST_RESIDUAL
-from emaphm.estimation.problem import rms
+from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.optimizers import space_filling
 from emaphm.progress import Progress
@@ -296,7 +296,7 @@ def _log_error(term: RecordingTerm, residual: Array) -> float:
     objective, problem = term.objective, term.objective.problem
     by_channel = residual[: objective.channel_rows].reshape(len(problem.channels), -1)
     errors = [
-        rms(one) / (weight * rms(problem.measured[name]))
+        rms(one) / (weight * signal_size(name, problem.measured[name]))
         for name, one, weight in zip(problem.channels, by_channel, problem.weights, strict=True)
     ]
     return float(np.mean(np.log(np.maximum(errors, LEAST_RESIDUAL))))

@@ -13,8 +13,9 @@ from emaphm.calibration.unit_fit import UnitFit
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.joint.objective import JointObjective
-from emaphm.estimation.problem import Problem, comparable_channels, rms
+from emaphm.estimation.problem import Problem, comparable_channels
 from emaphm.estimation.search_result import DEFAULT_SCATTER
+from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.space.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.space.parameter_variation import sizes
 from emaphm.estimation.uncertainty.collinearity import collinear_coordinates, listed, resolving_channels
@@ -165,7 +166,10 @@ def _manoeuvre_information(fit: UnitFit, seed: int) -> dict[str, Array]:
         jacobians = replicated_jacobians(signals, point, space, JACOBIAN_STEP, REPLICATES, rng)
         level = np.split(signals(point[np.newaxis])[0], len(channels))
         parts = np.split(jacobians, len(channels), axis=2)
-        by_channel = [signal_information(j, rms(one)) for j, one in zip(parts, level, strict=True)]
+        by_channel = [
+            signal_information(part, signal_size(*one))
+            for part, one in zip(parts, zip(channels, level, strict=True), strict=True)
+        ]
         total = np.sum(by_channel, axis=0)
         own, added = term.own, np.zeros_like(fit.uncertainty.covariance)
         priors = space.prior_deviations[:own]
@@ -183,12 +187,15 @@ def _manoeuvres(joint: JointObjective) -> dict[str, DrivingSignals]:
     duration = min(max(one.duration_s for one in problems), LONGEST_S)
     interval = min(one.inputs.interval for one in problems)
     unit = unit_for("rad", problems[0].actuator.coordinates)
-    size = f"{amplitude:.3g} {unit}"
+    size, reached = f"{amplitude:.3g} {unit}", f"to {amplitude:.3g} {unit}"
     if abs(about) > WORTH_SAYING * amplitude:
-        size += f" about {about:.3g} {unit}"
+        size, reached = (
+            f"{size} about {about:.3g} {unit}",
+            f"from {about:.3g} to {about + amplitude:.3g} {unit}",
+        )
     commands: dict[str, Command] = {
         f"a slow sine of {size} at {1 / duration:.3g} Hz": Sine(amplitude, 1 / duration, about),
-        f"a ramp to {size} in {duration:.3g} s": Ramp(amplitude / duration, about=about),
+        f"a ramp {reached} in {duration:.3g} s": Ramp(amplitude / duration, about=about),
         f"a chirp of {size} up to {20 / duration:.3g} Hz": Chirp(
             amplitude, stop_hz=20 / duration, duration=duration, about=about
         ),

@@ -27,6 +27,12 @@ FREQUENCIES = {"chirp": 15.0, "decaying-chirp": 15.0, "sine": 4.0}
 
 BY_NAME = ("chirp", "decaying-chirp", "step", "ramp", "sine")
 
+ONE_WAY = ("step", "ramp")
+"""Of these the commands that leave their start to one side only."""
+
+JUMP = 0.05
+"""Distance of a command's first value from the resting shaft, of what it covers, from which it is a jump."""
+
 
 @Parameter(name="*")
 @dataclass(frozen=True)
@@ -50,8 +56,8 @@ class Manoeuvre:
         float | None,
         Parameter(
             help="Where the shaft rests first, at the user [rad]; a command by name is counted from there. "
-            "0 if left out, or for a command by name the middle of the travel, where an end stop is nearer "
-            "than its amplitude."
+            "0 if left out; where an end stop is too near for a command by name, such that the command is in "
+            "the middle of the travel."
         ),
     ] = None
     duration: Annotated[float, Parameter(help="Of the recording [s].")] = 0.5
@@ -106,7 +112,10 @@ class Manoeuvre:
 
         amplitude = AMPLITUDE if self.amplitude is None else self.amplitude
         duration, highest = self.duration, self._highest_hz
-        about = actuator.mechanics.centre_for(abs(amplitude)) if self.about is None else self.about
+        about = self.about
+        if about is None:
+            ways = (0.0, amplitude) if self.command in ONE_WAY else (-amplitude, amplitude)
+            about = actuator.mechanics.start_for(min(ways), max(ways))
         makers: dict[str, Callable[[], Command]] = {
             "chirp": lambda: Chirp(amplitude, stop_hz=highest, duration=duration, about=about),
             "decaying-chirp": lambda: DecayingChirp(
@@ -119,9 +128,9 @@ class Manoeuvre:
         return makers[self.command]()
 
     def _say_of_jump(self, command: "Sampled") -> None:
-        """Say where a command from a file begins elsewhere than the shaft, by more than it covers itself."""
+        """Say where a command from a file begins elsewhere than the shaft rests."""
         first, start = float(command.values[0]), 0.0 if self.about is None else self.about
-        if abs(first - start) > float(command.values.max() - command.values.min()):
+        if abs(first - start) > JUMP * float(command.values.max() - command.values.min()):
             say(
                 f"{self.command}: the command begins at {first:g}, the shaft at {start:g}: it jumps there. "
                 f"With --about {first:g} it would rest there"

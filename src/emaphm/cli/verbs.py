@@ -45,6 +45,10 @@ if TYPE_CHECKING:
     from emaphm.recording import Recording
 
 
+AT_STOP = 1e-3
+"""Distance from an end stop, of the travel, within which a shaft starts there."""
+
+
 def demo(
     *,
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder for the report.")] = Path("demo"),
@@ -108,7 +112,7 @@ def simulate(
             seed=seed,
         )
     write_recording(recording, out, force=force)
-    if beyond := _beyond_stops(recording, described):
+    if beyond := beyond_stops(recording, described):
         say(beyond)
     summary = {
         "recording": str(out),
@@ -125,13 +129,19 @@ def simulate(
     show(summary, f"{recording!r}\nwritten to {out}", as_json)
 
 
-def _beyond_stops(recording: "Recording", actuator: "Actuator") -> str | None:
-    """Return that a simulated command goes past an end stop, which may not be meant, None otherwise."""
-    command, stops = recording["command_rad"], actuator.mechanics.end_stops
-    lowest, highest = float(command.min()), float(command.max())
-    if stops is None or actuator.mechanics.encloses(lowest, highest):
+def beyond_stops(recording: "Recording", actuator: "Actuator") -> str | None:
+    """Return that a simulated shaft was driven into an end stop, which may not be meant, None otherwise."""
+    command, position = recording["command_rad"], recording["position_rad"]
+    lowest, highest, stops = float(command.min()), float(command.max()), actuator.mechanics.end_stops
+    if stops is None:
         return None
-    return f"the command goes from {lowest:g} to {highest:g}; the end stops {list(stops)} hold the shaft"
+    if not actuator.mechanics.encloses(lowest, highest):
+        return f"the command goes from {lowest:g} to {highest:g}; the end stops {list(stops)} hold the shaft"
+    for stop, farthest in zip(stops, (position.min(), position.max()), strict=True):
+        starts_there = abs(position[0] - stop) < AT_STOP * (stops[1] - stops[0])
+        if not stops[0] < farthest < stops[1] and not starts_there:
+            return f"the shaft runs into the end stop at {stop:g}, beyond its command"
+    return None
 
 
 def diagnose(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.arrays import Array, root_mean_square
+from emaphm.arrays import Array, rms
 from emaphm.detection.cycle import Cycle, with_nearest
 from emaphm.detection.drift import drifting_loads
 from emaphm.detection.features import features_of
@@ -108,7 +108,7 @@ def command_difference(command: Array, interval_s: float, cycle: Cycle, settings
     if abs(cycle.command.size / command.size - 1) > settings.rows_tolerance:
         return f"{cycle.command.size} rows, not {command.size}"
     size = float(np.ptp(command)) or float(np.abs(command).max())
-    difference = root_mean_square(cycle.along(command, settings.rows_tolerance).command - command) / size
+    difference = rms(cycle.along(command, settings.rows_tolerance).command - command) / size
     if difference > settings.command_tolerance:
         return f"its command differs by {100 * difference:.3g} % of the range"
     return ""
@@ -160,7 +160,7 @@ def same_load(one: Array, other: Array, largest: float, settings: DetectorSettin
 
     What a load cell's noise makes of them is no difference.
     """
-    difference = root_mean_square(one - other)
+    difference = rms(one - other)
     if difference <= settings.load_tolerance * largest:
         return True
     noise = np.hypot(robust_noise_level(one, 2), robust_noise_level(other, 2))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.arrays import Array
+from emaphm.arrays import Array, rms
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
 from emaphm.diagnosis.explanation.moment import notes_on_moment
@@ -29,7 +29,7 @@ from emaphm.errors import MethodError, RecordingError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
 from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
-from emaphm.estimation.problem import Problem, rms
+from emaphm.estimation.problem import TORQUE_CURRENTS, Problem
 from emaphm.estimation.rows.after_jumps import rows_after_jumps
 from emaphm.estimation.rows.means import masks_of_means, notes_on_means, over_swings
 from emaphm.estimation.search import check_fitness, search
@@ -53,9 +53,6 @@ SAMPLING_SHARE = 0.9
 SEARCH_SHARE = 0.2
 """Part of the rest that the first search fills where deviations from the description are looked for after
 it: about the time that it takes where it does not explain the recording."""
-
-TORQUE_CURRENTS = ("current_A", "current_q_A")
-"""Channels that show a motor's torque: one of them is compared in every diagnosis."""
 
 
 @one_blas_thread()

@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.arrays import root_mean_square
+from emaphm.arrays import rms
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import true_values
+from emaphm.estimation.space.nuisances import usual_deviation
 from emaphm.recording import Recording, reconstructed
 from emaphm.recording.noise import noise_level
 from emaphm.simulation import Initial
@@ -33,7 +34,8 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     """Return where the recorded manoeuvre starts.
 
     The user stands where it was recorded, or on the command where its position was not recorded or
-    differs by no more than the sensor's noise or one of its counts; the backlash gap is centred. Without a
+    differs by no more than the sensor's noise or one of its counts; the backlash gap is centred. A zero error
+    of the sensor may show it beyond an end stop, and it stands at the stop then. Without a
     position the motor's angle stands in for it. Where nothing shows how the shaft moves or stands at first,
     the first rows are not compared (`emaphm.estimation.rows.unknown_start`).
     """
@@ -46,12 +48,21 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
         measured = true_values(recording["position_rad"], "position_rad", actuator)
         first = float(measured[0]) - moved * ratio
         if abs(first - position) > max(SIGNIFICANT * noise_level(measured), visible_count(measured)):
-            position = first
+            position = _within_stops(first, actuator)
     angle = position / ratio
     offset = _rotor_offset(recording, actuator) if "angle_rad" in recording else 0.0
     if "angle_rad" in recording and "position_rad" not in recording:
         angle += float(wrap(recording["angle_rad"][0] - moved - offset - angle))
     return Initial(angle, speed, offset)
+
+
+def _within_stops(position: float, actuator: Actuator) -> float:
+    """Return the end stop for a `position` [rad] beyond it by what a zero error of its sensor explains."""
+    if actuator.mechanics.end_stops is None:
+        return position
+    inside = float(np.clip(position, *actuator.mechanics.end_stops))
+    usual = usual_deviation(actuator, "position_offset")
+    return inside if abs(inside - position) <= SIGNIFICANT * usual else position
 
 
 def _first_time(recording: Recording) -> float:
@@ -81,7 +92,7 @@ def shows_start(recording: Recording, actuator: Actuator) -> bool:
     """Return whether `recording` shows where its motion begins and how fast; a speed alone shows no lag."""
     if not ("position_rad" in recording or ("angle_rad" in recording and "speed_rad_s" in recording)):
         return False
-    usual = root_mean_square(np.diff(recording["command_rad"])) / recording.interval_s
+    usual = rms(np.diff(recording["command_rad"])) / recording.interval_s
     _, error = _speed_and_error(recording, actuator)
     return error <= KNOWN * usual / actuator.mechanics.gear_ratio
 
@@ -109,7 +120,7 @@ def _speed_and_error(recording: Recording, actuator: Actuator) -> tuple[float, f
     value = error = 0.0
     for rows in FIRST_ROWS:
         coefficients, covariance = np.polyfit(time[:rows], column[:rows], 2, cov="unscaled")
-        left = root_mean_square(column[:rows] - np.polyval(coefficients, time[:rows]))
+        left = rms(column[:rows] - np.polyval(coefficients, time[:rows]))
         if rows > FIRST_ROWS[0] and (rows > column.size or left > BY_CHANCE * noise):
             break
         value = float(coefficients[-1 - order])

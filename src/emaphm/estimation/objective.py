@@ -9,9 +9,10 @@ from typing import Self
 
 import numpy as np
 
-from emaphm.arrays import Array
-from emaphm.estimation.problem import Problem, rms
+from emaphm.arrays import Array, rms
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.sensors.sensor_model import described_noise, sensor_error, with_unknown_errors
+from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.space.nuisances import NO_NUISANCES, NuisanceSet
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.space.parameter_variation import ParameterVariation
@@ -24,7 +25,7 @@ CORRELATED_ROWS = 20
 observation against a prior."""
 
 LEAST_RESIDUAL = 1e-4
-"""Least residual of a channel, relative to its rms, that its weight is computed from."""
+"""Least residual of a channel, relative to its size, that its weight is computed from."""
 
 FIRST_RESIDUAL = 0.1
 """Residual of the primary channel assumed before the first search, relative to its rms."""
@@ -65,7 +66,9 @@ class MapObjective:
         shares = [self.problem.compared_share(name) for name in self.problem.channels]
         sizes = np.sqrt(np.mean(by_channel**2, axis=1) / shares) / self.problem.weights
         # A perfect channel would leave the others without weight; no model is right to 0.01 %.
-        measured = np.array([rms(self.problem.measured[name]) for name in self.problem.channels])
+        measured = np.array(
+            [signal_size(name, self.problem.measured[name]) for name in self.problem.channels]
+        )
         # Nor is a residual less than what its sensor is described to add, or its counts leave open.
         noise = np.array(
             [described_noise(name, self.problem.actuator) or 0.0 for name in self.problem.channels]

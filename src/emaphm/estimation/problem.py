@@ -18,6 +18,7 @@ from emaphm.estimation.rows.unknown_start import FROM_REST, UnknownStart, unknow
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
+from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.space.nuisances import NO_NUISANCES
 from emaphm.estimation.uncertainty.model_error import row_errors
 from emaphm.recording import Recording, with_equivalent_current
@@ -29,6 +30,9 @@ from emaphm.simulation.engine.plant import structure_of
 
 SAME_AS = {"current_q_A": "current_A", "voltage_q_V": "voltage_V"}
 """Channels of a field-oriented drive that are the same line value as another."""
+
+TORQUE_CURRENTS = ("current_A", "current_q_A")
+"""The equivalent current, and its name where a field-oriented drive gives it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +142,7 @@ class Problem:
             unknown_start=unknown,
         )
         # To begin with, a residual counts in proportion to its channel.
-        return problem.weighted([rms(recording[name]) for name in problem.channels])
+        return problem.weighted([signal_size(name, recording[name]) for name in problem.channels])
 
     def by(self, model: Model) -> Self:
         """Return the same problem for another model: start, weights and counts are the same."""
@@ -266,12 +270,6 @@ class Problem:
         return {name: as_described(signals[name], name, self.actuator, interval) for name in signals}
 
 
-def rms(values: Array) -> float:
-    """Return the root mean square of `values`, however small or large they are."""
-    peak = float(np.max(np.abs(values)))
-    return peak * float(np.sqrt(np.mean((values / peak) ** 2))) if peak > 0 else 0.0
-
-
 def comparable_channels(actuator: Actuator, model: Model = AVERAGED) -> tuple[str, ...]:
     """Return the channels that a model of `actuator` has to compare: no voltage without its windings.
 
@@ -305,7 +303,7 @@ def compared_channels(recording: Recording, actuator: Actuator, model: Model = A
         )
     varying = [name for name in recorded if name == "current_A" or has_signal(recording, name)]
     chosen = varying or recorded[:1]
-    return tuple(sorted(chosen, key=lambda name: name != "current_A"))
+    return tuple(sorted(chosen, key=lambda name: name not in TORQUE_CURRENTS))
 
 
 def has_signal(recording: Recording, name: str) -> bool:

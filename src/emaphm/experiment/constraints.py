@@ -79,16 +79,18 @@ class Constraints:
                 )
             limits[name] = limit
         found = cls(**limits, about=given.rests_at)
-        size, about = found.amplitude, found.about
-        lowest, highest = (about - size, about + size) if searching else given.range
-        found._check(setup, lowest, highest)
+        setup.actuator.mechanics.check_start(found.about)
+        found._check(setup, *given.range)
+        if searching:
+            found._check(setup, found.about - found.amplitude, found.about + found.amplitude)
         return found
 
     def _check(self, setup: TestSetup, lowest: float, highest: float) -> None:
         """Refuse limits, and commands from `lowest` to `highest`, that actuator or recorder cannot follow."""
-        stops, rate = setup.actuator.mechanics.end_stops, setup.sample_rate
-        if stops and (lowest < stops[0] or highest > stops[1]):
-            raise SignalError(self._beyond(max(self.about - lowest, highest - self.about), stops))
+        mechanics, rate = setup.actuator.mechanics, setup.sample_rate
+        if mechanics.end_stops and not mechanics.encloses(lowest, highest):
+            size = max(self.about - lowest, highest - self.about)
+            raise SignalError(self._beyond(size, mechanics.end_stops))
         if rate / 2 < self.frequency < np.inf:
             raise SignalError(
                 f"{self.frequency:g} Hz cannot be recorded at {rate:g} Hz; give {rate / 2:g} or less"

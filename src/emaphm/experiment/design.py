@@ -96,7 +96,7 @@ def design(
     if not 0 < duration <= LONGEST_S:
         raise SignalError(f"an excitation of {duration:g} s cannot be planned; give up to {LONGEST_S:g} s")
     if command is None:
-        about = actuator.mechanics.centre_for(Chirp().amplitude)
+        about = actuator.mechanics.start_for(-Chirp().amplitude, Chirp().amplitude)
         command = Chirp(duration=duration, about=about)
     given = Excitation(command, duration, initial_position)
     faults = setup.faults(VECTORS, child_seed(seed, "prediction"))

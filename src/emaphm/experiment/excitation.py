@@ -38,7 +38,7 @@ class Excitation:
     def amplitude(self) -> float:
         """The largest distance of the command from where the shaft rests first [rad] at the user."""
         if isinstance(self.command, Chirp | DecayingChirp | Sine | Step):
-            return abs(self.command.amplitude)
+            return abs(self.command.amplitude) + abs(self.command.about - self.rests_at)
         return max(abs(one - self.rests_at) for one in self.range)
 
     @property
@@ -56,7 +56,8 @@ class Excitation:
 
     def words(self, coordinates: str) -> str:
         """Return what the excitation is, in a few words; lengths in the unit of the `coordinates`."""
-        size = f"{self.amplitude:.4g} {unit_for('rad', coordinates)}"
+        unit = unit_for("rad", coordinates)
+        size = f"{getattr(self.command, 'amplitude', self.amplitude):.4g} {unit}"
         if isinstance(self.command, Chirp | DecayingChirp):
             kind = "chirp" if isinstance(self.command, Chirp) else "decaying chirp"
             last = self._last_hz(self.command)
@@ -65,8 +66,10 @@ class Excitation:
             what = f"sine of {size}, {self.command.frequency_hz:.3g} Hz"
         else:
             what = f"{self._kind} of up to {size}"
-        place = f" about {self.rests_at:.4g} {unit_for('rad', coordinates)}" if self.rests_at else ""
-        return f"{what}{place}, {self.duration:.3g} s"
+        about, rest = rest_position(self.command), self.rests_at
+        place = f" about {about:.4g} {unit}" if about else ""
+        start = f", from rest at {rest:.4g} {unit}" if rest != about else ""
+        return f"{what}{place}, {self.duration:.3g} s{start}"
 
     def played(self, coordinates: str) -> str:
         """Return how long the excitation lasts, and where the shaft rests first if not at 0, in words."""
@@ -80,7 +83,7 @@ class Excitation:
         return described | {
             "command": self._kind,
             "amplitude": self.amplitude,
-            "about": self.rests_at,
+            "initial_position": self.rests_at,
             "duration_s": self.duration,
         }
 

@@ -124,7 +124,7 @@ class Design:
             return []
         sentence = (
             "The given command is the same from its first row on: a diagnosis without the position sees no "
-            "motion. Rest at 0 before the step, in a file with time_s and command_rad."
+            "motion. Let it rest before the step, in a file with time_s and command_rad."
         )
         return [sentence]
 

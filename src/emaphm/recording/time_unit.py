@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.arrays import Array, root_mean_square
+from emaphm.arrays import Array, rms
 from emaphm.recording.recording import Recording
 
 SLOW_S = 0.02
@@ -59,7 +59,7 @@ def _speed(recording: Recording, actuator: Actuator) -> str | None:
         return None
     speed = np.diff(_motor_angle(recording, actuator)) / recording.interval_s
     measured = recording["speed_rad_s"][1:]
-    of_motion, of_sensor = root_mean_square(speed), root_mean_square(measured)
+    of_motion, of_sensor = rms(speed), rms(measured)
     if not 0 < SPEED_RATIO * of_motion < of_sensor:
         return None
     # At rest both are noise, of any ratio.
@@ -107,7 +107,7 @@ def _impossible_work(recording: Recording, actuator: Actuator) -> str | None:
     # A command may jump; what has mass does not.
     parts = np.array_split(_motor_angle(recording, actuator), STRETCHES)
     angle = np.array([float(np.mean(part)) for part in parts])
-    speed = root_mean_square(np.diff(angle)) * STRETCHES / recording.duration_s
+    speed = rms(np.diff(angle)) * STRETCHES / recording.duration_s
     energy = actuator.mechanics.inertia * speed**2 / 2
     work = actuator.motor.torque_constant * actuator.controller.current_limit * float(np.ptp(angle))
     if energy < IMPOSSIBLE_WORK * work or not energy:

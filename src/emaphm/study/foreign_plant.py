@@ -16,6 +16,7 @@ import numba
 import numpy as np
 
 from emaphm.actuator import Actuator, Command, Faults
+from emaphm.actuator.commands import rest_position
 from emaphm.arrays import Array
 from emaphm.errors import StudyError
 from emaphm.recording import Recording, acquire, full_scales
@@ -91,7 +92,7 @@ def simulate(
     adc_bits: int | None = None,
     seed: int = 0,
 ) -> Recording:
-    """Return the recording of the foreign plant following `command` from rest at 0.
+    """Return the recording of the foreign plant following `command` from rest, at what that is counted from.
 
     Rows are means over the sample interval, as those of `emaphm.simulate`, whose parameters these are.
     `actuator` has windings and limits of speed and torque; its load is `mechanics.offset`.
@@ -101,7 +102,8 @@ def simulate(
     step = 1 / (sample_rate * substeps)
     out = np.zeros((len(CHANNELS), samples))
     commanded = command(np.asarray(np.arange(samples * substeps) * step))
-    _run(_parameters(actuator, faults, features, step), commanded, step, substeps, out)
+    start = rest_position(command) / actuator.mechanics.gear_ratio
+    _run(_parameters(actuator, faults, features, step), start, commanded, step, substeps, out)
     time = np.asarray(np.arange(samples) / sample_rate)
     columns = {
         "time_s": time,
@@ -313,14 +315,15 @@ def move(
 
 
 @_compiled
-def _run(p: Any, command: Array, step: float, substeps: int, out: Array) -> None:
-    """Fill `out` (channels, samples) with means over each interval."""
+def _run(p: Any, start: float, command: Array, step: float, substeps: int, out: Array) -> None:
+    """Fill `out` (channels, samples) with means over each interval, from rest at `start` [rad]."""
     i, sensed, legs, bend = np.zeros(3), np.zeros(3), np.full(3, -1.0), np.zeros(3)
     shape, sign, flux, drive = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     admittance = 1 / p.inductance[0] + 1 / p.inductance[1] + 1 / p.inductance[2]
-    w = theta = user_w = user = 0.0
+    w = user_w = 0.0
+    theta = user = start
     high = np.zeros(3)
-    commutation(0.0, p.hall, 0.0, high, sign)
+    commutation(p.pole_pairs * start, p.hall, 0.0, high, sign)
     for now in range(command.size):
         demand = min(max(p.gain * (command[now] - p.gear_ratio * user), -p.speed_limit), p.speed_limit)
         reference = p.speed_gain * (demand - w) / p.drive_constant

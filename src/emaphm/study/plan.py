@@ -235,6 +235,8 @@ class Plan(Section):
         """What a reader of the results needs to know, item by item."""
         m = self.manoeuvre
         command = f"chirp of {m.amplitude:g} rad, {m.start_hz:g} to {m.stop_hz:g} Hz in {m.duration:g} s"
+        if about := self.actuator.mechanics.start_for(-m.amplitude, m.amplitude):
+            command += f" about {about:g} rad"
         rigs = {"Rigs": "; ".join(rig.facts for rig in self.rigs)} if self.rigs else {}
         return {
             "Recordings": f"reference model of '{self.actuator.name}', {command}, {m.sample_rate:g} rows/s",

@@ -71,7 +71,7 @@ def recorded(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre, faults: Faults,
     """Return what `rig` records of `actuator` with `faults`; all that is random is drawn from `seed`."""
     duration = manoeuvre.duration if rig.duration is None else rig.duration
     rate = manoeuvre.sample_rate if rig.sample_rate is None else rig.sample_rate
-    about = actuator.mechanics.centre_for(manoeuvre.amplitude)
+    about = actuator.mechanics.start_for(-manoeuvre.amplitude, manoeuvre.amplitude)
     command = Chirp(manoeuvre.amplitude, manoeuvre.start_hz, manoeuvre.stop_hz, duration, about)
     present, load = actuator_on(rig, actuator, seed), rig.varying_load
     if rig.foreign is None:

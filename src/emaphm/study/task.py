@@ -177,7 +177,7 @@ def _exact_recording(actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial) -> 
 @lru_cache(maxsize=64)
 def _exact(actuator: Actuator, manoeuvre: Manoeuvre, truth: tuple[float, ...]) -> Recording:
     """Return the reference model's noise-free recording of a case; methods and runs share it."""
-    about = actuator.mechanics.centre_for(manoeuvre.amplitude)
+    about = actuator.mechanics.start_for(-manoeuvre.amplitude, manoeuvre.amplitude)
     command = Chirp(manoeuvre.amplitude, manoeuvre.start_hz, manoeuvre.stop_hz, manoeuvre.duration, about)
     return simulate(
         actuator,

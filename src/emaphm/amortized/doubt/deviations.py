@@ -16,6 +16,7 @@ from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import TrainingSet, block_of, simulated
 from emaphm.arrays import Array
+from emaphm.estimation.signal_size import row_sizes
 from emaphm.simulation import AVERAGED, Inputs
 
 
@@ -122,7 +123,7 @@ def deviating(
     )
     late = drawn(settings.rows, often, 1) + drawn(settings.rows, seldom, channels)
     rows = later(rows, late / block_of(setup.samples))
-    sizes = np.sqrt(np.mean(rows**2, axis=2, keepdims=True))
+    sizes = row_sizes(setup.channels, rows)[..., np.newaxis]
     rows = rows * (1 + drawn(settings.relative, often, channels)[:, :, np.newaxis])
     rows += sizes * drawn(settings.relative, seldom, channels)[:, :, np.newaxis]
     return TrainingSet(draws.points, rows.astype(np.float32))

@@ -8,15 +8,16 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.unit.baseline import SIGNED
-from emaphm.arrays import Array
+from emaphm.arrays import Array, rms
 from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.rotor_zero import contradicted_zero
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.problem import Problem, comparable_channels, rms
+from emaphm.estimation.problem import Problem, comparable_channels
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 from emaphm.estimation.sensors.sensor_model import described_noise, error_kind, sensor_error
+from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.space.nuisances import BASELINE, has_stated_prior, unit_of, usual_deviation
 from emaphm.estimation.space.parameter_variation import variation_unit
 from emaphm.estimation.uncertainty.model_error import HealthyComparison
@@ -54,7 +55,8 @@ class ExplanationSettings:
     rounding and switching.
     Beyond rounding and switching, the residual may be no more than `unresembled` of every channel's mean
     square: a noise that is measured on the recording itself would otherwise excuse a model that resembles
-    nothing.
+    nothing. Where it is more, the model's signal must be found in the recorded one again, to
+    `drowned_errors` standard errors.
 
     A nuisance may be `prior_deviations` standard deviations of its prior off, where the description states
     that prior; a prior that is merely usual, as the load's, says nothing against a larger one. So may a
@@ -68,6 +70,7 @@ class ExplanationSettings:
     channel_model: float = 0.05
     uncorrected_model: float = 0.15
     unresembled: float = 0.5
+    drowned_errors: float = 2.0
     prior_deviations: float = 3.0
     phase_sum: float = 0.05
 
@@ -92,11 +95,13 @@ def reasons_against(
        model has corrected it, r is also at most `EXPLAINED_RESIDUAL` times noise or switching, or times the
        root of the sum of their squares where the noise is that of most rows.
     2. So is that of every other channel that is compared: r² ≤ c² (σ² + q²/12 + s²) + (m y)², with q the step
-       that it is rounded to, s² the variance of switching, c and m from `EXPLANATION`.
+       that it is rounded to, s² the variance of switching, c and m from `EXPLANATION`. Of a position, y is
+       the rms of its distance from where it starts.
        Where a calibration has learned the model's error in a channel, a residual that is no worse than that
        of healthy recordings is enough. Of the primary channel it is asked in place of 1, and of any channel
        where the reference model has not corrected the estimate.
-    3. The model resembles every channel: r² ≤ u y² + q²/12 + s². Not asked of an actuator at rest.
+    3. The model resembles every channel: r² ≤ u y² + q²/12 + s², or what is more is noise in which the
+       model's signal is found again. Not asked of an actuator at rest.
     4. No nuisance is farther off than its stated prior allows, and no parameter of the unit than its
        tolerance or the standard error of its calibration. The error of a sensor may be: it is reported as a
        fault of that sensor.
@@ -227,12 +232,13 @@ def _channels(
     for name, rows in result.residual_by_channel.items():
         variance = switching.get(name, 0.0) / problem.compared_share(name)
         residual, recorded = problem.compared(name, rows), problem.compared(name, problem.measured[name])
-        square, size = float(np.mean(residual**2)), float(np.mean(recorded**2))
+        square, size = float(np.mean(residual**2)), signal_size(name, recorded) ** 2
         known = variance + rounding_step(recorded) ** 2 / 12 + (_described(name, result)) ** 2
         noise = max(robust_noise_level(recorded, 2) ** 2, known)
         exceeds = square > EXPLANATION.channel_noise**2 * (noise + variance) + model**2 * size
         share = _percent(square**0.5, size**0.5)
-        if moves and square > EXPLANATION.unresembled * size + known:
+        resembled = square <= EXPLANATION.unresembled * size + known or is_drowned(name, recorded, residual)
+        if moves and not resembled:
             yield f"{name}: the model does not resemble it (the residual is {share})"
         elif name == problem.primary:
             continue
@@ -244,6 +250,18 @@ def _channels(
                 f"{name}: the residual of {share} is more than noise, rounding and "
                 "switching account for; its sensor, unit or sign may be wrong"
             )
+
+
+def is_drowned(name: str, recorded: Array, residual: Array) -> bool:
+    """Return whether a channel's noise exceeds a signal that is as the model has it, and no other one.
+
+    Of y = m + n, m modelled and n noise without likeness to it, y² - n² is m², to 2 |m n| / √rows by chance.
+    Of a signal without likeness to the model it is -m². The current along the flux, held at 0, is an example.
+    """
+    modelled, left = signal_size(name, recorded - residual), rms(residual)
+    chance = 2 * EXPLANATION.drowned_errors * modelled * left / recorded.size**0.5
+    found = signal_size(name, recorded) ** 2 - left**2
+    return bool(found >= (1 - EXPLANATION.unresembled) * modelled**2 - chance)
 
 
 def _phases(result: SearchResult) -> Iterator[str]:

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.arrays import Array
+from emaphm.arrays import Array, rms
 from emaphm.diagnosis.explanation.refits import left_by_descents
 from emaphm.estimation.levenberg_marquardt import movable
-from emaphm.estimation.problem import rms
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.uncertainty.local_covariance import rounding_scores

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES
-from emaphm.arrays import Array
+from emaphm.arrays import Array, rms
 from emaphm.diagnosis.diagnose import nuisance_estimates, tested
 from emaphm.diagnosis.identifiability import collinear_sets
 from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording
@@ -18,7 +18,6 @@ from emaphm.estimation.joint.contradictions import contradictions, dissenting
 from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.uncertainty import JointUncertainty
-from emaphm.estimation.problem import rms
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, jacobians_of

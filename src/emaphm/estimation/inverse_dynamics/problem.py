@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.arrays import Array, root_mean_square
+from emaphm.arrays import Array, rms
 from emaphm.estimation.inverse_dynamics.filtering import RowThinning
 from emaphm.estimation.inverse_dynamics.motion import Motion
 from emaphm.estimation.inverse_dynamics.torque_balance import (
@@ -72,7 +72,7 @@ class InverseProblem:
             tuple(known),
             tuple(keys),
             ripple_orders,
-            tuple(1 / max(root_mean_square(target), np.finfo(float).tiny) for target in targets),
+            tuple(1 / max(rms(target), np.finfo(float).tiny) for target in targets),
         )
 
     @property
@@ -91,7 +91,7 @@ class InverseProblem:
     def reweighted(self, point: Array) -> Self:
         """Return the problem with each recording weighted by the inverse of its residual at `point` (p,)."""
         sizes = [
-            max(root_mean_square(target - self.predicted(point, i)), 1e-6 * root_mean_square(target))
+            max(rms(target - self.predicted(point, i)), 1e-6 * rms(target))
             for i, target in enumerate(self.targets)
         ]
         return replace(self, weights=tuple(1 / size for size in sizes))

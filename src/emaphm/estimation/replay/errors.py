@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.actuator.quantity import unit_for
-from emaphm.arrays import Array
-from emaphm.estimation.problem import rms
+from emaphm.arrays import Array, rms
+from emaphm.estimation.signal_size import signal_size
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation.laws.angles import wrap
 from emaphm.text_table import NOTHING, format_table
 
 NO_LIKENESS = 1.0
-"""Relative error above which a model that stands still would be nearer: something other than the fit is
+"""Relative error above which a model that does nothing would be nearer: something other than the fit is
 wrong."""
 
 
@@ -21,7 +21,8 @@ wrong."""
 class ErrorStatistics:
     """Mean absolute and rms error of a channel, in its unit, and the rms error relative to the measured rms.
 
-    `relative` is None where the measured signal is 0 throughout: nothing to be relative to.
+    Of a position, the measured rms is that of its distance from where it starts. `relative` is None where it
+    is 0: nothing to be relative to.
     """
 
     mean_absolute: float
@@ -31,9 +32,9 @@ class ErrorStatistics:
     @classmethod
     def of(cls, name: str, pairs: Sequence[tuple[Array, Array]]) -> "ErrorStatistics":
         """Return the error of channel `name` over all rows of `pairs` of measured and modelled signals."""
-        measured = np.concatenate([one for one, _ in pairs])
         differences = np.concatenate([difference(name, one, other) for one, other in pairs])
-        relative = rms(differences) / rms(measured) if np.any(measured) else None
+        size = np.hypot.reduce([len(one) ** 0.5 * signal_size(name, one) for one, _ in pairs])
+        relative = rms(differences) / (size / len(differences) ** 0.5) if size else None
         return cls(float(np.mean(np.abs(differences))), rms(differences), relative)
 
 
@@ -50,8 +51,8 @@ def relative_of(errors: Mapping[str, ErrorStatistics]) -> dict[str, float]:
 def warnings(errors: Mapping[str, ErrorStatistics]) -> tuple[str, ...]:
     """Return a sentence on each channel that the model is nothing like."""
     return tuple(
-        f"{name} is off by {100 * error:.3g} % of its rms, more than from a model that stays at 0: check its "
-        "unit, its sign, its name under [channels], and the actuator's description"
+        f"{name} is off by {100 * error:.3g} % of its rms, more than from a model that does nothing: check "
+        "its unit, its sign, its name under [channels], and the actuator's description"
         for name, error in relative_of(errors).items()
         if error > NO_LIKENESS
     )

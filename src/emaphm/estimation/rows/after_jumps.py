@@ -11,7 +11,8 @@ import numpy as np
 
 from emaphm.actuator import Command, Faults
 from emaphm.arrays import Array
-from emaphm.estimation.problem import Problem, rms
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.signal_size import signal_size
 from emaphm.recording.jumps import Jumps
 from emaphm.recording.noise import noise_on_most_rows
 from emaphm.recording.sensor_checks.resolution import Mask
@@ -51,9 +52,8 @@ def rows_after_jumps(problem: Problem) -> dict[str, Mask]:
     for name, change in zip(problem.channels, np.abs(later - earlier), strict=True):
         values = problem.measured[name]
         noise = noise_on_most_rows(values)
-        least = max(
-            JUMP_ROWS.noise * max(noise, problem.counts.get(name, 0.0)), JUMP_ROWS.share * rms(values)
-        )
+        known = JUMP_ROWS.noise * max(noise, problem.counts.get(name, 0.0))
+        least = max(known, JUMP_ROWS.share * signal_size(name, values))
         mask = change > least
         if mask.any() and mask.mean() <= JUMP_ROWS.most:
             masks[name] = mask

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.actuator import Faults
-from emaphm.arrays import Array, root_mean_square
+from emaphm.arrays import Array
 from emaphm.estimation.driving_signals import DrivingSignals
+from emaphm.estimation.signal_size import signal_size
 from emaphm.recording.noise import noise_on_most_rows
 from emaphm.simulation import AVERAGED
 
@@ -76,5 +77,5 @@ def _least_difference(problem: "Problem") -> Array:
         max(noise_on_most_rows(one), problem.counts.get(name, 0.0))
         for name, one in zip(problem.channels, rows, strict=True)
     ]
-    sizes = [root_mean_square(one) for one in rows]
+    sizes = [signal_size(*one) for one in zip(problem.channels, rows, strict=True)]
     return np.maximum(NOISE * np.array(noise), SHARE * np.array(sizes))

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.problem import Problem, rms
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.uncertainty.model_error import row_errors
 from emaphm.recording.sensor_checks.resolution import Mask
 
@@ -68,7 +69,7 @@ def over_swings(problem: Problem) -> Problem:
         model_error=row_errors(averaged),
         unusable=masks_of_means(problem.unusable, averaged),
     )
-    return averaged.weighted([rms(averaged.measured[name]) for name in averaged.channels])
+    return averaged.weighted([signal_size(name, averaged.measured[name]) for name in averaged.channels])
 
 
 def notes_on_means(problem: Problem) -> tuple[str, ...]:

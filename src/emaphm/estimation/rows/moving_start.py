@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emaphm.arrays import Array, root_mean_square
+from emaphm.arrays import Array, rms
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.rows.first_rows import first_rows, likely_faults, rows_apart
+from emaphm.estimation.signal_size import signal_size
 
 if TYPE_CHECKING:
     from emaphm.estimation.problem import Problem
@@ -50,7 +51,7 @@ def command_moves(problem: "Problem") -> bool:
     """Return whether the command moves in the first row already."""
     rates = np.diff(problem.measured["command_rad"]) / problem.inputs.interval
     _, rate, _ = _parabola(problem)
-    return abs(rate) > MOVING_START.moving * root_mean_square(rates)
+    return abs(rate) > MOVING_START.moving * rms(rates)
 
 
 def rows_of_moving_start(problem: "Problem") -> int:
@@ -69,7 +70,7 @@ def rows_of_moving_start(problem: "Problem") -> int:
     if not count:
         return 0
     measured = np.stack([problem.measured[name][:rows] for name in problem.channels])
-    sizes = np.sqrt(np.mean(measured**2, axis=1, keepdims=True))
+    sizes = np.array([[signal_size(*one)] for one in zip(problem.channels, measured, strict=True)])
     near = [_residual((one - measured) / sizes, count) for one in (at_rest, moving)]
     if near[0] < MOVING_START.rest * near[1]:
         return 0

@@ -8,8 +8,8 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import HEALTHY
-from emaphm.arrays import Array
-from emaphm.estimation.problem import Problem, rms
+from emaphm.arrays import Array, rms
+from emaphm.estimation.problem import Problem
 from emaphm.recording.sensor_checks import CheckedRecording, SensorFinding
 from emaphm.simulation import Model
 

@@ -4,9 +4,8 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from emaphm.arrays import Array
+from emaphm.arrays import Array, rms
 from emaphm.estimation.objective import CORRELATED_ROWS
-from emaphm.estimation.problem import rms
 from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
 from emaphm.recording.schema import SCHEMA
 

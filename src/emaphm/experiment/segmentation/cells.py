@@ -14,7 +14,8 @@ from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array, runs
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.objective import MapObjective, faults_objective
-from emaphm.estimation.problem import Problem, rms
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP
 from emaphm.experiment.segmentation.healthy_motion import healthy_position
@@ -172,7 +173,7 @@ def expected_residuals(recording: Recording) -> dict[str, float]:
     """Return the size of the residual that is expected of each channel, in its unit."""
     interval = recording.interval_s
     return {
-        name: math.hypot(measured_noise(values, interval), CELLS.model_error * rms(values))
+        name: math.hypot(measured_noise(values, interval), CELLS.model_error * signal_size(name, values))
         for name, values in recording.channels.items()
         if name not in ("time_s", "command_rad")
     }

@@ -189,7 +189,7 @@ def _run(
 
     A manoeuvre starts at 0, or in the middle of the travel where an end stop is nearer than its amplitude.
     """
-    start = actuator.mechanics.centre_for(requirement.amplitude)
+    start = actuator.mechanics.start_for(-requirement.amplitude, requirement.amplitude)
     inputs = Inputs.of(
         lambda times: start + command(times),
         requirement.load,

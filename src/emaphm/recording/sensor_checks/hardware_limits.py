@@ -3,7 +3,10 @@
 from emaphm.actuator import Actuator
 
 NEAR = 0.03
-"""Distance from a limit, of the limit, within which a value is held there; of the travel from an end stop."""
+"""Distance from a limit, of the limit, within which a value is held there."""
+
+NEAR_STOP = 0.01
+"""The same of an end stop, of the travel."""
 
 NEAR_SUPPLY = 0.8
 """Share of the supply from which on a voltage is all that there is: a source may give less than described."""
@@ -33,4 +36,4 @@ def _is_end_stop(position: float, actuator: Actuator) -> bool:
     stops = actuator.mechanics.end_stops
     if stops is None:
         return False
-    return any(abs(position - stop) < NEAR * (stops[1] - stops[0]) for stop in stops)
+    return any(abs(position - stop) < NEAR_STOP * (stops[1] - stops[0]) for stop in stops)

@@ -7,7 +7,7 @@ from itertools import permutations
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.arrays import Array, root_mean_square
+from emaphm.arrays import Array, rms
 from emaphm.recording.equivalent_current import (
     equivalent_current,
     rotor_angle,
@@ -94,9 +94,9 @@ def _ordered(
     if np.ptp(np.unwrap(angle)) * pairs < 2 * np.pi:
         return {}, []
     of_motor = sinusoidal_equivalent_current if actuator.drive_kind == "foc" else equivalent_current
-    magnitude = root_mean_square(np.stack(list(phases.values())))
+    magnitude = rms(np.stack(list(phases.values())))
     shares = {
-        order: root_mean_square(of_motor(np.stack([phases[name] for name in order]), angle, pairs))
+        order: rms(of_motor(np.stack([phases[name] for name in order]), angle, pairs))
         for order in permutations(PHASES)
     }
     best = max(shares, key=lambda order: shares[order])
