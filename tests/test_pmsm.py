@@ -50,7 +50,9 @@ def test_currents_and_voltages_in_d_and_q_are_compared_once() -> None:
     )  # fmt: skip
     of_drive = ("time_s", "command_rad", "current_d_A", "current_q_A", "voltage_d_V", "voltage_q_V")
     in_dq = Recording({name: whole[name] for name in of_drive})
-    assert compared_channels(in_dq, PLAN.actuator) == of_drive[2:]
+    # First the current that makes the torque.
+    torque, *others = compared_channels(in_dq, PLAN.actuator)
+    assert (torque, *sorted(others)) == ("current_q_A", "current_d_A", "voltage_d_V", "voltage_q_V")
 
 
 def test_faults_are_found_on_a_rig() -> None:
@@ -58,3 +60,4 @@ def test_faults_are_found_on_a_rig() -> None:
     found = diagnose(recorded(rig, PLAN.actuator, BRIEF, faults, 3), PLAN.actuator, seed=3, workers=1)
     assert error_percent(faults.vector, found.faults.vector) < 0.5
     assert found.explained
+    assert any("which phase is which rests on rotor_zero (0 rad)" in note for note in found.recording_notes)

@@ -94,6 +94,7 @@ def test_a_current_along_the_flux_that_is_held_at_0_may_be_recorded() -> None:
     found = diagnose(Recording({name: whole[name] for name in ("time_s", "command_rad", *DQ)}), pmsm)
     assert found.explained
     assert found.components["friction"].verdict == "degraded"
+    assert not any("rotor_zero" in note for note in found.recording_notes)
 
 
 def test_a_channel_that_shows_nothing_is_not_ignored_silently() -> None:

@@ -9,7 +9,7 @@ from cases import drawn
 from emaphm.estimation.bias_correction import with_discrepancy
 from emaphm.estimation.global_search.heavy_current import is_heavy, leaves_switching_alone
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.reference.ensemble import EnsembleSettings, refine_by_ensemble
+from emaphm.estimation.reference.ensemble import EnsembleSettings, first_factor, refine_by_ensemble
 from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
 
 from .off_truth import objective_of, result_off
@@ -39,6 +39,20 @@ def test_it_leads_from_a_false_minimum_to_the_truth(objective: MapObjective) -> 
     # The correction under which the point is the optimum: that model's residual is the reference model's.
     np.testing.assert_array_equal(ended.remaining_bias, 0.0)
     assert np.all(np.diag(ended.scatter) >= np.diag(begun.scatter))
+
+
+@pytest.mark.parametrize("spread", [1.0, 1e12])
+def test_the_first_spread_is_that_of_the_posterior_however_unlike_the_axes_are_known(spread: float) -> None:
+    rng = np.random.default_rng(3)
+    deviations = np.array([0.3, 1.0, 40.0, 0.02])
+    axes = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    known = np.array([0.0, 1.0, spread, spread])
+    factor = first_factor((axes * known @ axes.T) / np.outer(deviations, deviations), deviations)
+    # In units of the prior, along each axis; where the prior alone is known it is 1.
+    variances = np.diag(axes.T @ (factor @ factor.T / np.outer(deviations, deviations)) @ axes)
+    np.testing.assert_allclose(variances, 1 / (1 + known), rtol=1e-3, atol=1e-3)
+    # Where rounding leaves nothing of what is known least, there is a spread all the same.
+    assert np.isfinite(first_factor((axes * (1e28 * known) @ axes.T), deviations)).all()
 
 
 def test_points_stay_in_the_space(objective: MapObjective) -> None:

@@ -246,6 +246,16 @@ def test_a_sensor_whose_noise_is_of_the_size_of_its_counts_is_found_frozen() -> 
     np.testing.assert_array_equal(np.flatnonzero(frozen), np.arange(801, 1200))
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.2, 0.4])
+@pytest.mark.parametrize("speed", [0.6, 0.9, 1.1, 1.5])
+def test_a_position_that_moves_by_a_count_a_row_has_lost_no_samples(speed: float, noise: float) -> None:
+    # Two to and fro in counts, faster and slower, by sines that have no period in rows.
+    rows, rng = np.arange(3000), np.random.default_rng(7)
+    counts = 30 * speed * np.sin(rows / 30) + 40 * speed * np.sin(rows / 77.7)
+    position = np.round(counts + noise * rng.normal(size=rows.size)) * 3.66e-5
+    assert not held_rows(position).any()
+
+
 def test_an_end_stop_that_holds_the_shaft_is_no_clipped_sensor() -> None:
     mechanics = THESIS.mechanics.model_copy(update={"end_stops": (0.1, 1.0)})
     retracted = THESIS.model_copy(update={"mechanics": mechanics})

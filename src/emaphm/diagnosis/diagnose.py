@@ -13,7 +13,7 @@ from emaphm.diagnosis.explanation.alternatives import with_alternatives
 from emaphm.diagnosis.explanation.moment import notes_on_moment
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
-from emaphm.diagnosis.explanation.open_phases import undecided_between_phases
+from emaphm.diagnosis.explanation.open_phases import phases_as_described, undecided_between_phases
 from emaphm.diagnosis.explanation.other_drive import other_drive
 from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
 from emaphm.diagnosis.explanation.without_fault import tested_by_refits
@@ -337,6 +337,7 @@ def conclude(
             *problem.unknown_start.notes(),
             *notes_on_means(problem),
             *((*idle_channels(problem), *unseen_inertia(objective)) if moves else ()),
+            *phases_as_described(components, problem),
         ),
         nuisances=nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,

@@ -1,11 +1,12 @@
 """Faults of the sensors: what their signals show by themselves, and what the model shows of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from emaphm.actuator import NAMES, Actuator
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.estimation.problem import TORQUE_CURRENTS
 from emaphm.estimation.sensors.sensor_model import SENSOR_CHANNELS, sensor_error
 from emaphm.estimation.space.nuisances import usual_deviation
 from emaphm.estimation.uncertainty.collinearity import CollinearSet
@@ -21,6 +22,9 @@ LIKE_A_SPEED_SCALE = (
     " A position sensor of another scale that the drive controls by, or another gear ratio, looks alike."
 )
 """The recorded position then follows the command as it should, and the speed does not go with it."""
+
+LIKE_A_CURRENT_SCALE = " A torque constant that is {factor:.3g} times the described one looks alike."
+"""Without windings, nothing but the torque of the current shows."""
 
 MEANINGS = {
     "bias": "shows {size:.3g} {unit} at zero",
@@ -103,8 +107,17 @@ def sensor_faults(
             if size <= CERTAIN * nuisances[name].standard_error:
                 continue
             if error[1] == "delay" or size > usual_deviation(actuator, name):
-                found.append(_estimated(name, *error, nuisances[name], collinear_sets, channels))
+                fault = _estimated(name, *error, nuisances[name], collinear_sets, channels)
+                found.append(_with_torque_constant(fault) if actuator.electrical is None else fault)
     return tuple(found)
+
+
+def _with_torque_constant(fault: SensorFault) -> SensorFault:
+    """Return a fault of an actuator without windings with what else it may be."""
+    if not (fault.channel in TORQUE_CURRENTS and fault.kind == "scale"):
+        return fault
+    alike = LIKE_A_CURRENT_SCALE.format(factor=1 / (1 + fault.size))
+    return replace(fault, sentence=f"{fault.sentence}{alike}")
 
 
 def _estimated(

@@ -136,6 +136,16 @@ def _farthest_of_equals(costs: Array, steps: int, equal: float) -> int:
     return int(alike[-1]) if alike.size else least
 
 
+def first_factor(information: Array, deviations: Array) -> Array:
+    """Return F (d, d) of the covariance F Fᵀ by an `information` (d, d) and a prior's `deviations` (d,).
+
+    By the axes in units of the prior: the inverse of the sum may be indefinite by rounding, where some points
+    are known a hundred million times better than others.
+    """
+    values, axes = np.linalg.eigh(information * np.outer(deviations, deviations))
+    return np.asarray(deviations[:, np.newaxis] * axes / np.sqrt(1 + np.maximum(values, 0.0)))
+
+
 @dataclass(frozen=True, eq=False)
 class _State:
     """Where an ensemble is: about `point` (d,), of the covariance F Fᵀ, F its `factor` (d, d).
@@ -159,9 +169,10 @@ class _State:
             objective.outputs, point, objective.space, settings.first_step, settings.first_replicates, rng
         )
         cost = float(np.mean(residual**2))
-        normal = information(jacobians) / (CORRELATED_ROWS * cost)
-        normal += np.diag(1 / objective.space.prior_deviations**2)
-        return cls(objective, point, np.linalg.cholesky(np.linalg.inv(normal)), residual, cost)
+        factor = first_factor(
+            information(jacobians) / (CORRELATED_ROWS * cost), objective.space.prior_deviations
+        )
+        return cls(objective, point, factor, residual, cost)
 
     def next(self, reference: Problem, rng: np.random.Generator, settings: EnsembleSettings) -> "_State":
         """Return the state after a generation."""

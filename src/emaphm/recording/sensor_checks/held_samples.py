@@ -19,13 +19,14 @@ class HeldSettings:
     frozen. At least `least_share` of the rows that could show it are held. A value that also stands in
     another run, of `rest` rows or more, is one at which the signal rests.
 
-    In a signal that is noise or ripple of many counts: single repeats between rows that are `counts` counts
-    away at least. A difference of 0 is then hardly likelier than one of 1 or 2 counts; where it is
-    `least_excess` times as frequent, and as any other difference, to `same` of the noise, most repeats are
-    held rows: of a drive that switches in a cycle, the same differences return too. They are `least_repeats`
-    and `least_repeated` of all rows at least. A value that stands again within `near` rows is not counted:
-    a drive whose cycle keeps step with the rows, for a part of a recording, takes the same few values, while
-    that of a lost sample is gone with it.
+    In a signal that is noise or ripple of `fine` counts or more (of one that moves by about a count a row,
+    rounding makes steps of 2, 0, 2 counts likelier than 2, 1, 2): single repeats between rows that are
+    `counts` counts away at least. A difference of 0 is then hardly likelier than one of 1 or 2 counts;
+    where it is `least_excess` times as frequent, and as any other difference, to `same` of the noise, most
+    repeats are held rows: of a drive that switches in a cycle, the same differences return too. They are
+    `least_repeats` and `least_repeated` of all rows at least. A value that stands again within `near` rows
+    is not counted: a drive whose cycle keeps step with the rows, for a part of a recording, takes the same
+    few values, while that of a lost sample is gone with it.
     """
 
     moves: float = 5.0
@@ -34,6 +35,7 @@ class HeldSettings:
     longest_run: int = 20
     least_share: float = 2e-3
     rest: int = 5
+    fine: float = 2.0
     least_excess: float = 4.0
     same: float = 1e-3
     least_repeats: int = 8
@@ -91,6 +93,8 @@ def _in_noise(values: Array) -> Mask:
     """Return the held rows of a signal of fine counts: repeats that are far more frequent than by chance."""
     held = np.zeros(values.size, bool)
     count, noise = step_of_counts(values), row_noise(values)
+    if noise < HELD.fine * count:
+        return held
     steps = np.diff(values)
     least = (HELD.counts - 0.5) * count
     between = (np.abs(steps[:-2]) > least) & (np.abs(steps[2:]) > least)
