@@ -10,14 +10,17 @@ from hypothesis import strategies as st
 
 from cases import HEALTHY, THESIS, USUAL
 from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator.law_sections import Friction
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.actuator.unit.baseline import Baseline
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.explanation.known_values import contradicted_values
+from emaphm.diagnosis.explanation.load_friction import load_may_be_friction
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.reasons import idle_channels, is_drowned, reasons_against, unseen_inertia
 from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
+from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.global_search.multistart import local_search
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem
@@ -95,6 +98,36 @@ def test_a_current_along_the_flux_that_is_held_at_0_may_be_recorded() -> None:
     assert found.explained
     assert found.components["friction"].verdict == "degraded"
     assert not any("rotor_zero" in note for note in found.recording_notes)
+
+
+CALIBRATED = THESIS.model_copy(update={"baseline": Baseline.of(("coulomb",), np.array([[1e-4]]), ("a.csv",))})
+GREASED = CALIBRATED.model_copy(update={"friction": Friction(load_friction=0.05)})
+
+
+@pytest.mark.parametrize(
+    ("actuator", "friction", "load", "noted"),
+    [
+        (CALIBRATED, 0.1, 0.3, True),
+        (CALIBRATED, 0.1, -0.3, True),
+        (CALIBRATED, 0.5, 0.3, False),
+        (CALIBRATED, 0.1, 0.05, False),
+        (THESIS, 0.1, 0.3, False),
+        (GREASED, 0.1, 0.3, False),
+    ],
+)
+def test_friction_that_the_load_may_make_is_noted(
+    actuator: Actuator, friction: float, load: float, noted: bool
+) -> None:
+    objective = faults_objective(Problem.of(Recording(COLUMNS), actuator, channels=None), None)
+    space = objective.space
+    point = space.points(Faults(friction=friction).vector)
+    point[space.coordinates.index("load")] = load / space.nuisances.meaning[0, 0]
+    components = estimates(space, point, 1e-8 * np.eye(space.dimensions), ())
+    found = load_may_be_friction(components, SearchResult.at(objective, point))
+    assert len(found) == noted
+    # 0.1 of friction is a fifth more dry friction of the motor and the user.
+    share = 100 * 0.2 * THESIS.mechanics.dynamic_friction / abs(load)
+    assert not noted or f"friction that is {share:.2g} % of the load" in found[0]
 
 
 def test_a_channel_that_shows_nothing_is_not_ignored_silently() -> None:

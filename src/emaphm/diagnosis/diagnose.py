@@ -10,6 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array, rms
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
+from emaphm.diagnosis.explanation.load_friction import load_may_be_friction
 from emaphm.diagnosis.explanation.moment import notes_on_moment
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
@@ -338,6 +339,7 @@ def conclude(
             *notes_on_means(problem),
             *((*idle_channels(problem), *unseen_inertia(objective)) if moves else ()),
             *phases_as_described(components, problem),
+            *load_may_be_friction(components, result),
         ),
         nuisances=nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,

@@ -116,8 +116,8 @@ def notes(diagnosis: "Diagnosis") -> list[str]:
         lines.append(f"Deviation of the unit from its description: {values}.")
     if kept := not_calibrated(diagnosis.actuator):
         lines.append(
-            f"The calibration has not measured {', '.join(kept)}: they are taken as described, and a unit "
-            "that differs in them reads as faults."
+            f"The calibration has not measured {', '.join(kept)}: taken as described; a unit that differs "
+            "there reads as faults."
         )
     return lines
 

@@ -1,0 +1,45 @@
+"""Friction that grows with the load, where it looks like a fault of a unit calibrated under another load."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.actuator.quantity import unit_for
+from emaphm.diagnosis.verdict import Estimate
+from emaphm.estimation.search_result import SearchResult
+
+USUAL = 0.1
+"""Friction of a ball screw or gear, of the load that it carries, up to which that is nothing unusual."""
+
+LAW = "load-dependent"
+
+
+def load_may_be_friction(components: Mapping[str, Estimate], result: SearchResult) -> tuple[str, ...]:
+    """Return a note where a usual friction of the load would make a calibrated unit's friction look degraded.
+
+    A healthy screw whose friction was 10 % of the load, calibrated under 0.12 N·m, had a friction of 0.114 ±
+    0.001 under 0.35 N·m: under one load there is no difference.
+    """
+    objective, actuator = result.objective, result.objective.problem.actuator
+    if actuator.baseline is None or components["friction"].verdict != "degraded" or _is_described(actuator):
+        return ()
+    estimated = objective.space.nuisance_values(result.point[np.newaxis]).get("load", np.zeros(1))
+    recorded = objective.problem.inputs.rows(objective.problem.inputs.load)
+    described = actuator.mechanics.offset
+    more = float(abs(described + estimated[0] + np.mean(recorded)) - abs(described))
+    excess = components["friction"].value * actuator.faults.friction * actuator.mechanics.dynamic_friction
+    if more <= 0 or excess > USUAL * more:
+        return ()
+    unit = unit_for("N·m", actuator.coordinates)
+    note = (
+        f"friction that is {100 * excess / more:.2g} % of the load looks like this: the load is {more:.3g} "
+        f"{unit} larger than in the description of the calibrated unit; calibrate under several loads with "
+        f"the law {LAW} (--laws {LAW})"
+    )
+    return (note,)
+
+
+def _is_described(actuator: Actuator) -> bool:
+    friction = actuator.friction
+    return friction is not None and (friction.load_friction or friction.load_external) is not None
