@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 from scipy.signal import butter, lfilter, sosfreqz
 
@@ -20,13 +22,14 @@ from emaphm.estimation.inverse_dynamics import (
     controller_check,
     inverse_dynamics,
 )
+from emaphm.estimation.inverse_dynamics.controller_check import allowing_for_noise
 from emaphm.estimation.inverse_dynamics.filtering import (
     FilterFrequencies,
     RowThinning,
     first_order_lag,
     low_pass,
 )
-from emaphm.estimation.inverse_dynamics.result import with_parameters
+from emaphm.estimation.inverse_dynamics.result import ParameterEstimate, with_parameters
 from emaphm.estimation.inverse_dynamics.search import _solved
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -559,6 +562,26 @@ def test_the_controller_at_work_is_recognised(plain: Recording) -> None:
 @pytest.mark.parametrize("gains", [{"position_gain": 36.0}, {"speed_gain": 20.0}])
 def test_gains_that_contradict_a_recording_are_noticed(plain: Recording, gains: dict[str, float]) -> None:
     assert controller_check(plain, with_lumped_parameters(ACTUATOR, gains)).contradicts
+
+
+@pytest.mark.parametrize(("amplitude", "count"), [(0.1, 1e-3), (0.1, 5e-3), (0.02, 3e-4), (0.02, 1e-3)])
+def test_a_position_in_coarse_counts_is_no_other_gain(amplitude: float, count: float) -> None:
+    exact = machine(on_a_spring, amplitude=amplitude)
+    columns = {name: exact[name] for name in exact.names}
+    rounded = columns | {"position_rad": count * np.round(columns["position_rad"] / count)}
+    found = controller_check(Recording(rounded, "instant"), ACTUATOR)
+    assert not found.deviating
+    for gain, truth in ((found.position_gain, 30.0), (found.speed_gain, 40.0)):
+        assert gain is not None
+        assert abs(gain.value - truth) < 2 * gain.standard_error
+
+
+@given(noise=st.floats(0.0, 5.0), error=st.floats(0.0, 0.1))
+def test_a_gain_that_noise_lowers_has_an_error_that_reaches_the_true_one(noise: float, error: float) -> None:
+    found, noisier = (ParameterEstimate(40.0 / (1 + i * noise), error, "-") for i in (1, 2))
+    allowed = allowing_for_noise(found, noisier)
+    assert allowed is not None
+    assert allowed.standard_error == pytest.approx(math.hypot(error, 40.0 - found.value), abs=1e-9)
 
 
 def test_a_deviating_gain_has_the_unit_of_the_coordinates(plain: Recording) -> None:
