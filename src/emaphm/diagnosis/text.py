@@ -100,6 +100,8 @@ def notes(diagnosis: "Diagnosis") -> list[str]:
             f"The load {load}; it was estimated with the faults. Recorded as load_Nm, it is known, and the "
             "faults better."
         )
+        if not load.steps:
+            lines.append("Other viscous friction than described, as of cold grease, may look like such a load.")
     if diagnosis.laws:
         lines.append(_on_laws([LAWS[name] for name in diagnosis.laws], of_laws))
     lines += _on_selected(diagnosis.selected)

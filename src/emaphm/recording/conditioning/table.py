@@ -285,6 +285,8 @@ def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source:
     except ValueError as error:
         other = "rotary" if actuator.coordinates == "linear" else "linear"
         hint = f', or set coordinates = "{other}"' if target != SCHEMA[name].unit or "rad" in target else ""
+        if hint:
+            hint += "; of a rotary motor behind a screw, give a scale in place of the unit"
         raise RecordingError(
             f"{source}: unit of {name} under [channels] in the actuator's TOML: {error}; correct the "
             f"unit{hint}"
