@@ -101,7 +101,7 @@ def notes(diagnosis: "Diagnosis") -> list[str]:
             "faults better."
         )
         if not load.steps:
-            lines.append("Other viscous friction than described, as of cold grease, may look like such a load.")
+            lines.append("Other viscous friction than described, as of cold grease, may look like this load.")
     if diagnosis.laws:
         lines.append(_on_laws([LAWS[name] for name in diagnosis.laws], of_laws))
     lines += _on_selected(diagnosis.selected)
