@@ -82,7 +82,7 @@ def actuators(draw: st.DrawFn) -> Actuator:
     return Actuator.from_dict(
         {
             "name": draw(st.text(min_size=1)),
-            "coordinates": draw(st.sampled_from(["rotary", "linear"])),
+            "coordinates": draw(st.sampled_from(["rotary", "linear", "screw"])),
             "controller": controller,
             "motor": {
                 "torque_constant": draw(POSITIVE),

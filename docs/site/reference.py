@@ -9,6 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 import emaphm as ema
+from emaphm.actuator.quantity import unit_for
 
 
 def write_toml_keys(path: Path) -> None:
@@ -35,8 +36,8 @@ def _section(model: type[BaseModel], place: str) -> Iterator[str]:
             yield from (_first_sentence(model.__doc__ or ""), "")
         yield from ("| key | unit | meaning | default |", "| --- | --- | --- | --- |")
         for name, field in fields.items():
-            extra = field.json_schema_extra
-            unit = str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else ""
+            extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+            unit = unit_for(str(extra.get("unit", "")), "rotary")
             default = "needed" if field.is_required() else f"`{field.get_default(call_default_factory=True)}`"
             yield f"| `{name}` | {unit} | {field.description or ''} | {default} |"
         yield ""

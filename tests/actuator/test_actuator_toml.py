@@ -97,7 +97,11 @@ WRONG = {
     "infinite value": ("supply = 48.0", "supply = inf", ("'electrical.supply'", "finite")),
     "text for a number": ("supply = 48.0", 'supply = "high"', ("'electrical.supply'", "got 'high'")),
     "half a pole pair": ("pole_pairs = 2", "pole_pairs = 2.5", ("'electrical.pole_pairs'", "got 2.5")),
-    "unknown coordinates": ('= "rotary"', '= "polar"', ("'coordinates'", "'rotary' or 'linear'", "'polar'")),
+    "unknown coordinates": (
+        '= "rotary"',
+        '= "polar"',
+        ("'coordinates'", "'rotary', 'linear' or 'screw'", "'polar'"),
+    ),
     "stops the wrong way round": (
         "end_stops = [-0.5236, 0.5236]",
         "end_stops = [0.5, 0.1]",

@@ -9,6 +9,7 @@ from hypothesis import given
 from pydantic import ValidationError
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.quantity import unit_for
 from emaphm.errors import ActuatorError
 from strategies import actuators
 
@@ -99,6 +100,26 @@ def test_no_part_can_be_changed(part: Any) -> None:
     for name in type(part).model_fields:
         with pytest.raises(ValidationError, match="frozen"):
             setattr(part, name, getattr(part, name))
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "units"),
+    [
+        ("mechanics", "inertia_motor", ("kg·m²", "kg", "kg·m²")),
+        ("mechanics", "backlash", ("rad", "m", "rad")),
+        ("mechanics", "end_stops", ("rad", "m", "m")),
+        ("mechanics", "gear_ratio", ("-", "-", "m/rad")),
+        ("mechanics", "hinge", ("N·m/rad", "N/m", "N·m/m")),
+        ("controller", "position_gain", ("1/s", "1/s", "rad/(s·m)")),
+        ("controller", "speed_gain", ("N·m·s/rad", "N·s/m", "N·m·s/rad")),
+        ("electrical", "rotor_zero", ("rad", "rad", "rad")),
+        ("electrical", "resistance", ("ohm", "ohm", "ohm")),
+    ],
+)
+def test_units_are_those_of_motor_and_user(section: str, name: str, units: tuple[str, str, str]) -> None:
+    extra = type(getattr(THESIS, section)).model_fields[name].json_schema_extra
+    assert isinstance(extra, dict)
+    assert tuple(unit_for(str(extra["unit"]), one) for one in ("rotary", "linear", "screw")) == units
 
 
 def test_every_quantity_has_a_unit_and_a_source() -> None:

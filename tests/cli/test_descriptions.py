@@ -87,7 +87,7 @@ BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "stops.toml": (files.thesis_with("[-0.5236", "[0.6"), ("end_stops [0.6, 0.5236]", "lower one first")),
     "coordinates.toml": (
         files.thesis_with('"rotary"', '"angular"'),
-        ("'coordinates'", "'rotary' or 'linear'", "got 'angular'"),
+        ("'coordinates'", "'rotary', 'linear' or 'screw'", "got 'angular'"),
     ),
     "sampling.toml": (
         files.THESIS + '\n[channels]\nsampling = "means"\n',

@@ -252,11 +252,29 @@ def test_low_pass_has_its_bandwidth_and_no_phase(tmp_path: Path, thesis: Actuato
         read_recording(path, rig(thesis, {"low_pass_hz": 1e-7}))
 
 
+def test_behind_a_screw_the_output_is_in_m_and_the_motor_in_rad(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
+    screw = rig(thesis, command_rad={"unit": "mm"}, position_rad={"unit": "um"}, speed_rad_s={"unit": "rpm"})
+    screw = screw.model_copy(update={"coordinates": "screw"})
+    recording = read_recording(save(columns, tmp_path), screw)
+    for name, factor in (("command_rad", 1e-3), ("position_rad", 1e-6), ("speed_rad_s", np.pi / 30)):
+        np.testing.assert_allclose(recording[name], factor * columns[name], rtol=1e-12)
+    assert (
+        "[m]" in [axis.get_ylabel() for axis in recording.plot(["command_rad"], coordinates="screw").axes][0]
+    )
+
+
 BAD: dict[str, tuple[dict[str, Any], dict[str, Any], list[str]]] = {
     "another quantity": (
         {},
         {"current_A": {"unit": "mm"}},
         ["unit of current_A", "mm does not convert into A"],
+    ),
+    "a length for an angle": (
+        {},
+        {"position_rad": {"unit": "mm"}},
+        ["unit of position_rad", 'correct the unit, or set coordinates = "linear" or "screw"'],
     ),
     "a long delay": (
         {},

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -18,6 +18,7 @@ from emaphm.actuator.parameters import (
     Nuisances,
     Section,
 )
+from emaphm.actuator.quantity import Coordinates
 from emaphm.actuator.reading import Reading
 from emaphm.actuator.requirements import MOST_REQUIREMENTS, Requirement
 from emaphm.actuator.sensors import Sensors
@@ -38,18 +39,18 @@ SAME_PRESET = {"bldc": "thesis"}
 class Actuator(Section):
     """Description of an electromechanical actuator: parameters, fault scales, channel names.
 
-    Frozen and validated. SI units; with ``coordinates = "linear"`` the same fields hold m and N
-    where they name rad and N·m. Without `electrical` the current loop is ideal. `friction`, `transmission`,
-    `weight` and `ripple` hold optional laws. `tolerances` say how far the parameters may be off. `baseline`
-    and `model_error` are what a calibration of the healthy unit has learned: how well its parameters are
-    known, and how large the error of the model is with them.
+    Frozen and validated. SI units; with ``coordinates = "linear"`` the same fields hold m and N where they
+    name rad and N·m, with ``"screw"`` what is the user's holds m. Without `electrical` the current loop is
+    ideal. `friction`, `transmission`, `weight` and `ripple` hold optional laws. `tolerances` say how far
+    the parameters may be off. `baseline` and `model_error` are what a calibration of the healthy unit has
+    learned: how well its parameters are known, and how large the error of the model is with them.
 
     Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`; `Actuator.pmsm` and `Actuator.dc`
     have other motors and drives.
     """
 
     name: Annotated[str, Field(min_length=1)]
-    coordinates: Literal["rotary", "linear"] = "rotary"
+    coordinates: Coordinates = "rotary"
     controller: Controller
     motor: Motor
     mechanics: Mechanics
@@ -90,7 +91,7 @@ class Actuator(Section):
             raise ValueError("'drive.source_resistance': an ideal current loop has no supply; take it out")
         if self.drive and self.drive.voltage_drop is not None and kind == "current":
             raise ValueError("'drive.voltage_drop': an ideal current loop has no voltage; take it out")
-        if self.weight and self.coordinates == "linear":
+        if self.weight and self.has_linear_user:
             raise ValueError("'weight' turns with a rotary actuator; a linear one has mechanics.offset")
         if self.transmission and not (self.mechanics.inertia_motor > 0 and self.mechanics.inertia_user > 0):
             raise ValueError(
@@ -155,6 +156,16 @@ class Actuator(Section):
         if self.drive is not None:
             return self.drive.kind
         return "hysteresis" if self.electrical is not None else "current"
+
+    @property
+    def has_linear_motor(self) -> bool:
+        """Whether what stands at the motor is in m, N and kg."""
+        return self.coordinates == "linear"
+
+    @property
+    def has_linear_user(self) -> bool:
+        """Whether the user's position is in m."""
+        return self.coordinates != "rotary"
 
     @property
     def three_phases(self) -> bool:

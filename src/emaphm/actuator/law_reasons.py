@@ -45,9 +45,7 @@ _REASONS: Mapping[str, Callable[[Actuator], str]] = {
         if actuator.mechanics.inertia_motor > 0 and actuator.mechanics.inertia_user > 0
         else "a shaft is between two inertias; give inertia_motor and inertia_user above 0"
     ),
-    "gravity": lambda actuator: (
-        "a weight turns with a rotary actuator" if actuator.coordinates == "linear" else ""
-    ),
+    "gravity": lambda actuator: "a weight turns with a rotary actuator" if actuator.has_linear_user else "",
     "emf-flats": _without_trapezoid,
     "emf-sine": _without_trapezoid,
     "hall-angles": _without_commutation,

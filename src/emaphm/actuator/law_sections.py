@@ -9,7 +9,7 @@ from typing import Literal, Self
 from pydantic import model_validator
 
 from emaphm.actuator.parameters import CHOSEN, Section
-from emaphm.actuator.quantity import quantity
+from emaphm.actuator.quantity import ELECTRICAL_ANGLE, quantity
 
 BAM = "arXiv 2410.08650"
 
@@ -175,7 +175,7 @@ class Drive(Section):
     commutation_lag: float | None = quantity(
         "electrical angle by which commutation is late in either direction, as by the hysteresis of Hall "
         "sensors; below 0 it is early",
-        "rad",
+        ELECTRICAL_ANGLE,
         CHOSEN,
         default=None,
         ge=-0.2,

@@ -1,7 +1,8 @@
 """What an actuator is: its parameters, validated, with unit and source for each.
 
 Symbols and values follow the thesis (Tab. 3.1). A linear actuator uses the same fields with m, N, kg
-in place of rad, N·m, kg·m²; everything mechanical is referred to the motor shaft.
+in place of rad, N·m, kg·m², a rotary motor behind a screw m for what is the user's; everything mechanical is
+referred to the motor shaft.
 """
 
 import math
@@ -10,7 +11,7 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from emaphm.actuator.quantity import quantity
+from emaphm.actuator.quantity import ELECTRICAL_ANGLE, USER_ANGLE, quantity
 from emaphm.errors import ActuatorError, SignalError, nearest
 
 THESIS = "thesis Tab. 3.1"
@@ -55,7 +56,7 @@ class Controller(Section):
     """
 
     position_gain: float = quantity(
-        "speed demand per position error at the user, G_prop", "1/s", THESIS, gt=0
+        "speed demand per position error at the user, G_prop", f"rad/(s·{USER_ANGLE})", THESIS, gt=0
     )
     speed_gain: float = quantity("speed loop, proportional, GAP", "N·m·s/rad", THESIS, gt=0)
     integral_gain: float = quantity("speed loop, integral, GAI", "N·m/rad", THESIS, default=0.0, ge=0)
@@ -120,7 +121,7 @@ class Motor(Section):
     )
     flat_loss: float | None = quantity(
         "by how much the flats of the back-EMF's trapezoid are narrower than 120 degrees, electrical",
-        "rad",
+        ELECTRICAL_ANGLE,
         CHOSEN,
         default=None,
         ge=0,
@@ -136,7 +137,7 @@ class Motor(Section):
     )
     hall_a: float | None = quantity(
         "electrical angle by which the Hall sensor of phase a switches too early",
-        "rad",
+        ELECTRICAL_ANGLE,
         CHOSEN,
         default=None,
         ge=-0.4,
@@ -144,7 +145,7 @@ class Motor(Section):
     )
     hall_b: float | None = quantity(
         "electrical angle by which the Hall sensor of phase b switches too early",
-        "rad",
+        ELECTRICAL_ANGLE,
         CHOSEN,
         default=None,
         ge=-0.4,
@@ -152,7 +153,7 @@ class Motor(Section):
     )
     hall_c: float | None = quantity(
         "electrical angle by which the Hall sensor of phase c switches too early",
-        "rad",
+        ELECTRICAL_ANGLE,
         CHOSEN,
         default=None,
         ge=-0.4,
@@ -179,7 +180,7 @@ class Electrical(Section):
     pole_pairs: int = quantity("pole pairs, P", "-", THESIS, default=1, ge=1, le=1000)
     rotor_zero: float = quantity(
         "electrical angle of the rotor where its angle, or without one the position, is recorded as 0",
-        "rad",
+        ELECTRICAL_ANGLE,
         CHOSEN,
         default=0.0,
         ge=-6.3,
@@ -228,15 +229,15 @@ class Mechanics(Section):
     offset: float = quantity("constant load", "N·m", CHOSEN, default=0.0)
     hinge: float = quantity(
         "load stiffness: load at the motor per position of the user, such as an aerodynamic hinge moment",
-        "N·m/rad",
+        f"N·m/{USER_ANGLE}",
         CHOSEN,
         default=0.0,
     )
-    gear_ratio: float = quantity("user motion per motor motion, tau", "-", CHOSEN, gt=0)
+    gear_ratio: float = quantity("user motion per motor motion, tau", f"{USER_ANGLE}/rad", CHOSEN, gt=0)
     screw_ratio: float = quantity("turns of the screw per turn of the motor", "-", CHOSEN, default=1.0, gt=0)
     end_stops: tuple[float, float] | None = quantity(
         "end stops at the user, lower and upper; none where left out",
-        "rad",
+        USER_ANGLE,
         CHOSEN,
         default=None,
         strict=False,
@@ -372,7 +373,11 @@ class Nuisances(Section):
         gt=0,
     )
     hinge: float | None = quantity(
-        "load stiffness: load at the motor per position of the user", "N·m/rad", PRIOR, default=None, gt=0
+        "load stiffness: load at the motor per position of the user",
+        f"N·m/{USER_ANGLE}",
+        PRIOR,
+        default=None,
+        gt=0,
     )
     load_variation: float | None = quantity(
         "load at the motor that varies over the recording: each coefficient of its spline; as of a constant "
@@ -400,10 +405,10 @@ class Nuisances(Section):
     voltage_scale: float = _sensor_scale("voltage sensor")
     voltage_drift: float | None = _sensor_zero("change of the voltage sensor's zero over the recording", "V")
     voltage_delay: float = _sensor_delay("the voltage alone")
-    position_offset: float | None = _sensor_zero("zero of the position sensor", "rad")
+    position_offset: float | None = _sensor_zero("zero of the position sensor", USER_ANGLE)
     position_scale: float = _sensor_scale("position sensor")
     position_drift: float | None = _sensor_zero(
-        "change of the position sensor's zero over the recording", "rad"
+        "change of the position sensor's zero over the recording", USER_ANGLE
     )
     position_delay: float = _sensor_delay("the position alone")
     speed_offset: float | None = _sensor_zero("zero of the speed sensor", "rad/s")

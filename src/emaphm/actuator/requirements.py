@@ -5,7 +5,7 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from emaphm.actuator.parameters import CHOSEN, Section
-from emaphm.actuator.quantity import quantity
+from emaphm.actuator.quantity import USER_ANGLE, quantity
 
 MOST_REQUIREMENTS = 50
 
@@ -20,12 +20,12 @@ MeasureName = Literal[
 ]
 
 MEASURE_UNITS: dict[str, str] = {
-    "tracking_error": "rad",
+    "tracking_error": USER_ANGLE,
     "bandwidth": "Hz",
     "settling_time": "s",
     "stall_margin": "-",
     "peak_current": "A",
-    "free_play": "rad",
+    "free_play": USER_ANGLE,
 }
 """Units of the measures, of a rotary actuator."""
 
@@ -72,7 +72,7 @@ class Requirement(Section):
     command: Literal["chirp", "step", "sine"] = Field(
         default="chirp", description="manoeuvre of tracking_error and peak_current"
     )
-    amplitude: float = quantity("of the manoeuvre, at the user", "rad", CHOSEN, default=5e-3, gt=0)
+    amplitude: float = quantity("of the manoeuvre, at the user", USER_ANGLE, CHOSEN, default=5e-3, gt=0)
     frequency_hz: float | None = quantity(
         "of a sine, or the highest of a chirp, or that a bandwidth may have; 4, 15 and 100 where left out",
         "Hz",

@@ -7,7 +7,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator, Chirp, Command, Ramp, Sine
 from emaphm.actuator.commands import rest_position
-from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.quantity import USER_ANGLE, unit_for
 from emaphm.arrays import Array
 from emaphm.calibration.unit_fit import UnitFit
 from emaphm.estimation.driving_signals import DrivingSignals
@@ -186,7 +186,7 @@ def _manoeuvres(joint: JointObjective) -> dict[str, DrivingSignals]:
     amplitude, about = max((_room(one) for one in problems), key=lambda room: room[0])
     duration = min(max(one.duration_s for one in problems), LONGEST_S)
     interval = min(one.inputs.interval for one in problems)
-    unit = unit_for("rad", problems[0].actuator.coordinates)
+    unit = unit_for(USER_ANGLE, problems[0].actuator.coordinates)
     size, reached = f"{amplitude:.3g} {unit}", f"to {amplitude:.3g} {unit}"
     if abs(about) > WORTH_SAYING * amplitude:
         size, reached = (

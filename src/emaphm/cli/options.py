@@ -123,6 +123,7 @@ def recording_of(path: Path, actuator: "Actuator", known: tuple[str, ...] = ()) 
 
 def known_values(assignments: tuple[str, ...]) -> dict[str, float | str]:
     """Return what the --known options say: numbers of channels, texts of labels."""
+    from emaphm.actuator.quantity import unit_for
     from emaphm.recording.schema import SCHEMA
 
     values: dict[str, float | str] = {}
@@ -139,7 +140,8 @@ def known_values(assignments: tuple[str, ...]) -> dict[str, float | str]:
         try:
             values[name] = float(value)
         except ValueError:
-            raise RecordingError(f"--known {assignment}: {name} is a number in {SCHEMA[name].unit}") from None
+            unit = unit_for(SCHEMA[name].unit, "rotary")
+            raise RecordingError(f"--known {assignment}: {name} is a number in {unit}") from None
     return values
 
 

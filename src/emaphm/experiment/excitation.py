@@ -8,7 +8,7 @@ import numpy as np
 
 from emaphm.actuator import Chirp, Command, DecayingChirp, Sampled, Sine, Step
 from emaphm.actuator.commands import rest_position
-from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.quantity import USER_ANGLE, unit_for
 from emaphm.arrays import Array
 
 PERIOD_ROWS = 200
@@ -56,7 +56,7 @@ class Excitation:
 
     def words(self, coordinates: str) -> str:
         """Return what the excitation is, in a few words; lengths in the unit of the `coordinates`."""
-        unit = unit_for("rad", coordinates)
+        unit = unit_for(USER_ANGLE, coordinates)
         size = f"{getattr(self.command, 'amplitude', self.amplitude):.4g} {unit}"
         if isinstance(self.command, Chirp | DecayingChirp):
             kind = "chirp" if isinstance(self.command, Chirp) else "decaying chirp"
@@ -73,7 +73,9 @@ class Excitation:
 
     def played(self, coordinates: str) -> str:
         """Return how long the excitation lasts, and where the shaft rests first if not at 0, in words."""
-        place = f", from rest at {self.rests_at:.4g} {unit_for('rad', coordinates)}" if self.rests_at else ""
+        place = (
+            f", from rest at {self.rests_at:.4g} {unit_for(USER_ANGLE, coordinates)}" if self.rests_at else ""
+        )
         return f"it lasts {self.duration:g} s{place}"
 
     def to_dict(self) -> dict[str, Any]:

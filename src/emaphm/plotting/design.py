@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.quantity import USER_ANGLE, unit_for
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.plotting.style import (
     BLUE,
@@ -56,7 +56,7 @@ def _commands(axis: "Axes", plans: "Mapping[str, PlannedTest]", coordinates: str
         words = f"{label}: {excitation.words(coordinates)}"
         colour, _, line = LOOKS[label]
         axis.plot(t, excitation.command(t), line, color=colour, linewidth=1.2, label=words)
-    style_axis(axis, "", "time [s]", f"command [{unit_for('rad', coordinates)}]")
+    style_axis(axis, "", "time [s]", f"command [{unit_for(USER_ANGLE, coordinates)}]")
     axis.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2, **LEGEND)
 
 

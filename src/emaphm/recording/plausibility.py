@@ -200,7 +200,7 @@ def _speed(recording: Recording, actuator: Actuator) -> str | None:
     reached, row = _peak(recording, "speed_rad_s")
     if limit is None or reached <= BEYOND_LIMIT * limit:
         return None
-    unit, si = ("mm/s", "m/s") if actuator.coordinates == "linear" else ("rpm or deg/s", "rad/s")
+    unit, si = ("mm/s", "m/s") if actuator.has_linear_motor else ("rpm or deg/s", "rad/s")
     return (
         f"speed_rad_s reaches {reached:.4g} at row {row}, the speed limit is {limit:.4g}; it seems to be in "
         f"{unit}: convert it to {si} ({COUNTING})"
@@ -263,7 +263,7 @@ def _load(recording: Recording, actuator: Actuator) -> str | None:
     reached, row = _peak(recording, "load_Nm")
     if reached <= BEYOND_LIMIT * held:
         return None
-    unit = "N" if actuator.coordinates == "linear" else "N·m"
+    unit = "N" if actuator.has_linear_motor else "N·m"
     return (
         f"load_Nm reaches {reached:.4g} at row {row}, the motor holds {held:.4g} at its current limit; it "
         f"seems to be the load at the user: refer it to the motor shaft, in {unit} ({COUNTING})"
@@ -335,8 +335,8 @@ def _follows(recording: Recording) -> bool:
 
 
 def _units(actuator: Actuator) -> dict[str, float]:
-    return LINEAR_UNITS if actuator.coordinates == "linear" else ROTARY_UNITS
+    return LINEAR_UNITS if actuator.has_linear_user else ROTARY_UNITS
 
 
 def _si(actuator: Actuator) -> str:
-    return "m" if actuator.coordinates == "linear" else "rad"
+    return "m" if actuator.has_linear_user else "rad"

@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
 from emaphm.actuator.channels import SAMPLINGS, Sampling
-from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.quantity import Coordinates, unit_for
 from emaphm.arrays import Array, floats
 from emaphm.errors import RecordingError, nearest
 from emaphm.recording.checks import check
@@ -136,9 +136,7 @@ class Recording:
 
         return pl.DataFrame(dict(self.channels))
 
-    def plot(
-        self, names: Sequence[str] | None = None, *, coordinates: Literal["rotary", "linear"] = "rotary"
-    ) -> "Figure":
+    def plot(self, names: Sequence[str] | None = None, *, coordinates: Coordinates = "rotary") -> "Figure":
         """Draw columns over time, stacked, with units.
 
         Parameters
@@ -146,7 +144,7 @@ class Recording:
         names
             Which columns; all but time where left out.
         coordinates
-            "linear" labels m and N where a rotary actuator has rad and N·m.
+            "linear" labels m and N where a rotary actuator has rad and N·m, "screw" m at the user.
 
         Raises
         ------

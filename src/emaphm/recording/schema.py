@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from emaphm.actuator.quantity import USER_ANGLE
+
 
 @dataclass(frozen=True)
 class Channel:
@@ -16,8 +18,8 @@ class Channel:
 SCHEMA: Mapping[str, Channel] = MappingProxyType(
     {
         "time_s": Channel("time", "s"),
-        "command_rad": Channel("command", "rad"),
-        "position_rad": Channel("position of the user", "rad"),
+        "command_rad": Channel("command", USER_ANGLE),
+        "position_rad": Channel("position of the user", USER_ANGLE),
         "speed_rad_s": Channel("speed of the motor", "rad/s"),
         "angle_rad": Channel("angle of the motor", "rad"),
         "current_a_A": Channel("current of phase a", "A"),
@@ -36,7 +38,7 @@ SCHEMA: Mapping[str, Channel] = MappingProxyType(
         "temperature_K": Channel("temperature", "K"),
     }
 )
-"""Schema columns in their usual order; a linear actuator puts m and N where rad and N·m stand."""
+"""Schema columns in their usual order; their units as of `emaphm.actuator.quantity.unit_for`."""
 
 SHORT_NAMES: Mapping[str, str] = MappingProxyType(
     {

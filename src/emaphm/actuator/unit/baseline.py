@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from emaphm.actuator.parameters import LARGEST, SMALLEST, Section
-from emaphm.actuator.quantity import quantity
+from emaphm.actuator.quantity import ELECTRICAL_ANGLE, USER_ANGLE, quantity
 from emaphm.errors import nearest
 
 MOST_HARMONICS = 8
@@ -21,9 +21,9 @@ LUMPED_PARAMETERS = {
     "coulomb": "N·m",
     "static": "N·m",
     "offset": "N·m",
-    "hinge": "N·m/rad",
+    "hinge": f"N·m/{USER_ANGLE}",
     "backlash": "rad",
-    "position_gain": "1/s",
+    "position_gain": f"rad/(s·{USER_ANGLE})",
     "position_integral_gain": "1/s",
     "position_derivative_gain": "s",
     "speed_gain": "N·m·s/rad",
@@ -35,13 +35,13 @@ LUMPED_PARAMETERS = {
     "speed_lag": "s",
     "torque_constant": "N·m/A",
     "saturation": "1/A",
-    "flat_loss": "rad",
+    "flat_loss": ELECTRICAL_ANGLE,
     "sine_share": "-",
-    **dict.fromkeys(HALL_SENSORS, "rad"),
+    **dict.fromkeys(HALL_SENSORS, ELECTRICAL_ANGLE),
     "torque_lag": "s",
     "resistance": "ohm",
     "inductance": "H",
-    "rotor_zero": "rad",
+    "rotor_zero": ELECTRICAL_ANGLE,
     "supply": "V",
     "temperature_gain": "-",
     "current_gain": "V/A",
@@ -49,7 +49,7 @@ LUMPED_PARAMETERS = {
     "source_resistance": "ohm",
     "voltage_drop": "V",
     "current_lag": "s",
-    "commutation_lag": "rad",
+    "commutation_lag": ELECTRICAL_ANGLE,
     "commutation_delay": "s",
     "stribeck_speed": "rad/s",
     "load_friction": "-",

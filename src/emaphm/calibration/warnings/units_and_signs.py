@@ -78,7 +78,7 @@ def unit_or_sign(row: CampaignRow, described: Actuator) -> list[str]:
     found = f"current_A is {gain:.3g} times what the measured motion requires"
     if gain < 0:
         return [f"{found}, of the opposite sign: negate current_A, or the motion and its command"]
-    length = described.coordinates == "linear"
+    length = described.has_linear_user
     unit, size, right = ("mm", PER_M, "m") if length else ("degrees", PER_RAD, "rad")
     if _near(gain, 1 / size):
         return [f"{found}, as of a position in {unit}: convert position and command to {right}"]

@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array, rms
 from emaphm.estimation.objective import CORRELATED_ROWS
 from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
@@ -39,10 +40,14 @@ def further_channels_information(
     for name, derivatives in jacobians.items():
         if name in recorded:
             continue
-        alike = [one for other, one in signals.items() if SCHEMA[other].unit == SCHEMA[name].unit]
+        alike = [one for other, one in signals.items() if _unit(other) == _unit(name)]
         size = max(*map(rms, alike), deviation * rms(derivatives))
         information[name] = signal_information(_own_part(derivatives, known), size)
     return information
+
+
+def _unit(name: str) -> str:
+    return unit_for(SCHEMA[name].unit, "rotary")
 
 
 def signal_information(jacobians: Array, size: float) -> Array:

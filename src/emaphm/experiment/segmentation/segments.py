@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.actuator import NAMES, Actuator
-from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.quantity import USER_ANGLE, unit_for
 from emaphm.arrays import Array, runs
 from emaphm.diagnosis.verdict import VERDICT, Z95
 from emaphm.errors import MethodError
@@ -191,7 +191,7 @@ class _Cutter:
         return f"saturated: the current is at its limit in {100 * share:.0f} % of the rows"
 
     def _rest(self, first: int, last: int) -> Segment:
-        least = f"{self.cells.least:.2g} {unit_for('rad', self.actuator.coordinates)}"
+        least = f"{self.cells.least:.2g} {unit_for(USER_ANGLE, self.actuator.coordinates)}"
         reason = f"at rest: in {CELLS.rest_s:g} s the command moves by no more than {least}"
         return self._made(first, last, {}, (), reason)
 

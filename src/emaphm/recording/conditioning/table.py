@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from emaphm.actuator import Actuator
 from emaphm.actuator.channels import OWN_NAME, ChannelEntry
 from emaphm.actuator.columns.expression import Expression
-from emaphm.actuator.quantity import unit_for
+from emaphm.actuator.quantity import Coordinates, unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.recording.conditioning.gaps import FEWEST_ROWS, covered_rows
@@ -283,14 +283,23 @@ def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source:
     try:
         return in_unit(values, entry.unit, target)
     except ValueError as error:
-        other = "rotary" if actuator.coordinates == "linear" else "linear"
-        hint = f', or set coordinates = "{other}"' if target != SCHEMA[name].unit or "rad" in target else ""
-        if hint:
-            hint += "; of a rotary motor behind a screw, give a scale in place of the unit"
+        others = [f'"{one}"' for one in get_args(Coordinates) if _converts(entry.unit, name, one)]
+        hint = f", or set coordinates = {' or '.join(others)}" if others else ""
         raise RecordingError(
             f"{source}: unit of {name} under [channels] in the actuator's TOML: {error}; correct the "
             f"unit{hint}"
         ) from None
+
+
+def _converts(unit: str, name: str, coordinates: str) -> bool:
+    """Return whether a `unit` is one of channel `name` in these coordinates."""
+    from emaphm.actuator.columns.units import in_unit
+
+    try:
+        in_unit(np.zeros(1), unit, unit_for(SCHEMA[name].unit, coordinates))
+    except ValueError:
+        return False
+    return True
 
 
 def _derived(
