@@ -260,9 +260,9 @@ def test_behind_a_screw_the_output_is_in_m_and_the_motor_in_rad(
     recording = read_recording(save(columns, tmp_path), screw)
     for name, factor in (("command_rad", 1e-3), ("position_rad", 1e-6), ("speed_rad_s", np.pi / 30)):
         np.testing.assert_allclose(recording[name], factor * columns[name], rtol=1e-12)
-    assert (
-        "[m]" in [axis.get_ylabel() for axis in recording.plot(["command_rad"], coordinates="screw").axes][0]
-    )
+    labels = [axis.get_ylabel() for axis in recording.plot(coordinates="screw").axes]
+    assert "command\n[m]" in labels
+    assert "speed of the motor\n[rad/s]" in labels
 
 
 BAD: dict[str, tuple[dict[str, Any], dict[str, Any], list[str]]] = {
