@@ -109,7 +109,8 @@ GREASED = CALIBRATED.model_copy(update={"friction": Friction(load_friction=0.05)
     [
         (CALIBRATED, 0.1, 0.3, True),
         (CALIBRATED, 0.1, -0.3, True),
-        (CALIBRATED, 0.5, 0.3, False),
+        (CALIBRATED, 0.7, 0.3, False),
+        (CALIBRATED, -0.1, 0.3, False),
         (CALIBRATED, 0.1, 0.05, False),
         (THESIS, 0.1, 0.3, False),
         (GREASED, 0.1, 0.3, False),

@@ -91,6 +91,12 @@ class KeptDiagnosis:
         return {name: one["verdict"] for name, one in self.document["faults"].items()}
 
     @property
+    def estimated_load(self) -> float | None:
+        """The constant load that was estimated with the faults, in its unit; None where it was not."""
+        load = self.document["nuisances"].get("load")
+        return None if load is None else float(load["value"])
+
+    @property
     def cartesian(self) -> Array:
         """The estimate in the coordinates `CARTESIAN_NAMES`, shape (8,): the eccentricity as a vector."""
         return np.asarray(to_cartesian(self.vector))

@@ -115,8 +115,8 @@ def _of_component(now: Situation, name: str) -> Iterator[Event]:
     if verdicts[-1] != before or (len(verdicts) == 1 and verdicts[-1] == "degraded"):
         turned = f"turned from {before} to"
         if len(verdicts) == 1:
-            turned = "in its first decided diagnosis is"
-            turned += "" if len(decided) == 1 else f" since it was replaced at {renewed:.9g} h"
+            since = "" if len(decided) == 1 else f" since it was replaced at {renewed:.9g} h"
+            turned = f"in its first decided diagnosis{since} is"
         message = f"{name} {turned} {verdicts[-1]}, {size}"
         severity = "warning" if verdicts[-1] == "degraded" else "info"
         yield now.event("health_changed", "raised", severity, message, name, verdict=verdicts[-1], **values)

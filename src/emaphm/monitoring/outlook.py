@@ -23,6 +23,9 @@ KIND = "rul_below_horizon"
 RECENT = timedelta(days=1)
 """Age of a recording up to which its unit's first prognosis is made at the start of a watcher."""
 
+MOST_NEWER = 20
+"""Latest recordings that are looked through for the one that a prognosis ends with."""
+
 NICENESS = 5
 """Of the process that makes prognoses: a third of a core where all are busy."""
 
@@ -173,6 +176,10 @@ def rul_events(
         state, severity = "cleared", "info"
     else:
         return []
+    # Further recordings may have come while the prognosis was made.
+    latest = history.unit(unit).diagnoses(MOST_NEWER)
+    newer = [one for one in latest if one.hours > made.evidence.hours]
+    last = latest[max(len(latest) - len(newer), 1) - 1]
     low, high = made.to_dict()["rul_hours"]["interval90"]
     what = f"{made.component} ({made.limit.label})" if made.limit else "nothing in sight"
     about = (
@@ -187,11 +194,10 @@ def rul_events(
         "fleet_units": made.belief.prior.units,
         "advice": made.advice.to_dict(made.evidence.hours),
         "made_from": {
-            "diagnoses": history.basis(unit).diagnoses,
+            "diagnoses": history.basis(unit).diagnoses - len(newer),
             "replacements": len(made.evidence.replacements),
         },
     }
-    last = history.unit(unit).diagnoses(1)[0]
     return [
         Event(
             KIND,

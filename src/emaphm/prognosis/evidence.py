@@ -36,7 +36,8 @@ class Observation:
     """A diagnosis at flight `hours` [h]: levels (8,), covariance (8, 8), which components it saw (8,).
 
     In the coordinates `CARTESIAN_NAMES`. One that is not `explained` is shown and not used. `shared` is the
-    part of the covariance that all diagnoses of the unit have in common, (8, 8), or 0.
+    part of the covariance that all diagnoses of the unit have in common, (8, 8), or 0; `load` what the
+    diagnosis estimated with the faults, None where it did not.
     """
 
     hours: float
@@ -45,6 +46,7 @@ class Observation:
     seen: Mask
     explained: bool = True
     shared: Array | float = 0.0
+    load: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +89,7 @@ class Evidence:
                 np.array([name in one.coordinates for name in CARTESIAN_NAMES]),
                 one.explained,
                 one.cartesian_shared_covariance,
+                one.estimated_load,
             )
             for one in unit.diagnoses(None if most is None else most - earlier, earlier)
         )

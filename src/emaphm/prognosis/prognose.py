@@ -18,6 +18,8 @@ from emaphm.prognosis.notes.failures import failure_notes
 from emaphm.prognosis.notes.hours import hours_notes
 from emaphm.prognosis.notes.levels import level_notes
 from emaphm.prognosis.notes.life import life_notes
+from emaphm.prognosis.notes.loads import load_notes
+from emaphm.prognosis.notes.newest import newest_notes
 from emaphm.prognosis.notes.rates import rate_notes
 from emaphm.prognosis.notes.repairs import repair_notes
 from emaphm.prognosis.notes.shared_error import shared_error_notes
@@ -138,6 +140,8 @@ def prognose(
             *stress_notes(question.ahead, followed.belief.prior.reference),
             *shared_error_notes(followed.belief, component),
             *level_notes(evidence, made.level[0]),
+            *newest_notes(evidence, made.level[0]),
+            *load_notes(evidence),
             *rate_notes(evidence),
             *hours_notes(evidence),
             *(failure_notes(prior.fellows.units, times.limits) if prior.fellows else ()),

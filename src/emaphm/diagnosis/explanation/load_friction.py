@@ -9,7 +9,7 @@ from emaphm.actuator.quantity import unit_for
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.estimation.search_result import SearchResult
 
-USUAL = 0.1
+USUAL = 0.3
 """Friction of a ball screw or gear, of the load that it carries, up to which that is nothing unusual."""
 
 LAW = "load-dependent"
@@ -29,13 +29,13 @@ def load_may_be_friction(components: Mapping[str, Estimate], result: SearchResul
     described = actuator.mechanics.offset
     more = float(abs(described + estimated[0] + np.mean(recorded)) - abs(described))
     excess = components["friction"].value * actuator.faults.friction * actuator.mechanics.dynamic_friction
-    if more <= 0 or excess > USUAL * more:
+    if not more or not 0 < excess / more <= USUAL:
         return ()
     unit = unit_for("N·m", actuator.coordinates)
     note = (
-        f"friction that is {100 * excess / more:.2g} % of the load looks like this: the load is {more:.3g} "
-        f"{unit} larger than in the description of the calibrated unit; calibrate under several loads with "
-        f"the law {LAW} (--laws {LAW})"
+        f"friction that is {100 * excess / more:.2g} % of the load looks like this: the load is "
+        f"{abs(more):.3g} {unit} {'larger' if more > 0 else 'smaller'} than in the description of the "
+        f"calibrated unit; calibrate under several loads with the law {LAW} (--laws {LAW})"
     )
     return (note,)
 

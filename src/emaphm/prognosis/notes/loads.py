@@ -1,0 +1,42 @@
+"""A note on a friction that goes with the load: of the load, and not of wear, for all that is seen."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.prognosis.columns import columns_of
+
+if TYPE_CHECKING:
+    from emaphm.prognosis.evidence import Evidence
+
+FRICTION = CARTESIAN_NAMES.index("friction")
+
+FEWEST = 5
+"""Diagnoses with a load from which on a correlation says something."""
+
+ALIKE = 0.95
+"""Correlation of friction and load from which on a note says so; five pairs by chance have it once in 80."""
+
+LARGEST_CHANCE = 3.0
+"""Rms deviation of the friction, in its standard errors, from which on it varies at all."""
+
+
+def load_notes(evidence: "Evidence") -> list[str]:
+    """Return a note where the friction of the diagnoses since the last replacement goes with their load."""
+    since = max((at for at, part in evidence.replacements if FRICTION in columns_of(part)), default=-1.0)
+    seen = [one for one in evidence.used if one.hours > since and one.seen[FRICTION] and one.load is not None]
+    friction = np.array([one.level[FRICTION] for one in seen])
+    load = np.array([one.load for one in seen], float)
+    if friction.size < FEWEST or np.ptp(load) == 0:
+        return []
+    own = np.sqrt(np.mean([one.covariance[FRICTION, FRICTION] for one in seen]))
+    alike = float(np.corrcoef(friction, load)[0, 1]) if np.std(friction) > LARGEST_CHANCE * own else 0.0
+    if abs(alike) < ALIKE:
+        return []
+    note = (
+        f"the friction goes with the load that the diagnoses estimated (correlation {alike:.2f} of "
+        f"{friction.size}): friction of the load, which the description lacks, looks like wear where loads "
+        "rise; calibrate under several loads with the law load-dependent"
+    )
+    return [note]
