@@ -389,6 +389,16 @@ def test_static_friction_is_not_below_coulomb_friction() -> None:
     assert found.identified.mechanics.static_friction >= found.values["coulomb"]
 
 
+def test_a_parameter_that_next_to_nothing_shows_leaves_the_others_finite() -> None:
+    columns = np.stack([np.linspace(-1.0, 1.0, 50), np.full(50, 1e-310)], axis=1)
+    problem: Any = SimpleNamespace(
+        jacobian=lambda _, linear: columns[:, linear], residual=lambda point: columns @ ([2.0, 0.0] - point)
+    )
+    found = _solved(problem, np.array([0.0, 1.0]), np.array([True, True]), np.zeros(2), np.full(2, np.inf))
+    assert np.isfinite(found).all()
+    assert found[0] == pytest.approx(2.0)
+
+
 def test_a_value_on_its_bound_is_not_beyond_it() -> None:
     rng = np.random.default_rng(0)
     lower, upper = np.full(2, 0.1), np.full(2, 0.7)

@@ -23,6 +23,9 @@ LIKE_A_SPEED_SCALE = (
 )
 """The recorded position then follows the command as it should, and the speed does not go with it."""
 
+LIKE_A_HELD_SHAFT = " A shaft that friction held off the command as the recording began looks alike."
+"""Where no position shows where it stood, and no rest before the motion was recorded."""
+
 LIKE_A_CURRENT_SCALE = " A torque constant that is {factor:.3g} times the described one looks alike."
 """Without windings, nothing but the torque of the current shows."""
 
@@ -154,6 +157,8 @@ def _estimated(
         sentence = f"All channels {meaning} against the command{digits}."
     if (channel, kind) == ("speed_rad_s", "scale") and "position_rad" in channels:
         sentence += LIKE_A_SPEED_SCALE
+    if channel in TORQUE_CURRENTS and kind == "bias" and "position_rad" not in channels:
+        sentence += LIKE_A_HELD_SHAFT
     if others:
         what = "an actuator fault" if faults else "another deviation"
         sentence += f" This recording does not tell it from {what}: {', '.join(others)}."

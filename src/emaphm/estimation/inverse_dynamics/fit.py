@@ -199,7 +199,7 @@ def _refuse_singular(problem: InverseProblem, jacobian: Array) -> None:
     """Refuse parameters that no recording shows, alone or with the others."""
     size = np.sqrt(np.mean(jacobian**2, axis=0))
     labels = problem.labels
-    silent = [label for label, one in zip(labels, size, strict=True) if one == 0]
+    silent = [label for label, one in zip(labels, size, strict=True) if not 0 < one < np.inf]
     if silent:
         raise MethodError(
             f"no recording shows {listed(silent, 'or')} in its motion; record one that moves there, or do "

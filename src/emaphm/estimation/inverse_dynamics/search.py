@@ -63,6 +63,9 @@ LARGEST_ASYMMETRY = 0.95
 AT_BOUND = 1e-3
 """Distance to a bound, relative to the width of the search, that counts as lying on it."""
 
+LEAST_COLUMN = 1e-12
+"""Least size of a column, relative to the largest, that a linear parameter is scaled by."""
+
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
@@ -159,7 +162,9 @@ def _solved(
     if not linear.any():
         return point
     columns = problem.jacobian(point, linear)
-    size = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+    norms = np.linalg.norm(columns, axis=0)
+    # Of a column that is nearly 0, as of the static friction where it acts up to no speed, nothing is known.
+    size = np.maximum(norms, max(LEAST_COLUMN * norms.max(), np.finfo(float).tiny))
     target = problem.residual(point) + columns @ point[linear]
     found = lsq_linear(columns / size, target, (lower[linear] * size, upper[linear] * size), method="bvls")
     solved = point.copy()
