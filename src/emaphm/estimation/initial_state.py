@@ -1,6 +1,7 @@
 """Where a recorded manoeuvre starts: the motor's angle and speed, and the rotor's electrical zero."""
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
@@ -25,6 +26,12 @@ FIRST_ROWS = (10, 20, 40, 80)
 
 STEEPER = (70 / 6) ** 0.5
 """What `noise_level` has of second differences, over that of the rows: the root of 70 / 6 of fourth ones."""
+
+AGREEING = 2.0
+"""Standard errors of the speed by a cubic at least, in the direction of that by a parabola."""
+
+Speed: TypeAlias = tuple[float, float]
+"""A speed of the motor and its standard error [rad/s]."""
 
 BY_CHANCE = 1.5
 """Ratio of what a parabola leaves of rows to their noise, up to which that is chance."""
@@ -93,36 +100,46 @@ def shows_start(recording: Recording, actuator: Actuator) -> bool:
     if not ("position_rad" in recording or ("angle_rad" in recording and "speed_rad_s" in recording)):
         return False
     usual = rms(np.diff(recording["command_rad"])) / recording.interval_s
-    _, error = _speed_and_error(recording, actuator)
+    (_, error), _ = _speeds(recording, actuator)
     return error <= KNOWN * usual / actuator.mechanics.gear_ratio
 
 
 def _starting_speed(recording: Recording, actuator: Actuator) -> float:
-    """Return the motor's speed [rad/s] at the start, 0 where that is not significant."""
-    speed, error = _speed_and_error(recording, actuator)
-    return speed if abs(speed) > SIGNIFICANT * error else 0.0
+    """Return the motor's speed [rad/s] at the start, 0 where that is not significant.
+
+    Nor by a polynomial of one degree more: the parabola through a shaft that sticks for a while and then
+    moves has a speed at the start that the shaft has not.
+    """
+    (speed, error), (other, its_error) = _speeds(recording, actuator)
+    agrees = speed * other > 0 and abs(other) > AGREEING * its_error
+    return speed if abs(speed) > SIGNIFICANT * error and agrees else 0.0
 
 
-def _speed_and_error(recording: Recording, actuator: Actuator) -> tuple[float, float]:
-    """Return the motor's speed [rad/s] at the start and its standard error, infinite where nothing shows it.
+def _speeds(recording: Recording, actuator: Actuator) -> tuple[Speed, Speed]:
+    """Return the motor's speed [rad/s] at the start and its standard error, by a parabola and by a cubic.
 
-    A coarse converter shows a speed over many rows only, in which the acceleration must not change.
+    Infinite errors where nothing shows it. A coarse converter shows a speed over many rows only, in which the
+    acceleration must not change.
     """
     if "speed_rad_s" in recording and not actuator.sensors.speed_rad_s.unsigned:
         name, order, scale = "speed_rad_s", 0, 1.0
     elif "position_rad" in recording:
         name, order, scale = "position_rad", 1, 1 / actuator.mechanics.gear_ratio
     else:
-        return 0.0, math.inf
+        return (0.0, math.inf), (0.0, math.inf)
     column = true_values(recording[name], name, actuator)
     noise = max(noise_level(np.diff(column, 2)) / STEEPER, visible_count(column) / ROUNDING)
     time = recording["time_s"] - recording["time_s"][0] + _first_time(recording)
-    value = error = 0.0
-    for rows in FIRST_ROWS:
-        coefficients, covariance = np.polyfit(time[:rows], column[:rows], 2, cov="unscaled")
+
+    def fitted(rows: int, degree: int) -> tuple[Speed, float]:
+        coefficients, covariance = np.polyfit(time[:rows], column[:rows], degree, cov="unscaled")
         left = rms(column[:rows] - np.polyval(coefficients, time[:rows]))
-        if rows > FIRST_ROWS[0] and (rows > column.size or left > BY_CHANCE * noise):
-            break
-        value = float(coefficients[-1 - order])
         error = max(left, noise) * float(covariance[-1 - order, -1 - order] ** 0.5)
-    return value * scale, error * scale
+        return (scale * float(coefficients[-1 - order]), scale * error), left
+
+    chosen = FIRST_ROWS[0]
+    for rows in FIRST_ROWS[1:]:
+        if rows > column.size or fitted(rows, 2)[1] > BY_CHANCE * noise:
+            break
+        chosen = rows
+    return fitted(chosen, 2)[0], fitted(chosen, 3)[0]
