@@ -1,5 +1,6 @@
 """Figures of a prognosis: intervals can be seen, of one forecast too."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -49,6 +50,22 @@ def test_the_intervals_of_several_forecasts_are_bands() -> None:
     for drawn in axis.collections:
         hours = np.concatenate([np.asarray(path.vertices)[:, 0] for path in drawn.get_paths()])
         assert (hours.min(), hours.max()) == (100.0, 200.0)
+
+
+def marked(axis: Axes) -> list[float]:
+    """Return where vertical lines of replacements are."""
+    lines = [one for one in axis.get_lines() if one.get_linestyle() == "-." and np.size(one.get_xdata())]
+    return [float(np.asarray(one.get_xdata(), float)[0]) for one in lines]
+
+
+def test_a_replacement_is_marked_and_breaks_the_fan() -> None:
+    (axis,) = draw_fan(replace(curves(FIRST, SECOND), replacements=((150.0, "friction"),))).axes
+    assert marked(axis) == [150.0]
+    (median,) = (one for one in axis.get_lines() if one.get_label() == "median")
+    assert np.isnan(np.asarray(median.get_ydata(), float)).tolist() == [False, True, False]
+    axes = draw_health(replace(falling(800.0), replacements=((400.0, "backlash"),))).axes
+    assert {axis.get_title(loc="left") for axis in axes if marked(axis)} == {"backlash"}
+    assert "replaced" in axes[0].get_legend_handles_labels()[1]
 
 
 def falling(now: float) -> Curves:

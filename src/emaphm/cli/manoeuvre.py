@@ -37,7 +37,7 @@ JUMP = 0.05
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Manoeuvre:
-    """What `simulate`, `design` and `train` are told of the manoeuvre."""
+    """What `simulate`, `design` and `train` take of a manoeuvre."""
 
     command: Annotated[
         str,

@@ -22,6 +22,8 @@ from emaphm.plotting.style import (
 from emaphm.prognosis.keeping.curves import PROBABILITIES, Curves
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
@@ -80,7 +82,11 @@ def draw_fan(curves: Curves, *, narrow: bool = False) -> "Figure":
     """
     figure = new_figure(NARROW_WIDTH if narrow else PAGE_WIDTH, 3.0)
     axis = figure.subplots()
-    hours, *quantiles = np.array(curves.fan).T
+    replaced = sorted({hours for hours, _ in curves.replacements if hours > curves.fan[0][0]})
+    # Life begins anew there: no line from the old part's to the new one's.
+    breaks = [(hours, *[np.nan] * len(PROBABILITIES)) for hours in replaced]
+    hours, *quantiles = np.array(sorted([*map(tuple, curves.fan), *breaks], key=lambda row: row[0])).T
+    _replacements(axis, replaced, in_legend=bool(replaced))
     for low, high, opacity in BANDS:
         ends, label = (quantiles[low], quantiles[high]), _band(low, high)
         if len(hours) > 1:
@@ -93,6 +99,13 @@ def draw_fan(curves: Curves, *, narrow: bool = False) -> "Figure":
     plain_numbers(axis)
     _legend(figure, axis, narrow=narrow)
     return figure
+
+
+def _replacements(axis: "Axes", hours: "Sequence[float]", *, in_legend: bool) -> None:
+    for one in hours:
+        axis.axvline(one, color="0.4", linewidth=0.8, linestyle="-.")
+    if in_legend:
+        axis.plot([], [], color="0.4", linewidth=0.8, linestyle="-.", label="replaced")
 
 
 def _legend(figure: "Figure", axis: "Axes", *, narrow: bool) -> None:
@@ -143,6 +156,8 @@ def _health(axis: "Axes", name: str, curves: Curves) -> None:
         )
     axis.plot(curves.times, levels[MEDIAN], color=BLUE, linewidth=1, label="forecast, median")
     axis.axvline(curves.now, color=FAINT, linewidth=0.8, linestyle=":")
+    own = [hours for hours, part in curves.replacements if part in {name, "unit"}]
+    _replacements(axis, own, in_legend=bool(curves.replacements))
     for component, bound in curves.limits:
         if component == name:
             axis.axhline(bound, color=VERMILION, linewidth=1, linestyle="--")

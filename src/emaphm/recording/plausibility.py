@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.recording.checks import COUNTING
@@ -292,15 +293,16 @@ def _temperature(recording: Recording) -> str | None:
 def _magnitude(recording: Recording) -> str | None:
     for name in filter(recording.__contains__, SCHEMA):
         reached, row = _peak(recording, name)
+        unit = unit_for(SCHEMA[name].unit, "rotary")
         if reached > LARGEST:
             return (
                 f"{name} reaches {reached:.4g} at row {row}, which no sensor gives; correct that value, or "
-                f"convert the column to {SCHEMA[name].unit} ({COUNTING})"
+                f"convert the column to {unit} ({COUNTING})"
             )
         if 0 < reached < SMALLEST:
             return (
                 f"{name} reaches only {reached:.4g}, at row {row}, which no sensor resolves; convert it to "
-                f"{SCHEMA[name].unit}, or leave the column out ({COUNTING})"
+                f"{unit}, or leave the column out ({COUNTING})"
             )
     return None
 

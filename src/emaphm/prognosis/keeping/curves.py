@@ -61,6 +61,8 @@ class Curves:
         The RUL as forecast at flight hours: rows of these and of its quantiles `PROBABILITIES` [h].
     requirements
         Labels of the limits that it is forecast against.
+    replacements
+        Of each replacement, flight hours and component, "unit" standing for all.
     """
 
     unit: str
@@ -77,6 +79,7 @@ class Curves:
     first_label: str
     fan: tuple[tuple[float, ...], ...]
     requirements: tuple[str, ...] = ()
+    replacements: tuple[tuple[float, str], ...] = ()
 
     @classmethod
     def of(cls, prognosis: Prognosis, fan: Sequence[tuple[float, ...]] = ()) -> Self:
@@ -120,6 +123,7 @@ class Curves:
             first_label=prognosis.limit.label if first is not None and prognosis.limit else "",
             fan=(*fan, fan_row(now, prognosis.sample, float(made.hours[-1]))),
             requirements=tuple(limit.label for limit in prognosis.times.limits),
+            replacements=prognosis.evidence.replacements,
         )
 
     def to_dict(self) -> dict[str, Any]:
