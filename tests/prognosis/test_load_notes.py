@@ -43,7 +43,8 @@ def test_wear_under_loads_by_chance_is_none() -> None:
 
 def test_nothing_is_said_of_few_of_a_steady_friction_or_of_the_part_before() -> None:
     load = np.array([-0.06, 0.05, -0.02, 0.075, 0.0, 0.03, -0.04])
-    assert load_notes(diagnosed(1.5 * load[:4], load[:4])) == []
+    assert load_notes(diagnosed(1.5 * load[:4], load[:4])) != []
+    assert load_notes(diagnosed(1.5 * load[:3], load[:3])) == []
     assert load_notes(diagnosed(0 * load, load)) == []
     assert load_notes(diagnosed(1.5 * load, None)) == []
     renewed = replace(diagnosed(1.5 * load, load), replacements=((400.0, "friction"),))

@@ -12,11 +12,14 @@ if TYPE_CHECKING:
 
 FRICTION = CARTESIAN_NAMES.index("friction")
 
-FEWEST = 5
+FEWEST = 4
 """Diagnoses with a load from which on a correlation says something."""
 
+CHANCE = 0.005
+"""Probability by which independent pairs may be as alike, below which a note says so."""
+
 ALIKE = 0.95
-"""Correlation of friction and load from which on a note says so; five pairs by chance have it once in 80."""
+"""Correlation of friction and load from which on a note says so."""
 
 LARGEST_CHANCE = 3.0
 """Rms deviation of the friction, in its standard errors, from which on it varies at all."""
@@ -32,7 +35,7 @@ def load_notes(evidence: "Evidence") -> list[str]:
         return []
     own = np.sqrt(np.mean([one.covariance[FRICTION, FRICTION] for one in seen]))
     alike = float(np.corrcoef(friction, load)[0, 1]) if np.std(friction) > LARGEST_CHANCE * own else 0.0
-    if abs(alike) < ALIKE:
+    if abs(alike) < ALIKE or _by_chance(alike, friction.size) > CHANCE:
         return []
     note = (
         f"the friction goes with the load that the diagnoses estimated (correlation {alike:.2f} of "
@@ -40,3 +43,11 @@ def load_notes(evidence: "Evidence") -> list[str]:
         "rise; calibrate under several loads with the law load-dependent"
     )
     return [note]
+
+
+def _by_chance(correlation: float, pairs: int) -> float:
+    """Return the probability that independent normal pairs are as alike: Student's t of pairs - 2 degrees."""
+    from scipy.special import stdtr
+
+    rest = max(1 - correlation**2, np.finfo(float).tiny)
+    return float(2 * stdtr(pairs - 2, -abs(correlation) * ((pairs - 2) / rest) ** 0.5))
