@@ -28,6 +28,7 @@ OF_OBSERVATION: dict[str, Any] = {
     "seen": np.arange(8) > 0,
     "explained": False,
     "shared": 1e-5 * np.eye(8),
+    "load": 0.1,
 }
 OF_UNIT: dict[str, Any] = {
     "unit": "B",

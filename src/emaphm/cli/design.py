@@ -18,7 +18,7 @@ from emaphm.cli.options import (
     names_in,
     whole_number,
 )
-from emaphm.cli.output import draw, progress, show
+from emaphm.cli.output import draw, progress, say, show
 from emaphm.errors import MethodError, SignalError
 
 MOST_CANDIDATES, MOST_TESTS = 10_000, 1_000
@@ -89,10 +89,13 @@ def design(
             f"--noise {noise:g} A exceeds the current limit of {described.controller.current_limit:g} A; "
             "give the rms of the sensor's noise"
         )
+    driven = manoeuvre.command_for(described)
+    if not as_json and (jump := manoeuvre.jump_of(driven)):
+        say(jump)
     with progress("designing", as_json) as advance:
         result = plan(
             described,
-            manoeuvre.command_for(described),
+            driven,
             duration=manoeuvre.duration,
             initial_position=manoeuvre.about,
             max_amplitude=max_amplitude,

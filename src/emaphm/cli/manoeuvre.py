@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from emaphm.cli.options import signal_in
-from emaphm.cli.output import say
 from emaphm.errors import SignalError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from emaphm.actuator import Actuator, Command, Sampled
+    from emaphm.actuator import Actuator, Command
 
 AMPLITUDE = 5e-3
 """Of a command by name [rad]."""
@@ -32,6 +31,9 @@ ONE_WAY = ("step", "ramp")
 
 JUMP = 0.05
 """Distance of a command's first value from the resting shaft, of what it covers, from which it is a jump."""
+
+ROWS_SEEN = 10_000
+"""Times at which a command is looked at for what it covers."""
 
 
 @Parameter(name="*")
@@ -81,9 +83,22 @@ class Manoeuvre:
             )
         if self.amplitude is not None:
             raise SignalError(f"--amplitude is of {', '.join(BY_NAME)}; leave it out with a file")
-        signal = signal_in(self.command, "command_rad", self.duration)
-        self._say_of_jump(signal)
-        return signal
+        return signal_in(self.command, "command_rad", self.duration)
+
+    def jump_of(self, command: "Command") -> str | None:
+        """Return that a command from a file begins elsewhere than the shaft rests; None where it does not."""
+        if self.command in BY_NAME:
+            return None
+        import numpy as np
+
+        first, *others = command(np.linspace(0.0, self.duration, ROWS_SEEN)).tolist()
+        start = 0.0 if self.about is None else self.about
+        if abs(first - start) <= JUMP * (max(first, *others) - min(first, *others)):
+            return None
+        return (
+            f"{self.command}: the command begins at {first:g}, the shaft at {start:g}: it jumps there. With "
+            f"--about {first:g} it would rest there"
+        )
 
     def _check(self) -> None:
         if not self.duration > 0:
@@ -126,12 +141,3 @@ class Manoeuvre:
             "sine": lambda: Sine(amplitude, highest, about),
         }
         return makers[self.command]()
-
-    def _say_of_jump(self, command: "Sampled") -> None:
-        """Say where a command from a file begins elsewhere than the shaft rests."""
-        first, start = float(command.values[0]), 0.0 if self.about is None else self.about
-        if abs(first - start) > JUMP * float(command.values.max() - command.values.min()):
-            say(
-                f"{self.command}: the command begins at {first:g}, the shaft at {start:g}: it jumps there. "
-                f"With --about {first:g} it would rest there"
-            )

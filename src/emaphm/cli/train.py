@@ -96,6 +96,8 @@ def train(
 
     settings = _training_settings(epochs)
     driven = manoeuvre.command_for(described)
+    if not as_json and (jump := manoeuvre.jump_of(driven)):
+        say(jump)
     setup = RecordingSetup.of(
         described,
         driven,

@@ -112,8 +112,9 @@ def simulate(
             seed=seed,
         )
     write_recording(recording, out, force=force)
-    if beyond := beyond_stops(recording, described):
-        say(beyond)
+    notes = [note for note in (manoeuvre.jump_of(driven), beyond_stops(recording, described)) if note]
+    for note in () if as_json else notes:
+        say(note)
     summary = {
         "recording": str(out),
         "samples": recording.samples,
@@ -123,6 +124,7 @@ def simulate(
         "model": model,
         "k": faults.vector.tolist(),
         "actuator": described.name,
+        "notes": notes,
         "seed": seed,
         "version": VERSION,
     }
