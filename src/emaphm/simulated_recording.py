@@ -84,7 +84,7 @@ def simulate(
         start beyond the end stops.
     """
     chosen = model_named(model)
-    first = rest_position(command) if initial_position is None else initial_position
+    first = rest_position(command, initial_position)
     actuator.mechanics.check_start(first)
     _check(chosen, duration, sample_rate, noise, adc_bits, controller_noise, seed)
     inputs = Inputs.of(

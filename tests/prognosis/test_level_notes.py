@@ -9,34 +9,16 @@ import pytest
 from emaphm.actuator import Actuator
 from emaphm.actuator.requirements import Requirement
 from emaphm.arrays import Array
-from emaphm.prognosis import Evidence, Observation, prognose
+from emaphm.prognosis import prognose
 from emaphm.prognosis.bounds import bounds, to_the_end, within_bounds
 from emaphm.prognosis.notes.levels import level_notes, turn_of_eccentricity
 from emaphm.prognosis.prior import NEW
 
-ERROR = 0.006
-
-
-def diagnosed(level: Callable[[float], Array], *, seed: int = 0, error: float = ERROR) -> Evidence:
-    random = np.random.default_rng(seed)
-    observations = tuple(
-        Observation(
-            hours,
-            NEW + level(hours) + error * random.standard_normal(8),
-            error**2 * np.eye(8),
-            np.ones(8, bool),
-        )
-        for hours in np.arange(50.0, 1001.0, 50.0).tolist()
-    )
-    return Evidence("S1", "P1", 1000.0, observations)
+from .diagnosed import at, diagnosed
 
 
 def eccentric(magnitude: float, angle: float) -> Array:
     return np.array([0, 0, 0, 0, 0, magnitude * math.cos(angle), magnitude * math.sin(angle), 0])
-
-
-def at(friction: float) -> Array:
-    return np.array([friction, 0, 0, 0, 0, 0, 0, 0])
 
 
 @pytest.mark.usefixtures("few_steps")

@@ -4,33 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from emaphm.prognosis import Evidence, Observation
 from emaphm.prognosis.notes.newest import newest_notes
 from emaphm.prognosis.prior import NEW
 
-ERROR = 0.006
-
-
-def at(friction: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return np.array([friction, 0, 0, 0, 0, 0, 0, 0])
-
-
-def steady(friction: float) -> Evidence:
-    random = np.random.default_rng(0)
-    observations = tuple(
-        Observation(
-            hours,
-            NEW + at(friction) + ERROR * random.standard_normal(8),
-            ERROR**2 * np.eye(8),
-            np.ones(8, bool),
-        )
-        for hours in np.arange(50.0, 1001.0, 50.0).tolist()
-    )
-    return Evidence("S1", "P1", 1000.0, observations)
+from .diagnosed import at, diagnosed
 
 
 def test_a_newest_diagnosis_that_is_left_out_is_said() -> None:
-    before = steady(0.2)
+    before = diagnosed(lambda _: at(0.2))
     level = np.tile(NEW + at(0.2), (50, 1))
     assert newest_notes(before, level) == []
     shown = replace(before.observations[-1], hours=1010.0, level=NEW + at(0.72))

@@ -205,9 +205,12 @@ class Sampled:
         return np.interp(t, self.time_s, self.values)
 
 
-def rest_position(command: Command) -> float:
-    """Return where the shaft rests before `command` [rad; m if linear]: what that is counted from, or 0."""
-    return float(getattr(command, "about", 0.0))
+def rest_position(command: Command, given: float | None = None) -> float:
+    """Return where the shaft rests before `command` [rad; m if linear]: `given`, or what it is counted from.
+
+    0 for a command that is counted from nowhere, such as `Sampled`.
+    """
+    return float(getattr(command, "about", 0.0)) if given is None else given
 
 
 Load = float | Command

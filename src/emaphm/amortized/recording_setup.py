@@ -101,7 +101,7 @@ class RecordingSetup:
         if not 0 <= noise < np.inf:
             raise MethodError(f"noise of {noise:g} A is no rms; give 0 or more")
         sampling = actuator.channels.sampling
-        first = rest_position(command) if initial_position is None else initial_position
+        first = rest_position(command, initial_position)
         rows = simulate(
             actuator,
             command,

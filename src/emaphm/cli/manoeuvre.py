@@ -91,9 +91,11 @@ class Manoeuvre:
             return None
         import numpy as np
 
-        first, *others = command(np.linspace(0.0, self.duration, ROWS_SEEN)).tolist()
-        start = 0.0 if self.about is None else self.about
-        if abs(first - start) <= JUMP * (max(first, *others) - min(first, *others)):
+        from emaphm.actuator.commands import rest_position
+
+        values = command(np.linspace(0.0, self.duration, ROWS_SEEN))
+        first, start = float(values[0]), rest_position(command, self.about)
+        if abs(first - start) <= JUMP * np.ptp(values):
             return None
         return (
             f"{self.command}: the command begins at {first:g}, the shaft at {start:g}: it jumps there. With "

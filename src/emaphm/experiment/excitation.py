@@ -32,7 +32,7 @@ class Excitation:
     @property
     def rests_at(self) -> float:
         """Where the shaft rests first [rad] at the user."""
-        return rest_position(self.command) if self.start is None else self.start
+        return rest_position(self.command, self.start)
 
     @property
     def amplitude(self) -> float:

@@ -234,12 +234,11 @@ class Plan(Section):
     def facts(self) -> dict[str, str]:
         """What a reader of the results needs to know, item by item."""
         m = self.manoeuvre
-        command = f"chirp of {m.amplitude:g} rad, {m.start_hz:g} to {m.stop_hz:g} Hz in {m.duration:g} s"
-        if about := self.actuator.mechanics.start_for(-m.amplitude, m.amplitude):
-            command += f" about {about:g} rad"
+        chirp = f"chirp of {m.amplitude:g} rad, {m.start_hz:g} to {m.stop_hz:g} Hz in {m.duration:g} s"
+        at = f" about {about:g} rad" if (about := m.chirp(self.actuator, m.duration).about) else ""
         rigs = {"Rigs": "; ".join(rig.facts for rig in self.rigs)} if self.rigs else {}
         return {
-            "Recordings": f"reference model of '{self.actuator.name}', {command}, {m.sample_rate:g} rows/s",
+            "Recordings": f"reference model of '{self.actuator.name}', {chirp}{at}, {m.sample_rate:g} rows/s",
             **rigs,
             "Methods": "; ".join(contestant.described for contestant in self.methods),
             "Seed": str(self.seed),

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from emaphm.actuator import Actuator, Chirp, Faults
+from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.arrays import Array
 from emaphm.estimation.space.nuisances import COPPER, MAGNETS
@@ -71,8 +71,7 @@ def recorded(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre, faults: Faults,
     """Return what `rig` records of `actuator` with `faults`; all that is random is drawn from `seed`."""
     duration = manoeuvre.duration if rig.duration is None else rig.duration
     rate = manoeuvre.sample_rate if rig.sample_rate is None else rig.sample_rate
-    about = actuator.mechanics.start_for(-manoeuvre.amplitude, manoeuvre.amplitude)
-    command = Chirp(manoeuvre.amplitude, manoeuvre.start_hz, manoeuvre.stop_hz, duration, about)
+    command = manoeuvre.chirp(actuator, duration)
     present, load = actuator_on(rig, actuator, seed), rig.varying_load
     if rig.foreign is None:
         whole = simulate(

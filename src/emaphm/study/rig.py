@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from emaphm.actuator import Actuator, Chirp
 from emaphm.actuator.laws import law_named
 from emaphm.actuator.parameters import Section
 from emaphm.actuator.unit.tolerances import Tolerances
@@ -44,6 +45,11 @@ class Manoeuvre(Section):
     stop_hz: Positive = 15.0
     duration: Duration = 0.5
     sample_rate: SampleRate = 5000.0
+
+    def chirp(self, actuator: Actuator, duration: float) -> Chirp:
+        """Return the command of `duration` [s], about 0 or in the middle of the travel of `actuator`."""
+        about = actuator.mechanics.start_for(-self.amplitude, self.amplitude)
+        return Chirp(self.amplitude, self.start_hz, self.stop_hz, duration, about)
 
     @model_validator(mode="after")
     def _slower_than_the_rows(self) -> Self:

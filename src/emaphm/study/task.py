@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.actuator import NAMES, Actuator, Chirp, Faults
+from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.calibration import calibrate
 from emaphm.diagnosis.diagnose import objective_for
@@ -177,11 +177,9 @@ def _exact_recording(actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial) -> 
 @lru_cache(maxsize=64)
 def _exact(actuator: Actuator, manoeuvre: Manoeuvre, truth: tuple[float, ...]) -> Recording:
     """Return the reference model's noise-free recording of a case; methods and runs share it."""
-    about = actuator.mechanics.start_for(-manoeuvre.amplitude, manoeuvre.amplitude)
-    command = Chirp(manoeuvre.amplitude, manoeuvre.start_hz, manoeuvre.stop_hz, manoeuvre.duration, about)
     return simulate(
         actuator,
-        command,
+        manoeuvre.chirp(actuator, manoeuvre.duration),
         faults=Faults(*truth),
         duration=manoeuvre.duration,
         sample_rate=manoeuvre.sample_rate,
