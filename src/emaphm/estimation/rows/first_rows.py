@@ -70,12 +70,26 @@ def rows_apart(problem: "Problem", outputs: list[Array]) -> int:
     return int(differing[forgotten[0]] if forgotten.size else differing[-1]) + 1
 
 
+def least_residual(problem: "Problem", outputs: Array, first: int, count: int) -> float:
+    """Return the least rms residual of n models over `count` rows from the `first` on.
+
+    `outputs` are their channels (n, channels, rows), from the `first` row on as well; each channel counts in
+    parts of its size.
+    """
+    measured = np.stack([problem.measured[name][first : first + count] for name in problem.channels])
+    residuals = (outputs[:, :, :count] - measured) / _sizes(problem)[:, np.newaxis]
+    return float(np.sqrt(np.mean(residuals**2, axis=(1, 2)).min()))
+
+
+def _sizes(problem: "Problem") -> Array:
+    """Return the size of each channel, in its unit, (channels,)."""
+    return np.array([signal_size(name, problem.measured[name]) for name in problem.channels])
+
+
 def _least_difference(problem: "Problem") -> Array:
     """Return the difference that counts in each channel, in its unit, (channels,)."""
-    rows = [problem.measured[name] for name in problem.channels]
     noise = [
-        max(noise_on_most_rows(one), problem.counts.get(name, 0.0))
-        for name, one in zip(problem.channels, rows, strict=True)
+        max(noise_on_most_rows(problem.measured[name]), problem.counts.get(name, 0.0))
+        for name in problem.channels
     ]
-    sizes = [signal_size(*one) for one in zip(problem.channels, rows, strict=True)]
-    return np.maximum(NOISE * np.array(noise), SHARE * np.array(sizes))
+    return np.maximum(NOISE * np.array(noise), SHARE * _sizes(problem))

@@ -13,7 +13,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.driving_signals import DrivingSignals
-from emaphm.estimation.rows.first_rows import first_rows, likely_faults, rows_apart
+from emaphm.estimation.rows.first_rows import first_rows, least_residual, likely_faults, rows_apart
 from emaphm.recording.noise import noise_level, noise_on_most_rows
 
 if TYPE_CHECKING:
@@ -25,7 +25,9 @@ class HeldStartSettings:
     """When a shaft is taken to be held at the start, and which rows are then not compared.
 
     The command stands while it is within `still` of its range, or `noise` times its noise, from its first
-    value; the rest is looked at if it lasts `shortest` [s] and `fewest` rows, and over `longest` [s] of it.
+    value; the rest is looked at over `fewest` rows at least, and `longest` [s] at most. If it is shorter than
+    `shortest` [s] and `fewest` rows, a model that starts off the command must leave less than `better` times
+    the rms residual of the one on it.
     Its mean current is not the model's if it is outside those of models with likely faults by `significant`
     standard errors, or by as many times the share `resolved` of the current's scatter; unless all of these go
     the share `leaves` of the way from where the shaft was recorded to the command.
@@ -47,6 +49,7 @@ class HeldStartSettings:
     motion: float = 0.25
     further: float = 2.0
     small: float = 1e-6
+    better: float = 0.85
     left: float = 0.5
 
 
@@ -60,35 +63,50 @@ def rows_of_held_start(problem: "Problem") -> int | None:
 
     It does where the current of a first rest is none that a model draws which starts on the command. The rows
     are the rest, and what follows until the start does not matter; 0 where too little motion would be left.
+    The command may begin to move at once, as long as it begins slowly.
     """
-    interval, rest = problem.inputs.interval, _standing_rows(problem)
-    least = max(HELD_START.shortest / interval, HELD_START.fewest)
-    if CURRENT not in problem.channels or not least <= rest < problem.samples:
+    rest = _standing_rows(problem)
+    if CURRENT not in problem.channels or not HELD_START.fewest <= problem.samples > rest:
         return None
-    rows, faults = min(rest, math.ceil(HELD_START.longest / interval)), likely_faults(problem)
-    current = float(problem.measured[CURRENT][:rows].mean())
+    longest, faults = math.ceil(HELD_START.longest / problem.inputs.interval), likely_faults(problem)
+    rows = max(min(rest, longest), HELD_START.fewest)
     standing = problem.driving.beginning(0.0, rows)
-    if _is_drawn(problem, standing, current, faults) or _leaves_its_start(problem, standing, faults):
+    current = _current_not_drawn(problem, standing, faults)
+    if not current or _leaves_its_start(problem, standing, faults):
         return None
     return _rows_until_forgotten(problem, rest, current, faults)
 
 
-def _is_drawn(problem: "Problem", driving: DrivingSignals, current: float, faults: Array) -> bool:
-    """Return whether the mean `current` [A] is within those of models that start on the command."""
+def _current_not_drawn(problem: "Problem", driving: DrivingSignals, faults: Array) -> float:
+    """Return by what the mean current is off that of models which start on the command [A].
+
+    0 where it is within those of models with likely `faults`.
+    """
     drawn = first_rows(problem, driving, _on_command(problem, driving), faults)
     means = drawn[:, problem.channels.index(CURRENT)].mean(axis=1)
+    current = float(problem.measured[CURRENT][: driving.samples].mean())
     least_off = _least_current(problem, driving.samples)
-    return bool(means.min() - least_off <= current <= means.max() + least_off)
+    if means.min() - least_off <= current <= means.max() + least_off:
+        return 0.0
+    return current - float(np.median(means))
 
 
-def _rows_until_forgotten(problem: "Problem", rest: int, current: float, faults: Array) -> int:
-    """Return the rows of a `rest` at `current` [A], and of the motion after it that depend on its start."""
+def _rows_until_forgotten(problem: "Problem", rest: int, current: float, faults: Array) -> int | None:
+    """Return the rows of a `rest` with a held `current` [A], and of the motion after it that depend on it.
+
+    None where the rest is short, and the rows rather show a start on the command.
+    """
     # From the last rows of the rest on: a model that starts sooner may have crept back to the command.
     interval = problem.inputs.interval
-    lead = math.ceil(HELD_START.shortest / interval)
+    lead = min(math.ceil(HELD_START.shortest / interval), rest)
     rows = min(problem.samples - rest, math.ceil(HELD_START.motion / interval))
     moving = problem.driving.beginning((rest - lead) * interval, lead + rows)
-    apart = rows_apart(problem, _from_starts(problem, moving, current, faults))
+    outputs = _from_starts(problem, moving, current, faults)
+    apart = rows_apart(problem, outputs)
+    if rest < max(HELD_START.shortest / interval, HELD_START.fewest):
+        on, *off = (least_residual(problem, one, rest - lead, max(apart, 1)) for one in outputs)
+        if min(off) > HELD_START.better * on:
+            return None
     count = rest + max(apart - lead, 0)
     command = problem.measured["command_rad"]
     left = np.ptp(command[count:]) if count < problem.samples else 0.0
@@ -131,7 +149,7 @@ def _least_current(problem: "Problem", rows: int) -> float:
 def _from_starts(problem: "Problem", driving: DrivingSignals, current: float, faults: Array) -> list[Array]:
     """Return the channels (n, channels, rows) of models that start on the command and off it.
 
-    Off by what makes them draw about `current` [A], and further.
+    Off by what makes them draw about `current` [A] more, and further.
     """
     ratio, on = problem.actuator.mechanics.gear_ratio, _on_command(problem, driving)
     small = HELD_START.small * float(np.ptp(problem.measured["command_rad"])) / ratio

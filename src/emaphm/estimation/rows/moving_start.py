@@ -14,8 +14,7 @@ import numpy as np
 
 from emaphm.arrays import Array, rms
 from emaphm.estimation.driving_signals import DrivingSignals
-from emaphm.estimation.rows.first_rows import first_rows, likely_faults, rows_apart
-from emaphm.estimation.signal_size import signal_size
+from emaphm.estimation.rows.first_rows import first_rows, least_residual, likely_faults, rows_apart
 
 if TYPE_CHECKING:
     from emaphm.estimation.problem import Problem
@@ -69,10 +68,8 @@ def rows_of_moving_start(problem: "Problem") -> int:
     count = rows_apart(problem, [at_rest, moving])
     if not count:
         return 0
-    measured = np.stack([problem.measured[name][:rows] for name in problem.channels])
-    sizes = np.array([[signal_size(*one)] for one in zip(problem.channels, measured, strict=True)])
-    near = [_residual((one - measured) / sizes, count) for one in (at_rest, moving)]
-    if near[0] < MOVING_START.rest * near[1]:
+    left = [least_residual(problem, one, 0, count) for one in (at_rest, moving)]
+    if left[0] < MOVING_START.rest * left[1]:
         return 0
     return min(count, int(MOVING_START.most * problem.samples))
 
@@ -102,8 +99,3 @@ def _parabola(problem: "Problem") -> tuple[float, float, float]:
     terms = np.stack([times, times**2 / 2], axis=1)
     (rate, acceleration), *_ = np.linalg.lstsq(terms, values - values[0], rcond=None)
     return float(values[0]), float(rate), float(acceleration)
-
-
-def _residual(residuals: Array, count: int) -> float:
-    """Return the least rms over `count` rows among relative `residuals` (n, channels, rows)."""
-    return float(np.sqrt(np.mean(residuals[:, :, :count] ** 2, axis=(1, 2)).min()))

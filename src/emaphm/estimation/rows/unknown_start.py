@@ -64,6 +64,7 @@ def unknown_start(problem: "Problem", *, shown: bool) -> UnknownStart:
     """
     if command_moves(problem):
         rows = 0 if shown else rows_of_moving_start(problem)
-        return UnknownStart(rows, rows * problem.inputs.interval)
+        if rows or shown:
+            return UnknownStart(rows, rows * problem.inputs.interval)
     held = rows_of_held_start(problem)
     return FROM_REST if held is None else UnknownStart(held, held * problem.inputs.interval, held=True)
