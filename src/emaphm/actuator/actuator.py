@@ -9,18 +9,12 @@ from pydantic import Field, ValidationError, model_validator
 
 from emaphm.actuator.channels import Channels
 from emaphm.actuator.law_sections import Drive, DriveKind, Friction, RippleHarmonic, Transmission, Weight
-from emaphm.actuator.parameters import (
-    Controller,
-    Electrical,
-    FaultScales,
-    Mechanics,
-    Motor,
-    Nuisances,
-    Section,
-)
+from emaphm.actuator.nuisance_priors import Nuisances
+from emaphm.actuator.parameters import Controller, Electrical, FaultScales, Mechanics, Motor
 from emaphm.actuator.quantity import Coordinates
 from emaphm.actuator.reading import Reading
 from emaphm.actuator.requirements import MOST_REQUIREMENTS, Requirement
+from emaphm.actuator.section import Section
 from emaphm.actuator.sensors import Sensors
 from emaphm.actuator.toml import validation_message, write_toml
 from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMONICS, PARTS, SIGNED, Baseline

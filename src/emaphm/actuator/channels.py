@@ -12,8 +12,8 @@ from pydantic import (
 
 from emaphm.actuator.columns.expression import Expression
 from emaphm.actuator.columns.units import check_unit
-from emaphm.actuator.parameters import Section
 from emaphm.actuator.quantity import quantity
+from emaphm.actuator.section import Section
 
 OF_THE_LOGGER = "manual of the logger"
 

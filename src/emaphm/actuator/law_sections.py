@@ -8,8 +8,8 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from emaphm.actuator.parameters import CHOSEN, Section
-from emaphm.actuator.quantity import ELECTRICAL_ANGLE, quantity
+from emaphm.actuator.quantity import CHOSEN, ELECTRICAL_ANGLE, quantity
+from emaphm.actuator.section import Section
 
 BAM = "arXiv 2410.08650"
 

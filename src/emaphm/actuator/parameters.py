@@ -6,46 +6,13 @@ referred to the motor shaft.
 """
 
 import math
-from collections.abc import Mapping
-from typing import Any, Literal, Self
+from typing import Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import model_validator
 
-from emaphm.actuator.quantity import ELECTRICAL_ANGLE, USER_ANGLE, quantity
-from emaphm.errors import ActuatorError, SignalError, nearest
-
-THESIS = "thesis Tab. 3.1"
-CHOSEN = "chosen, not in the thesis"
-
-SMALLEST, LARGEST = 1e-15, 1e15
-"""Magnitudes that a quantity may have unless it is 0, in its SI unit: no actuator comes near, and products
-and ratios of what lies within stay finite."""
-
-
-class Section(BaseModel):
-    """Frozen, and closed to unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with the fields in `update`, which are not validated: see `Actuator.changed`.
-
-        A name that is none of the fields' raises `ActuatorError`.
-        """
-        for name in update or {}:
-            if name not in type(self).model_fields:
-                raise ActuatorError(f"unknown key '{name}'{nearest(name, type(self).model_fields)}")
-        return super().model_copy(update=update, deep=deep)
-
-    @field_validator("*")
-    @classmethod
-    def _of_sensible_magnitude(cls, value: Any) -> Any:
-        for number in value if isinstance(value, tuple) else (value,):
-            if isinstance(number, float) and number and not SMALLEST <= abs(number) <= LARGEST:
-                raise ValueError(
-                    f"must be 0 or of a magnitude from {SMALLEST:g} to {LARGEST:g}, in its SI unit"
-                )
-        return value
+from emaphm.actuator.quantity import CHOSEN, ELECTRICAL_ANGLE, THESIS, USER_ANGLE, quantity
+from emaphm.actuator.section import Section
+from emaphm.errors import SignalError
 
 
 class Controller(Section):
@@ -311,107 +278,3 @@ class FaultScales(Section):
     backlash: float = quantity("BLK × (1 + backlash × k2)", "-", "thesis 6.1", default=9.0, gt=0)
     eccentricity: float = quantity("Z = eccentricity × k6", "-", "thesis 4.5", default=0.42, gt=0, lt=1)
     gain: float = quantity("G = 1 + gain × (2 k8 - 1)", "-", "thesis 4.6", default=0.5, gt=0, lt=1)
-
-
-PRIOR = "chosen: what may be expected of a rig"
-
-NuisanceName = Literal[
-    "load",
-    "hinge",
-    "load_variation",
-    "temperature",
-    "supply",
-    "inertia",
-    "current_offset",
-    "current_scale",
-    "delay",
-    "current_drift",
-    "current_delay",
-    "voltage_offset",
-    "voltage_scale",
-    "voltage_drift",
-    "voltage_delay",
-    "position_offset",
-    "position_scale",
-    "position_drift",
-    "position_delay",
-    "speed_offset",
-    "speed_scale",
-    "speed_drift",
-    "speed_delay",
-]
-
-
-def _sensor_zero(what: str, unit: str) -> Any:
-    usual = "0.2 % of the range that the actuator's limits imply where left out"
-    return quantity(f"{what}; {usual}", unit, PRIOR, default=None, gt=0)
-
-
-def _sensor_scale(sensors: str) -> Any:
-    return quantity(f"scale of the {sensors}, relative", "-", PRIOR, default=0.01, gt=0)
-
-
-def _sensor_delay(sensors: str) -> Any:
-    what = f"delay of {sensors} against the command, of either sign"
-    return quantity(what, "s", PRIOR, default=2e-4, gt=0)
-
-
-class Nuisances(Section):
-    """Standard deviations, about the description, of what is unknown of a recording and is no fault.
-
-    Those in `estimated` are estimated with the faults unless a diagnosis asks for others.
-    """
-
-    estimated: tuple[NuisanceName, ...] = Field(
-        default=("load", "temperature"), description="estimated with the faults by default", strict=False
-    )
-    load: float | None = quantity(
-        "constant load at the motor; 6 % of the motor's torque at its current limit where left out",
-        "N·m",
-        PRIOR,
-        default=None,
-        gt=0,
-    )
-    hinge: float | None = quantity(
-        "load stiffness: load at the motor per position of the user",
-        f"N·m/{USER_ANGLE}",
-        PRIOR,
-        default=None,
-        gt=0,
-    )
-    load_variation: float | None = quantity(
-        "load at the motor that varies over the recording: each coefficient of its spline; as of a constant "
-        "one where left out",
-        "N·m",
-        PRIOR,
-        default=None,
-        gt=0,
-    )
-    temperature: float = quantity("winding and magnets, above nominal", "K", PRIOR, default=30.0, gt=0)
-    supply: float = quantity("supply voltage, relative", "-", PRIOR, default=0.05, gt=0)
-    inertia: float = quantity("inertia, relative", "-", PRIOR, default=0.05, gt=0)
-    current_offset: float | None = quantity(
-        "zero of the current sensors; 0.2 % of the current limit where left out",
-        "A",
-        PRIOR,
-        default=None,
-        gt=0,
-    )
-    current_scale: float = _sensor_scale("current sensors")
-    delay: float = _sensor_delay("all sensed channels")
-    current_drift: float | None = _sensor_zero("change of the current sensors' zero over the recording", "A")
-    current_delay: float = _sensor_delay("the currents alone")
-    voltage_offset: float | None = _sensor_zero("zero of the voltage sensor", "V")
-    voltage_scale: float = _sensor_scale("voltage sensor")
-    voltage_drift: float | None = _sensor_zero("change of the voltage sensor's zero over the recording", "V")
-    voltage_delay: float = _sensor_delay("the voltage alone")
-    position_offset: float | None = _sensor_zero("zero of the position sensor", USER_ANGLE)
-    position_scale: float = _sensor_scale("position sensor")
-    position_drift: float | None = _sensor_zero(
-        "change of the position sensor's zero over the recording", USER_ANGLE
-    )
-    position_delay: float = _sensor_delay("the position alone")
-    speed_offset: float | None = _sensor_zero("zero of the speed sensor", "rad/s")
-    speed_scale: float = _sensor_scale("speed sensor")
-    speed_drift: float | None = _sensor_zero("change of the speed sensor's zero over the recording", "rad/s")
-    speed_delay: float = _sensor_delay("the speed alone")

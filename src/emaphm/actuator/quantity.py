@@ -4,6 +4,9 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+THESIS, CHOSEN = "thesis Tab. 3.1", "chosen, not in the thesis"
+"""Sources of most quantities."""
+
 COLDEST, HOTTEST = 150.0, 500.0
 """Mean temperatures of an actuator [K] that are not taken for a mistake of units."""
 

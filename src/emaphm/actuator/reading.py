@@ -6,8 +6,8 @@ from pydantic import Field, field_validator
 
 from emaphm.actuator.channels import CHANNEL_NAMES
 from emaphm.actuator.columns.expression import Expression
-from emaphm.actuator.parameters import Section
 from emaphm.actuator.quantity import quantity
+from emaphm.actuator.section import Section
 from emaphm.errors import nearest
 
 CHOSEN_BY_THE_OWNER = "the owner's choice"

@@ -4,8 +4,8 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from emaphm.actuator.parameters import CHOSEN, Section
-from emaphm.actuator.quantity import USER_ANGLE, quantity
+from emaphm.actuator.quantity import CHOSEN, USER_ANGLE, quantity
+from emaphm.actuator.section import Section
 
 MOST_REQUIREMENTS = 50
 

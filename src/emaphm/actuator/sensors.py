@@ -2,8 +2,8 @@
 
 from pydantic import Field
 
-from emaphm.actuator.parameters import Section
 from emaphm.actuator.quantity import quantity
+from emaphm.actuator.section import Section
 
 OF_THE_CHANNEL = "unit of the channel"
 

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.channels import Sampling
-from emaphm.actuator.parameters import LARGEST, SMALLEST
+from emaphm.actuator.section import LARGEST, SMALLEST
 from emaphm.amortized.doubt.comparison import doubt_feature_count
 from emaphm.amortized.doubt.doubt import Doubt
 from emaphm.amortized.model_update import ModelUpdate, Whitening, feature_count

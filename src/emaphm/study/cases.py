@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 
 from emaphm.actuator import NAMES, Faults
 from emaphm.actuator.faults import HEALTHY
-from emaphm.actuator.parameters import Section
+from emaphm.actuator.section import Section
 from emaphm.errors import StudyError
 from emaphm.experiment.test_setup import LARGEST_SHORT
 from emaphm.study.rig import Label

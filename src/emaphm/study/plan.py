@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from emaphm.actuator import Actuator, Faults
-from emaphm.actuator.parameters import Section
+from emaphm.actuator.section import Section
 from emaphm.actuator.toml import validation_message
 from emaphm.errors import StudyError, nearest
 from emaphm.estimation.search import check_fitness

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from emaphm.actuator import Actuator, Chirp
 from emaphm.actuator.laws import law_named
-from emaphm.actuator.parameters import Section
+from emaphm.actuator.section import Section
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.errors import StudyError, nearest
 from emaphm.recording.acquisition import check_bits

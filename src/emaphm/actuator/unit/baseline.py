@@ -5,8 +5,8 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
-from emaphm.actuator.parameters import LARGEST, SMALLEST, Section
 from emaphm.actuator.quantity import ELECTRICAL_ANGLE, USER_ANGLE, quantity
+from emaphm.actuator.section import LARGEST, SMALLEST, Section
 from emaphm.errors import nearest
 
 MOST_HARMONICS = 8

@@ -4,8 +4,8 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from emaphm.actuator.parameters import Section
 from emaphm.actuator.quantity import quantity
+from emaphm.actuator.section import Section
 from emaphm.actuator.sensors import OF_THE_CHANNEL
 
 LEARNED = "calibration: recordings left out of the fit"

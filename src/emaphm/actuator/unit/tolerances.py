@@ -5,8 +5,8 @@ from typing import Any, Self
 
 from pydantic import model_validator
 
-from emaphm.actuator.parameters import Section
 from emaphm.actuator.quantity import quantity
+from emaphm.actuator.section import Section
 from emaphm.actuator.unit.baseline import LUMPED_PARAMETERS
 
 DEVIATIONS = 2.0

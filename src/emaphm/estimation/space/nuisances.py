@@ -1,7 +1,7 @@
 """Nuisances: unknown parameters that are no faults, how each acts, and its prior.
 
 A nuisance's coordinate is its value in `PRIORS_PER_UNIT` standard deviations of its prior
-(`emaphm.actuator.parameters.Nuisances`), so that it is of the size of a fault's. Some belong to one
+(`emaphm.actuator.nuisance_priors.Nuisances`), so that it is of the size of a fault's. Some belong to one
 recording, such as the load; others to the unit: how its parameters deviate from its description.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.lumped_parameters import lumped_parameters
-from emaphm.actuator.parameters import Nuisances
+from emaphm.actuator.nuisance_priors import Nuisances
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
