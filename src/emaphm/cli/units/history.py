@@ -17,6 +17,7 @@ from emaphm.cli.options import (
     whole_number,
 )
 from emaphm.cli.output import progress, show
+from emaphm.cli.units.unit_text import named, number, unit_text
 
 if TYPE_CHECKING:
     from emaphm.history.views import UnitState
@@ -75,6 +76,7 @@ def add(
     """Diagnose recordings of one flight and add them; what is in the history already is left as it is."""
     check_seed(seed)
     described = described_actuator(actuator)
+    from emaphm.actuator.faults import degraded_in, health_in
     from emaphm.fleet import DiagnosisSettings
     from emaphm.history import Entry, History
 
@@ -104,6 +106,8 @@ def add(
                     "added": outcome.added,
                     "explained": diagnosis.explained,
                     "k": diagnosis.faults.vector.tolist(),
+                    "health": health_in(diagnosis.to_dict()),
+                    "degraded": list(degraded_in(diagnosis.to_dict())),
                 }
             )
     similar = [one for one in known if is_new and _letters(one) == _letters(unit)]
@@ -145,7 +149,7 @@ def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False)
             line["part_number"],
             line["serial_number"],
             f"{line['hours']:.9g}",
-            _number(line["cycles"]),
+            number(line["cycles"]),
             str(line["recordings"]),
             str(line["explained"]),
             _last(line),
@@ -162,27 +166,13 @@ def show_unit(
     db: Database = DB,
     as_json: AsJson = False,
 ) -> None:
-    """Show what the history holds of a unit; its JSON has the blocks of ISO 13374."""
+    """Show what the history holds of a unit, by hours; its JSON has the blocks of ISO 13374."""
     from emaphm.history import History
     from emaphm.history.blocks import unit_blocks
-    from emaphm.text_table import format_table
 
     with History.open(db) as history:
         values = unit_blocks(history.unit(unit))
-    about, position = values["unit"], values["unit"]["position"] or "not known"
-    header = ("hours", "cycles", "recording", "explained", "degraded")
-    lines = [
-        f"{about['serial_number']}, part number {about['part_number']}, position {position}",
-        format_table(header, [_row(one) for one in values["diagnoses"]]),
-        *(
-            f"removed at {one['hours']:.9g} h: {one['reason']}{_noted(one['note'])}"
-            for one in values["removals"]
-        ),
-        *(_found(one) for one in values["findings"]),
-        *(_withdrawn(one) for one in values["withdrawals"]),
-        *([_assessed(values)] if values["prognostic_assessment"] else []),
-    ]
-    show(values, "\n".join(lines), as_json)
+    show(values, unit_text(values), as_json)
 
 
 @app.command
@@ -289,23 +279,11 @@ def withdraw(
         gone = all(one.serial_number != unit for one in history.units())
     values = {"unit": unit, "unit_left": not gone, **asdict(made)}
     last = "; it was its only recording, so the unit is no longer in the history" if gone else ""
-    show(values, f"{_named(values)} of {unit} at {hours:.9g} h is withdrawn{last}", as_json)
+    show(values, f"{named(values)} of {unit} at {hours:.9g} h is withdrawn{last}", as_json)
 
 
 def _with_doubt(text: str, doubted: str | None) -> str:
     return text if doubted is None else f"{text}\nNote: {doubted}."
-
-
-def _assessed(values: dict[str, Any]) -> str:
-    """Return the last kept prognosis as a line of text."""
-    made, advised = values["prognostic_assessment"], values["advisory_generation"]
-    median = made["rul_hours"]["median"]
-    lasts = "no failure in sight" if median is None else f"remaining useful life {median:,.0f} h"
-    if made.get("failed_at_hours") is not None:
-        lasts = f"no remaining useful life, failed at {made['failed_at_hours']:.9g} h"
-    old = ", out of date" if made["out_of_date"] else ""
-    what = f"{advised['action']} at {advised['at_hours']:,.0f} h"
-    return f"prognosis of {made['made_at']} at {made['hours']:.9g} h{old}: {lasts}; {what}"
 
 
 def _overview(one: "UnitState") -> dict[str, Any]:
@@ -333,40 +311,13 @@ def _last(line: dict[str, Any]) -> str:
     return ", ".join(last["degraded"]) or ("none" if last["health"] == "healthy" else last["health"])
 
 
-def _row(diagnosis: dict[str, Any]) -> tuple[str, ...]:
-    """Return a diagnosis as a row of text, with the estimates of what is degraded."""
-    from emaphm.actuator.faults import degraded_in, health_in
-
-    explained, assessed = diagnosis["state_detection"]["explained"], diagnosis["health_assessment"]
-    health = health_in({**assessed, "explained": explained})
-    degraded = [f"{name} {assessed['faults'][name]['value']:.3f}" for name in degraded_in(assessed)]
-    return (
-        f"{diagnosis['hours']:.9g}",
-        _number(diagnosis["cycles"]),
-        diagnosis["data_manipulation"]["recording"],
-        "yes" if explained else "no",
-        ", ".join(degraded) or ("none" if health == "healthy" else "cannot tell"),
-    )
-
-
-def _found(one: dict[str, Any]) -> str:
-    level = "" if one["level"] is None else f", level {one['level']:g}"
-    what = f"{one['component']} {one['condition']}{level}{', replaced' if one['replaced'] else ''}"
-    return f"found at {one['hours']:.9g} h: {what}{_noted(one['note'])}"
-
-
-def _withdrawn(one: dict[str, Any]) -> str:
-    return f"withdrawn on {one['at']}: {_named(one)} at {one['hours']:.9g} h ({one['reason']})"
-
-
-def _named(one: dict[str, Any]) -> str:
-    return f"{one['kind']} '{one['subject']}'"
-
-
 def _outcome(one: dict[str, Any]) -> str:
     if not one["added"]:
         return "is in the history already"
-    return "diagnosed and added" if one["explained"] else "added, but no model explains it"
+    if not one["explained"]:
+        return "added, but no model explains it"
+    degraded = f"degraded in {', '.join(one['degraded'])}"
+    return f"diagnosed and added: {degraded if one['degraded'] else one['health']}"
 
 
 def _letters(serial_number: str) -> str:
@@ -379,14 +330,6 @@ def _similar(serial_number: str) -> str:
         f"Note: the history has a unit {serial_number} too; if it is the same, withdraw this recording by "
         "'emaphm history withdraw' and add it there."
     )
-
-
-def _number(value: int | None) -> str:
-    return "–" if value is None else str(value)
-
-
-def _noted(note: str) -> str:
-    return f" ({note})" if note else ""
 
 
 def _added(added: bool) -> str:
