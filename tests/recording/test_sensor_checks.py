@@ -48,6 +48,35 @@ def test_a_sound_sensor_raises_no_alarm(faults: Faults, bits: int | None) -> Non
             assert kinds(Recording({name: recording[name] for name in names})) == [], names
 
 
+@pytest.mark.parametrize("amplitude", [5e-5, 2e-4, 5e-4])
+@pytest.mark.parametrize("rate", [1000.0, 5000.0, 20000.0])
+@pytest.mark.parametrize("about", [0.0, 0.3])
+def test_a_shaft_that_friction_holds_at_each_turn_is_no_frozen_sensor(
+    amplitude: float, rate: float, about: float
+) -> None:
+    recording = simulate(
+        THESIS,
+        Chirp(amplitude, about=about),
+        sample_rate=rate,
+        initial_position=about,
+        faults=Faults(friction=1),
+    )
+    assert kinds(Recording({name: recording[name] for name in (*LINE, "angle_rad")})) == []
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-8, 1e-7])
+@pytest.mark.parametrize("first", [600, 700, 1150])
+def test_a_position_that_freezes_near_a_turn_is_found(first: int, noise: float) -> None:
+    exact = simulate(THESIS, Chirp(2e-4))
+    position = exact["position_rad"] + noise * np.random.default_rng(0).standard_normal(exact.samples)
+    last = first + 300
+    position[first:last] = position[first]
+    frozen = frozen_rows(position, "position_rad", exact["command_rad"], THESIS)
+    assert frozen[first + 1 : last].all()
+    assert not frozen[:600].any()
+    assert not frozen[last:].any()
+
+
 def test_a_resting_actuator_raises_no_alarm() -> None:
     # It moves to a place and stays there: position, speed and voltage do not change any more.
     def there(t: Array) -> Array:

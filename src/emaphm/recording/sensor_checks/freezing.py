@@ -19,6 +19,8 @@ class FreezingSettings:
     the run ends at least: of a resting actuator all signals rest until a command that jumps is answered. A
     signal whose noise exceeds `noise_counts` counts cannot repeat a value by chance for so long, unless it
     has settled: its last `around` steps are within `settled` of the noise, as those of exact numbers can be.
+    Or unless it came to rest and left again, as a shaft that friction holds at each turn: where its noise is
+    within `slow` of the usual step, so is its last step, and the run does not end by a jump.
     Nor does that hold of a speed that counts an encoder's marks: of the `least_rows` steps on either side
     none exceeds a count, where noise of that size has one in six that do.
     Without noise, what ends the run decides: a jump of `jump` times the usual step of a row, its counts and
@@ -30,6 +32,7 @@ class FreezingSettings:
     least_live: int = 12
     around: int = 4
     settled: float = 0.1
+    slow: float = 0.1
     least_share: float = 0.1
     answer: int = 5
     noise_counts: float = 0.7
@@ -82,8 +85,14 @@ class _Usual:
         before = np.abs(np.diff(values[max(start - FREEZING.around, 0) : start + 1]))
         settled = before.size > 0 and np.max(before) < FREEZING.settled * self.noise
         return self.noise > FREEZING.noise_counts * self.count and not (
-            settled or self._is_counted(values, start, end)
+            settled or self._is_counted(values, start, end) or self._rests(values, start, end)
         )
+
+    def _rests(self, values: Array, start: int, end: int) -> bool:
+        """Return whether smooth `values` (n,) come to rest at row `start` and leave slowly at row `end`."""
+        last = abs(values[start] - values[start - 1]) if start else 0.0
+        slow = max(self.noise, last) < FREEZING.slow * self.step
+        return bool(slow and end < values.size and not self.cannot_leave(values[end - 1 :]))
 
     def _is_counted(self, values: Array, start: int, end: int) -> bool:
         """Return whether `values` (n,) move by single counts around a run from row `start` to `end`."""
