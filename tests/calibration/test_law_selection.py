@@ -1,5 +1,6 @@
 """Laws are chosen by the error in recordings left out of the fit, and their parameters found."""
 
+from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -94,6 +95,36 @@ def test_bristles_are_tried_with_the_stribeck_speed_that_they_need(monkeypatch: 
     assert calibrated(STRIBECK, "auto").laws == ("stribeck",)
 
 
+def chosen_of(
+    errors: Mapping[tuple[str, ...], float], candidates: Sequence[str], monkeypatch: pytest.MonkeyPatch
+) -> list[str]:
+    """Return the laws that are chosen where the errors by laws are known; a third law changes nothing."""
+
+    class Table(law_selection._Trials):
+        """Fits whose errors are known, about the same of four recordings; a third law changes nothing."""
+
+        def fit(self, names: tuple[str, ...]) -> Any:
+            logs = np.log(errors.get(names, errors[names[:2]])) + 1e-3 * np.arange(4) * len(names)
+            return law_selection._Fit(THESIS, names, self.base.joint, np.zeros(len(names)), logs, logs)
+
+        def described(self, *_: object) -> Any:
+            return self.fit(())
+
+        def cross_validated(self, fitted: Any) -> Any:
+            return fitted
+
+        def with_law(self, current: Any, law: Law, _: float) -> Any:
+            return self.fit((*current.free, law.name))
+
+    monkeypatch.setattr(law_selection, "_Trials", Table)
+    monkeypatch.setattr(law_selection, "typical_motor_speed", lambda _: 60.0)
+    laws = [LAWS[name] for name in candidates]
+    base: Any = SimpleNamespace(joint=None)
+    rows: Any = range(4)
+    choice = law_selection.select_laws(rows, base, THESIS, (), laws, FitSettings((), 0, 0, 1))
+    return [law.name for law in choice.laws]
+
+
 @pytest.mark.parametrize(
     ("with_compliance", "with_cogging", "expected"),
     [
@@ -114,29 +145,13 @@ def test_a_law_that_was_worth_it_before_another_came_is_kept(
         ("presliding", "cogging"): with_cogging,
     }
 
-    class Table(law_selection._Trials):
-        """Fits whose errors are known, about the same of four recordings; a third law changes nothing."""
+    assert chosen_of(errors, ("presliding", "compliance", "cogging"), monkeypatch) == expected
 
-        def fit(self, names: tuple[str, ...]) -> Any:
-            logs = np.log(errors.get(names, errors[names[:2]])) + 1e-3 * np.arange(4) * len(names)
-            return law_selection._Fit(THESIS, names, self.base.joint, np.zeros(len(names)), logs, logs)
 
-        def described(self, *_: object) -> Any:
-            return self.fit(())
-
-        def cross_validated(self, fitted: Any) -> Any:
-            return fitted
-
-        def with_law(self, current: Any, law: Law, _: float) -> Any:
-            return self.fit((*current.free, law.name))
-
-    monkeypatch.setattr(law_selection, "_Trials", Table)
-    monkeypatch.setattr(law_selection, "typical_motor_speed", lambda _: 60.0)
-    candidates = [LAWS[name] for name in ("presliding", "compliance", "cogging")]
-    base: Any = SimpleNamespace(joint=None)
-    rows: Any = range(4)
-    choice = law_selection.select_laws(rows, base, THESIS, (), candidates, FitSettings((), 0, 0, 1))
-    assert [law.name for law in choice.laws] == expected
+def test_a_law_that_helps_only_while_another_is_missing_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Nearly every law gains a few percent while the one that the machine has is missing.
+    errors = {(): 1.0, ("stribeck",): 0.35, ("quadratic",): 0.96, ("stribeck", "quadratic"): 0.349}
+    assert chosen_of(errors, ("stribeck", "quadratic"), monkeypatch) == ["stribeck"]
 
 
 def test_named_laws_are_added_and_the_usual_parameters_are_free() -> None:

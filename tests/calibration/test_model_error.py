@@ -279,6 +279,11 @@ def test_what_the_learned_error_leaves_undecided_is_laid_at_its_door() -> None:
 @pytest.mark.parametrize(("apparent", "said"), [(0.05, False), (0.15, True)])
 def test_a_description_that_hides_faults_is_said_to_lack_a_law(apparent: float, *, said: bool) -> None:
     learned = ModelError(faults=ApparentFaults(gain=apparent, recordings=3))
-    lines = model_error_notes(learned, "rotary")
-    # Student's t of three degrees of freedom: 3.18 standard deviations.
-    assert any("Faults up to some 0.5 may not be found" in line for line in lines) is said
+    for laws_tried, advice in (
+        (False, "Let laws be tried (--laws auto)"),
+        (True, "Calibrate on more manoeuvres"),
+    ):
+        lines = model_error_notes(learned, "rotary", laws_tried=laws_tried)
+        # Student's t of three degrees of freedom: 3.18 standard deviations.
+        found = [line for line in lines if "Faults up to some 0.5 may not be found" in line]
+        assert [advice in line for line in found] == [True] * said

@@ -10,12 +10,14 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.actuator.unit.baseline import Baseline
 from emaphm.actuator.unit.model_error import NOT_LEARNED
+from emaphm.arrays import Array
 from emaphm.blas_threads import one_blas_thread
 from emaphm.calibration.campaign import CampaignRow, Recordings, campaign_rows, check_row
 from emaphm.calibration.conditions import check_nuisances
 from emaphm.calibration.description import AUTO, Description, Laws, described_with_laws
 from emaphm.calibration.findings import (
     Parameter,
+    RecordingResult,
     found_parameters,
     found_recordings,
     found_values,
@@ -205,8 +207,8 @@ def _by_motion(
         motion_alone(fit, description.actuator),
     )
     parameters = motion_parameters(fit, covariance, description.actuator)
-    baseline = Baseline.of(tuple(parameters), covariance, tuple(row.recording.source for row in rows))
     found = motion_recordings(fit, rows, calibrated)
+    baseline = _baseline(tuple(parameters), covariance, rows, found)
     return Calibration(
         parameters,
         calibrated.model_copy(update={"baseline": baseline}),
@@ -223,6 +225,14 @@ def _by_motion(
         error_correlation=fit.found.error_correlation,
         warnings=calibration_warnings(rows, found, description.actuator),
     )
+
+
+def _baseline(
+    names: tuple[str, ...], covariance: Array, rows: Sequence[CampaignRow], found: Sequence[RecordingResult]
+) -> Baseline:
+    """Return the prior of later diagnoses, with the recordings that it is of."""
+    sources = tuple(row.recording.source for row in rows)
+    return Baseline.of(names, covariance, sources, tuple(one.load for one in found))
 
 
 def _name_of(actuator: Actuator) -> str:
@@ -255,17 +265,16 @@ def _result(
     left_open = open_members(fit, collinear)
     fit = with_open(fit, left_open)
     size = sizes(actuator, fit.free)
-    baseline = Baseline.of(
-        fit.free, np.outer(size, size) * fit.covariance, tuple(row.recording.source for row in rows)
-    )
+    found = found_recordings(fit, rows, calibrated)
+    baseline = _baseline(fit.free, np.outer(size, size) * fit.covariance, rows, found)
     # A data sheet's tolerances are about its own values, not about what was found.
     known = calibrated.model_copy(update={"baseline": baseline})
     known = known.model_copy(update={"tolerances": known.open_tolerances})
     parameters = {**found_parameters(fit, values, rows, actuator), **scanned}
     problems = [term.objective.problem for term in fit.joint.terms]
-    found = found_recordings(fit, rows, calibrated)
     learned = learned_model_error(rows, fit, actuator, known, settings)
-    unmodelled = unmodelled_warnings(fit, [row.recording.source for row in rows], learned)
+    sources = [row.recording.source for row in rows]
+    unmodelled = unmodelled_warnings(fit, sources, learned, laws_tried=bool(description.selection))
     return Calibration(
         parameters,
         known.model_copy(update={"model_error": learned}),

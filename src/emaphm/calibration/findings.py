@@ -88,6 +88,13 @@ class RecordingResult:
     force_error: float | None = None
     residual_over_noise: float | None = None
 
+    @property
+    def load(self) -> float:
+        """Its mean load [N·m; N if linear], recorded or estimated, with that of the description."""
+        recording, described = self.replay.recording, self.replay.actuator.mechanics.offset
+        recorded = float(np.mean(recording["load_Nm"])) if "load_Nm" in recording else 0.0
+        return described + recorded + self.nuisances.get("load", 0.0)
+
 
 def found_values(fit: UnitFit, actuator: Actuator) -> dict[str, float]:
     """Return the calibrated values, in the parameters' units."""

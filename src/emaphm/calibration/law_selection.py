@@ -4,9 +4,9 @@ Forward selection with cross-validation (Stone 1974; Hastie, Tibshirani and Frie
 that may be added is fitted to all recordings but some, and judged on those. Of the laws left, the one that
 lowers the held-out error most is taken, as long as it does so by more than the standard error of that gain.
 
-A law that was worth it before another took its place is taken after all if it still lowers the held-out
-error: healthy recordings hardly tell the two apart, but faults do. Behind a shaft that gives a backlash shows
-far less than in a rigid unit with bristle friction, and healthy both look alike.
+A law that was worth about as much as another which took its place is taken after all if it still lowers the
+held-out error: healthy recordings hardly tell the two apart, but faults do. Behind a shaft that gives a
+backlash shows far less than in a rigid unit with bristle friction, and healthy both look alike.
 """
 
 import time
@@ -46,13 +46,14 @@ class CrossValidationSettings:
     Up to `most_folds` recordings each is left out once, of more as many groups. A law is fitted from the
     description's fit and `starts` points about its own start value. One that lowers the training error by
     less than the share `least_gain` is not cross-validated, and none is taken for a held-out gain below it:
-    so much the kinks of stick-slip make of an error. Neither is asked of a law that has had such a gain
-    before another was taken.
+    so much the kinks of stick-slip make of an error. Neither is asked of a law that had the share `rival` of
+    the gain of another when that was taken. While one is missing that the unit has, most laws gain a little.
     """
 
     most_folds: int = 5
     starts: int = 6
     least_gain: float = 0.02
+    rival: float = 0.5
 
 
 CROSS_VALIDATION = CrossValidationSettings()
@@ -165,8 +166,8 @@ def select_laws(
             trials.append(trial.record(law.name, names, fitted, began))
         if not gains:
             break
-        shown |= gains.keys()
         best = max(gains, key=gains.__getitem__)
+        shown |= {name for name, one in gains.items() if one >= CROSS_VALIDATION.rival * gains[best]}
         # What it needs is taken first: on that it competes with others in the next round.
         taken = next((name for name in LAWS[best].needs if name in tried), best)
         current, number = tried[taken]

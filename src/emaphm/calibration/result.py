@@ -185,5 +185,7 @@ class Calibration:
         ]
         lines += recording_notes(self.recordings, self.birge_ratio, self.scattered, self.error_correlation)
         lines += kept_notes(self.kept, self.actuator.coordinates, self.parameters)
-        lines += model_error_notes(self.actuator.model_error, self.actuator.coordinates)
+        lines += model_error_notes(
+            self.actuator.model_error, self.actuator.coordinates, laws_tried=bool(self.selection)
+        )
         return [*lines, *(f"Warning: {warning}." for warning in self.warnings)]

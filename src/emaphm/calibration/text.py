@@ -110,7 +110,7 @@ def kept_notes(kept: Mapping[str, float], coordinates: str, estimated: Collectio
     return [f"Kept from the description, not measured by this calibration: {values}."]
 
 
-def model_error_notes(learned: ModelError, coordinates: str) -> list[str]:
+def model_error_notes(learned: ModelError, coordinates: str, *, laws_tried: bool) -> list[str]:
     """Return a line on what recordings left out of the fit teach of the model's error, if anything."""
     errors = {name: one for name in CHANNELS if (one := learned.of(name)) is not None}
     lines = []
@@ -127,9 +127,10 @@ def model_error_notes(learned: ModelError, coordinates: str) -> list[str]:
             lines.append(f"In recordings left out, the model's error looks like faults: {values}.")
         if (largest := max(apparent.values(), default=0.0)) > VERDICT.hidden_fault:
             reach = Z95 * largest * error_inflation(learned.faults.recordings)
+            advice = "Calibrate on more manoeuvres" if laws_tried else "Let laws be tried (--laws auto)"
             lines.append(
                 f"Faults up to some {reach:.1g} may not be found by this description: it lacks a law, or the "
-                "control is another. Let laws be tried (--laws auto), or name one."
+                f"control is another. {advice}, or name a law (--laws)."
             )
     return lines
 

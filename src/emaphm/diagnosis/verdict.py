@@ -49,7 +49,10 @@ COMMON_SHORTS = (
 )
 UNCONSTRAINED = "this recording does not constrain it; a larger or faster command would"
 BOTH = "its interval contains both the healthy value and relevant faults"
-OF_MODEL_ERROR = "the model's learned error may look like this; calibrate with the law it lacks (--laws auto)"
+OF_MODEL_ERROR = (
+    "in recordings left out of the calibration the model's error looked like this; calibrate on more "
+    "manoeuvres, or with the law it lacks (--laws)"
+)
 NOT_EXPLAINED = "no model of this actuator explains the recording, so what causes its residual is not known"
 
 

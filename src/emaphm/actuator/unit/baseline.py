@@ -166,7 +166,7 @@ class Baseline(Section):
 
     Deviations of the lumped parameters `names` from the description are normal about 0 with `covariance`,
     (names, names): relative (of the logarithm) for positive parameters, in its own unit for those of either
-    sign. They were estimated from `recordings`.
+    sign. They were estimated from `recordings`, whose mean loads are `loads`, the description's among them.
     """
 
     names: tuple[str, ...] = Field(description="calibrated parameters", min_length=1)
@@ -177,6 +177,9 @@ class Baseline(Section):
         strict=False,
     )
     recordings: tuple[str, ...] = Field(description="recordings of the healthy unit", min_length=1)
+    loads: tuple[Number, ...] = quantity(
+        "mean load of each, recorded or estimated", "N·m", "calibration", default=(), strict=False
+    )
 
     @field_validator("names")
     @classmethod
@@ -222,7 +225,13 @@ class Baseline(Section):
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     @classmethod
-    def of(cls, names: tuple[str, ...], covariance: object, recordings: tuple[str, ...]) -> Self:
+    def of(
+        cls,
+        names: tuple[str, ...],
+        covariance: object,
+        recordings: tuple[str, ...],
+        loads: tuple[float, ...] = (),
+    ) -> Self:
         """Return the baseline with a covariance given as an array (names, names)."""
         rows = tuple(tuple(float(value) for value in row) for row in np.asarray(covariance, float))
-        return cls(names=names, covariance=rows, recordings=recordings)
+        return cls(names=names, covariance=rows, recordings=recordings, loads=loads)

@@ -28,7 +28,17 @@ SLOW, LEAST = 0.2, 0.005
 from which a model lacks something."""
 
 
-def unmodelled_warnings(fit: UnitFit, sources: Sequence[str], learned: ModelError) -> tuple[str, ...]:
+LAWS_TO_TRY = "let laws be tried (--laws auto, by two recordings or more), or name one"
+LAWS_TRIED = (
+    "of the laws that were tried none explains it: estimate what was kept too (--free), correct it, or name "
+    "a law that was not taken (--laws)"
+)
+"""What helps a description that lacks something, before laws were tried and after."""
+
+
+def unmodelled_warnings(
+    fit: UnitFit, sources: Sequence[str], learned: ModelError, *, laws_tried: bool
+) -> tuple[str, ...]:
     """Return a sentence on each recording with more left than a diagnosis allows, and one on few manoeuvres.
 
     Parameters
@@ -37,11 +47,17 @@ def unmodelled_warnings(fit: UnitFit, sources: Sequence[str], learned: ModelErro
         What the recordings are called.
     learned
         The error of the model by recordings left out: a diagnosis compares a residual with that one.
+    laws_tried
+        Whether laws were chosen among all.
     """
-    return (*_missing_law(fit, sources), *_beyond(fit, sources, learned), *_of_few_manoeuvres(fit))
+    return (
+        *_missing_law(fit, sources, LAWS_TRIED if laws_tried else LAWS_TO_TRY),
+        *_beyond(fit, sources, learned),
+        *_of_few_manoeuvres(fit),
+    )
 
 
-def _missing_law(fit: UnitFit, sources: Sequence[str]) -> Iterator[str]:
+def _missing_law(fit: UnitFit, sources: Sequence[str], advice: str) -> Iterator[str]:
     """Yield a sentence on the recordings of which more is left than noise and switching."""
     # Of a channel that the model does not resemble, another warning says more.
     lacking = [
@@ -57,8 +73,7 @@ def _missing_law(fit: UnitFit, sources: Sequence[str]) -> Iterator[str]:
     yield (
         f"{where}up to {worst.ratio:.2g} times what noise and switching explain is left ({left}, {source}): "
         "the description lacks a law, or is wrong in what was kept of it; the standard errors are widened by "
-        "as large an error that looks like the parameters, and need not cover it; let laws be tried (--laws "
-        "auto, by two recordings or more), or name one"
+        f"as large an error that looks like the parameters, and need not cover it; {advice}"
     )
 
 

@@ -27,15 +27,17 @@ def load_may_be_friction(components: Mapping[str, Estimate], result: SearchResul
     estimated = objective.space.nuisance_values(result.point[np.newaxis]).get("load", np.zeros(1))
     recorded = objective.problem.inputs.rows(objective.problem.inputs.load)
     described = actuator.mechanics.offset
-    more = float(abs(described + estimated[0] + np.mean(recorded)) - abs(described))
+    calibrated = np.abs(actuator.baseline.loads or (described,))
+    load = abs(described + float(estimated[0]) + float(np.mean(recorded)))
+    more = load - float(np.clip(load, calibrated.min(), calibrated.max()))
     excess = components["friction"].value * actuator.faults.friction * actuator.mechanics.dynamic_friction
     if not more or not 0 < excess / more <= USUAL:
         return ()
     unit = unit_for("N·m", actuator.coordinates)
     note = (
         f"friction that is {100 * excess / more:.2g} % of the load looks like this: the load is "
-        f"{abs(more):.3g} {unit} {'larger' if more > 0 else 'smaller'} than in the description of the "
-        f"calibrated unit; calibrate under several loads with the law {LAW} (--laws {LAW})"
+        f"{abs(more):.3g} {unit} {'larger' if more > 0 else 'smaller'} than any of the calibration; "
+        f"calibrate under several loads with the law {LAW} (--laws {LAW})"
     )
     return (note,)
 
