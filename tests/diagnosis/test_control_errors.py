@@ -23,12 +23,9 @@ from emaphm.diagnosis.selection.control_errors import (
     with_control_law,
 )
 from emaphm.diagnosis.selection.description_errors import with_free
-from emaphm.diagnosis.selection.first_look import FirstLook
-from emaphm.diagnosis.selection.nuisance_selection import (
-    SelectedNuisances,
-    select_nuisances,
-)
+from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
 from emaphm.diagnosis.selection.residual_share import share_of_residual
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import CURRENT_CONTROL, SELECTION, SENSOR_SELECTION
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import method_named
@@ -51,10 +48,6 @@ def near_the_truth(unit: Actuator, described: Actuator, duration: float = DURATI
     problem = Problem.of(on_a_rig(unit, FAULTS, duration), described, channels=("current_A", "voltage_V"))
     objective = faults_objective(problem, ("load",))
     return correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
-
-
-def unselected(searched: SearchResult) -> SelectedNuisances:
-    return SelectedNuisances(searched, (), FirstLook())
 
 
 @pytest.mark.parametrize("described", [PMSM, SIX_STEP], ids=lambda one: one.name)
@@ -134,10 +127,10 @@ def test_a_part_of_the_control_that_nobody_described_is_the_law_that_explains_al
     name, value = PARTS[law]
     searched = near_the_truth(controlled_by(**{name: value}), THESIS, 0.3)
     assert not searched.explained
-    found = with_control_law(searched, unselected(searched), method_named("hybrid"), 2, seed=0)
+    found = with_control_law(searched, Selection(searched), method_named("hybrid"), 2, seed=0)
     assert found is not None
-    result, chosen = found
-    assert chosen == law
+    result = found.result
+    assert found.laws == (law,)
     described = lumped_parameters(result.objective.problem.actuator, (name,))[name]
     deviation = result.objective.space.nuisance_values(result.point[np.newaxis])[f"baseline {name}"].item()
     assert described * math.exp(deviation) == pytest.approx(value, rel=0.15)
@@ -160,9 +153,9 @@ def test_a_command_that_lags_is_no_delay_and_a_delay_no_lag(
     searched = correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
     selected = select_nuisances(searched, 2, seed=0)
     assert selected.result.explained
-    assert "delay" in selected.names
+    assert "delay" in selected.nuisances
     found = with_control_law(searched, selected, method_named("hybrid"), 2, seed=0)
-    left = share_of_residual(found[0], selected.result) if found else math.inf
+    left = share_of_residual(found.result, selected.result) if found else math.inf
     assert (left < SELECTION.likely_share) == lags
 
 

@@ -19,6 +19,7 @@ from emaphm.diagnosis.selection.laws import law_fit, law_selection, sensor_lag
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, acts, with_law, without_law
 from emaphm.diagnosis.selection.laws.law_selection import SUSPECTS, select_laws
 from emaphm.diagnosis.selection.residual_share import hopeless_next_to
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import SENSOR_SELECTION
 from emaphm.diagnosis.verdict import NOT_EXPLAINED
 from emaphm.estimation.bias_correction import with_discrepancy
@@ -168,15 +169,17 @@ def test_a_law_that_stands_in_the_way_of_another_is_left_out(
 ) -> None:
     assert not astray.explained
 
-    def forward(_: object, allowed: tuple[str, ...]) -> tuple[SearchResult, tuple[str, ...]]:
-        return (astray, ("presliding",)) if "presliding" in allowed else (at_the_truth, ("transition",))
+    def forward(_: object, allowed: tuple[str, ...]) -> Selection:
+        if "presliding" in allowed:
+            return Selection(astray, laws=("presliding",))
+        return Selection(at_the_truth, laws=("transition",))
 
     monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "presliding"))
     monkeypatch.setattr(law_selection, "_forward_selection", forward)
-    result, laws = select_laws(astray, method_named("hybrid"), 2, seed=0)
-    assert laws == ("transition",)
-    assert np.array_equal(result.point, at_the_truth.point)
-    assert [np.array_equal(one.point, astray.point) for one in result.alternatives] == [True]
+    found = select_laws(astray, method_named("hybrid"), 2, seed=0)
+    assert found.laws == ("transition",)
+    assert np.array_equal(found.result.point, at_the_truth.point)
+    assert [np.array_equal(one.point, astray.point) for one in found.result.alternatives] == [True]
 
 
 @pytest.mark.parametrize("refined", [True, False])
@@ -226,14 +229,14 @@ def test_threads_change_nothing(astray: SearchResult, monkeypatch: pytest.Monkey
     monkeypatch.setattr(law_selection, "SUSPECTS", ("directional", "quadratic"))
     objective, method = astray.objective, method_named("hybrid")
 
-    def selected(workers: int) -> tuple[SearchResult, tuple[str, ...]]:
+    def selected(workers: int) -> Selection:
         by_threads = replace(objective, problem=replace(objective.problem, workers=workers))
         return select_laws(replace(astray, objective=by_threads), method, 1, seed=0)
 
     alone, together = selected(1), selected(3)
-    assert alone[1] == together[1]
-    np.testing.assert_array_equal(alone[0].point, together[0].point)
-    for one, other in zip(alone[0].alternatives, together[0].alternatives, strict=True):
+    assert alone.laws == together.laws
+    np.testing.assert_array_equal(alone.result.point, together.result.point)
+    for one, other in zip(alone.result.alternatives, together.result.alternatives, strict=True):
         np.testing.assert_array_equal(one.point, other.point)
 
 
@@ -245,9 +248,9 @@ def test_a_law_with_an_amplitude_acts(at_the_truth: SearchResult) -> None:
 
 
 def test_where_the_residual_is_noise_no_law_is_tried(at_the_truth: SearchResult) -> None:
-    same, laws = select_laws(at_the_truth, method_named("hybrid"), 2, seed=0)
-    assert same is at_the_truth
-    assert laws == ()
+    found = select_laws(at_the_truth, method_named("hybrid"), 2, seed=0)
+    assert found.result is at_the_truth
+    assert found.laws == ()
 
 
 @pytest.mark.parametrize("name", SUSPECTS)

@@ -13,6 +13,7 @@ from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import objective_for
 from emaphm.diagnosis.selection.load_steps import _best_set
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.varying_load import LOAD_STEP, LOADS, with_varying_load
 from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import correct_bias
@@ -103,8 +104,8 @@ def test_a_load_has_as_many_parameters_as_it_takes(
 ) -> None:
     loaded = _loaded(recorded(load))
     assert loaded is not None
-    result, chosen = loaded
-    assert chosen == names
+    result = loaded.result
+    assert loaded.nuisances == names
     assert result.explained
     values = _values(result)
     got = [(values[f"load_step_{i + 1}"], values[f"load_step_{i + 1}_time"]) for i in range(len(steps))]
@@ -141,7 +142,7 @@ def test_steps_that_do_nothing_leave_all() -> None:
     assert mean_square == 1.0
 
 
-def _loaded(recording: Recording) -> tuple[SearchResult, tuple[str, ...]] | None:
+def _loaded(recording: Recording) -> Selection | None:
     """Return the estimate with a load that varies, as a diagnosis asks for it where nothing is explained.
 
     Next to the true faults: how they are searched for is not tested here.

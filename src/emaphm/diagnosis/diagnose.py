@@ -187,16 +187,16 @@ def _with_deviations(
 ) -> tuple[Diagnosis, SearchResult]:
     """Return the diagnosis that allows for deviations from the description, and the estimate behind it."""
     moves = moves_at(searched.objective, searched.point)
-    found, selected, laws = select_deviations(
+    selection = select_deviations(
         searched, method, max_corrections, seed, moves=moves, on_progress=on_progress
     )
-    found = with_discrepancy(found, seed)
+    found = with_discrepancy(selection.result, seed)
     concluded = conclude(found, recording, name, "least_squares", seed)
     notes = notes_on_alternatives(found) if concluded.explained else ()
     diagnosis = replace(
         concluded,
-        selected=(*selected, *suspected_parameters(found)),
-        laws=laws,
+        selected=(*selection.nuisances, *suspected_parameters(found)),
+        laws=selection.laws,
         recording_notes=(*concluded.recording_notes, *notes),
     )
     if moves and not diagnosis.explained:

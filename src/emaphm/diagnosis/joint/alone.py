@@ -24,10 +24,10 @@ from emaphm.diagnosis.selection.deviations import (
     with_laws,
 )
 from emaphm.diagnosis.selection.extension import with_nuisances
-from emaphm.diagnosis.selection.first_look import FirstLook
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, search_with_law
-from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, select_nuisances
+from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
 from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
 from emaphm.diagnosis.selection.varying_load import explains_better, with_varying_load
 from emaphm.estimation.bias_correction import correct_bias
@@ -63,7 +63,7 @@ class _Alone:
     """
 
     searched: SearchResult
-    found: SelectedNuisances
+    found: Selection
     seed: int
     load: tuple[str, ...] = ()
 
@@ -91,8 +91,8 @@ class _Alone:
         """Return the laws that the recording alone shows, but for one that no search finds."""
         if not self.moves:
             return ()
-        _, _, laws = with_laws(self.searched, self.found, method, max_corrections, self.seed)
-        return tuple(name for name in laws if name not in ONLY_WHILE_SWITCHING)
+        selection = with_laws(self.searched, self.found, method, max_corrections, self.seed)
+        return tuple(name for name in selection.laws if name not in ONLY_WHILE_SWITCHING)
 
     def with_laws(self, laws: Sequence[str], method: Method, max_corrections: int) -> Self:
         """Return the estimate with `laws`."""
@@ -105,9 +105,8 @@ class _Alone:
         """Return the estimate with parameters free that are off, where it moves and passes for explained."""
         if not (self.result.explained and self.moves):
             return self
-        before = self.result, self.found.names, ()
-        result, names, _ = with_description_error(self.searched, before, method, max_corrections, self.seed)
-        return replace(self, found=replace(self.found, result=result, names=names))
+        found = with_description_error(self.searched, self.found, method, max_corrections, self.seed)
+        return replace(self, found=found)
 
     def with_control_errors(self, method: Method, max_corrections: int) -> Self:
         """Return the estimate with gains of the control free that are off, where it moves."""
@@ -123,9 +122,8 @@ class _Alone:
         loaded = with_varying_load(self.searched, method, max_corrections, self.seed)
         if loaded is None:
             return self
-        with_load, load = loaded
-        rival = self.selecting(with_load, max_corrections)
-        return replace(rival, load=load) if explains_better(rival.result, self.result) else self
+        rival = self.selecting(loaded.result, max_corrections)
+        return replace(rival, load=loaded.nuisances) if explains_better(rival.result, self.result) else self
 
     def selecting(self, searched: SearchResult, max_corrections: int) -> Self:
         """Return the estimate as `searched`, with the nuisances that deviate significantly from there."""
@@ -170,7 +168,7 @@ def search_alone(
         result = search(objective, method, fitness="least_squares", max_corrections=max_corrections, seed=own)
         if result.discrepancy is not None:
             result = with_asked_supply(result, max_corrections, own)
-        one = _Alone(result, SelectedNuisances(result, (), FirstLook()), own)
+        one = _Alone(result, Selection(result), own)
         if nuisances is None and result.discrepancy is not None:
             one = one.selecting(result, max_corrections)
         return one
@@ -178,8 +176,8 @@ def search_alone(
     found, laws = in_threads(searched, range(len(recordings)), workers, on_progress), tuple[str, ...]()
     if nuisances is None:
         found, laws = _with_deviations(found, method, max_corrections)
-    selected = tuple(dict.fromkeys(name for one in found for name in one.found.names))
-    alone = [_with_all(one.result, one.found.names, selected, max_corrections, seed) for one in found]
+    selected = tuple(dict.fromkeys(name for one in found for name in one.found.nuisances))
+    alone = [_with_all(one.result, one.found.nuisances, selected, max_corrections, seed) for one in found]
     load = dict.fromkeys(name for one in found for name in one.load)
     return AloneSearches(alone, (*load, *selected, *suspected_parameters(alone[0])), laws)
 

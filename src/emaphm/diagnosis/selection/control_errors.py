@@ -15,8 +15,8 @@ from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.description_errors import not_as_described, objective_with, with_free
 from emaphm.diagnosis.selection.laws.law_fit import search_with_law, without_law
-from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances
 from emaphm.diagnosis.selection.residual_share import share_of_residual
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import CONTROL_ERRORS, CURRENT_CONTROL, SELECTION, SPEED_CONTROL
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
@@ -64,16 +64,16 @@ def with_control_errors(
 
 
 def with_control_law(
-    searched: SearchResult, found: SelectedNuisances, method: Method, max_corrections: int, seed: int
-) -> tuple[SearchResult, str] | None:
-    """Return the estimate with a law of the control, and its name, from that `searched` without one.
+    searched: SearchResult, found: Selection, method: Method, max_corrections: int, seed: int
+) -> Selection | None:
+    """Return the estimate with a law of the control from that `searched` without one.
 
     `found` has the nuisances that were selected without laws. Where they do not explain the recording, the
     law is returned that leaves least, if that is no more than noise: other laws are tried elsewhere, and
     compared with it. A command that lags looks like channels that come late, a feedforward like early ones:
     where a delay was selected that explains the recording, only these two are tried.
     """
-    laws = CONTROL_LAWS if not found.result.explained else LIKE_A_DELAY if "delay" in found.names else ()
+    laws = CONTROL_LAWS if not found.result.explained else LIKE_A_DELAY if "delay" in found.nuisances else ()
     possible = [name for name in laws if LAWS[name].is_possible(searched.objective.problem.actuator)]
     tried = in_threads(
         lambda name: search_with_law(searched, name, method, max_corrections, seed),
@@ -88,7 +88,7 @@ def with_control_law(
     if not convincing:
         return None
     name = min(convincing, key=lambda one: convincing[one].residual_variance)
-    return convincing[name], name
+    return Selection(convincing[name], laws=(name,))
 
 
 def contradicted_control(result: SearchResult, seed: int) -> tuple[str, ...]:

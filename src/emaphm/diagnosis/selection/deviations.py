@@ -9,10 +9,11 @@ from emaphm.diagnosis.selection.laws.hidden_laws import HIDDEN_LAWS, suspected_l
 from emaphm.diagnosis.selection.laws.law_fit import acts, search_with_law, without_law
 from emaphm.diagnosis.selection.laws.law_selection import select_laws
 from emaphm.diagnosis.selection.laws.sensor_lag import SENSOR_LAG, is_lag_suspected, with_sensor_lag
-from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, select_nuisances
+from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
 from emaphm.diagnosis.selection.residual_share import share_of_residual
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rotor_zero import with_rotor_zero
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import SELECTION
 from emaphm.diagnosis.selection.varying_load import explains_better, is_convincing, with_varying_load
 from emaphm.estimation.bias_correction import over_all_phases
@@ -22,9 +23,6 @@ from emaphm.estimation.search_result import SearchResult
 from emaphm.progress import Progress, subprogress
 
 HALL_ANGLES = "hall-angles"
-
-Selection = tuple[SearchResult, tuple[str, ...], tuple[str, ...]]
-"""An estimate, and the names of the nuisances and of the laws that were selected for it."""
 
 
 def select_deviations(
@@ -49,20 +47,20 @@ def select_deviations(
         of_all_phases = over_all_phases(searched, seed)
         searched = of_all_phases if of_all_phases.explained else searched
     if not (moves and resolves_switching(searched.objective.problem)):
-        found = select_nuisances(searched, max_corrections, seed)
-        return found.result, found.names, ()
+        return select_nuisances(searched, max_corrections, seed)
     report = on_progress or (lambda _: None)
     searched = with_control_errors(searched, method, max_corrections, seed)
     report(0.1)
     loaded = None if searched.explained else with_varying_load(searched, method, max_corrections, seed)
-    convincing = loaded is not None and is_convincing(loaded[0])
+    convincing = loaded is not None and is_convincing(loaded.result)
     on_progress = subprogress(on_progress, 0.1, 1.0 if loaded is None else 0.5)
     alone = _selection(searched, method, max_corrections, seed, on_progress, laws=not convincing)
     if loaded is None:
         return alone
-    with_load, load = loaded
-    result, names, laws = _selection(with_load, method, max_corrections, seed)
-    return (result, (*load, *names), laws) if explains_better(result, alone[0]) else alone
+    with_load = _selection(loaded.result, method, max_corrections, seed)
+    if not explains_better(with_load.result, alone.result):
+        return alone
+    return replace(with_load, nuisances=(*loaded.nuisances, *with_load.nuisances))
 
 
 def _selection(
@@ -79,59 +77,58 @@ def _selection(
     turned, found = _with_rotor_zero(searched, method, max_corrections, seed)
     report(0.4)
     if not (laws or found.result.explained):
-        return found.result, found.names, ()
+        return found
     controlled = with_control_law(searched, found, method, max_corrections, seed) if laws else None
     report(0.5)
     if controlled is not None:
-        with_law, name = controlled
+        with_law = controlled.result
         share = share_of_residual(with_law, found.result)
         if share < SELECTION.likely_share or not found.result.explained:
-            selection = _with_nuisances(with_law, (name,), max_corrections, seed)
+            selection = _with_nuisances(with_law, controlled.laws, max_corrections, seed)
             return _with_hidden_laws(with_law, selection, method, max_corrections, seed)
         if share < 1 / SELECTION.likely_share:  # either may be it
-            ends = (*found.result.alternatives, with_law)
-            found = replace(found, result=replace(found.result, alternatives=ends))
+            found = found.with_alternatives((*found.result.alternatives, with_law))
     if turned is not searched:
         sensed = with_hall_angles(searched, found.result, method, max_corrections, seed)
         if sensed is not None:
             selection = _with_nuisances(sensed, (HALL_ANGLES,), max_corrections, seed)
             return _with_hidden_laws(sensed, selection, method, max_corrections, seed)
     selection = with_laws(turned, found, method, max_corrections, seed)
-    if selection[2] or not found.result.explained:
+    if selection.laws or not found.result.explained:
         return selection
     return with_description_error(turned, selection, method, max_corrections, seed)
 
 
 def with_laws(
-    searched: SearchResult, found: SelectedNuisances, method: Method, max_corrections: int, seed: int
+    searched: SearchResult, found: Selection, method: Method, max_corrections: int, seed: int
 ) -> Selection:
     """Return the estimate with the laws that an actuator in motion shows, from that `searched` without them.
 
     And its nuisances; `found` has those that were selected without laws.
     """
-    result, without = found.result, (found.result, found.names, ())
+    result = found.result
     if not result.explained:
-        with_laws, laws = select_laws(searched, method, max_corrections, seed)
-        if laws or with_laws.explained:
-            return _with_nuisances(with_laws, laws, max_corrections, seed)
-        return replace(result, alternatives=with_laws.alternatives), found.names, ()
+        selected = select_laws(searched, method, max_corrections, seed)
+        if selected.laws or selected.result.explained:
+            return _with_nuisances(selected.result, selected.laws, max_corrections, seed)
+        return found.with_alternatives(selected.result.alternatives)
     if found.look.shows_lag and is_lag_suspected(result, seed):
         lagging = _with_lag(searched, result, method, max_corrections, seed)
-        if lagging is not None and lagging[0].explained:
+        if lagging is not None and lagging.result.explained:
             return lagging
-    return _with_hidden_laws(searched, without, method, max_corrections, seed)
+    return _with_hidden_laws(searched, found, method, max_corrections, seed)
 
 
 def _with_rotor_zero(
     searched: SearchResult, method: Method, max_corrections: int, seed: int
-) -> tuple[SearchResult, SelectedNuisances]:
+) -> tuple[SearchResult, Selection]:
     """Return the estimate, with the rotor's zero where the recording shows another, and its nuisances.
 
     A zero that needs nuisances too is kept only if it leaves clearly less than they do without it.
     """
     turned = with_rotor_zero(searched, method, max_corrections, seed)
     found = select_nuisances(turned, max_corrections, seed)
-    if turned is searched or not found.names:
+    if turned is searched or not found.nuisances:
         return turned, found
     without_zero = select_nuisances(searched, max_corrections, seed)
     if share_of_residual(found.result, without_zero.result) < SELECTION.likely_share:
@@ -162,7 +159,7 @@ def _with_lag(
     if lagging is None:
         return None
     rival = _with_nuisances(lagging, (SENSOR_LAG,), max_corrections, seed)
-    return rival if ripple_share(rival[0], before, seed) < SELECTION.likely_share else None
+    return rival if ripple_share(rival.result, before, seed) < SELECTION.likely_share else None
 
 
 def _with_hidden_laws(
@@ -177,28 +174,27 @@ def _with_hidden_laws(
     best, base = before, searched
     while True:
         rivals = list[tuple[Selection, SearchResult, bool]]()
-        for name, score in suspected_laws(best[0], seed).items():
+        for name, score in suspected_laws(best.result, seed).items():
             with_law = search_with_law(base, name, method, max_corrections, seed)
             back = without_law(with_law, base, max_corrections, seed)
-            if share_of_residual(back, best[0]) < SELECTION.likely_share:
+            if share_of_residual(back, best.result) < SELECTION.likely_share:
                 # The law has led the search out of a place where it was held, and is perhaps not there.
-                base, best = back, _with_nuisances(back, best[2], max_corrections, seed)
-            rival = _with_nuisances(with_law, (*best[2], name), max_corrections, seed)
-            if acts(rival[0], LAWS[name], seed):
+                base, best = back, _with_nuisances(back, best.laws, max_corrections, seed)
+            rival = _with_nuisances(with_law, (*best.laws, name), max_corrections, seed)
+            if acts(rival.result, LAWS[name], seed):
                 rivals.append((rival, with_law, score.is_beyond(HIDDEN_LAWS.certain)))
         # Next to the best without them, which one of the laws may have led to.
         better, as_good = [], []
         for rival, with_law, certain in rivals:
-            as_little = certain or len(rival[1]) < len(best[1])
-            share = share_of_residual(rival[0], best[0])
+            as_little = certain or len(rival.nuisances) < len(best.nuisances)
+            share = share_of_residual(rival.result, best.result)
             if share < (1.0 if as_little else SELECTION.likely_share):
                 better.append((share, rival, with_law))
-            elif certain and rival[0].explained and share < SELECTION.equal_share:
-                as_good.append(rival[0])
+            elif certain and rival.result.explained and share < SELECTION.equal_share:
+                as_good.append(rival.result)
         if not better:
             # What has no further alternatives keeps what it has computed.
-            ends = (*best[0].alternatives, *as_good)
-            return (replace(best[0], alternatives=ends), *best[1:]) if as_good else best
+            return best.with_alternatives((*best.result.alternatives, *as_good)) if as_good else best
         _, best, base = min(better, key=lambda one: one[0])
 
 
@@ -211,16 +207,16 @@ def with_description_error(
     make up for one parameter.
     """
     best = before
-    for error in possible_errors(*before[:2], seed):
+    for error in possible_errors(before.result, before.nuisances, seed):
         corrected = with_free(searched, error.parameters, method, max_corrections, seed)
         rival = _with_nuisances(corrected, (), max_corrections, seed)
-        if set(rival[1]) & set(error.instead_of):
+        if set(rival.nuisances) & set(error.instead_of):
             continue
-        as_little = error.certain or len(rival[1]) < len(best[1])
+        as_little = error.certain or len(rival.nuisances) < len(best.nuisances)
         least = SELECTION.equal_share if as_little else SELECTION.likely_share
-        if share_of_residual(rival[0], best[0]) < least:
+        if share_of_residual(rival.result, best.result) < least:
             best = rival
-        if not best[1]:
+        if not best.nuisances:
             break
     return best
 
@@ -229,4 +225,4 @@ def _with_nuisances(
     result: SearchResult, laws: tuple[str, ...], max_corrections: int, seed: int
 ) -> Selection:
     found = select_nuisances(result, max_corrections, seed)
-    return replace(found.result, alternatives=result.alternatives), found.names, laws
+    return replace(found.with_alternatives(result.alternatives), laws=laws)

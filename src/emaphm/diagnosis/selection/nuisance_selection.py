@@ -15,12 +15,12 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
-from emaphm.diagnosis.selection.first_look import FirstLook
 from emaphm.diagnosis.selection.nuisance_candidates import worthwhile_candidates
 from emaphm.diagnosis.selection.profile import PROFILED
 from emaphm.diagnosis.selection.residual_share import hopeless_next_to, share_of_residual
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rivals import residual_power, with_rivals
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
 from emaphm.diagnosis.selection.supply.supply_profile import SUPPLY
 from emaphm.diagnosis.selection.supply.supply_scan import is_off, with_supply
@@ -40,16 +40,7 @@ from emaphm.random_streams import child_seed, stream
 from emaphm.threads import in_threads
 
 
-@dataclass(frozen=True, eq=False)
-class SelectedNuisances:
-    """The `result` with the significant nuisances estimated too, their `names`, and a first look at it."""
-
-    result: SearchResult
-    names: tuple[str, ...]
-    look: FirstLook
-
-
-def select_nuisances(result: SearchResult, max_corrections: int, seed: int) -> SelectedNuisances:
+def select_nuisances(result: SearchResult, max_corrections: int, seed: int) -> Selection:
     """Return the result with the significant nuisances estimated too."""
     names: tuple[str, ...] = ()
     while True:
@@ -60,7 +51,7 @@ def select_nuisances(result: SearchResult, max_corrections: int, seed: int) -> S
         if unexplained and resolves_switching(result.objective.problem):
             best = _from_afar(result, names, max_corrections, seed) or best
         if best is None:
-            return SelectedNuisances(result, names, worthwhile.look)
+            return Selection(result, names, look=worthwhile.look)
         result, names = best[1], (*names, best[0])
 
 

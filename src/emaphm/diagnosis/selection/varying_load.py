@@ -15,6 +15,7 @@ from emaphm.diagnosis.selection.laws.law_fit import Fit
 from emaphm.diagnosis.selection.linear_model import LinearModel
 from emaphm.diagnosis.selection.load_steps import with_steps
 from emaphm.diagnosis.selection.residual_share import leaves_as_much, share_of_residual
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import LAW_SELECTION, SELECTION
 from emaphm.errors import DivergedError
 from emaphm.estimation.bias_correction import correct_bias
@@ -67,8 +68,8 @@ VARYING = VaryingLoadSettings()
 
 def with_varying_load(
     searched: SearchResult, method: Method, max_corrections: int, seed: int
-) -> tuple[SearchResult, tuple[str, ...]] | None:
-    """Return the estimate with a load that varies, from that `searched` without one, and which of `LOADS`.
+) -> Selection | None:
+    """Return the estimate with a load that varies, from that `searched` without one; which of `LOADS` it is.
 
     The one of least parameters that explains the recording. None where none does, nor seems to, or where the
     load is known.
@@ -80,18 +81,18 @@ def with_varying_load(
         return None
     of_any = replace(objective, problem=replace(problem, actuator=_with_any_load(problem)))
     searched = replace(searched, objective=of_any)
-    tried: list[tuple[SearchResult, tuple[str, ...]]] = []
+    tried: list[Selection] = []
     for names, loaded in _promising(searched, seed):
         found = _searched_with(searched, loaded, method, max_corrections, seed)
         if found is not None and _is_believed(found, names):
-            return found, names
+            return Selection(found, names)
         if found is not None and not leaves_as_much(found, searched, LAW_SELECTION.second_share):
-            tried.append((found, names))
+            tried.append(Selection(found, names))
     if not tried:
         return None
-    nearest, names = min(tried, key=lambda one: one[0].normalised_residual)
-    refined = refine_by_reference(nearest, seed)
-    return (refined, names) if _is_believed(refined, names) else None
+    nearest = min(tried, key=lambda one: one.result.normalised_residual)
+    refined = refine_by_reference(nearest.result, seed)
+    return replace(nearest, result=refined) if _is_believed(refined, nearest.nuisances) else None
 
 
 def _is_believed(loaded: SearchResult, names: tuple[str, ...]) -> bool:

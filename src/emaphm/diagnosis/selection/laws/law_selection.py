@@ -16,6 +16,7 @@ from emaphm.diagnosis.selection.laws.law_fit import (
     without_law,
 )
 from emaphm.diagnosis.selection.laws.sensor_lag import with_best_lag
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import LAW_SELECTION
 from emaphm.estimation.methods import Method
 from emaphm.estimation.reference.refinement import refine_by_reference
@@ -56,10 +57,8 @@ FRICTION_CURVES = ("stribeck", "transition", "presliding", "load-dependent", "di
 """Those that together make a friction curve: where one explains a recording, another may be there too."""
 
 
-def select_laws(
-    result: SearchResult, method: Method, max_corrections: int, seed: int
-) -> tuple[SearchResult, tuple[str, ...]]:
-    """Return the result with the laws that explain what it does not, and their names.
+def select_laws(result: SearchResult, method: Method, max_corrections: int, seed: int) -> Selection:
+    """Return the result with the laws that explain what it does not.
 
     Without any, it may still be another than before: a law gives the search a way out of a place where it was
     held, whether the actuator has the law or not. So the search without it is repeated from where it leads.
@@ -68,14 +67,14 @@ def select_laws(
     """
     first = _Trials(result, method, max_corrections, seed)
     found = _forward_selection(first, SUSPECTS)
-    excluding = [name for name in found[1] if name in THROUGH_STANDSTILL]
-    if found[0].explained or not excluding:
+    excluding = [name for name in found.laws if name in THROUGH_STANDSTILL]
+    if found.result.explained or not excluding:
         return found
     others = tuple(name for name in SUSPECTS if name not in excluding)
     rival = _forward_selection(first, others)
-    best, other = sorted((found, rival), key=lambda one: one[0].residual_variance)
-    ends = (*best[0].alternatives, replace(other[0], alternatives=()), *other[0].alternatives)
-    return replace(best[0], alternatives=ends), best[1]
+    best, other = sorted((found, rival), key=lambda one: one.result.residual_variance)
+    end = replace(other.result, alternatives=())
+    return best.with_alternatives((*best.result.alternatives, end, *other.result.alternatives))
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +114,7 @@ class _Trials:
         return fit.corrected(self.max_corrections, child)
 
 
-def _forward_selection(trials: _Trials, allowed: tuple[str, ...]) -> tuple[SearchResult, tuple[str, ...]]:
+def _forward_selection(trials: _Trials, allowed: tuple[str, ...]) -> Selection:
     """Return `select_laws` with the laws `allowed`, one after another: the best at each time."""
     result, names = trials.before, tuple[str, ...]()
     max_corrections, seed = trials.max_corrections, trials.seed
@@ -143,9 +142,9 @@ def _forward_selection(trials: _Trials, allowed: tuple[str, ...]) -> tuple[Searc
         ends.remove(outcomes[law])
         ends.append(result)
     if len(ends) == len(before):
-        return result, names
+        return Selection(result, laws=names)
     others = tuple(replace(one, alternatives=()) for one in ends if one is not result)
-    return replace(result, alternatives=others), names
+    return Selection(replace(result, alternatives=others), laws=names)
 
 
 def _second_of_friction(names: tuple[str, ...]) -> tuple[str, ...]:
