@@ -22,6 +22,7 @@ from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.recording import Recording
 
 pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
@@ -72,7 +73,8 @@ def test_a_law_that_is_certain_and_leaves_as_much_is_an_alternative(monkeypatch:
         monkeypatch.setattr(
             deviations, "suspected_laws", lambda found, _: {} if found is with_lag else scores
         )
-        found = deviations._with_hidden_laws(result, Selection(result), method_named("hybrid"), 2, 0)
+        settings = SearchSettings(method_named("hybrid"), 2, 0)
+        found = deviations._with_hidden_laws(result, Selection(result), settings)
         assert found.laws == (("speed-lag",) if kept else ())
         assert found.result.alternatives == alternatives
 

@@ -27,6 +27,7 @@ from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -36,6 +37,7 @@ SPEED = 20.0
 STRIBECK = with_lumped_parameters(LAWS["stribeck"].added_to(THESIS), {"stribeck_speed": SPEED})
 TRUTH = Faults(friction=0.3, backlash=0.2, short_b=0.25, gain=0.6)
 SOUND = ("short_a", "short_c", "eccentricity")
+SETTINGS = SearchSettings(method_named("hybrid"), 2, seed=0)
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +160,7 @@ def test_a_law_that_is_not_there_leads_back_to_the_description(
     near = cogging.space.carried_over(truth, objective.space)
     tried = with_discrepancy(SearchResult.at(cogging, near), seed=0)
     assert not acts(tried, LAWS["cogging"], seed=0)
-    back = without_law(tried, astray, 2, seed=0)
+    back = without_law(tried, astray, SETTINGS)
     assert back.objective.space.coordinates == objective.space.coordinates
     assert back.explained
     assert back.residual_variance < 0.5 * astray.residual_variance
@@ -176,7 +178,7 @@ def test_a_law_that_stands_in_the_way_of_another_is_left_out(
 
     monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "presliding"))
     monkeypatch.setattr(law_selection, "_forward_selection", forward)
-    found = select_laws(astray, method_named("hybrid"), 2, seed=0)
+    found = select_laws(astray, SETTINGS)
     assert found.laws == ("transition",)
     assert np.array_equal(found.result.point, at_the_truth.point)
     assert [np.array_equal(one.point, astray.point) for one in found.result.alternatives] == [True]
@@ -190,9 +192,7 @@ def test_only_what_leaves_less_is_refined(
     monkeypatch.setattr(law_fit.Fit, "of", lambda *_: SimpleNamespace(corrected=lambda *_: tried))
     monkeypatch.setattr(law_fit, "leaves_as_much", lambda one, *_: not (refined and one is tried))
     monkeypatch.setattr(law_fit, "refine_by_reference", lambda *_: at_the_truth)
-    found = law_fit.search_with(
-        at_the_truth, at_the_truth.objective, "any", method_named("hybrid"), 2, seed=0
-    )
+    found = law_fit.search_with(at_the_truth, at_the_truth.objective, "any", SETTINGS)
     assert found is (at_the_truth if refined else tried)
 
 
@@ -221,17 +221,17 @@ def test_no_lag_is_scanned_where_the_first_leave_as_much_of_what_is_not_explaine
     monkeypatch.setattr(law_fit.Fit, "corrected", corrected)
     lagging = with_law(astray.objective, LAWS["sensor-lag"])
     fit = law_fit.Fit("sensor-lag", astray, lagging, astray.point[np.newaxis], near=0.0, far=0.0)
-    assert sensor_lag.with_best_lag(fit, astray, 2, seed=0) is None
+    assert sensor_lag.with_best_lag(fit, astray, SETTINGS) is None
     assert len(tried) == len(sensor_lag.PROBED_LAGS_S)
 
 
 def test_threads_change_nothing(astray: SearchResult, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(law_selection, "SUSPECTS", ("directional", "quadratic"))
-    objective, method = astray.objective, method_named("hybrid")
+    objective, settings = astray.objective, replace(SETTINGS, max_corrections=1)
 
     def selected(workers: int) -> Selection:
         by_threads = replace(objective, problem=replace(objective.problem, workers=workers))
-        return select_laws(replace(astray, objective=by_threads), method, 1, seed=0)
+        return select_laws(replace(astray, objective=by_threads), settings)
 
     alone, together = selected(1), selected(3)
     assert alone.laws == together.laws
@@ -248,7 +248,7 @@ def test_a_law_with_an_amplitude_acts(at_the_truth: SearchResult) -> None:
 
 
 def test_where_the_residual_is_noise_no_law_is_tried(at_the_truth: SearchResult) -> None:
-    found = select_laws(at_the_truth, method_named("hybrid"), 2, seed=0)
+    found = select_laws(at_the_truth, SETTINGS)
     assert found.result is at_the_truth
     assert found.laws == ()
 

@@ -19,6 +19,7 @@ from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.plotting.external_load import draw_external_load
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -151,7 +152,7 @@ def _loaded(recording: Recording) -> Selection | None:
     objective = objective_for(recording, THESIS, method, AVERAGED, None, 1)
     searched = correct_bias(objective, objective.space.points(TRUTH.vector[np.newaxis]), 4, seed=0)
     assert not searched.explained
-    return with_varying_load(searched, method, 10, 0)
+    return with_varying_load(searched, SearchSettings(method, 10, 0))
 
 
 def _values(result: SearchResult) -> dict[str, float]:

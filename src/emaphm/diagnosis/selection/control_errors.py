@@ -18,9 +18,9 @@ from emaphm.diagnosis.selection.laws.law_fit import search_with_law, without_law
 from emaphm.diagnosis.selection.residual_share import share_of_residual
 from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import CONTROL_ERRORS, CURRENT_CONTROL, SELECTION, SPEED_CONTROL
-from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import regressed
@@ -40,32 +40,28 @@ def as_described(objective: MapObjective, names: Sequence[str]) -> tuple[str, ..
     return tuple(name for name in names if name not in known and any(described_parts(actuator, name) or ()))
 
 
-def with_control_errors(
-    searched: SearchResult, method: Method, max_corrections: int, seed: int
-) -> SearchResult:
+def with_control_errors(searched: SearchResult, settings: SearchSettings) -> SearchResult:
     """Return the estimate with gains of the control free, where the recording shows that they are off.
 
     Where it is explained, those of the current control that the residual shows; where it is not, all. They
     must leave clearly less than `searched`, which is returned as it is elsewhere; and than the search without
     them from where they lead, which is returned where it has only found its way better.
     """
-    names, least = _asked_for(searched, seed)
+    names, least = _asked_for(searched, settings.seed)
     if not names:
         return searched
-    found = with_free(searched, names, method, max_corrections, seed)
+    found = with_free(searched, names, settings)
     if not found.explained:
         least = 0.0 if searched.explained else CONTROL_ERRORS.unexplained_share
     if share_of_residual(found, searched) >= least or _may_be_another_gear(found):
         return searched
-    back = without_law(found, searched, max_corrections, seed)
+    back = without_law(found, searched, settings)
     if share_of_residual(found, back) < least:
         return found
     return back if back.explained else searched
 
 
-def with_control_law(
-    searched: SearchResult, found: Selection, method: Method, max_corrections: int, seed: int
-) -> Selection | None:
+def with_control_law(searched: SearchResult, found: Selection, settings: SearchSettings) -> Selection | None:
     """Return the estimate with a law of the control from that `searched` without one.
 
     `found` has the nuisances that were selected without laws. Where they do not explain the recording, the
@@ -76,7 +72,7 @@ def with_control_law(
     laws = CONTROL_LAWS if not found.result.explained else LIKE_A_DELAY if "delay" in found.nuisances else ()
     possible = [name for name in laws if LAWS[name].is_possible(searched.objective.problem.actuator)]
     tried = in_threads(
-        lambda name: search_with_law(searched, name, method, max_corrections, seed),
+        lambda name: search_with_law(searched, name, settings),
         possible,
         searched.objective.problem.workers,
     )

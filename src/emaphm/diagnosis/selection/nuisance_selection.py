@@ -30,6 +30,7 @@ from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, error_kind, sensor_error
 from emaphm.estimation.space.nuisances import usual_deviation
 from emaphm.estimation.uncertainty.local_covariance import (
@@ -40,23 +41,23 @@ from emaphm.random_streams import child_seed, stream
 from emaphm.threads import in_threads
 
 
-def select_nuisances(result: SearchResult, max_corrections: int, seed: int) -> Selection:
+def select_nuisances(result: SearchResult, settings: SearchSettings) -> Selection:
     """Return the result with the significant nuisances estimated too."""
     names: tuple[str, ...] = ()
     while True:
-        worthwhile = worthwhile_candidates(result, names, seed)
+        worthwhile = worthwhile_candidates(result, names, settings.seed)
         result = worthwhile.result
-        best = _best(result, worthwhile.candidates, names, max_corrections, seed)
+        best = _best(result, worthwhile.candidates, names, settings)
         unexplained = not (result if best is None else best[1]).explained
         if unexplained and resolves_switching(result.objective.problem):
-            best = _from_afar(result, names, max_corrections, seed) or best
+            best = _from_afar(result, names, settings) or best
         if best is None:
             return Selection(result, names, look=worthwhile.look)
         result, names = best[1], (*names, best[0])
 
 
 def _from_afar(
-    result: SearchResult, names: tuple[str, ...], max_corrections: int, seed: int
+    result: SearchResult, names: tuple[str, ...], settings: SearchSettings
 ) -> tuple[str, SearchResult] | None:
     """Return the error of sensors, and the result with it, that explains what is not explained without.
 
@@ -67,14 +68,16 @@ def _from_afar(
     problem = result.objective.problem
     others = result.objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
     kinds = [name for name in others if name == COMMON_DELAY or error_kind(name) in ("scale", "offset")]
-    ends = in_threads(lambda name: _FarEnd.of(result, names, name, seed), kinds, problem.workers)
+    ends = in_threads(lambda name: _FarEnd.of(result, names, name, settings.seed), kinds, problem.workers)
     least = sorted(ends, key=lambda end: end.cost)[: SENSOR_SELECTION.most_corrected]
     is_hopeless = hopeless_next_to(result)
 
     def corrected(end: _FarEnd) -> SearchResult | None:
-        child = child_seed(seed, "nuisance selection from afar", end.name)
-        tried = correct_bias(end.objective, end.points, max_corrections, child, is_hopeless=is_hopeless)
-        return tried if tried.explained and _significant(tried, result, end.name, child) else None
+        child = settings.child("nuisance selection from afar", end.name)
+        tried = correct_bias(
+            end.objective, end.points, child.max_corrections, child.seed, is_hopeless=is_hopeless
+        )
+        return tried if tried.explained and _significant(tried, result, end.name, child.seed) else None
 
     tried = in_threads(corrected, least, problem.workers)
     outcomes = [(end.name, one) for end, one in zip(least, tried, strict=True) if one is not None]
@@ -105,8 +108,7 @@ def _best(
     result: SearchResult,
     candidates: list[Candidate],
     names: tuple[str, ...],
-    max_corrections: int,
-    seed: int,
+    settings: SearchSettings,
 ) -> tuple[str, SearchResult] | None:
     """Return the most probable candidate and its result, None where none is significant.
 
@@ -120,24 +122,26 @@ def _best(
             continue
         if not candidate.promising and not any(sensor_error(name) for name, _ in kept):
             continue
-        child = child_seed(seed, "nuisance selection", candidate.name)
+        child = settings.child("nuisance selection", candidate.name)
         # A sensor's error has to explain what is not explained, or most of it; others need not.
         is_hopeless = hopeless_next_to(result) if sensor_error(candidate.name) else never
         point = candidate.point[np.newaxis]
-        tried = correct_bias(candidate.objective, point, max_corrections, child, is_hopeless=is_hopeless)
+        tried = correct_bias(
+            candidate.objective, point, child.max_corrections, child.seed, is_hopeless=is_hopeless
+        )
         if candidate.name == SUPPLY:
-            tried = with_supply(tried, names, max_corrections, child)
-        if _significant(tried, result, candidate.name, child):
+            tried = with_supply(tried, names, child)
+        if _significant(tried, result, candidate.name, child.seed):
             kept.append((candidate.name, tried))
     if not kept:
         return None
-    before = residual_power(result, result, seed) if len(kept) > 1 else 1.0
+    before = residual_power(result, result, settings.seed) if len(kept) > 1 else 1.0
     levels = []
     for name, tried in kept:
         share = (
             share_of_residual(tried, result)
             if len(kept) == 1
-            else residual_power(tried, result, seed) / before
+            else residual_power(tried, result, settings.seed) / before
         )
         levels.append(_improbability(tried, result, name, share))
     first = int(np.argmin(levels))

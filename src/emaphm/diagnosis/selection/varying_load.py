@@ -19,13 +19,12 @@ from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import LAW_SELECTION, SELECTION
 from emaphm.errors import DivergedError
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import KNOWN_BY, LOAD_VARIATION, described_name, usual_deviation
-from emaphm.random_streams import child_seed
 from emaphm.simulation.laws.load_steps import STEP_PREFIX
 
 VARYING_LOAD, LOAD_STEP = (LOAD_VARIATION, "hinge"), "load_step"
@@ -66,9 +65,7 @@ class VaryingLoadSettings:
 VARYING = VaryingLoadSettings()
 
 
-def with_varying_load(
-    searched: SearchResult, method: Method, max_corrections: int, seed: int
-) -> Selection | None:
+def with_varying_load(searched: SearchResult, settings: SearchSettings) -> Selection | None:
     """Return the estimate with a load that varies, from that `searched` without one; which of `LOADS` it is.
 
     The one of least parameters that explains the recording. None where none does, nor seems to, or where the
@@ -82,8 +79,8 @@ def with_varying_load(
     of_any = replace(objective, problem=replace(problem, actuator=_with_any_load(problem)))
     searched = replace(searched, objective=of_any)
     tried: list[Selection] = []
-    for names, loaded in _promising(searched, seed):
-        found = _searched_with(searched, loaded, method, max_corrections, seed)
+    for names, loaded in _promising(searched, settings.seed):
+        found = _searched_with(searched, loaded, settings)
         if found is not None and _is_believed(found, names):
             return Selection(found, names)
         if found is not None and not leaves_as_much(found, searched, LAW_SELECTION.second_share):
@@ -91,7 +88,7 @@ def with_varying_load(
     if not tried:
         return None
     nearest = min(tried, key=lambda one: one.result.normalised_residual)
-    refined = refine_by_reference(nearest.result, seed)
+    refined = refine_by_reference(nearest.result, settings.seed)
     return replace(nearest, result=refined) if _is_believed(refined, nearest.nuisances) else None
 
 
@@ -101,22 +98,23 @@ def _is_believed(loaded: SearchResult, names: tuple[str, ...]) -> bool:
 
 
 def _searched_with(
-    searched: SearchResult, loaded: MapObjective, method: Method, max_corrections: int, seed: int
+    searched: SearchResult, loaded: MapObjective, settings: SearchSettings
 ) -> SearchResult | None:
     """Return the estimate with a load that `loaded` has more, corrected; None if it carries the model away.
 
     Corrected once more where it explains, but not convincingly: a rise time is the last to converge.
     """
     steps = (name for name in loaded.space.nuisances.names if name.startswith(STEP_PREFIX))
-    child = child_seed(seed, "search with a varying load", *steps)
+    child = settings.child("search with a varying load", *steps)
     try:
-        found = Fit.of(searched, loaded, LOAD_VARIATION, method, child).corrected(max_corrections, child)
+        found = Fit.of(searched, loaded, LOAD_VARIATION, child).corrected(child)
     except DivergedError:
         return None
     if not found.explained or is_convincing(found):
         return found
-    again = correct_bias(loaded, found.point[np.newaxis], max_corrections, child_seed(child, "again"))
-    return min(found, again, key=lambda one: one.normalised_residual)
+    again = child.child("again")
+    anew = correct_bias(loaded, found.point[np.newaxis], again.max_corrections, again.seed)
+    return min(found, anew, key=lambda one: one.normalised_residual)
 
 
 def is_convincing(loaded: SearchResult) -> bool:
