@@ -19,9 +19,9 @@ from emaphm.diagnosis.selection.control_errors import with_control_errors
 from emaphm.diagnosis.selection.description_errors import suspected_parameters, with_free
 from emaphm.diagnosis.selection.deviations import (
     HALL_ANGLES,
+    select_laws_in_motion,
     with_description_error,
     with_hall_angles,
-    with_laws,
 )
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, search_with_law
@@ -86,14 +86,14 @@ class _Alone:
         """Whether the actuator moved."""
         return moves_at(self.result.objective, self.result.point)
 
-    def laws(self) -> tuple[str, ...]:
+    def find_laws(self) -> tuple[str, ...]:
         """Return the laws that the recording alone shows, but for one that no search finds."""
         if not self.moves:
             return ()
-        selection = with_laws(self.searched, self.found, self.settings)
+        selection = select_laws_in_motion(self.searched, self.found, self.settings)
         return tuple(name for name in selection.laws if name not in ONLY_WHILE_SWITCHING)
 
-    def with_laws(self, laws: Sequence[str]) -> Self:
+    def search_with_laws(self, laws: Sequence[str]) -> Self:
         """Return the estimate with `laws`."""
         searched = self.searched
         for name in laws:
@@ -225,7 +225,7 @@ def _with_zero_of(
     def with_sensors(each: _Alone) -> _Alone:
         if each is one and sensed is not None:
             return each.selecting(sensed)
-        return each.with_laws((HALL_ANGLES,))
+        return each.search_with_laws((HALL_ANGLES,))
 
     def with_zero(each: _Alone) -> _Alone:
         if each is one:
@@ -245,12 +245,12 @@ def _with_common_laws(found: list[_Alone]) -> tuple[list[_Alone], tuple[str, ...
     a share of `LEAST_SHARE` shows.
     """
     unexplained = [one for one in found if not one.result.explained and one.moves]
-    asked = _of_each(unexplained[:1] or found, _Alone.laws)
+    asked = _of_each(unexplained[:1] or found, _Alone.find_laws)
     counts = Counter(name for laws in asked for name in laws)
     laws = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(asked))
     if not laws:
         return found, ()
-    with_them = _of_each(found, lambda one: one.with_laws(laws))
+    with_them = _of_each(found, lambda one: one.search_with_laws(laws))
     explained, before = (sum(one.result.explained for one in each) for each in (with_them, found))
     return (with_them, laws) if explained > before or not unexplained else (found, ())
 

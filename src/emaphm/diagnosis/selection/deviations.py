@@ -89,13 +89,13 @@ def _selection(
         if sensed is not None:
             selection = _with_nuisances(sensed, (HALL_ANGLES,), settings)
             return _with_hidden_laws(sensed, selection, settings)
-    selection = with_laws(turned, found, settings)
+    selection = select_laws_in_motion(turned, found, settings)
     if selection.laws or not found.result.explained:
         return selection
     return with_description_error(turned, selection, settings)
 
 
-def with_laws(searched: SearchResult, found: Selection, settings: SearchSettings) -> Selection:
+def select_laws_in_motion(searched: SearchResult, found: Selection, settings: SearchSettings) -> Selection:
     """Return the estimate with the laws that an actuator in motion shows, from that `searched` without them.
 
     And its nuisances; `found` has those that were selected without laws.
