@@ -100,9 +100,9 @@ def test_another_gear_ratio_is_no_speed_gain_where_only_the_current_shows_it() -
         Faults(0.0, short_a=0.5, short_b=0.5, short_c=0.5, gain=0.05).vector[np.newaxis]
     )
     searched = correct_bias(objective, start, 2, seed=0)
-    assert not searched.explained
+    assert not searched.residual_is_expected
     free = with_free(searched, ("speed_gain",), SETTINGS)
-    assert free.explained  # or nothing would have to be kept from it
+    assert free.residual_is_expected  # or nothing would have to be kept from it
     assert with_control_errors(searched, SETTINGS) is searched
 
 
@@ -130,7 +130,7 @@ PARTS = {
 def test_a_part_of_the_control_that_nobody_described_is_the_law_that_explains_all(law: str) -> None:
     name, value = PARTS[law]
     searched = near_the_truth(controlled_by(**{name: value}), THESIS, 0.3)
-    assert not searched.explained
+    assert not searched.residual_is_expected
     found = with_control_law(searched, Selection(searched), SETTINGS)
     assert found is not None
     result = found.result
@@ -156,7 +156,7 @@ def test_a_command_that_lags_is_no_delay_and_a_delay_no_lag(
     objective = faults_objective(problem, ("load",))
     searched = correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
     selected = select_nuisances(searched, SETTINGS)
-    assert selected.result.explained
+    assert selected.result.residual_is_expected
     assert "delay" in selected.nuisances
     found = with_control_law(searched, selected, SETTINGS)
     left = share_of_residual(found.result, selected.result) if found else math.inf

@@ -162,14 +162,14 @@ def test_a_law_that_is_not_there_leads_back_to_the_description(
     assert not acts(tried, LAWS["cogging"], seed=0)
     back = without_law(tried, astray, SETTINGS)
     assert back.objective.space.coordinates == objective.space.coordinates
-    assert back.explained
+    assert back.residual_is_expected
     assert back.residual_variance < 0.5 * astray.residual_variance
 
 
 def test_a_law_that_stands_in_the_way_of_another_is_left_out(
     at_the_truth: SearchResult, astray: SearchResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert not astray.explained
+    assert not astray.residual_is_expected
 
     def forward(_: object, allowed: tuple[str, ...]) -> Selection:
         if "presliding" in allowed:

@@ -107,7 +107,7 @@ def test_a_load_has_as_many_parameters_as_it_takes(
     assert loaded is not None
     result = loaded.result
     assert loaded.nuisances == names
-    assert result.explained
+    assert result.residual_is_expected
     values = _values(result)
     got = [(values[f"load_step_{i + 1}"], values[f"load_step_{i + 1}_time"]) for i in range(len(steps))]
     np.testing.assert_allclose(got, steps, atol=5e-3)
@@ -151,7 +151,7 @@ def _loaded(recording: Recording) -> Selection | None:
     method = method_named("hybrid")
     objective = objective_for(recording, THESIS, method, AVERAGED, None, 1)
     searched = correct_bias(objective, objective.space.points(TRUTH.vector[np.newaxis]), 4, seed=0)
-    assert not searched.explained
+    assert not searched.residual_is_expected
     return with_varying_load(searched, SearchSettings(method, 10, 0))
 
 

@@ -67,7 +67,7 @@ def test_a_lag_is_not_tried_where_the_drive_senses_no_current() -> None:
 def test_a_lag_is_suspected_too_where_the_estimate_has_taken_up_what_it_could_of_it() -> None:
     truth = at_the_truth(4e-5)
     taken_up = correct_bias(truth.objective, truth.point[np.newaxis], 3, seed=0)
-    assert taken_up.explained
+    assert taken_up.residual_is_expected
     assert is_lag_suspected(taken_up, seed=0)
 
 

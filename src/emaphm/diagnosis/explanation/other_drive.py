@@ -65,7 +65,7 @@ def other_drive(searched: SearchResult, found: SearchResult, settings: SearchSet
     except DivergedError:
         return ()
     share = share_of_residual(rival, found)
-    if share > MOST_LEFT[rival.explained]:
+    if share > MOST_LEFT[rival.residual_is_expected]:
         return ()
     present = objective.problem.actuator.drive_kind
     reason = (

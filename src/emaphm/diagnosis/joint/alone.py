@@ -101,8 +101,11 @@ class _Alone:
         return self.selecting(searched)
 
     def with_description_error(self) -> Self:
-        """Return the estimate with parameters free that are off, where it moves and passes for explained."""
-        if not (self.result.explained and self.moves):
+        """Return the estimate with parameters free that are off.
+
+        Where the actuator moves and the residual without them is expected.
+        """
+        if not (self.result.residual_is_expected and self.moves):
             return self
         found = with_description_error(self.searched, self.found, self.settings)
         return replace(self, found=found)
@@ -116,7 +119,7 @@ class _Alone:
 
     def with_varying_load(self) -> Self:
         """Return the estimate with a load of its own that varies, where that explains it better."""
-        if self.searched.explained or not (self.is_corrected and self.moves):
+        if self.searched.residual_is_expected or not (self.is_corrected and self.moves):
             return self
         loaded = with_varying_load(self.searched, self.settings)
         if loaded is None:
@@ -241,18 +244,18 @@ def _with_zero_of(
 def _with_common_laws(found: list[_Alone]) -> tuple[list[_Alone], tuple[str, ...]]:
     """Return the estimates with laws that the description lacks, common to all, and the names of these.
 
-    What explains the first that is not explained, if it explains more of them; where all are explained, what
-    a share of `LEAST_SHARE` shows.
+    Those of the first whose residual exceeds what is expected, if more residuals are as expected with them;
+    where all are, those that a share of `LEAST_SHARE` shows.
     """
-    unexplained = [one for one in found if not one.result.explained and one.moves]
-    asked = _of_each(unexplained[:1] or found, _Alone.find_laws)
+    exceeding = [one for one in found if not one.result.residual_is_expected and one.moves]
+    asked = _of_each(exceeding[:1] or found, _Alone.find_laws)
     counts = Counter(name for laws in asked for name in laws)
     laws = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(asked))
     if not laws:
         return found, ()
     with_them = _of_each(found, lambda one: one.search_with_laws(laws))
-    explained, before = (sum(one.result.explained for one in each) for each in (with_them, found))
-    return (with_them, laws) if explained > before or not unexplained else (found, ())
+    expected, before = (sum(one.result.residual_is_expected for one in each) for each in (with_them, found))
+    return (with_them, laws) if expected > before or not exceeding else (found, ())
 
 
 def _with_common_parameters(found: list[_Alone], asked: list[_Alone]) -> list[_Alone]:

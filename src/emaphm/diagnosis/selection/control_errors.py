@@ -2,9 +2,9 @@
 
 Drives have them in units of their own, tune them by themselves, or keep them to themselves. The current then
 answers to its demand, or the demand to the speed, sooner or later than the model's. Where that is large the
-recording is not explained, and all gains are asked for at once. Where it is small the faults take it up: of
-the current's control the residual shows that by its direction (Rao 1948: a score test); of the speed's,
-`description_errors` asks for what makes up for it.
+residual exceeds what is expected, and all gains are asked for at once. Where it is small the faults take it
+up: of the current's control the residual shows that by its direction (Rao 1948: a score test); of the
+speed's, `description_errors` asks for what makes up for it.
 """
 
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ def as_described(objective: MapObjective, names: Sequence[str]) -> tuple[str, ..
 def with_control_errors(searched: SearchResult, settings: SearchSettings) -> SearchResult:
     """Return the estimate with gains of the control free, where the recording shows that they are off.
 
-    Where it is explained, those of the current control that the residual shows; where it is not, all. They
+    Where its residual is expected, those of the current control that it shows; where it is not, all. They
     must leave clearly less than `searched`, which is returned as it is elsewhere; and than the search without
     them from where they lead, which is returned where it has only found its way better.
     """
@@ -51,14 +51,14 @@ def with_control_errors(searched: SearchResult, settings: SearchSettings) -> Sea
     if not names:
         return searched
     found = with_free(searched, names, settings)
-    if not found.explained:
-        least = 0.0 if searched.explained else CONTROL_ERRORS.unexplained_share
+    if not found.residual_is_expected:
+        least = 0.0 if searched.residual_is_expected else CONTROL_ERRORS.excess_share
     if share_of_residual(found, searched) >= least or _may_be_another_gear(found):
         return searched
     back = without_law(found, searched, settings)
     if share_of_residual(found, back) < least:
         return found
-    return back if back.explained else searched
+    return back if back.residual_is_expected else searched
 
 
 def with_control_law(searched: SearchResult, found: Selection, settings: SearchSettings) -> Selection | None:
@@ -69,7 +69,13 @@ def with_control_law(searched: SearchResult, found: Selection, settings: SearchS
     compared with it. A command that lags looks like channels that come late, a feedforward like early ones:
     where a delay was selected that explains the recording, only these two are tried.
     """
-    laws = CONTROL_LAWS if not found.result.explained else LIKE_A_DELAY if "delay" in found.nuisances else ()
+    laws = (
+        CONTROL_LAWS
+        if not found.result.residual_is_expected
+        else LIKE_A_DELAY
+        if "delay" in found.nuisances
+        else ()
+    )
     possible = [name for name in laws if LAWS[name].is_possible(searched.objective.problem.actuator)]
     tried = in_threads(
         lambda name: search_with_law(searched, name, settings),
@@ -79,7 +85,7 @@ def with_control_law(searched: SearchResult, found: Selection, settings: SearchS
     convincing = {
         name: one
         for name, one in zip(possible, tried, strict=True)
-        if one.explained and one.normalised_residual < CONTROL_ERRORS.convincing
+        if one.residual_is_expected and one.normalised_residual < CONTROL_ERRORS.convincing
     }
     if not convincing:
         return None
@@ -106,7 +112,7 @@ def _may_be_another_gear(found: SearchResult) -> bool:
 
 def _asked_for(searched: SearchResult, seed: int) -> tuple[tuple[str, ...], float]:
     """Return the gains that are asked for, and what share of the residual they may leave."""
-    if not searched.explained:
+    if not searched.residual_is_expected:
         return as_described(searched.objective, CONTROL), SELECTION.likely_share
     names, score = _shown(searched, seed)
     return names, 1.0 if score > CONTROL_ERRORS.certain else SELECTION.likely_share

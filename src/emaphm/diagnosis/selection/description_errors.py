@@ -1,6 +1,6 @@
 """Parameters of the description that are off, although faults or sensors make up for them.
 
-Two kinds show in an estimate that passes for explained.
+Two kinds show in an estimate whose residual is expected.
 
 - The motion of a drive stays as it is where the gain of its speed loop, all torques and the inertia change by
   one factor: the current changes by it. So a speed gain that is a tenth off reads as a current of another
@@ -59,7 +59,7 @@ class PossibleError:
 
 
 def possible_errors(result: SearchResult, names: Sequence[str], seed: int) -> list[PossibleError]:
-    """Return what may be off where `result` passes for explained.
+    """Return what may be off where the residual of `result` is expected.
 
     `names` are the nuisances that were selected for it. Not asked for is what the actuator does not have,
     what a calibration has found, and what is open anyway; nor the motor where a phase is healthy and no

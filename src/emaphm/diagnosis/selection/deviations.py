@@ -37,19 +37,19 @@ def select_deviations(
     Gains of the control first, then nuisances; laws where they do not explain the recording, where the ripple
     shows a lag, or where the residual shows a law that hides; parameters of the description where there is no
     law. Standing, an actuator shows no law of its motion: none is tried unless it `moves`. Nor of a drive
-    that does not switch: the few percent that are left of any machine are like laws. Where the recording is
-    not explained at first, a load that varies is a rival of all these; of laws only where noise does not
-    account for what it leaves.
+    that does not switch: the few percent that are left of any machine are like laws. Where the residual
+    exceeds what is expected at first, a load that varies is a rival of all these; of laws only where noise
+    does not account for what it leaves.
     """
-    if not searched.explained:
+    if not searched.residual_is_expected:
         of_all_phases = over_all_phases(searched, settings.seed)
-        searched = of_all_phases if of_all_phases.explained else searched
+        searched = of_all_phases if of_all_phases.residual_is_expected else searched
     if not (moves and resolves_switching(searched.objective.problem)):
         return select_nuisances(searched, settings)
     report = on_progress or (lambda _: None)
     searched = with_control_errors(searched, settings)
     report(0.1)
-    loaded = None if searched.explained else with_varying_load(searched, settings)
+    loaded = None if searched.residual_is_expected else with_varying_load(searched, settings)
     convincing = loaded is not None and is_convincing(loaded.result)
     on_progress = subprogress(on_progress, 0.1, 1.0 if loaded is None else 0.5)
     alone = _selection(searched, settings, on_progress, laws=not convincing)
@@ -72,14 +72,14 @@ def _selection(
     report = on_progress or (lambda _: None)
     turned, found = _with_rotor_zero(searched, settings)
     report(0.4)
-    if not (laws or found.result.explained):
+    if not (laws or found.result.residual_is_expected):
         return found
     controlled = with_control_law(searched, found, settings) if laws else None
     report(0.5)
     if controlled is not None:
         with_law = controlled.result
         share = share_of_residual(with_law, found.result)
-        if share < SELECTION.likely_share or not found.result.explained:
+        if share < SELECTION.likely_share or not found.result.residual_is_expected:
             selection = _with_nuisances(with_law, controlled.laws, settings)
             return _with_hidden_laws(with_law, selection, settings)
         if share < 1 / SELECTION.likely_share:  # either may be it
@@ -90,7 +90,7 @@ def _selection(
             selection = _with_nuisances(sensed, (HALL_ANGLES,), settings)
             return _with_hidden_laws(sensed, selection, settings)
     selection = select_laws_in_motion(turned, found, settings)
-    if selection.laws or not found.result.explained:
+    if selection.laws or not found.result.residual_is_expected:
         return selection
     return with_description_error(turned, selection, settings)
 
@@ -101,14 +101,14 @@ def select_laws_in_motion(searched: SearchResult, found: Selection, settings: Se
     And its nuisances; `found` has those that were selected without laws.
     """
     result = found.result
-    if not result.explained:
+    if not result.residual_is_expected:
         selected = select_laws(searched, settings)
-        if selected.laws or selected.result.explained:
+        if selected.laws or selected.result.residual_is_expected:
             return _with_nuisances(selected.result, selected.laws, settings)
         return found.with_alternatives(selected.result.alternatives)
     if found.look.shows_lag and is_lag_suspected(result, settings.seed):
         lagging = _with_lag(searched, result, settings)
-        if lagging is not None and lagging.result.explained:
+        if lagging is not None and lagging.result.residual_is_expected:
             return lagging
     return _with_hidden_laws(searched, found, settings)
 
@@ -139,7 +139,7 @@ def with_hall_angles(
     if not LAWS[HALL_ANGLES].is_possible(searched.objective.problem.actuator):
         return None
     sensed = search_with_law(searched, HALL_ANGLES, settings)
-    leaves_less = sensed.explained and share_of_residual(sensed, turned) < SELECTION.likely_share
+    leaves_less = sensed.residual_is_expected and share_of_residual(sensed, turned) < SELECTION.likely_share
     return sensed if leaves_less else None
 
 
@@ -178,7 +178,7 @@ def _with_hidden_laws(searched: SearchResult, before: Selection, settings: Searc
             share = share_of_residual(rival.result, best.result)
             if share < (1.0 if as_little else SELECTION.likely_share):
                 better.append((share, rival, with_law))
-            elif certain and rival.result.explained and share < SELECTION.equal_share:
+            elif certain and rival.result.residual_is_expected and share < SELECTION.equal_share:
                 as_good.append(rival.result)
         if not better:
             # What has no further alternatives keeps what it has computed.

@@ -48,8 +48,8 @@ def select_nuisances(result: SearchResult, settings: SearchSettings) -> Selectio
         worthwhile = worthwhile_candidates(result, names, settings.seed)
         result = worthwhile.result
         best = _best(result, worthwhile.candidates, names, settings)
-        unexplained = not (result if best is None else best[1]).explained
-        if unexplained and resolves_switching(result.objective.problem):
+        exceeds = not (result if best is None else best[1]).residual_is_expected
+        if exceeds and resolves_switching(result.objective.problem):
             best = _from_afar(result, names, settings) or best
         if best is None:
             return Selection(result, names, look=worthwhile.look)
@@ -59,7 +59,7 @@ def select_nuisances(result: SearchResult, settings: SearchSettings) -> Selectio
 def _from_afar(
     result: SearchResult, names: tuple[str, ...], settings: SearchSettings
 ) -> tuple[str, SearchResult] | None:
-    """Return the error of sensors, and the result with it, that explains what is not explained without.
+    """Return the error of sensors with which the residual is expected, and the result with it.
 
     A delay of several rows reads as another gain, a scale as shorts, a zero as a load: they lead the search
     so far astray that no descent from there finds back. Each is searched for anew, and the `most_corrected`
@@ -77,7 +77,11 @@ def _from_afar(
         tried = correct_bias(
             end.objective, end.points, child.max_corrections, child.seed, is_hopeless=is_hopeless
         )
-        return tried if tried.explained and _significant(tried, result, end.name, child.seed) else None
+        return (
+            tried
+            if tried.residual_is_expected and _significant(tried, result, end.name, child.seed)
+            else None
+        )
 
     tried = in_threads(corrected, least, problem.workers)
     outcomes = [(end.name, one) for end, one in zip(least, tried, strict=True) if one is not None]
@@ -123,7 +127,7 @@ def _best(
         if not candidate.promising and not any(sensor_error(name) for name, _ in kept):
             continue
         child = settings.child("nuisance selection", candidate.name)
-        # A sensor's error has to explain what is not explained, or most of it; others need not.
+        # A sensor's error has to explain what exceeds the expected residual, or most of it; others need not.
         is_hopeless = hopeless_next_to(result) if sensor_error(candidate.name) else never
         point = candidate.point[np.newaxis]
         tried = correct_bias(
@@ -191,7 +195,7 @@ def _deviation(tried: SearchResult, name: str) -> float:
 def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:
     """Return whether an estimated error of a sensor is more than chance and the rows' distance make of it."""
     objective = tried.objective
-    if not tried.explained and share >= SENSOR_SELECTION.unexplained_share:
+    if not tried.residual_is_expected and share >= SENSOR_SELECTION.excess_share:
         return False
     if share >= 1 - SENSOR_SELECTION.chance / objective.compared_rows:
         return False

@@ -97,19 +97,21 @@ def with_rotor_zero(searched: SearchResult, settings: SearchSettings) -> SearchR
     """
     if not is_sought(searched.objective):
         return searched
-    if searched.explained and not (_phases_differ(searched) and _shows_zero(searched, settings.seed)):
+    if searched.residual_is_expected and not (
+        _phases_differ(searched) and _shows_zero(searched, settings.seed)
+    ):
         return searched
     found = with_zero_near(searched, 0.0, settings)
-    if not found.explained:
+    if not found.residual_is_expected:
         return searched
-    if searched.explained and share_of_residual(found, searched) >= ROTOR_ZERO_SETTINGS.share:
+    if searched.residual_is_expected and share_of_residual(found, searched) >= ROTOR_ZERO_SETTINGS.share:
         return searched
     if abs(zero_of(found)) > ROTOR_ZERO_SETTINGS.least:
         return found
     start = searched.objective.space.carried_over(found.point, found.objective.space)
     child = settings.child("the rotor's zero, as described")
     as_described = correct_bias(searched.objective, start[np.newaxis], child.max_corrections, child.seed)
-    return as_described if as_described.explained else searched
+    return as_described if as_described.residual_is_expected else searched
 
 
 def is_sought(objective: MapObjective) -> bool:

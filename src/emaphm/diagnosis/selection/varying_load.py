@@ -1,8 +1,9 @@
 """A load that varies while the actuator is recorded: over time, and with the position.
 
 In flight the air's load follows speed, attitude and gusts, and rises with the deflection. Taken as constant,
-it leaves a recording unexplained, or reads as drifts of sensors. Here it is a spline in time and a stiffness,
-or a load that steps, estimated with the faults: what is known of the faults then is what no such load does.
+it leaves more residual than is expected, or reads as drifts of sensors. Here it is a spline in time and a
+stiffness, or a load that steps, estimated with the faults: what is known of the faults then is what no such
+load does.
 """
 
 from dataclasses import dataclass, replace
@@ -94,7 +95,7 @@ def with_varying_load(searched: SearchResult, settings: SearchSettings) -> Selec
 
 def _is_believed(loaded: SearchResult, names: tuple[str, ...]) -> bool:
     """Return whether a load explains the recording: one that is all of `LOADS` at once, convincingly."""
-    return is_convincing(loaded) if names == LOADS else loaded.explained
+    return is_convincing(loaded) if names == LOADS else loaded.residual_is_expected
 
 
 def _searched_with(
@@ -110,7 +111,7 @@ def _searched_with(
         found = Fit.of(searched, loaded, LOAD_VARIATION, child).corrected(child)
     except DivergedError:
         return None
-    if not found.explained or is_convincing(found):
+    if not found.residual_is_expected or is_convincing(found):
         return found
     again = child.child("again")
     anew = correct_bias(loaded, found.point[np.newaxis], again.max_corrections, again.seed)
@@ -141,7 +142,7 @@ def _promising(searched: SearchResult, seed: int) -> list[tuple[tuple[str, ...],
 
 def explains_better(loaded: SearchResult, rival: SearchResult) -> bool:
     """Return whether a load that varies is believed, and not what explains the recording without one."""
-    return not rival.explained or share_of_residual(loaded, rival) < SELECTION.likely_share
+    return not rival.residual_is_expected or share_of_residual(loaded, rival) < SELECTION.likely_share
 
 
 def _with_any_load(problem: Problem) -> Actuator:

@@ -50,7 +50,7 @@ def search_with_restarts(
             ends.append(_heavy_from_starts(objective, points, settings.seed, on_progress))
         else:
             ends.append(_from_starts(objective, points, settings, on_progress))
-        if _is_explained(ends[0]):
+        if _reaches_noise(ends[0]):
             return ends[0]
     for search in range(1 + MAX_RESTARTS):
         child = settings.child("restart", search - 1) if search else settings
@@ -59,7 +59,7 @@ def search_with_restarts(
         ends.append(other)
         if not search and is_hopeless(_best(ends)):
             return _best(ends)
-        if agree or _is_explained(_best(ends)):
+        if agree or _reaches_noise(_best(ends)):
             break
     best = _best(ends)
     others = tuple(one for one in ends if one is not best)
@@ -67,7 +67,7 @@ def search_with_restarts(
     return replace(refined, alternatives=others) if others else refined
 
 
-def _is_explained(result: SearchResult) -> bool:
+def _reaches_noise(result: SearchResult) -> bool:
     """Return whether noise and switching account for what is left: all of it, of a heavy current."""
     if is_heavy(result.objective.problem):
         return leaves_switching_alone(result)

@@ -1,7 +1,9 @@
-"""Laws that the actuator shows although its description lacks them: tried where a recording is not explained.
+"""Laws that the actuator shows although its description lacks them.
 
-A friction curve or a compliant shaft that nobody named is explained, as far as it can be, by faults: several
-at once, and large. Each law of the library is therefore given to the actuator in turn, its parameters free,
+They are tried where the residual of an estimate exceeds what is expected.
+
+Faults make up for a friction curve or a compliant shaft that nobody named, as far as they can: several at
+once, and large. Each law of the library is therefore given to the actuator in turn, its parameters free,
 and the whole search repeated. The law that leaves the smallest residual is kept, if it leaves clearly less.
 """
 
@@ -67,7 +69,7 @@ def select_laws(result: SearchResult, settings: SearchSettings) -> Selection:
     first = _Trials(result, settings)
     found = _forward_selection(first, SUSPECTS)
     excluding = [name for name in found.laws if name in THROUGH_STANDSTILL]
-    if found.result.explained or not excluding:
+    if found.result.residual_is_expected or not excluding:
         return found
     others = tuple(name for name in SUSPECTS if name not in excluding)
     rival = _forward_selection(first, others)
@@ -115,7 +117,7 @@ def _forward_selection(trials: _Trials, allowed: tuple[str, ...]) -> Selection:
     before = [result, *result.alternatives]
     ends = list(before)
     for _ in range(LAW_SELECTION.most):
-        suspects = allowed if not result.explained else _second_of_friction(names)
+        suspects = allowed if not result.residual_is_expected else _second_of_friction(names)
         if trials.before is not result:
             trials = _Trials(result, settings)
         outcomes = trials.corrected(suspects)
@@ -123,14 +125,14 @@ def _forward_selection(trials: _Trials, allowed: tuple[str, ...]) -> Selection:
             break
         ends += outcomes.values()
         law = min(outcomes, key=lambda name: outcomes[name].residual_variance)
-        share = LAW_SELECTION.second_share if result.explained else LAW_SELECTION.share
+        share = LAW_SELECTION.second_share if result.residual_is_expected else LAW_SELECTION.share
         back = without_law(outcomes[law], result, settings)
         if back.residual_variance < result.residual_variance:
             ends.append(back)
             result = back
         if outcomes[law].residual_variance > share * result.residual_variance:
             break
-        if result.explained and not acts(outcomes[law], LAWS[law], settings.seed):
+        if result.residual_is_expected and not acts(outcomes[law], LAWS[law], settings.seed):
             break
         result, names = refine_by_reference(outcomes[law], settings.seed), (*names, law)
         ends.remove(outcomes[law])

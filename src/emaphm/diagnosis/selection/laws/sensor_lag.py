@@ -1,4 +1,4 @@
-"""A lag of the drive's current sensors where the estimate without it passes for explained.
+"""A lag of the drive's current sensors where the residual without it is expected.
 
 The lag acts by the switching alone: the current overshoots its band. A wrong scale or supply, or faults, may
 leave no more of the residual as a whole; in the ripple the right lag is seen (`ripple`).
@@ -145,7 +145,7 @@ def with_best_lag(fit: Fit, before: SearchResult, settings: SearchSettings) -> S
     if longer > least > LAW_SELECTION.share * before.residual_variance:
         return None
     shown = min(least, longer, longest) <= LAW_SELECTION.second_share * before.residual_variance
-    if not (shown or before.explained):
+    if not (shown or before.residual_is_expected):
         return None
     found = scan(CURRENT_LAGS_S, with_lag, lambda one: one.residual_variance, workers)
     # The value is anywhere between its neighbours: evenly so, a third of the square of the way to one.
