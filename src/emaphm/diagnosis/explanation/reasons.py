@@ -9,8 +9,8 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array, rms
+from emaphm.diagnosis.explanation.contradicted_rotor_zero import contradicted_zero
 from emaphm.diagnosis.explanation.known_values import contradicted_values
-from emaphm.diagnosis.explanation.rotor_zero import contradicted_zero
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.objective import MapObjective
@@ -111,7 +111,7 @@ def reasons_against(
     7. Three recorded phase currents of a star add up to zero, within `phase_sum` of their size.
     8. No sensor of the current or the motion shows one value throughout where the model moves.
     9. The residual shows no electrical zero of the rotor but the position's
-       (`emaphm.diagnosis.explanation.rotor_zero`).
+       (`emaphm.diagnosis.explanation.contradicted_rotor_zero`).
     10. No two sensors have another scale, each by more than `prior_deviations`: faults of sensors are rare,
        and times that are stretched change the scale of everything that moves.
 
