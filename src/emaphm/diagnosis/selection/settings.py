@@ -164,15 +164,21 @@ class LawSelectionSettings:
 
     Tried while the residual exceeds what is expected. All laws are fitted by the averaged model, from afar
     and from the estimate; the `corrected` best of each also with a correction of their own. One is kept that
-    leaves less than `share` of the mean squared residual; `most` laws at most. A second law of the friction
-    is also tried where the residual with the first is expected, and kept with less than `second_share`, which
-    chance alone leaves seldom (0.92 to 1.03 of three recordings), and only if it acts: where a law has no
-    effect with all of its parameters 0, one of them is `significant` standard errors from it.
+    leaves less than `share` of the mean squared residual; `most` laws at most.
+
+    An estimate leaves clearly less than another one where it leaves less than the share `clearly_less` of its
+    residual: chance alone seldom does (0.92 to 1.03 of three recordings). An estimate with a law, or with a
+    load that varies, is refined only where it leaves clearly less than the one without. Where the residual is
+    not expected before a lag of the current sensors is tried, one of the first lags must leave clearly less.
+
+    A second law of the friction is also tried where the residual with the first is expected. It is kept with
+    less than `clearly_less`, and only if it acts: where a law has no effect with all of its parameters 0, one
+    of them is `significant` standard errors from it.
     """
 
     corrected: int = 2
     share: float = 0.8
-    second_share: float = 0.95
+    clearly_less: float = 0.95
     significant: float = 2.0
     most: int = 4
 

@@ -84,7 +84,7 @@ def with_varying_load(searched: SearchResult, settings: SearchSettings) -> Selec
         found = _searched_with(searched, loaded, settings)
         if found is not None and _is_believed(found, names):
             return Selection(found, names)
-        if found is not None and not leaves_as_much(found, searched, LAW_SELECTION.second_share):
+        if found is not None and not leaves_as_much(found, searched, LAW_SELECTION.clearly_less):
             tried.append(Selection(found, names))
     if not tried:
         return None

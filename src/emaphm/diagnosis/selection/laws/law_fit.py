@@ -96,7 +96,7 @@ def search_with(
     can.
     """
     found = Fit.of(searched, objective, name, settings).corrected(settings)
-    if leaves_as_much(found, searched, LAW_SELECTION.second_share):
+    if leaves_as_much(found, searched, LAW_SELECTION.clearly_less):
         return found
     return refine_by_reference(found, settings.seed)
 

@@ -125,7 +125,7 @@ def _forward_selection(trials: _Trials, allowed: tuple[str, ...]) -> Selection:
             break
         ends += outcomes.values()
         law = min(outcomes, key=lambda name: outcomes[name].residual_variance)
-        share = LAW_SELECTION.second_share if result.residual_is_expected else LAW_SELECTION.share
+        share = LAW_SELECTION.clearly_less if result.residual_is_expected else LAW_SELECTION.share
         back = without_law(outcomes[law], result, settings)
         if back.residual_variance < result.residual_variance:
             ends.append(back)

@@ -144,7 +144,7 @@ def with_best_lag(fit: Fit, before: SearchResult, settings: SearchSettings) -> S
     least, longer, longest = (one.residual_variance for one in probed)
     if longer > least > LAW_SELECTION.share * before.residual_variance:
         return None
-    shown = min(least, longer, longest) <= LAW_SELECTION.second_share * before.residual_variance
+    shown = min(least, longer, longest) <= LAW_SELECTION.clearly_less * before.residual_variance
     if not (shown or before.residual_is_expected):
         return None
     found = scan(CURRENT_LAGS_S, with_lag, lambda one: one.residual_variance, workers)
