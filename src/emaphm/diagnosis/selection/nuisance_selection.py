@@ -99,7 +99,7 @@ class _FarEnd:
 
     @classmethod
     def of(cls, result: SearchResult, names: tuple[str, ...], name: str, seed: int) -> Self:
-        """Return it for the nuisance `name`, where `names` were selected before."""
+        """Return the end of the search with the nuisance `name`, where `names` were selected before."""
         narrow, _ = with_nuisances(result, names, (name,), SENSOR_SELECTION.search_widening)
         wide, _ = with_nuisances(result, names, (name,))
         found = multistart(narrow, child_seed(seed, "search with a nuisance", name))

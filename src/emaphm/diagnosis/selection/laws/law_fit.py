@@ -50,7 +50,7 @@ class Fit:
 
     @classmethod
     def of(cls, before: SearchResult, objective: MapObjective, name: str, settings: SearchSettings) -> Self:
-        """Return it for an `objective` with more than `before`."""
+        """Return the fit of an `objective` that has more than that of `before`."""
         found = multistart(objective, settings.seed, settings.method.optimizer)
         start = objective.space.carried_over(before.point, before.objective.space)
         correction = objective.of_channels(before.outputs_correction)

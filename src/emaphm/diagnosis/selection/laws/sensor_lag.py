@@ -69,7 +69,7 @@ class LagComparison:
 
     @classmethod
     def at(cls, objective: MapObjective, point: Array, space: ParameterSpace) -> Self:
-        """Return it for an `objective` without the lag, at a `point` (d,) of `space`."""
+        """Return the comparison for an `objective` without the lag, at a `point` (d,) of `space`."""
         law = LAWS[SENSOR_LAG]
         lagging = with_free_law(objective, law, law.parameters)
         with_lag = lagging.space.carried_over(point, space)
