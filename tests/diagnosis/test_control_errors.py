@@ -23,18 +23,16 @@ from emaphm.diagnosis.selection.control_errors import (
     with_control_law,
 )
 from emaphm.diagnosis.selection.description_errors import with_free
-from emaphm.diagnosis.selection.first_look import FirstLook
-from emaphm.diagnosis.selection.nuisance_selection import (
-    SelectedNuisances,
-    select_nuisances,
-)
+from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
 from emaphm.diagnosis.selection.residual_share import share_of_residual
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import CURRENT_CONTROL, SELECTION, SENSOR_SELECTION
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.recording import Recording
 from simulation.rig import altered
 
@@ -45,16 +43,15 @@ PMSM, SIX_STEP = Actuator.pmsm(), Actuator.six_step()
 FAULTS = Faults(0.3, 0.4, 0.1, 0.25, 0.2, 0.35, 0.7, 0.4)
 
 
+SETTINGS = SearchSettings(method_named("hybrid"), 2, seed=0)
+
+
 @cache
 def near_the_truth(unit: Actuator, described: Actuator, duration: float = DURATION) -> SearchResult:
     """Return the estimate of what is `described`, next to the true faults of a `unit`."""
     problem = Problem.of(on_a_rig(unit, FAULTS, duration), described, channels=("current_A", "voltage_V"))
     objective = faults_objective(problem, ("load",))
     return correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
-
-
-def unselected(searched: SearchResult) -> SelectedNuisances:
-    return SelectedNuisances(searched, (), FirstLook())
 
 
 @pytest.mark.parametrize("described", [PMSM, SIX_STEP], ids=lambda one: one.name)
@@ -103,10 +100,10 @@ def test_another_gear_ratio_is_no_speed_gain_where_only_the_current_shows_it() -
         Faults(0.0, short_a=0.5, short_b=0.5, short_c=0.5, gain=0.05).vector[np.newaxis]
     )
     searched = correct_bias(objective, start, 2, seed=0)
-    assert not searched.explained
-    free = with_free(searched, ("speed_gain",), method_named("hybrid"), 2, seed=0)
-    assert free.explained  # or nothing would have to be kept from it
-    assert with_control_errors(searched, method_named("hybrid"), 2, seed=0) is searched
+    assert not searched.residual_is_expected
+    free = with_free(searched, ("speed_gain",), SETTINGS)
+    assert free.residual_is_expected  # or nothing would have to be kept from it
+    assert with_control_errors(searched, SETTINGS) is searched
 
 
 def controlled_by(**values: float) -> Actuator:
@@ -133,11 +130,11 @@ PARTS = {
 def test_a_part_of_the_control_that_nobody_described_is_the_law_that_explains_all(law: str) -> None:
     name, value = PARTS[law]
     searched = near_the_truth(controlled_by(**{name: value}), THESIS, 0.3)
-    assert not searched.explained
-    found = with_control_law(searched, unselected(searched), method_named("hybrid"), 2, seed=0)
+    assert not searched.residual_is_expected
+    found = with_control_law(searched, Selection(searched), SETTINGS)
     assert found is not None
-    result, chosen = found
-    assert chosen == law
+    result = found.result
+    assert found.laws == (law,)
     described = lumped_parameters(result.objective.problem.actuator, (name,))[name]
     deviation = result.objective.space.nuisance_values(result.point[np.newaxis])[f"baseline {name}"].item()
     assert described * math.exp(deviation) == pytest.approx(value, rel=0.15)
@@ -158,11 +155,11 @@ def test_a_command_that_lags_is_no_delay_and_a_delay_no_lag(
     problem = Problem.of(recording, THESIS, channels=("current_A", "voltage_V"))
     objective = faults_objective(problem, ("load",))
     searched = correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
-    selected = select_nuisances(searched, 2, seed=0)
-    assert selected.result.explained
-    assert "delay" in selected.names
-    found = with_control_law(searched, selected, method_named("hybrid"), 2, seed=0)
-    left = share_of_residual(found[0], selected.result) if found else math.inf
+    selected = select_nuisances(searched, SETTINGS)
+    assert selected.result.residual_is_expected
+    assert "delay" in selected.nuisances
+    found = with_control_law(searched, selected, SETTINGS)
+    left = share_of_residual(found.result, selected.result) if found else math.inf
     assert (left < SELECTION.likely_share) == lags
 
 
@@ -189,7 +186,7 @@ def test_recordings_of_one_unit_share_its_gains() -> None:
 )
 def test_a_drive_of_another_kind_is_named_with_its_gains(plant: Actuator, described: Actuator) -> None:
     found = near_the_truth(plant, described)
-    (reason,) = other_drive(found, found, method_named("hybrid"), 2, seed=0)
+    (reason,) = other_drive(found, found, SETTINGS)
     assert f"kind '{plant.drive_kind}'" in reason
     for name, value in lumped_parameters(plant, GAINS[plant.drive_kind]).items():
         shown = re.search(rf"{name} ([0-9.e+]+)", reason)
@@ -200,6 +197,6 @@ def test_a_drive_of_another_kind_is_named_with_its_gains(plant: Actuator, descri
 def test_no_other_drive_is_named_where_the_kind_is_right() -> None:
     lossy = differing(THESIS, coulomb=3.0)
     found = near_the_truth(lossy, THESIS)
-    assert other_drive(found, found, method_named("hybrid"), 2, seed=0) == ()
+    assert other_drive(found, found, SETTINGS) == ()
     field_oriented = near_the_truth(PMSM, PMSM)
-    assert other_drive(field_oriented, field_oriented, method_named("hybrid"), 2, seed=0) == ()
+    assert other_drive(field_oriented, field_oriented, SETTINGS) == ()

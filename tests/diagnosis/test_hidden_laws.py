@@ -16,11 +16,13 @@ from emaphm.diagnosis.selection.laws import hidden_laws, law_selection
 from emaphm.diagnosis.selection.laws.hidden_laws import Score, hidden_scores, suspected_laws
 from emaphm.diagnosis.selection.laws.law_fit import with_free_law
 from emaphm.diagnosis.selection.residual_share import notes_on_alternatives
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.recording import Recording
 
 pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
@@ -63,7 +65,7 @@ def test_a_law_that_is_certain_and_leaves_as_much_is_an_alternative(monkeypatch:
     monkeypatch.setattr(deviations, "search_with_law", lambda *_: with_lag)
     monkeypatch.setattr(deviations, "without_law", lambda *_: result)
     monkeypatch.setattr(deviations, "acts", lambda *_: True)
-    monkeypatch.setattr(deviations, "_with_nuisances", lambda found, laws, *_: (found, (), laws))
+    monkeypatch.setattr(deviations, "_with_nuisances", lambda found, laws, *_: Selection(found, laws=laws))
     for share, kept, alternatives in ((0.9, True, ()), (1.01, False, (with_lag,)), (1.1, False, ())):
         monkeypatch.setattr(
             deviations, "share_of_residual", lambda tried, _, of=share: of if tried is with_lag else 1.0
@@ -71,9 +73,10 @@ def test_a_law_that_is_certain_and_leaves_as_much_is_an_alternative(monkeypatch:
         monkeypatch.setattr(
             deviations, "suspected_laws", lambda found, _: {} if found is with_lag else scores
         )
-        found, _, laws = deviations._with_hidden_laws(result, (result, (), ()), method_named("hybrid"), 2, 0)
-        assert laws == (("speed-lag",) if kept else ())
-        assert found.alternatives == alternatives
+        settings = SearchSettings(method_named("hybrid"), 2, 0)
+        found = deviations._with_hidden_laws(result, Selection(result), settings)
+        assert found.laws == (("speed-lag",) if kept else ())
+        assert found.result.alternatives == alternatives
 
 
 def test_a_law_that_would_explain_as_well_is_named() -> None:

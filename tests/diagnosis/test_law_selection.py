@@ -19,6 +19,7 @@ from emaphm.diagnosis.selection.laws import law_fit, law_selection, sensor_lag
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, acts, with_law, without_law
 from emaphm.diagnosis.selection.laws.law_selection import SUSPECTS, select_laws
 from emaphm.diagnosis.selection.residual_share import hopeless_next_to
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import SENSOR_SELECTION
 from emaphm.diagnosis.verdict import NOT_EXPLAINED
 from emaphm.estimation.bias_correction import with_discrepancy
@@ -26,6 +27,7 @@ from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -35,6 +37,7 @@ SPEED = 20.0
 STRIBECK = with_lumped_parameters(LAWS["stribeck"].added_to(THESIS), {"stribeck_speed": SPEED})
 TRUTH = Faults(friction=0.3, backlash=0.2, short_b=0.25, gain=0.6)
 SOUND = ("short_a", "short_c", "eccentricity")
+SETTINGS = SearchSettings(method_named("hybrid"), 2, seed=0)
 
 
 @pytest.fixture(scope="module")
@@ -157,26 +160,28 @@ def test_a_law_that_is_not_there_leads_back_to_the_description(
     near = cogging.space.carried_over(truth, objective.space)
     tried = with_discrepancy(SearchResult.at(cogging, near), seed=0)
     assert not acts(tried, LAWS["cogging"], seed=0)
-    back = without_law(tried, astray, 2, seed=0)
+    back = without_law(tried, astray, SETTINGS)
     assert back.objective.space.coordinates == objective.space.coordinates
-    assert back.explained
+    assert back.residual_is_expected
     assert back.residual_variance < 0.5 * astray.residual_variance
 
 
 def test_a_law_that_stands_in_the_way_of_another_is_left_out(
     at_the_truth: SearchResult, astray: SearchResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert not astray.explained
+    assert not astray.residual_is_expected
 
-    def forward(_: object, allowed: tuple[str, ...]) -> tuple[SearchResult, tuple[str, ...]]:
-        return (astray, ("presliding",)) if "presliding" in allowed else (at_the_truth, ("transition",))
+    def forward(_: object, allowed: tuple[str, ...]) -> Selection:
+        if "presliding" in allowed:
+            return Selection(astray, laws=("presliding",))
+        return Selection(at_the_truth, laws=("transition",))
 
     monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "presliding"))
     monkeypatch.setattr(law_selection, "_forward_selection", forward)
-    result, laws = select_laws(astray, method_named("hybrid"), 2, seed=0)
-    assert laws == ("transition",)
-    assert np.array_equal(result.point, at_the_truth.point)
-    assert [np.array_equal(one.point, astray.point) for one in result.alternatives] == [True]
+    found = select_laws(astray, SETTINGS)
+    assert found.laws == ("transition",)
+    assert np.array_equal(found.result.point, at_the_truth.point)
+    assert [np.array_equal(one.point, astray.point) for one in found.result.alternatives] == [True]
 
 
 @pytest.mark.parametrize("refined", [True, False])
@@ -187,9 +192,7 @@ def test_only_what_leaves_less_is_refined(
     monkeypatch.setattr(law_fit.Fit, "of", lambda *_: SimpleNamespace(corrected=lambda *_: tried))
     monkeypatch.setattr(law_fit, "leaves_as_much", lambda one, *_: not (refined and one is tried))
     monkeypatch.setattr(law_fit, "refine_by_reference", lambda *_: at_the_truth)
-    found = law_fit.search_with(
-        at_the_truth, at_the_truth.objective, "any", method_named("hybrid"), 2, seed=0
-    )
+    found = law_fit.search_with(at_the_truth, at_the_truth.objective, "any", SETTINGS)
     assert found is (at_the_truth if refined else tried)
 
 
@@ -218,22 +221,22 @@ def test_no_lag_is_scanned_where_the_first_leave_as_much_of_what_is_not_explaine
     monkeypatch.setattr(law_fit.Fit, "corrected", corrected)
     lagging = with_law(astray.objective, LAWS["sensor-lag"])
     fit = law_fit.Fit("sensor-lag", astray, lagging, astray.point[np.newaxis], near=0.0, far=0.0)
-    assert sensor_lag.with_best_lag(fit, astray, 2, seed=0) is None
+    assert sensor_lag.with_best_lag(fit, astray, SETTINGS) is None
     assert len(tried) == len(sensor_lag.PROBED_LAGS_S)
 
 
 def test_threads_change_nothing(astray: SearchResult, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(law_selection, "SUSPECTS", ("directional", "quadratic"))
-    objective, method = astray.objective, method_named("hybrid")
+    objective, settings = astray.objective, replace(SETTINGS, max_corrections=1)
 
-    def selected(workers: int) -> tuple[SearchResult, tuple[str, ...]]:
+    def selected(workers: int) -> Selection:
         by_threads = replace(objective, problem=replace(objective.problem, workers=workers))
-        return select_laws(replace(astray, objective=by_threads), method, 1, seed=0)
+        return select_laws(replace(astray, objective=by_threads), settings)
 
     alone, together = selected(1), selected(3)
-    assert alone[1] == together[1]
-    np.testing.assert_array_equal(alone[0].point, together[0].point)
-    for one, other in zip(alone[0].alternatives, together[0].alternatives, strict=True):
+    assert alone.laws == together.laws
+    np.testing.assert_array_equal(alone.result.point, together.result.point)
+    for one, other in zip(alone.result.alternatives, together.result.alternatives, strict=True):
         np.testing.assert_array_equal(one.point, other.point)
 
 
@@ -245,9 +248,9 @@ def test_a_law_with_an_amplitude_acts(at_the_truth: SearchResult) -> None:
 
 
 def test_where_the_residual_is_noise_no_law_is_tried(at_the_truth: SearchResult) -> None:
-    same, laws = select_laws(at_the_truth, method_named("hybrid"), 2, seed=0)
-    assert same is at_the_truth
-    assert laws == ()
+    found = select_laws(at_the_truth, SETTINGS)
+    assert found.result is at_the_truth
+    assert found.laws == ()
 
 
 @pytest.mark.parametrize("name", SUSPECTS)

@@ -13,11 +13,13 @@ from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import objective_for
 from emaphm.diagnosis.selection.load_steps import _best_set
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.varying_load import LOAD_STEP, LOADS, with_varying_load
 from emaphm.errors import MethodError
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.plotting.external_load import draw_external_load
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -103,9 +105,9 @@ def test_a_load_has_as_many_parameters_as_it_takes(
 ) -> None:
     loaded = _loaded(recorded(load))
     assert loaded is not None
-    result, chosen = loaded
-    assert chosen == names
-    assert result.explained
+    result = loaded.result
+    assert loaded.nuisances == names
+    assert result.residual_is_expected
     values = _values(result)
     got = [(values[f"load_step_{i + 1}"], values[f"load_step_{i + 1}_time"]) for i in range(len(steps))]
     np.testing.assert_allclose(got, steps, atol=5e-3)
@@ -141,7 +143,7 @@ def test_steps_that_do_nothing_leave_all() -> None:
     assert mean_square == 1.0
 
 
-def _loaded(recording: Recording) -> tuple[SearchResult, tuple[str, ...]] | None:
+def _loaded(recording: Recording) -> Selection | None:
     """Return the estimate with a load that varies, as a diagnosis asks for it where nothing is explained.
 
     Next to the true faults: how they are searched for is not tested here.
@@ -149,8 +151,8 @@ def _loaded(recording: Recording) -> tuple[SearchResult, tuple[str, ...]] | None
     method = method_named("hybrid")
     objective = objective_for(recording, THESIS, method, AVERAGED, None, 1)
     searched = correct_bias(objective, objective.space.points(TRUTH.vector[np.newaxis]), 4, seed=0)
-    assert not searched.explained
-    return with_varying_load(searched, method, 10, 0)
+    assert not searched.residual_is_expected
+    return with_varying_load(searched, SearchSettings(method, 10, 0))
 
 
 def _values(result: SearchResult) -> dict[str, float]:

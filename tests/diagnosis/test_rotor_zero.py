@@ -14,7 +14,7 @@ from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose
-from emaphm.diagnosis.explanation.rotor_zero import contradicted_zero
+from emaphm.diagnosis.explanation.contradicted_rotor_zero import contradicted_zero
 from emaphm.diagnosis.joint.diagnose import diagnose_joint
 from emaphm.diagnosis.selection.laws.law_fit import with_open
 from emaphm.diagnosis.selection.rotor_zero import is_as_described, with_phases_renamed

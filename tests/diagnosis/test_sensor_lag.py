@@ -18,6 +18,7 @@ from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 
 LAG = LAWS["sensor-lag"]
 FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
@@ -66,14 +67,14 @@ def test_a_lag_is_not_tried_where_the_drive_senses_no_current() -> None:
 def test_a_lag_is_suspected_too_where_the_estimate_has_taken_up_what_it_could_of_it() -> None:
     truth = at_the_truth(4e-5)
     taken_up = correct_bias(truth.objective, truth.point[np.newaxis], 3, seed=0)
-    assert taken_up.explained
+    assert taken_up.residual_is_expected
     assert is_lag_suspected(taken_up, seed=0)
 
 
 @pytest.mark.parametrize("lag", [0.0, 2e-6])
 def test_a_lag_is_taken_only_where_it_leaves_clearly_less(lag: float) -> None:
     truth = at_the_truth(lag)
-    found = with_sensor_lag(truth, truth, method_named("hybrid"), 2, seed=0)
+    found = with_sensor_lag(truth, truth, SearchSettings(method_named("hybrid"), 2, seed=0))
     if not lag:
         assert found is None
     else:

@@ -10,7 +10,7 @@ from cases import THESIS, USUAL, covered
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose
-from emaphm.diagnosis.varying_load import estimated_load
+from emaphm.diagnosis.load_estimate import estimated_load
 from emaphm.estimation.space.nuisances import LOAD_VARIATION, NuisanceSet
 from emaphm.plotting.diagnosis import draw_diagnosis
 from emaphm.plotting.external_load import draw_external_load

@@ -12,7 +12,7 @@ from cases import HEALTHY, THESIS
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Estimate
-from emaphm.diagnosis.explanation.reasons import is_explained
+from emaphm.diagnosis.explanation.reasons import residual_within_limits
 from emaphm.diagnosis.verdict import NOT_EXPLAINED, estimates, unexplained
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION, ParameterSpace
@@ -301,7 +301,7 @@ STRUCTURE = np.sqrt(2) * np.sin(2 * np.pi * 23 * TIME)
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.1, 0.5, 2.0])
 def test_noise_of_any_size_is_explained(noise: float) -> None:
     white = np.random.default_rng(0).normal(0, noise, CURRENT.size)
-    assert is_explained(CURRENT + white, white, noise_level(CURRENT + white), corrected=True)
+    assert residual_within_limits(CURRENT + white, white, noise_level(CURRENT + white), corrected=True)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])
@@ -309,13 +309,13 @@ def test_noise_of_any_size_is_explained(noise: float) -> None:
 def test_a_misfit_of_some_percent_is_the_limit(noise: float, corrected: bool, limit: float) -> None:
     white = np.random.default_rng(0).normal(0, noise, CURRENT.size)
     rms = np.sqrt(np.mean(CURRENT**2))
-    assert is_explained(
+    assert residual_within_limits(
         CURRENT + white,
         white + 0.9 * limit * rms * STRUCTURE,
         noise_level(CURRENT + white),
         corrected=corrected,
     )
-    assert not is_explained(
+    assert not residual_within_limits(
         CURRENT + white,
         white + 1.3 * limit * rms * STRUCTURE,
         noise_level(CURRENT + white),
@@ -325,7 +325,7 @@ def test_a_misfit_of_some_percent_is_the_limit(noise: float, corrected: bool, li
 
 def test_structure_twice_as_large_as_the_noise_is_not_explained() -> None:
     white = np.random.default_rng(0).normal(0, 0.5, CURRENT.size)
-    assert not is_explained(
+    assert not residual_within_limits(
         CURRENT + white, white + 1.0 * STRUCTURE, noise_level(CURRENT + white), corrected=False
     )
 

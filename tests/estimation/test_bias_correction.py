@@ -17,7 +17,7 @@ from emaphm.estimation.bias_correction import (
 )
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.search_result import EXPECTED_RESIDUAL, SearchResult
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
 from emaphm.recording.noise import noise_level
@@ -163,7 +163,7 @@ def test_on_a_slow_and_steady_motion_the_runs_of_all_phases_have_the_ripple_as_v
     # A mean that keeps a ripple has one that the recording has elsewhere.
     assert noise_level(other.discrepancy.mean) < 0.8 * noise_level(shared.discrepancy.mean)
     assert other.discrepancy.slow_variance > 0.0 == shared.discrepancy.slow_variance
-    assert other.normalised_residual <= EXPLAINED_RESIDUAL
+    assert other.normalised_residual <= EXPECTED_RESIDUAL
 
 
 def test_a_drive_without_hysteresis_has_no_other_phases() -> None:

@@ -223,4 +223,4 @@ def test_rows_that_are_not_compared_hide_no_residual(share: float) -> None:
     # a small share of the signal is allowed for.
     assert whole.normalised_residual == pytest.approx(2**0.5, rel=0.07)
     assert left.normalised_residual == pytest.approx(whole.normalised_residual, rel=0.07)
-    assert not left.explained
+    assert not left.residual_is_expected

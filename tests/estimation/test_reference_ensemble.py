@@ -10,7 +10,7 @@ from emaphm.estimation.bias_correction import with_discrepancy
 from emaphm.estimation.global_search.heavy_current import is_heavy, leaves_switching_alone
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.reference.ensemble import EnsembleSettings, first_factor, refine_by_ensemble
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.search_result import EXPECTED_RESIDUAL, SearchResult
 
 from .off_truth import objective_of, result_off
 
@@ -73,7 +73,7 @@ def test_a_residual_that_the_share_of_a_heavy_current_hides_is_more_than_switchi
     assert is_heavy(objective.problem)
     hidden = near(objective, 1e-4)
     assert hidden.down_to_noise
-    assert hidden.residual_over_switching > EXPLAINED_RESIDUAL
+    assert hidden.residual_over_switching > EXPECTED_RESIDUAL
     assert not leaves_switching_alone(hidden)
 
 

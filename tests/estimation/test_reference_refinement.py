@@ -6,7 +6,7 @@ import pytest
 from cases import drawn
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.reference.refinement import RefinementSettings, refine_by_reference
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.search_result import EXPECTED_RESIDUAL, SearchResult
 
 from .off_truth import objective_of, result_off
 
@@ -25,9 +25,9 @@ def away(objective: MapObjective, distance: float) -> SearchResult:
 
 def test_it_leads_from_nearby_to_the_truth(objective: MapObjective) -> None:
     begun = away(objective, 0.02)
-    assert EXPLAINED_RESIDUAL < begun.normalised_residual < FEW.farthest
+    assert EXPECTED_RESIDUAL < begun.normalised_residual < FEW.farthest
     ended = refine_by_reference(begun, seed=0, settings=FEW)
-    assert ended.normalised_residual <= EXPLAINED_RESIDUAL
+    assert ended.normalised_residual <= EXPECTED_RESIDUAL
     assert ended.converged
     # What the current shows best; backlash and eccentricity may stand for each other until noise tells them.
     shown = [0, 2, 3, 4, 7]
@@ -46,7 +46,7 @@ def test_a_residual_is_never_larger_than_before(objective: MapObjective) -> None
 
 def test_what_is_explained_already_stays(objective: MapObjective) -> None:
     result = away(objective, 0.0)
-    assert result.normalised_residual <= EXPLAINED_RESIDUAL
+    assert result.normalised_residual <= EXPECTED_RESIDUAL
     assert refine_by_reference(result, seed=0, settings=FEW) is result
 
 

@@ -14,9 +14,11 @@ from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.parameter_space import ParameterSpace
 
 TRUTH = drawn(1, seed=7)[0]
+SETTINGS = SearchSettings(method_named("hybrid"), MAX_CORRECTIONS, 5)
 
 
 @pytest.fixture(scope="module")
@@ -44,14 +46,14 @@ def test_searches_end_with_an_explanation_or_an_agreement(
 ) -> None:
     expected, seeds = [ends[name] for name in made.split()], list[int]()
 
-    def search(_: MapObjective, __: Any, ___: int, seed: int, *____: Any) -> SearchResult:
-        seeds.append(seed)
+    def search(_: MapObjective, settings: SearchSettings, *__: Any) -> SearchResult:
+        seeds.append(settings.seed)
         return replace(expected[len(seeds) - 1])
 
     monkeypatch.setattr(restarts, "_search", search)
     monkeypatch.setattr(restarts, "refine_by_reference", lambda best, _: best)
     objective = ends["truth"].objective
-    found = restarts.search_with_restarts(objective, method_named("hybrid"), MAX_CORRECTIONS, 5, None)
+    found = restarts.search_with_restarts(objective, SETTINGS, None)
     assert (len(seeds), seeds[0]) == (searches, 5)
     assert len(set(seeds)) == searches
     np.testing.assert_array_equal(found.point, ends[kept].point)
@@ -67,9 +69,7 @@ def test_no_search_follows_one_that_is_hopeless(
     monkeypatch.setattr(restarts, "refine_by_reference", lambda best, _: best)
     found = restarts.search_with_restarts(
         ends["off"].objective,
-        method_named("hybrid"),
-        MAX_CORRECTIONS,
-        5,
+        SETTINGS,
         None,
         is_hopeless=lambda _: hopeless,
     )
@@ -91,5 +91,5 @@ def test_an_ensemble_refines_what_heavy_currents_correct_badly(
     monkeypatch.setattr(restarts, "leaves_switching_alone", lambda _: True)
     monkeypatch.setattr(restarts, "MAX_RESTARTS", 0)
     monkeypatch.setattr(restarts, "refine_by_reference", lambda best, _: best)
-    found = restarts.search_with_restarts(objective, method_named("hybrid"), MAX_CORRECTIONS, 5, None)
+    found = restarts.search_with_restarts(objective, SETTINGS, None)
     np.testing.assert_array_equal(found.point, ends[ended].point)

@@ -13,6 +13,7 @@ from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.rests import Rests
 from emaphm.estimation.search import search
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.standstill import command_stands, with_rests
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -86,7 +87,7 @@ def test_a_load_scatters_as_its_error_says_where_the_shaft_rests(count: int) -> 
         recording = recorded(load, seed)
         problem = Problem.of(recording, THESIS, channels=CHANNELS)
         objective = faults_objective(problem, NUISANCES)
-        found = search(objective, HYBRID, fitness="least_squares", max_corrections=10, seed=0)
+        found = search(objective, SearchSettings(HYBRID, 10, 0), fitness="least_squares")
         diagnosis = conclude(found, recording, "hybrid", "least_squares", 0)
         assert diagnosis.explained
         estimate = diagnosis.nuisances["load"]

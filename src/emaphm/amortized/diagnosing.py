@@ -294,7 +294,7 @@ class _Asked:
     def of(
         cls, estimator: Estimator, recording: Recording, actuator: Actuator, seed: int, *, alone: bool
     ) -> Self:
-        """Return it, or raise as `diagnose_by` does.
+        """Return what the estimator makes of the recording, or raise as `diagnose_by` does.
 
         Whether the answer will do, and whether a channel comes a row late, is asked where no search follows,
         `alone`: a search tests for both itself.

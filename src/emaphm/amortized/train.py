@@ -272,7 +272,7 @@ class _Answering:
         validation: TrainingSet,
         seed: int,
     ) -> Self:
-        """Return it with the temperature that `validation` asks for."""
+        """Return the trained networks with the temperature that `validation` asks for."""
         as_learned = cls(setup, inputs, first, update, np.ones(setup.space.dimensions))
         rows = with_noise(validation, noise_rms(setup), stream(seed, "noise of the calibration"))
         found = temperature_of(as_learned.answers(rows), validation.points.astype(float))

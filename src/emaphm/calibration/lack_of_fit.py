@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array, rms
-from emaphm.diagnosis.explanation.reasons import EXPLAINED
+from emaphm.diagnosis.explanation.reasons import RESIDUAL_LIMITS
 from emaphm.diagnosis.explanation.unexplained import unexplained_scores
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.joint.correction import JointEstimate
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.search_result import EXPECTED_RESIDUAL, SearchResult
 
 BY_CHANCE = 4.0
 """Largest share of the mean square of n rows of white noise that is no such noise by its differences, in the
@@ -56,10 +56,11 @@ class LackOfFit:
         switching_unknown = (
             self.result.discrepancy is None or not self.result.discrepancy.standard_error.any()
         )
-        if resolves_switching(problem) and switching_unknown and self.relative <= EXPLAINED[False].model:
+        largest = RESIDUAL_LIMITS[False].model
+        if resolves_switching(problem) and switching_unknown and self.relative <= largest:
             return False
         by_chance = BY_CHANCE / problem.samples**0.5
-        return self.ratio > EXPLAINED_RESIDUAL and slow_share(self.residual) > by_chance
+        return self.ratio > EXPECTED_RESIDUAL and slow_share(self.residual) > by_chance
 
     def scores(self, jacobian: Array) -> Array:
         """Return the covariance (d, d) of `jacobian` (d, channel rows) times an error like the residual."""

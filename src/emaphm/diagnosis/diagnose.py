@@ -35,6 +35,7 @@ from emaphm.estimation.rows.after_jumps import rows_after_jumps
 from emaphm.estimation.rows.means import masks_of_means, notes_on_means, over_swings
 from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
 from emaphm.estimation.space.nuisances import unit_of
 from emaphm.estimation.starts import Starts
@@ -132,14 +133,13 @@ def diagnose(
         from emaphm.estimation.posterior.mcmc import check_posterior
 
         check_posterior(objective.problem.model)
+    settings = SearchSettings(chosen, max_corrections, seed)
     deviations = chosen.least_squares and nuisances is None and max_corrections > 0
     finding = subprogress(on_progress, 0.0, 1 - SAMPLING_SHARE if posterior else 1.0)
     result = search(
         objective,
-        chosen,
+        settings,
         fitness=fitness,
-        max_corrections=max_corrections,
-        seed=seed,
         on_progress=subprogress(finding, 0.0, SEARCH_SHARE if deviations else 1.0),
         starts=None if starts is None else starts.of(objective.space),
     )
@@ -147,15 +147,13 @@ def diagnose(
     recording = recording.with_channels(recording.channels, notes) if notes else recording
     corrected = chosen.least_squares and result.discrepancy is not None
     if corrected:
-        result = with_asked_supply(result, max_corrections, seed)
+        result = with_asked_supply(result, settings)
     if corrected and deviations:
         diagnosis, result = _with_deviations(
             result,
             recording,
             name,
-            chosen,
-            max_corrections,
-            seed,
+            settings,
             subprogress(finding, SEARCH_SHARE, 1.0),
         )
     else:
@@ -180,27 +178,23 @@ def _with_deviations(
     searched: SearchResult,
     recording: Recording,
     name: str,
-    method: Method,
-    max_corrections: int,
-    seed: int,
+    settings: SearchSettings,
     on_progress: Progress | None,
 ) -> tuple[Diagnosis, SearchResult]:
     """Return the diagnosis that allows for deviations from the description, and the estimate behind it."""
     moves = moves_at(searched.objective, searched.point)
-    found, selected, laws = select_deviations(
-        searched, method, max_corrections, seed, moves=moves, on_progress=on_progress
-    )
-    found = with_discrepancy(found, seed)
-    concluded = conclude(found, recording, name, "least_squares", seed)
+    selection = select_deviations(searched, settings, moves=moves, on_progress=on_progress)
+    found = with_discrepancy(selection.result, settings.seed)
+    concluded = conclude(found, recording, name, "least_squares", settings.seed)
     notes = notes_on_alternatives(found) if concluded.explained else ()
     diagnosis = replace(
         concluded,
-        selected=(*selected, *suspected_parameters(found)),
-        laws=laws,
+        selected=(*selection.nuisances, *suspected_parameters(found)),
+        laws=selection.laws,
         recording_notes=(*concluded.recording_notes, *notes),
     )
     if moves and not diagnosis.explained:
-        drives = other_drive(searched, found, method, max_corrections, seed)
+        drives = other_drive(searched, found, settings)
         diagnosis = replace(diagnosis, reasons=(*drives, *diagnosis.reasons))
     return diagnosis, found
 

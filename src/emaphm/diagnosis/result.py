@@ -13,11 +13,11 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.lumped_parameters import not_calibrated
 from emaphm.arrays import Array
 from emaphm.diagnosis.law_parameters import law_parameters
+from emaphm.diagnosis.load_estimate import LoadEstimate, estimated_load
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, ROTOR_ZERO
 from emaphm.diagnosis.sensor_faults import SensorFault, sensor_faults
 from emaphm.diagnosis.text import fault_rows, notes
-from emaphm.diagnosis.varying_load import LoadEstimate, estimated_load
 from emaphm.diagnosis.verdict import VERDICT, Z95, Estimate
 from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.space.parameter_space import SHORTS

@@ -9,10 +9,10 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS, Law
 from emaphm.actuator.lumped_parameters import not_calibrated
 from emaphm.actuator.unit.baseline import PARTS, SIGNED
+from emaphm.diagnosis.load_estimate import is_of_load
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate, of_unit
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.selection.varying_load import LOADS
-from emaphm.diagnosis.varying_load import is_of_load
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.sensors.sensor_model import sensor_error

@@ -52,7 +52,7 @@ class Corrected(Protocol):
         ...
 
     def reweighted(self) -> Self:
-        """Return it with recordings and channels weighted by its residuals."""
+        """Return the estimate with recordings and channels weighted by its residuals."""
         ...
 
 

@@ -17,23 +17,22 @@ from emaphm.estimation.global_search.restarts import search_with_restarts
 from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import stream
 
 
 def search(
     objective: MapObjective,
-    method: Method,
+    settings: SearchSettings,
     *,
     fitness: str,
-    max_corrections: int,
-    seed: int,
     on_progress: Progress | None = None,
     on_population: OnBestFaults | None = None,
     starts: Array | None = None,
     is_hopeless: Callable[[SearchResult], bool] = never,
 ) -> SearchResult:
-    """Return what `method` finds; up to `max_corrections` corrections of the bias follow least squares.
+    """Return what the method of the `settings` finds; after least squares, with the bias corrected.
 
     With `starts` (n, d), points near the optimum, least squares begin there, without a global stage. Where
     they do not lead to an explanation of the recording, the search is repeated with a global stage, unless
@@ -44,24 +43,23 @@ def search(
     MethodError
         The fitness is unknown, or fitness or model do not go with the method.
     """
+    method = settings.method
     check_fitness(method, fitness)
     if not method.least_squares:
-        return population_search(objective, method, fitness, seed, on_progress, on_population)
+        return population_search(objective, method, fitness, settings.seed, on_progress, on_population)
     model = objective.problem.model
     if model.switches:
         raise MethodError(
             f"method '{method.name}' needs derivatives, which the {model.name} model's switching makes "
             "useless; use the averaged model, or a method without least squares"
         )
-    if max_corrections > 0 and resolves_switching(objective.problem):
-        return search_with_restarts(
-            objective, method, max_corrections, seed, on_progress, starts, is_hopeless
-        )
-    found = _once(objective, method, max_corrections, seed, on_progress, starts)
+    if settings.max_corrections > 0 and resolves_switching(objective.problem):
+        return search_with_restarts(objective, settings, on_progress, starts, is_hopeless)
+    found = _once(objective, settings, on_progress, starts)
     # The averaged model alone never explains switching: no search anew would.
     if starts is None or found.down_to_noise or resolves_switching(objective.problem):
         return found
-    anew = _once(objective, method, max_corrections, seed, None, None)
+    anew = _once(objective, settings, None, None)
     return min(found, anew, key=lambda result: result.residual_variance)
 
 
@@ -78,33 +76,31 @@ def check_fitness(method: Method, fitness: str) -> None:
 
 def _once(
     objective: MapObjective,
-    method: Method,
-    max_corrections: int,
-    seed: int,
+    settings: SearchSettings,
     on_progress: Progress | None,
     starts: Array | None,
 ) -> SearchResult:
     """Return where one search by least squares ends, corrected where the reference model knows the drive."""
-    found = _uncorrected(objective, method, seed, on_progress, starts)
-    if max_corrections == 0 or not has_reference(objective.problem):
+    found = _uncorrected(objective, settings, on_progress, starts)
+    if settings.max_corrections == 0 or not has_reference(objective.problem):
         return found
-    corrected = correct_bias(objective, found.point[np.newaxis], max_corrections, seed)
+    corrected = correct_bias(objective, found.point[np.newaxis], settings.max_corrections, settings.seed)
     return replace(corrected, started=found.started)
 
 
 def _uncorrected(
     objective: MapObjective,
-    method: Method,
-    seed: int,
+    settings: SearchSettings,
     on_progress: Progress | None,
     starts: Array | None,
 ) -> SearchResult:
     if starts is None:
-        refined = multistart(objective, seed, method.optimizer, subprogress(on_progress, 0.0, 0.8))
+        progress = subprogress(on_progress, 0.0, 0.8)
+        refined = multistart(objective, settings.seed, settings.method.optimizer, progress)
     else:
         refined = descend_from(objective, starts)
     nothing = np.zeros_like(objective.target)
-    found = local_search(objective, refined.best, nothing, stream(seed, "local search"))
+    found = local_search(objective, refined.best, nothing, stream(settings.seed, "local search"))
     if on_progress is not None:
         on_progress(1.0)
     return replace(SearchResult.at(objective, found.best), started=starts is not None)

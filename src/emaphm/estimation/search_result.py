@@ -19,8 +19,8 @@ DEFAULT_SCATTER = 2e-4
 stick-slip hold a descent so far from the optimum, in the unit of a coordinate."""
 
 
-EXPLAINED_RESIDUAL = 1.1
-"""Largest normalised residual of an estimate that explains the recording. Right estimates had up to 1.03 with
+EXPECTED_RESIDUAL = 1.1
+"""Largest normalised residual that is expected of a right estimate. Right estimates had up to 1.03 with
 the voltage recorded, whatever noise, converters and rate, and up to 1.12 from the current alone (60 random
 faults). A current sensor that lags 5 µs, which nobody described, left 1.04 to 3.4, in 14 of 16 cases more
 than 1.2."""
@@ -174,7 +174,7 @@ class SearchResult:
     def normalised_residual(self) -> float:
         """`residual_over_noise`, where the learned error of the model is expected too.
 
-        1 or so if the estimate is right, see `EXPLAINED_RESIDUAL`, which stands for the scatter between
+        1 or so if the estimate is right, see `EXPECTED_RESIDUAL`, which stands for the scatter between
         healthy recordings where that was learned.
         """
         problem = self.objective.problem
@@ -182,17 +182,17 @@ class SearchResult:
         if learned is None:
             return self.residual_over_noise
         ratio = self._relative_to(error_variance(problem, problem.primary))
-        return ratio * EXPLAINED_RESIDUAL / largest_healthy_ratio(learned)
+        return ratio * EXPECTED_RESIDUAL / largest_healthy_ratio(learned)
 
     @property
     def down_to_noise(self) -> bool:
         """Whether noise and switching account for the residual, by `residual_over_noise`."""
-        return self.residual_over_noise <= EXPLAINED_RESIDUAL
+        return self.residual_over_noise <= EXPECTED_RESIDUAL
 
     @property
-    def explained(self) -> bool:
+    def residual_is_expected(self) -> bool:
         """Whether noise, switching and a learned error account for the residual, by `normalised_residual`."""
-        return self.normalised_residual <= EXPLAINED_RESIDUAL
+        return self.normalised_residual <= EXPECTED_RESIDUAL
 
     @property
     def residual_over_switching(self) -> float:

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from emaphm.diagnosis.load_estimate import LoadEstimate
     from emaphm.diagnosis.result import Diagnosis
-    from emaphm.diagnosis.varying_load import LoadEstimate
 
 
 def draw_external_load(diagnosis: "Diagnosis") -> "Figure":

@@ -10,7 +10,7 @@ from emaphm.prognosis.bounds import BEYOND, bounds, within_bounds
 from emaphm.prognosis.filter.degradation import LARGEST_RATE
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined, systematic
 from emaphm.prognosis.laws import Numbers, breaks, in_common, is_moving, noise_rates, transition
-from emaphm.prognosis.prior import Prior, is_waiting, with_laws, with_rows
+from emaphm.prognosis.prior import Prior, is_waiting, replace_law_fields, with_rows
 from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
 from emaphm.random_streams import stream
 
@@ -113,7 +113,7 @@ def paths(
             new = prior.after_onset((rows.size, state.law.shape[1]), random)
             shock = random.standard_normal(new.rate.shape)
             rate = with_rows(state.rate, rows, sets_in[rows], new.rate + new.rate_deviation * shock)
-            state = replace(state, **with_laws(state, rows, sets_in[rows], new), rate=rate)
+            state = replace(state, **replace_law_fields(state, rows, sets_in[rows], new), rate=rate)
         reach, growth = transition(
             state.law, state.life_scale, state.shape, state.aged, part * step, s, prior.references
         )
@@ -157,7 +157,7 @@ def _changed(state: UnitDraws, step: float, prior: Prior, random: np.random.Gene
     rate = drawn.rate + drawn.rate_deviation * random.standard_normal(law.shape)
     goes_on = is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
     rate = with_rows(state.rate, rows, changes & ~goes_on, rate)
-    return replace(state, **with_laws(state, rows, changes, drawn), rate=rate)
+    return replace(state, **replace_law_fields(state, rows, changes, drawn), rate=rate)
 
 
 def _within_bounds(mean: Array, covariance: Array, random: np.random.Generator) -> tuple[Array, Array]:

@@ -186,7 +186,7 @@ def _log_uniform(ends: tuple[float, float], random: np.random.Generator, shape: 
     return np.asarray(np.exp(random.uniform(math.log(low), math.log(high), shape)))
 
 
-def with_laws(before: Any, rows: Rows, where: Mask, drawn: Hypotheses) -> dict[str, Any]:
+def replace_law_fields(before: Any, rows: Rows, where: Mask, drawn: Hypotheses) -> dict[str, Any]:
     """Return the fields of a belief or state that say its laws, those of `drawn` as in `with_rows`."""
     names = ("law", "life_scale", "shape", "roughness", "unevenness")
     return {name: with_rows(getattr(before, name), rows, where, getattr(drawn, name)) for name in names}

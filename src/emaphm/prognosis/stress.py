@@ -109,7 +109,7 @@ class StressReference:
         return cls(*medians) if any(x is not None for x in medians) else None
 
     def rounded(self) -> "StressReference":
-        """Return it with two digits, the temperature with three: it is a scale, and any near one will do.
+        """Return the reference with two digits, the temperature with three: any scale close to it will do.
 
         Medians change a little with each flight, and with the reference all that the fleet teaches.
         """

@@ -14,6 +14,7 @@ from emaphm.diagnosis.diagnose import objective_for
 from emaphm.diagnosis.error_metric import error_percent
 from emaphm.errors import StudyError
 from emaphm.estimation.search import search
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import model_named
@@ -139,10 +140,8 @@ def _searched(
     objective = objective_for(recording, actuator, method, model, nuisances, workers=1, below_healthy=False)
     found = search(
         objective,
-        method,
+        SearchSettings(method, trial.contestant.max_corrections, trial.seed),
         fitness=trial.fitness,
-        max_corrections=trial.contestant.max_corrections,
-        seed=trial.seed,
         on_population=note,
     )
     seconds = time.perf_counter() - began

@@ -14,7 +14,7 @@ from emaphm.actuator.unit.model_error import ModelError
 from emaphm.calibration.lack_of_fit import BY_CHANCE, slow_share
 from emaphm.calibration.unit_fit import UnitFit
 from emaphm.calibration.warnings.units_and_signs import UNRESEMBLED
-from emaphm.diagnosis.explanation.reasons import EXPLAINED, is_explained
+from emaphm.diagnosis.explanation.reasons import RESIDUAL_LIMITS, residual_within_limits
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.problem import TORQUE_CURRENTS
 
@@ -78,13 +78,13 @@ def _missing_law(fit: UnitFit, sources: Sequence[str], advice: str) -> Iterator[
 
 
 def _beyond(fit: UnitFit, sources: Sequence[str], learned: ModelError) -> Iterator[str]:
-    allowed = 100 * EXPLAINED[False].model
+    allowed = 100 * RESIDUAL_LIMITS[False].model
     for one, source in zip(fit.lacks, sources, strict=True):
         problem = one.result.objective.problem
         known = resolves_switching(problem) or learned.of(problem.primary) is not None
         if known or problem.primary not in TORQUE_CURRENTS:
             continue
-        if not is_explained(problem.recorded, one.residual, problem.noise, corrected=False):
+        if not residual_within_limits(problem.recorded, one.residual, problem.noise, corrected=False):
             left = f"{100 * one.relative:.3g} % of {problem.primary}"
             yield (
                 f"{source}: {left} is left, more than noise and the {allowed:g} % that a diagnosis allows "

@@ -17,12 +17,11 @@ from emaphm.diagnosis.selection.laws.law_fit import with_open
 from emaphm.diagnosis.selection.residual_share import share_of_residual
 from emaphm.diagnosis.selection.settings import CURRENT_CONTROL
 from emaphm.errors import DivergedError
-from emaphm.estimation.methods import Method
 from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.space.parameter_variation import ParameterVariation
-from emaphm.random_streams import child_seed
 
 OTHER_KINDS = {"hysteresis": "six-step", "six-step": "hysteresis"}
 """For a drive of one kind, that which turns the same motor."""
@@ -42,9 +41,7 @@ USUAL_HYSTERESIS = 0.02
 """Of comparators, a share of the current limit."""
 
 
-def other_drive(
-    searched: SearchResult, found: SearchResult, method: Method, max_corrections: int, seed: int
-) -> tuple[str, ...]:
+def other_drive(searched: SearchResult, found: SearchResult, settings: SearchSettings) -> tuple[str, ...]:
     """Return that a drive of another kind would explain far more of the recording; nothing if none does.
 
     Than `found`, with all that deviates, from the estimate `searched` by the description.
@@ -57,20 +54,18 @@ def other_drive(
     known = objective.space.nuisances.parameters
     gains = tuple(name for name in GAINS[kind] if name not in known)
     opened = ParameterVariation.free(actuator, gains).known_to(dict.fromkeys(gains, WITHIN))
-    child = child_seed(seed, "another kind of drive")
+    child = settings.child("another kind of drive")
     try:
         rival = search(
             with_open(objective, actuator, opened),
-            method,
+            child,
             fitness="least_squares",
-            max_corrections=max_corrections,
-            seed=child,
             is_hopeless=lambda rival: share_of_residual(rival, found) > MOST_LEFT[True],
         )
     except DivergedError:
         return ()
     share = share_of_residual(rival, found)
-    if share > MOST_LEFT[rival.explained]:
+    if share > MOST_LEFT[rival.residual_is_expected]:
         return ()
     present = objective.problem.actuator.drive_kind
     reason = (

@@ -9,13 +9,13 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array, rms
+from emaphm.diagnosis.explanation.contradicted_rotor_zero import contradicted_zero
 from emaphm.diagnosis.explanation.known_values import contradicted_values
-from emaphm.diagnosis.explanation.rotor_zero import contradicted_zero
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem, comparable_channels
-from emaphm.estimation.search_result import EXPLAINED_RESIDUAL, SearchResult
+from emaphm.estimation.search_result import EXPECTED_RESIDUAL, SearchResult
 from emaphm.estimation.sensors.sensor_model import described_noise, error_kind, sensor_error
 from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.space.nuisances import BASELINE, has_stated_prior, unit_of, usual_deviation
@@ -27,7 +27,7 @@ from emaphm.recording.schema import PHASES
 
 @dataclass(frozen=True)
 class ResidualSettings:
-    """The largest residual of the current that counts as explained: `noise` and `model` add by squares.
+    """The largest residual of the current that is accepted: `noise` and `model` add by squares.
 
     `noise` is a multiple of the white noise on the recording, `model` a share of the current's rms.
     """
@@ -39,7 +39,7 @@ class ResidualSettings:
 KNOWN_INERTIA = 0.01
 """Standard deviation of an inertia, relative, up to which it needs no note."""
 
-EXPLAINED = {False: ResidualSettings(1.5, 0.05), True: ResidualSettings(1.25, 0.02)}
+RESIDUAL_LIMITS = {False: ResidualSettings(1.5, 0.05), True: ResidualSettings(1.25, 0.02)}
 """Without and with correction by the reference model. On recordings that the reference model made itself,
 the corrected residual was up to 1.17 times the noise."""
 
@@ -91,9 +91,9 @@ def reasons_against(
     An estimate explains a recording where all of this holds:
 
     1. The residual of the primary channel (a current) is one of noise, switching and the model's known error:
-       r² ≤ (a σ)² + (b y)², with σ its noise and y its rms, a and b from `EXPLAINED`. Where the reference
-       model has corrected it, r is also at most `EXPLAINED_RESIDUAL` times noise or switching, or times the
-       root of the sum of their squares where the noise is that of most rows.
+       r² ≤ (a σ)² + (b y)², with σ its noise and y its rms, a and b from `RESIDUAL_LIMITS`. Where the
+       reference model has corrected it, r is also at most `EXPECTED_RESIDUAL` times noise or switching, or
+       times the root of the sum of their squares where the noise is that of most rows.
     2. So is that of every other channel that is compared: r² ≤ c² (σ² + q²/12 + s²) + (m y)², with q the step
        that it is rounded to, s² the variance of switching, c and m from `EXPLANATION`. Of a position, y is
        the rms of its distance from where it starts.
@@ -111,7 +111,7 @@ def reasons_against(
     7. Three recorded phase currents of a star add up to zero, within `phase_sum` of their size.
     8. No sensor of the current or the motion shows one value throughout where the model moves.
     9. The residual shows no electrical zero of the rotor but the position's
-       (`emaphm.diagnosis.explanation.rotor_zero`).
+       (`emaphm.diagnosis.explanation.contradicted_rotor_zero`).
     10. No two sensors have another scale, each by more than `prior_deviations`: faults of sensors are rare,
        and times that are stretched change the scale of everything that moves.
 
@@ -181,12 +181,12 @@ def unseen_inertia(objective: MapObjective) -> tuple[str, ...]:
     return (note,)
 
 
-def is_explained(recorded: Array, residual: Array, noise: float, *, corrected: bool) -> bool:
-    """Return whether `residual` (samples,) of the `recorded` current is no more than `EXPLAINED` allows.
+def residual_within_limits(recorded: Array, residual: Array, noise: float, *, corrected: bool) -> bool:
+    """Return whether `residual` (samples,) of the `recorded` current is within `RESIDUAL_LIMITS`.
 
     `noise` is the rms of the white noise on the recording.
     """
-    allowed = EXPLAINED[corrected]
+    allowed = RESIDUAL_LIMITS[corrected]
     variance = (allowed.noise * noise) ** 2 + allowed.model**2 * float(np.mean(recorded**2))
     return bool(np.mean(residual**2) <= variance)
 
@@ -214,8 +214,9 @@ def _primary(result: SearchResult) -> Iterator[str]:
         noise = min(noise, EXPLANATION.spikes * usual**0.5)
     if result.discrepancy is not None:
         noise = (noise**2 + result.discrepancy.slow_variance) ** 0.5
-    exceeds = not result.explained and result.residual_variance > share * EXPLAINED_RESIDUAL**2 * usual
-    if is_explained(recorded, residual, noise, corrected=corrected) and not (corrected and exceeds):
+    largest = share * EXPECTED_RESIDUAL**2 * usual
+    exceeds = not result.residual_is_expected and result.residual_variance > largest
+    if residual_within_limits(recorded, residual, noise, corrected=corrected) and not (corrected and exceeds):
         return
     yield (
         f"{problem.primary}: the residual of {_percent(rms(residual), rms(recorded))} is more than noise, "

@@ -46,7 +46,7 @@ class Refit:
         return max(self.left - self.error, TINY)
 
     def corrected(self, before: "Refit", seed: int, name: str) -> "Refit":
-        """Return it corrected by the reference model, while that leads on.
+        """Return the refit corrected by the reference model, while that leads on.
 
         Where more is left than `before`, and less than `PROMISING` times as much.
         """

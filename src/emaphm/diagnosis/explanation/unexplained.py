@@ -64,7 +64,7 @@ def alternatives_covariance(result: SearchResult, *, explained: bool) -> Array |
 
 def _comparable(other: SearchResult, result: SearchResult, *, explained: bool) -> bool:
     comparable = other.residual_variance <= COMPARABLE * result.residual_variance
-    return comparable and (other.explained or not explained)
+    return comparable and (other.residual_is_expected or not explained)
 
 
 def _shift(other: SearchResult, result: SearchResult) -> Array:

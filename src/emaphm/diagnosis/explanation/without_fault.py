@@ -88,7 +88,7 @@ class _NormalEquations:
 
     @classmethod
     def at(cls, result: SearchResult, jacobians: Array) -> "_NormalEquations":
-        """Return it by `jacobians` (n, d, channel rows)."""
+        """Return the normal equations by `jacobians` (n, d, channel rows)."""
         jacobian = np.concatenate([jacobians.mean(axis=0), result.objective.jacobian_of_priors], axis=1)
         return cls(result, jacobian @ jacobian.T, jacobian @ result.residual)
 

@@ -19,15 +19,15 @@ from emaphm.diagnosis.selection.control_errors import with_control_errors
 from emaphm.diagnosis.selection.description_errors import suspected_parameters, with_free
 from emaphm.diagnosis.selection.deviations import (
     HALL_ANGLES,
+    select_laws_in_motion,
     with_description_error,
     with_hall_angles,
-    with_laws,
 )
 from emaphm.diagnosis.selection.extension import with_nuisances
-from emaphm.diagnosis.selection.first_look import FirstLook
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, search_with_law
-from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances, select_nuisances
+from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
 from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
 from emaphm.diagnosis.selection.varying_load import explains_better, with_varying_load
 from emaphm.estimation.bias_correction import correct_bias
@@ -35,12 +35,11 @@ from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.joint.objective import JointObjective
 from emaphm.estimation.joint.random_effects import random_effects
 from emaphm.estimation.joint.uncertainty import AloneEstimates
-from emaphm.estimation.methods import Method, method_named
 from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.progress import Progress
-from emaphm.random_streams import child_seed
 from emaphm.recording.sensor_checks import CheckedRecording
 from emaphm.simulation import AVERAGED
 from emaphm.threads import in_threads
@@ -63,8 +62,8 @@ class _Alone:
     """
 
     searched: SearchResult
-    found: SelectedNuisances
-    seed: int
+    found: Selection
+    settings: SearchSettings
     load: tuple[str, ...] = ()
 
     @property
@@ -87,49 +86,50 @@ class _Alone:
         """Whether the actuator moved."""
         return moves_at(self.result.objective, self.result.point)
 
-    def laws(self, method: Method, max_corrections: int) -> tuple[str, ...]:
+    def find_laws(self) -> tuple[str, ...]:
         """Return the laws that the recording alone shows, but for one that no search finds."""
         if not self.moves:
             return ()
-        _, _, laws = with_laws(self.searched, self.found, method, max_corrections, self.seed)
-        return tuple(name for name in laws if name not in ONLY_WHILE_SWITCHING)
+        selection = select_laws_in_motion(self.searched, self.found, self.settings)
+        return tuple(name for name in selection.laws if name not in ONLY_WHILE_SWITCHING)
 
-    def with_laws(self, laws: Sequence[str], method: Method, max_corrections: int) -> Self:
+    def search_with_laws(self, laws: Sequence[str]) -> Self:
         """Return the estimate with `laws`."""
         searched = self.searched
         for name in laws:
-            searched = search_with_law(searched, name, method, max_corrections, self.seed)
-        return self.selecting(searched, max_corrections)
+            searched = search_with_law(searched, name, self.settings)
+        return self.selecting(searched)
 
-    def with_description_error(self, method: Method, max_corrections: int) -> Self:
-        """Return the estimate with parameters free that are off, where it moves and passes for explained."""
-        if not (self.result.explained and self.moves):
+    def with_description_error(self) -> Self:
+        """Return the estimate with parameters free that are off.
+
+        Where the actuator moves and the residual without them is expected.
+        """
+        if not (self.result.residual_is_expected and self.moves):
             return self
-        before = self.result, self.found.names, ()
-        result, names, _ = with_description_error(self.searched, before, method, max_corrections, self.seed)
-        return replace(self, found=replace(self.found, result=result, names=names))
+        found = with_description_error(self.searched, self.found, self.settings)
+        return replace(self, found=found)
 
-    def with_control_errors(self, method: Method, max_corrections: int) -> Self:
+    def with_control_errors(self) -> Self:
         """Return the estimate with gains of the control free that are off, where it moves."""
         if not self.moves:
             return self
-        searched = with_control_errors(self.searched, method, max_corrections, self.seed)
-        return self if searched is self.searched else self.selecting(searched, max_corrections)
+        searched = with_control_errors(self.searched, self.settings)
+        return self if searched is self.searched else self.selecting(searched)
 
-    def with_varying_load(self, method: Method, max_corrections: int) -> Self:
+    def with_varying_load(self) -> Self:
         """Return the estimate with a load of its own that varies, where that explains it better."""
-        if self.searched.explained or not (self.is_corrected and self.moves):
+        if self.searched.residual_is_expected or not (self.is_corrected and self.moves):
             return self
-        loaded = with_varying_load(self.searched, method, max_corrections, self.seed)
+        loaded = with_varying_load(self.searched, self.settings)
         if loaded is None:
             return self
-        with_load, load = loaded
-        rival = self.selecting(with_load, max_corrections)
-        return replace(rival, load=load) if explains_better(rival.result, self.result) else self
+        rival = self.selecting(loaded.result)
+        return replace(rival, load=loaded.nuisances) if explains_better(rival.result, self.result) else self
 
-    def selecting(self, searched: SearchResult, max_corrections: int) -> Self:
+    def selecting(self, searched: SearchResult) -> Self:
         """Return the estimate as `searched`, with the nuisances that deviate significantly from there."""
-        return replace(self, searched=searched, found=select_nuisances(searched, max_corrections, self.seed))
+        return replace(self, searched=searched, found=select_nuisances(searched, self.settings))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,8 +149,7 @@ def search_alone(
     recordings: Sequence[CheckedRecording],
     actuator: Actuator,
     nuisances: Sequence[str] | None,
-    max_corrections: int,
-    seed: int,
+    settings: SearchSettings,
     workers: int | None,
     on_progress: Progress | None,
 ) -> AloneSearches:
@@ -159,56 +158,51 @@ def search_alone(
     Nuisances that deviate significantly, laws, and parameters that are not as described: what is selected for
     one is estimated of all. Arguments as of `emaphm.diagnosis.joint.diagnose_joint`.
     """
-    method = method_named(METHOD)
 
     def searched(r: int) -> _Alone:
         checked = recordings[r]
-        objective = objective_for(checked.recording, actuator, method, AVERAGED, nuisances, workers)
+        objective = objective_for(checked.recording, actuator, settings.method, AVERAGED, nuisances, workers)
         objective = without_spoilt_rows(objective, checked)
         # The first one's streams are those of a diagnosis of it alone.
-        own = seed if r == 0 else child_seed(seed, "recording", r)
-        result = search(objective, method, fitness="least_squares", max_corrections=max_corrections, seed=own)
+        own = settings if r == 0 else settings.child("recording", r)
+        result = search(objective, own, fitness="least_squares")
         if result.discrepancy is not None:
-            result = with_asked_supply(result, max_corrections, own)
-        one = _Alone(result, SelectedNuisances(result, (), FirstLook()), own)
+            result = with_asked_supply(result, own)
+        one = _Alone(result, Selection(result), own)
         if nuisances is None and result.discrepancy is not None:
-            one = one.selecting(result, max_corrections)
+            one = one.selecting(result)
         return one
 
     found, laws = in_threads(searched, range(len(recordings)), workers, on_progress), tuple[str, ...]()
     if nuisances is None:
-        found, laws = _with_deviations(found, method, max_corrections)
-    selected = tuple(dict.fromkeys(name for one in found for name in one.found.names))
-    alone = [_with_all(one.result, one.found.names, selected, max_corrections, seed) for one in found]
+        found, laws = _with_deviations(found)
+    selected = tuple(dict.fromkeys(name for one in found for name in one.found.nuisances))
+    alone = [_with_all(one.result, one.found.nuisances, selected, settings) for one in found]
     load = dict.fromkeys(name for one in found for name in one.load)
     return AloneSearches(alone, (*load, *selected, *suspected_parameters(alone[0])), laws)
 
 
-def _with_deviations(
-    found: list[_Alone], method: Method, max_corrections: int
-) -> tuple[list[_Alone], tuple[str, ...]]:
+def _with_deviations(found: list[_Alone]) -> tuple[list[_Alone], tuple[str, ...]]:
     """Return the estimates with what of the unit is not as described, common to all, and the laws among that.
 
     And with loads that vary, of each its own.
     """
     corrected = all(one.is_corrected for one in found)
     if corrected:
-        asked = _of_each(found, lambda one: one.with_control_errors(method, max_corrections))
-        found = _with_common_parameters(found, asked, method, max_corrections)
-    found = _of_each(found, lambda one: one.with_varying_load(method, max_corrections))
+        asked = _of_each(found, _Alone.with_control_errors)
+        found = _with_common_parameters(found, asked)
+    found = _of_each(found, _Alone.with_varying_load)
     if not corrected:
         return found, ()
-    found, sensors = _with_common_zero(found, method, max_corrections)
-    found, others = _with_common_laws(found, method, max_corrections)
+    found, sensors = _with_common_zero(found)
+    found, others = _with_common_laws(found)
     if not (sensors or others):
-        asked = _of_each(found, lambda one: one.with_description_error(method, max_corrections))
-        found = _with_common_parameters(found, asked, method, max_corrections)
+        asked = _of_each(found, _Alone.with_description_error)
+        found = _with_common_parameters(found, asked)
     return found, (*sensors, *others)
 
 
-def _with_common_zero(
-    found: list[_Alone], method: Method, max_corrections: int
-) -> tuple[list[_Alone], tuple[str, ...]]:
+def _with_common_zero(found: list[_Alone]) -> tuple[list[_Alone], tuple[str, ...]]:
     """Return the estimates with the rotor's zero, common to all, where a recording shows that it is off.
 
     Or with the law of Hall sensors out of place, where that leaves clearly less of it; and the law's name.
@@ -218,59 +212,53 @@ def _with_common_zero(
     for one in found:
         if not moves_at(one.searched.objective, one.searched.point):
             continue
-        shown = with_rotor_zero(one.searched, method, max_corrections, one.seed)
+        shown = with_rotor_zero(one.searched, one.settings)
         if not is_sought(shown.objective):  # it is free now
-            return _with_zero_of(one, shown, found, method, max_corrections)
+            return _with_zero_of(one, shown, found)
     return found, ()
 
 
 def _with_zero_of(
-    one: _Alone, shown: SearchResult, found: list[_Alone], method: Method, max_corrections: int
+    one: _Alone, shown: SearchResult, found: list[_Alone]
 ) -> tuple[list[_Alone], tuple[str, ...]]:
     """Return `_with_common_zero` where `one` of the recordings has `shown` another zero."""
-    turned = one.selecting(shown, max_corrections)
-    sensed = with_hall_angles(one.searched, turned.result, method, max_corrections, one.seed)
+    turned = one.selecting(shown)
+    sensed = with_hall_angles(one.searched, turned.result, one.settings)
 
     def with_sensors(each: _Alone) -> _Alone:
         if each is one and sensed is not None:
-            return each.selecting(sensed, max_corrections)
-        return each.with_laws((HALL_ANGLES,), method, max_corrections)
+            return each.selecting(sensed)
+        return each.search_with_laws((HALL_ANGLES,))
 
     def with_zero(each: _Alone) -> _Alone:
         if each is one:
             return turned
         near = zero_of(shown)
-        return each.selecting(
-            with_zero_near(each.searched, near, method, max_corrections, each.seed), max_corrections
-        )
+        return each.selecting(with_zero_near(each.searched, near, each.settings))
 
     if sensed is not None:
         return _of_each(found, with_sensors), (HALL_ANGLES,)
     return _of_each(found, with_zero), ()
 
 
-def _with_common_laws(
-    found: list[_Alone], method: Method, max_corrections: int
-) -> tuple[list[_Alone], tuple[str, ...]]:
+def _with_common_laws(found: list[_Alone]) -> tuple[list[_Alone], tuple[str, ...]]:
     """Return the estimates with laws that the description lacks, common to all, and the names of these.
 
-    What explains the first that is not explained, if it explains more of them; where all are explained, what
-    a share of `LEAST_SHARE` shows.
+    Those of the first whose residual exceeds what is expected, if more residuals are as expected with them;
+    where all are, those that a share of `LEAST_SHARE` shows.
     """
-    unexplained = [one for one in found if not one.result.explained and one.moves]
-    asked = _of_each(unexplained[:1] or found, lambda one: one.laws(method, max_corrections))
+    exceeding = [one for one in found if not one.result.residual_is_expected and one.moves]
+    asked = _of_each(exceeding[:1] or found, _Alone.find_laws)
     counts = Counter(name for laws in asked for name in laws)
     laws = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(asked))
     if not laws:
         return found, ()
-    with_them = _of_each(found, lambda one: one.with_laws(laws, method, max_corrections))
-    explained, before = (sum(one.result.explained for one in each) for each in (with_them, found))
-    return (with_them, laws) if explained > before or not unexplained else (found, ())
+    with_them = _of_each(found, lambda one: one.search_with_laws(laws))
+    expected, before = (sum(one.result.residual_is_expected for one in each) for each in (with_them, found))
+    return (with_them, laws) if expected > before or not exceeding else (found, ())
 
 
-def _with_common_parameters(
-    found: list[_Alone], asked: list[_Alone], method: Method, max_corrections: int
-) -> list[_Alone]:
+def _with_common_parameters(found: list[_Alone], asked: list[_Alone]) -> list[_Alone]:
     """Return the estimates with parameters free, in all, that are off in `LEAST_SHARE` of them at least.
 
     `asked` are those `found` with the parameters free that each shows by itself.
@@ -284,8 +272,8 @@ def _with_common_parameters(
     def with_these(one: _Alone) -> _Alone:
         if set(one.parameters) == {*open_before, *free}:
             return one
-        searched = with_free(one.searched, free, method, max_corrections, one.seed)
-        return one.selecting(searched, max_corrections)
+        searched = with_free(one.searched, free, one.settings)
+        return one.selecting(searched)
 
     return _of_each(asked, with_these)
 
@@ -296,7 +284,7 @@ def _of_each(found: Sequence[_Alone], function: Callable[[_Alone], T]) -> list[T
 
 
 def _with_all(
-    result: SearchResult, names: tuple[str, ...], selected: tuple[str, ...], max_corrections: int, seed: int
+    result: SearchResult, names: tuple[str, ...], selected: tuple[str, ...], settings: SearchSettings
 ) -> SearchResult:
     """Return the result with the nuisances `selected` in any recording estimated of this one too."""
     problem, estimated = result.objective.problem, result.objective.space.nuisances
@@ -305,8 +293,8 @@ def _with_all(
     if not more:
         return result
     objective, point = with_nuisances(result, names, more)
-    child = child_seed(seed, "nuisances of other recordings")
-    return correct_bias(objective, point[np.newaxis], max_corrections, child)
+    child = settings.child("nuisances of other recordings")
+    return correct_bias(objective, point[np.newaxis], child.max_corrections, child.seed)
 
 
 def alone_estimates(alone: Sequence[SearchResult], joint: JointObjective, seed: int) -> AloneEstimates | None:

@@ -20,7 +20,9 @@ from emaphm.estimation.joint.correction import JointEstimate, corrected_estimate
 from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.joint.uncertainty import joint_uncertainty
 from emaphm.estimation.levenberg_marquardt import descend
+from emaphm.estimation.methods import method_named
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import Recording, check_plausible
@@ -78,8 +80,7 @@ def diagnose_joint(
         checked,
         actuator,
         nuisances,
-        max_corrections,
-        seed,
+        SearchSettings(method_named(METHOD), max_corrections, seed),
         workers,
         subprogress(on_progress, 0.0, ALONE_SHARE),
     )

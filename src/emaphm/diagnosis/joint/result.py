@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from emaphm.diagnosis.load_estimate import LoadEstimate, is_of_load
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.text import NOT_EXPLAINED
-from emaphm.diagnosis.varying_load import LoadEstimate, is_of_load
 from emaphm.text_table import format_table
 
 

@@ -2,9 +2,9 @@
 
 Drives have them in units of their own, tune them by themselves, or keep them to themselves. The current then
 answers to its demand, or the demand to the speed, sooner or later than the model's. Where that is large the
-recording is not explained, and all gains are asked for at once. Where it is small the faults take it up: of
-the current's control the residual shows that by its direction (Rao 1948: a score test); of the speed's,
-`description_errors` asks for what makes up for it.
+residual exceeds what is expected, and all gains are asked for at once. Where it is small the faults take it
+up: of the current's control the residual shows that by its direction (Rao 1948: a score test); of the
+speed's, `description_errors` asks for what makes up for it.
 """
 
 from collections.abc import Sequence
@@ -15,12 +15,12 @@ from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS
 from emaphm.diagnosis.selection.description_errors import not_as_described, objective_with, with_free
 from emaphm.diagnosis.selection.laws.law_fit import search_with_law, without_law
-from emaphm.diagnosis.selection.nuisance_selection import SelectedNuisances
 from emaphm.diagnosis.selection.residual_share import share_of_residual
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import CONTROL_ERRORS, CURRENT_CONTROL, SELECTION, SPEED_CONTROL
-from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import regressed
@@ -40,55 +40,57 @@ def as_described(objective: MapObjective, names: Sequence[str]) -> tuple[str, ..
     return tuple(name for name in names if name not in known and any(described_parts(actuator, name) or ()))
 
 
-def with_control_errors(
-    searched: SearchResult, method: Method, max_corrections: int, seed: int
-) -> SearchResult:
+def with_control_errors(searched: SearchResult, settings: SearchSettings) -> SearchResult:
     """Return the estimate with gains of the control free, where the recording shows that they are off.
 
-    Where it is explained, those of the current control that the residual shows; where it is not, all. They
+    Where its residual is expected, those of the current control that it shows; where it is not, all. They
     must leave clearly less than `searched`, which is returned as it is elsewhere; and than the search without
     them from where they lead, which is returned where it has only found its way better.
     """
-    names, least = _asked_for(searched, seed)
+    names, least = _asked_for(searched, settings.seed)
     if not names:
         return searched
-    found = with_free(searched, names, method, max_corrections, seed)
-    if not found.explained:
-        least = 0.0 if searched.explained else CONTROL_ERRORS.unexplained_share
+    found = with_free(searched, names, settings)
+    if not found.residual_is_expected:
+        least = 0.0 if searched.residual_is_expected else CONTROL_ERRORS.excess_share
     if share_of_residual(found, searched) >= least or _may_be_another_gear(found):
         return searched
-    back = without_law(found, searched, max_corrections, seed)
+    back = without_law(found, searched, settings)
     if share_of_residual(found, back) < least:
         return found
-    return back if back.explained else searched
+    return back if back.residual_is_expected else searched
 
 
-def with_control_law(
-    searched: SearchResult, found: SelectedNuisances, method: Method, max_corrections: int, seed: int
-) -> tuple[SearchResult, str] | None:
-    """Return the estimate with a law of the control, and its name, from that `searched` without one.
+def with_control_law(searched: SearchResult, found: Selection, settings: SearchSettings) -> Selection | None:
+    """Return the estimate with a law of the control from that `searched` without one.
 
     `found` has the nuisances that were selected without laws. Where they do not explain the recording, the
     law is returned that leaves least, if that is no more than noise: other laws are tried elsewhere, and
     compared with it. A command that lags looks like channels that come late, a feedforward like early ones:
     where a delay was selected that explains the recording, only these two are tried.
     """
-    laws = CONTROL_LAWS if not found.result.explained else LIKE_A_DELAY if "delay" in found.names else ()
+    laws = (
+        CONTROL_LAWS
+        if not found.result.residual_is_expected
+        else LIKE_A_DELAY
+        if "delay" in found.nuisances
+        else ()
+    )
     possible = [name for name in laws if LAWS[name].is_possible(searched.objective.problem.actuator)]
     tried = in_threads(
-        lambda name: search_with_law(searched, name, method, max_corrections, seed),
+        lambda name: search_with_law(searched, name, settings),
         possible,
         searched.objective.problem.workers,
     )
     convincing = {
         name: one
         for name, one in zip(possible, tried, strict=True)
-        if one.explained and one.normalised_residual < CONTROL_ERRORS.convincing
+        if one.residual_is_expected and one.normalised_residual < CONTROL_ERRORS.convincing
     }
     if not convincing:
         return None
     name = min(convincing, key=lambda one: convincing[one].residual_variance)
-    return convincing[name], name
+    return Selection(convincing[name], laws=(name,))
 
 
 def contradicted_control(result: SearchResult, seed: int) -> tuple[str, ...]:
@@ -110,7 +112,7 @@ def _may_be_another_gear(found: SearchResult) -> bool:
 
 def _asked_for(searched: SearchResult, seed: int) -> tuple[tuple[str, ...], float]:
     """Return the gains that are asked for, and what share of the residual they may leave."""
-    if not searched.explained:
+    if not searched.residual_is_expected:
         return as_described(searched.objective, CONTROL), SELECTION.likely_share
     names, score = _shown(searched, seed)
     return names, 1.0 if score > CONTROL_ERRORS.certain else SELECTION.likely_share

@@ -1,6 +1,6 @@
 """Parameters of the description that are off, although faults or sensors make up for them.
 
-Two kinds show in an estimate that passes for explained.
+Two kinds show in an estimate whose residual is expected.
 
 - The motion of a drive stays as it is where the gain of its speed loop, all torques and the inertia change by
   one factor: the current changes by it. So a speed gain that is a tenth off reads as a current of another
@@ -29,15 +29,15 @@ from emaphm.diagnosis.selection.settings import (
     SPEED_CONTROL,
 )
 from emaphm.diagnosis.verdict import VERDICT
-from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.space.parameter_space import SHORTS
 from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import size_of_one
-from emaphm.random_streams import child_seed, stream
+from emaphm.random_streams import stream
 
 SPEED_LOOP = ("speed_gain",)
 INDUCTANCE = "inductance"
@@ -59,7 +59,7 @@ class PossibleError:
 
 
 def possible_errors(result: SearchResult, names: Sequence[str], seed: int) -> list[PossibleError]:
-    """Return what may be off where `result` passes for explained.
+    """Return what may be off where the residual of `result` is expected.
 
     `names` are the nuisances that were selected for it. Not asked for is what the actuator does not have,
     what a calibration has found, and what is open anyway; nor the motor where a phase is healthy and no
@@ -112,13 +112,11 @@ def inductance_score(result: SearchResult, seed: int) -> float:
     return abs(size) / error if abs(size) > DESCRIPTION_ERRORS.least else 0.0
 
 
-def with_free(
-    searched: SearchResult, parameters: tuple[str, ...], method: Method, max_corrections: int, seed: int
-) -> SearchResult:
+def with_free(searched: SearchResult, parameters: tuple[str, ...], settings: SearchSettings) -> SearchResult:
     """Return the estimate with `parameters` of the description free, from that `searched` without them."""
-    child = child_seed(seed, "error of the description", *parameters)
+    child = settings.child("error of the description", *parameters)
     objective = objective_with(searched.objective, parameters)
-    return Fit.of(searched, objective, parameters[0], method, child).corrected(max_corrections, child)
+    return Fit.of(searched, objective, parameters[0], child).corrected(child)
 
 
 def suspected_parameters(result: SearchResult) -> tuple[str, ...]:

@@ -85,7 +85,7 @@ class _Scan:
 
     @classmethod
     def of(cls, searched: SearchResult, model: LinearModel) -> Self:
-        """Return it for the estimate that was `searched` without a load that steps."""
+        """Return the scan for the estimate that was `searched` without a load that steps."""
         half, (_, time, rise) = searched.objective.problem.inputs.duration / 2, step_names(1)
         middle = {time: Located(half, half), rise: Located(0.0, STEPS.rise)}
         return cls(*with_nuisances(searched, (), step_names(1), 1.0, middle), model)

@@ -15,12 +15,12 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
-from emaphm.diagnosis.selection.first_look import FirstLook
 from emaphm.diagnosis.selection.nuisance_candidates import worthwhile_candidates
 from emaphm.diagnosis.selection.profile import PROFILED
 from emaphm.diagnosis.selection.residual_share import hopeless_next_to, share_of_residual
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rivals import residual_power, with_rivals
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
 from emaphm.diagnosis.selection.supply.supply_profile import SUPPLY
 from emaphm.diagnosis.selection.supply.supply_scan import is_off, with_supply
@@ -30,6 +30,7 @@ from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.global_search.multistart import multistart
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, error_kind, sensor_error
 from emaphm.estimation.space.nuisances import usual_deviation
 from emaphm.estimation.uncertainty.local_covariance import (
@@ -40,34 +41,25 @@ from emaphm.random_streams import child_seed, stream
 from emaphm.threads import in_threads
 
 
-@dataclass(frozen=True, eq=False)
-class SelectedNuisances:
-    """The `result` with the significant nuisances estimated too, their `names`, and a first look at it."""
-
-    result: SearchResult
-    names: tuple[str, ...]
-    look: FirstLook
-
-
-def select_nuisances(result: SearchResult, max_corrections: int, seed: int) -> SelectedNuisances:
+def select_nuisances(result: SearchResult, settings: SearchSettings) -> Selection:
     """Return the result with the significant nuisances estimated too."""
     names: tuple[str, ...] = ()
     while True:
-        worthwhile = worthwhile_candidates(result, names, seed)
+        worthwhile = worthwhile_candidates(result, names, settings.seed)
         result = worthwhile.result
-        best = _best(result, worthwhile.candidates, names, max_corrections, seed)
-        unexplained = not (result if best is None else best[1]).explained
-        if unexplained and resolves_switching(result.objective.problem):
-            best = _from_afar(result, names, max_corrections, seed) or best
+        best = _best(result, worthwhile.candidates, names, settings)
+        exceeds = not (result if best is None else best[1]).residual_is_expected
+        if exceeds and resolves_switching(result.objective.problem):
+            best = _from_afar(result, names, settings) or best
         if best is None:
-            return SelectedNuisances(result, names, worthwhile.look)
+            return Selection(result, names, look=worthwhile.look)
         result, names = best[1], (*names, best[0])
 
 
 def _from_afar(
-    result: SearchResult, names: tuple[str, ...], max_corrections: int, seed: int
+    result: SearchResult, names: tuple[str, ...], settings: SearchSettings
 ) -> tuple[str, SearchResult] | None:
-    """Return the error of sensors, and the result with it, that explains what is not explained without.
+    """Return the error of sensors with which the residual is expected, and the result with it.
 
     A delay of several rows reads as another gain, a scale as shorts, a zero as a load: they lead the search
     so far astray that no descent from there finds back. Each is searched for anew, and the `most_corrected`
@@ -76,14 +68,20 @@ def _from_afar(
     problem = result.objective.problem
     others = result.objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
     kinds = [name for name in others if name == COMMON_DELAY or error_kind(name) in ("scale", "offset")]
-    ends = in_threads(lambda name: _FarEnd.of(result, names, name, seed), kinds, problem.workers)
+    ends = in_threads(lambda name: _FarEnd.of(result, names, name, settings.seed), kinds, problem.workers)
     least = sorted(ends, key=lambda end: end.cost)[: SENSOR_SELECTION.most_corrected]
     is_hopeless = hopeless_next_to(result)
 
     def corrected(end: _FarEnd) -> SearchResult | None:
-        child = child_seed(seed, "nuisance selection from afar", end.name)
-        tried = correct_bias(end.objective, end.points, max_corrections, child, is_hopeless=is_hopeless)
-        return tried if tried.explained and _significant(tried, result, end.name, child) else None
+        child = settings.child("nuisance selection from afar", end.name)
+        tried = correct_bias(
+            end.objective, end.points, child.max_corrections, child.seed, is_hopeless=is_hopeless
+        )
+        return (
+            tried
+            if tried.residual_is_expected and _significant(tried, result, end.name, child.seed)
+            else None
+        )
 
     tried = in_threads(corrected, least, problem.workers)
     outcomes = [(end.name, one) for end, one in zip(least, tried, strict=True) if one is not None]
@@ -101,7 +99,7 @@ class _FarEnd:
 
     @classmethod
     def of(cls, result: SearchResult, names: tuple[str, ...], name: str, seed: int) -> Self:
-        """Return it for the nuisance `name`, where `names` were selected before."""
+        """Return the end of the search with the nuisance `name`, where `names` were selected before."""
         narrow, _ = with_nuisances(result, names, (name,), SENSOR_SELECTION.search_widening)
         wide, _ = with_nuisances(result, names, (name,))
         found = multistart(narrow, child_seed(seed, "search with a nuisance", name))
@@ -114,8 +112,7 @@ def _best(
     result: SearchResult,
     candidates: list[Candidate],
     names: tuple[str, ...],
-    max_corrections: int,
-    seed: int,
+    settings: SearchSettings,
 ) -> tuple[str, SearchResult] | None:
     """Return the most probable candidate and its result, None where none is significant.
 
@@ -129,24 +126,26 @@ def _best(
             continue
         if not candidate.promising and not any(sensor_error(name) for name, _ in kept):
             continue
-        child = child_seed(seed, "nuisance selection", candidate.name)
-        # A sensor's error has to explain what is not explained, or most of it; others need not.
+        child = settings.child("nuisance selection", candidate.name)
+        # A sensor's error has to explain what exceeds the expected residual, or most of it; others need not.
         is_hopeless = hopeless_next_to(result) if sensor_error(candidate.name) else never
         point = candidate.point[np.newaxis]
-        tried = correct_bias(candidate.objective, point, max_corrections, child, is_hopeless=is_hopeless)
+        tried = correct_bias(
+            candidate.objective, point, child.max_corrections, child.seed, is_hopeless=is_hopeless
+        )
         if candidate.name == SUPPLY:
-            tried = with_supply(tried, names, max_corrections, child)
-        if _significant(tried, result, candidate.name, child):
+            tried = with_supply(tried, names, child)
+        if _significant(tried, result, candidate.name, child.seed):
             kept.append((candidate.name, tried))
     if not kept:
         return None
-    before = residual_power(result, result, seed) if len(kept) > 1 else 1.0
+    before = residual_power(result, result, settings.seed) if len(kept) > 1 else 1.0
     levels = []
     for name, tried in kept:
         share = (
             share_of_residual(tried, result)
             if len(kept) == 1
-            else residual_power(tried, result, seed) / before
+            else residual_power(tried, result, settings.seed) / before
         )
         levels.append(_improbability(tried, result, name, share))
     first = int(np.argmin(levels))
@@ -196,7 +195,7 @@ def _deviation(tried: SearchResult, name: str) -> float:
 def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:
     """Return whether an estimated error of a sensor is more than chance and the rows' distance make of it."""
     objective = tried.objective
-    if not tried.explained and share >= SENSOR_SELECTION.unexplained_share:
+    if not tried.residual_is_expected and share >= SENSOR_SELECTION.excess_share:
         return False
     if share >= 1 - SENSOR_SELECTION.chance / objective.compared_rows:
         return False

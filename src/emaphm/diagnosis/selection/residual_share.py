@@ -34,7 +34,7 @@ def notes_on_alternatives(result: SearchResult) -> tuple[str, ...]:
     for one in result.alternatives:
         own = {*one.objective.space.nuisances.unit.parameters} - here
         # Most alternatives are of the same description, and need no comparison.
-        if own and one.explained and share_of_residual(one, result) < SELECTION.equal_share:
+        if own and one.residual_is_expected and share_of_residual(one, result) < SELECTION.equal_share:
             others |= own
     if not others:
         return ()
@@ -47,8 +47,8 @@ def hopeless_next_to(before: SearchResult) -> Callable[[SearchResult], bool]:
     """Return what says whether an estimate that makes no progress is given up.
 
     It is tried because the estimate `before` does not explain the recording: what does leaves clearly less.
-    Where that is explained, none is.
+    Where its residual is expected, none is.
     """
-    if before.explained:
+    if before.residual_is_expected:
         return never
     return lambda tried: leaves_as_much(tried, before, LAW_SELECTION.share)

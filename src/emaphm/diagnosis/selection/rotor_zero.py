@@ -17,15 +17,15 @@ from emaphm.diagnosis.selection.residual_share import hopeless_next_to, share_of
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.space.parameter_space import ECCENTRICITY, SHORTS, ParameterSpace
 from emaphm.estimation.uncertainty.local_covariance import jacobians_of
 from emaphm.estimation.uncertainty.partial_regression import size_of_one
-from emaphm.random_streams import child_seed, stream
+from emaphm.random_streams import stream
 from emaphm.recording.schema import PHASES
 
 
@@ -89,7 +89,7 @@ def with_rotor_at(objective: MapObjective, electrical_rad: float) -> MapObjectiv
     return replace(objective, problem=replace(problem, start=start))
 
 
-def with_rotor_zero(searched: SearchResult, method: Method, max_corrections: int, seed: int) -> SearchResult:
+def with_rotor_zero(searched: SearchResult, settings: SearchSettings) -> SearchResult:
     """Return the estimate with the rotor's zero, where the recording shows that it is not as described.
 
     That is where only another one explains it, or one leaves clearly less; elsewhere `searched` as it is, or
@@ -97,19 +97,21 @@ def with_rotor_zero(searched: SearchResult, method: Method, max_corrections: int
     """
     if not is_sought(searched.objective):
         return searched
-    if searched.explained and not (_phases_differ(searched) and _shows_zero(searched, seed)):
+    if searched.residual_is_expected and not (
+        _phases_differ(searched) and _shows_zero(searched, settings.seed)
+    ):
         return searched
-    found = with_zero_near(searched, 0.0, method, max_corrections, seed)
-    if not found.explained:
+    found = with_zero_near(searched, 0.0, settings)
+    if not found.residual_is_expected:
         return searched
-    if searched.explained and share_of_residual(found, searched) >= ROTOR_ZERO_SETTINGS.share:
+    if searched.residual_is_expected and share_of_residual(found, searched) >= ROTOR_ZERO_SETTINGS.share:
         return searched
     if abs(zero_of(found)) > ROTOR_ZERO_SETTINGS.least:
         return found
     start = searched.objective.space.carried_over(found.point, found.objective.space)
-    child = child_seed(seed, "the rotor's zero, as described")
-    as_described = correct_bias(searched.objective, start[np.newaxis], max_corrections, child)
-    return as_described if as_described.explained else searched
+    child = settings.child("the rotor's zero, as described")
+    as_described = correct_bias(searched.objective, start[np.newaxis], child.max_corrections, child.seed)
+    return as_described if as_described.residual_is_expected else searched
 
 
 def is_sought(objective: MapObjective) -> bool:
@@ -117,28 +119,24 @@ def is_sought(objective: MapObjective) -> bool:
     return objective.problem.actuator.commutates and is_as_described(objective)
 
 
-def with_zero_near(
-    searched: SearchResult, near: float, method: Method, max_corrections: int, seed: int
-) -> SearchResult:
+def with_zero_near(searched: SearchResult, near: float, settings: SearchSettings) -> SearchResult:
     """Return the estimate with the rotor's zero free: the one that is nearest to `near` [rad, electrical].
 
     Of all that are a sixth of a turn apart, so that the phases of several recordings have the same names. It
     is searched for once where that leaves hardly less of what `searched` does not explain.
     """
-    actuator, child = searched.objective.problem.actuator, child_seed(seed, "the rotor's zero")
+    actuator, child = searched.objective.problem.actuator, settings.child("the rotor's zero")
     found = search(
         objective_with(searched.objective, (ROTOR_ZERO,)),
-        method,
+        child,
         fitness="least_squares",
-        max_corrections=max_corrections,
-        seed=child,
         is_hopeless=hopeless_next_to(searched),
     )
     sixths = round((zero_of(found) - near) / SIXTH)
     if not sixths:
         return found
     start = with_phases_renamed(found.objective.space, found.point, actuator, sixths)
-    return correct_bias(found.objective, start[np.newaxis], max_corrections, child)
+    return correct_bias(found.objective, start[np.newaxis], child.max_corrections, child.seed)
 
 
 def zero_of(result: SearchResult) -> float:

@@ -74,8 +74,8 @@ class SensorSelectionSettings:
     a reversed sensor is beyond what the derivatives show.
 
     Of candidates whose descents leave up to `rival_share` times the least residual, that with the least one
-    after its own correction is kept: errors of one channel look like those of another. One that leaves the
-    recording unexplained has to leave less than `unexplained_share` of the residual.
+    after its own correction is kept: errors of one channel look like those of another. One whose residual
+    still exceeds what is expected has to leave less than `excess_share` of that before.
 
     A parameter that is not needed removes χ² / rows of the mean squared residual, with one degree of freedom.
     Of the seventeen errors, none exceeds `chance` in 99 of 100 recordings. A delay is also more than
@@ -93,7 +93,7 @@ class SensorSelectionSettings:
     search_widening: float = 15.0
     most_corrected: int = 3
     rival_share: float = 1.5
-    unexplained_share: float = 0.5
+    excess_share: float = 0.5
     chance: float = 12.0
     least_rows: float = 0.1
 
@@ -139,8 +139,8 @@ class ControlErrorSettings:
     A gain of the current control by the score test is off by more than `least`, relative, and `likely`
     standard errors; beyond `certain` ones a new search need only leave less. With current and line voltage 1
     of 40 recordings of a PMSM and a six-step drive as described had a score (1.3), of 40 with gains 5 to 30 %
-    off that were explained 2 had less than 2. Where the recording is not explained, gains that do not explain
-    it either must leave less than `unexplained_share` of the mean squared residual; a law of the control is
+    off whose residual was expected 2 had less than 2. Where the residual exceeds what is expected, gains with
+    which it still does must leave less than `excess_share` of its mean square; a law of the control is
     kept with a normalised residual below `convincing`. From one channel alone, a current, the logarithm of
     the speed gain is off by `most_alone` at most: gear ratios are wrong by larger factors. `step` is that of
     the logarithm for a derivative.
@@ -149,7 +149,7 @@ class ControlErrorSettings:
     least: float = 0.02
     likely: float = 2.0
     certain: float = 3.0
-    unexplained_share: float = 0.5
+    excess_share: float = 0.5
     convincing: float = 1.0
     most_alone: float = 0.6
     step: float = 0.05
@@ -162,17 +162,23 @@ CONTROL_ERRORS = ControlErrorSettings()
 class LawSelectionSettings:
     """When laws are tried, and which are kept; `make study` (limits, plants) measures them.
 
-    Tried while the recording is not explained. All laws are fitted by the averaged model, from afar and from
-    the estimate; the `corrected` best of each also with a correction of their own. One is kept that leaves
-    less than `share` of the mean squared residual; `most` laws at most. A second law of the friction is also
-    tried where the first explains the recording, and kept with less than `second_share`, which chance alone
-    leaves seldom (0.92 to 1.03 of three recordings), and only if it acts: where a law has no effect with all
-    of its parameters 0, one of them is `significant` standard errors from it.
+    Tried while the residual exceeds what is expected. All laws are fitted by the averaged model, from afar
+    and from the estimate; the `corrected` best of each also with a correction of their own. One is kept that
+    leaves less than `share` of the mean squared residual; `most` laws at most.
+
+    An estimate leaves clearly less than another one where it leaves less than the share `clearly_less` of its
+    residual: chance alone seldom does (0.92 to 1.03 of three recordings). An estimate with a law, or with a
+    load that varies, is refined only where it leaves clearly less than the one without. Where the residual is
+    not expected before a lag of the current sensors is tried, one of the first lags must leave clearly less.
+
+    A second law of the friction is also tried where the residual with the first is expected. It is kept with
+    less than `clearly_less`, and only if it acts: where a law has no effect with all of its parameters 0, one
+    of them is `significant` standard errors from it.
     """
 
     corrected: int = 2
     share: float = 0.8
-    second_share: float = 0.95
+    clearly_less: float = 0.95
     significant: float = 2.0
     most: int = 4
 

@@ -1,8 +1,9 @@
 """A load that varies while the actuator is recorded: over time, and with the position.
 
 In flight the air's load follows speed, attitude and gusts, and rises with the deflection. Taken as constant,
-it leaves a recording unexplained, or reads as drifts of sensors. Here it is a spline in time and a stiffness,
-or a load that steps, estimated with the faults: what is known of the faults then is what no such load does.
+it leaves more residual than is expected, or reads as drifts of sensors. Here it is a spline in time and a
+stiffness, or a load that steps, estimated with the faults: what is known of the faults then is what no such
+load does.
 """
 
 from dataclasses import dataclass, replace
@@ -15,16 +16,16 @@ from emaphm.diagnosis.selection.laws.law_fit import Fit
 from emaphm.diagnosis.selection.linear_model import LinearModel
 from emaphm.diagnosis.selection.load_steps import with_steps
 from emaphm.diagnosis.selection.residual_share import leaves_as_much, share_of_residual
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import LAW_SELECTION, SELECTION
 from emaphm.errors import DivergedError
 from emaphm.estimation.bias_correction import correct_bias
-from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import KNOWN_BY, LOAD_VARIATION, described_name, usual_deviation
-from emaphm.random_streams import child_seed
 from emaphm.simulation.laws.load_steps import STEP_PREFIX
 
 VARYING_LOAD, LOAD_STEP = (LOAD_VARIATION, "hinge"), "load_step"
@@ -65,10 +66,8 @@ class VaryingLoadSettings:
 VARYING = VaryingLoadSettings()
 
 
-def with_varying_load(
-    searched: SearchResult, method: Method, max_corrections: int, seed: int
-) -> tuple[SearchResult, tuple[str, ...]] | None:
-    """Return the estimate with a load that varies, from that `searched` without one, and which of `LOADS`.
+def with_varying_load(searched: SearchResult, settings: SearchSettings) -> Selection | None:
+    """Return the estimate with a load that varies, from that `searched` without one; which of `LOADS` it is.
 
     The one of least parameters that explains the recording. None where none does, nor seems to, or where the
     load is known.
@@ -80,42 +79,43 @@ def with_varying_load(
         return None
     of_any = replace(objective, problem=replace(problem, actuator=_with_any_load(problem)))
     searched = replace(searched, objective=of_any)
-    tried: list[tuple[SearchResult, tuple[str, ...]]] = []
-    for names, loaded in _promising(searched, seed):
-        found = _searched_with(searched, loaded, method, max_corrections, seed)
+    tried: list[Selection] = []
+    for names, loaded in _promising(searched, settings.seed):
+        found = _searched_with(searched, loaded, settings)
         if found is not None and _is_believed(found, names):
-            return found, names
-        if found is not None and not leaves_as_much(found, searched, LAW_SELECTION.second_share):
-            tried.append((found, names))
+            return Selection(found, names)
+        if found is not None and not leaves_as_much(found, searched, LAW_SELECTION.clearly_less):
+            tried.append(Selection(found, names))
     if not tried:
         return None
-    nearest, names = min(tried, key=lambda one: one[0].normalised_residual)
-    refined = refine_by_reference(nearest, seed)
-    return (refined, names) if _is_believed(refined, names) else None
+    nearest = min(tried, key=lambda one: one.result.normalised_residual)
+    refined = refine_by_reference(nearest.result, settings.seed)
+    return replace(nearest, result=refined) if _is_believed(refined, nearest.nuisances) else None
 
 
 def _is_believed(loaded: SearchResult, names: tuple[str, ...]) -> bool:
     """Return whether a load explains the recording: one that is all of `LOADS` at once, convincingly."""
-    return is_convincing(loaded) if names == LOADS else loaded.explained
+    return is_convincing(loaded) if names == LOADS else loaded.residual_is_expected
 
 
 def _searched_with(
-    searched: SearchResult, loaded: MapObjective, method: Method, max_corrections: int, seed: int
+    searched: SearchResult, loaded: MapObjective, settings: SearchSettings
 ) -> SearchResult | None:
     """Return the estimate with a load that `loaded` has more, corrected; None if it carries the model away.
 
     Corrected once more where it explains, but not convincingly: a rise time is the last to converge.
     """
     steps = (name for name in loaded.space.nuisances.names if name.startswith(STEP_PREFIX))
-    child = child_seed(seed, "search with a varying load", *steps)
+    child = settings.child("search with a varying load", *steps)
     try:
-        found = Fit.of(searched, loaded, LOAD_VARIATION, method, child).corrected(max_corrections, child)
+        found = Fit.of(searched, loaded, LOAD_VARIATION, child).corrected(child)
     except DivergedError:
         return None
-    if not found.explained or is_convincing(found):
+    if not found.residual_is_expected or is_convincing(found):
         return found
-    again = correct_bias(loaded, found.point[np.newaxis], max_corrections, child_seed(child, "again"))
-    return min(found, again, key=lambda one: one.normalised_residual)
+    again = child.child("again")
+    anew = correct_bias(loaded, found.point[np.newaxis], again.max_corrections, again.seed)
+    return min(found, anew, key=lambda one: one.normalised_residual)
 
 
 def is_convincing(loaded: SearchResult) -> bool:
@@ -142,7 +142,7 @@ def _promising(searched: SearchResult, seed: int) -> list[tuple[tuple[str, ...],
 
 def explains_better(loaded: SearchResult, rival: SearchResult) -> bool:
     """Return whether a load that varies is believed, and not what explains the recording without one."""
-    return not rival.explained or share_of_residual(loaded, rival) < SELECTION.likely_share
+    return not rival.residual_is_expected or share_of_residual(loaded, rival) < SELECTION.likely_share
 
 
 def _with_any_load(problem: Problem) -> Actuator:

@@ -11,11 +11,11 @@ from emaphm.estimation.correction_iterations import BIAS_CORRECTION, FROM_STARTS
 from emaphm.estimation.discrepancy import REFERENCE_RUNS, reference_problem
 from emaphm.estimation.global_search.heavy_current import is_heavy, leaves_switching_alone
 from emaphm.estimation.global_search.multistart import descend_from, multistart
-from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.reference.ensemble import refine_by_ensemble
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import child_seed, stream
 
@@ -31,9 +31,7 @@ SAME_POINT = 0.02
 
 def search_with_restarts(
     objective: MapObjective,
-    method: Method,
-    max_corrections: int,
-    seed: int,
+    settings: SearchSettings,
     on_progress: Progress | None,
     starts: Array | None = None,
     is_hopeless: Callable[[SearchResult], bool] = never,
@@ -49,27 +47,27 @@ def search_with_restarts(
     if starts is not None:
         points = objective.space.project(starts)
         if is_heavy(objective.problem):
-            ends.append(_heavy_from_starts(objective, points, seed, on_progress))
+            ends.append(_heavy_from_starts(objective, points, settings.seed, on_progress))
         else:
-            ends.append(_from_starts(objective, points, max_corrections, seed, on_progress))
-        if _is_explained(ends[0]):
+            ends.append(_from_starts(objective, points, settings, on_progress))
+        if _reaches_noise(ends[0]):
             return ends[0]
     for search in range(1 + MAX_RESTARTS):
-        child = child_seed(seed, "restart", search - 1) if search else seed
-        other = _search(objective, method, max_corrections, child, None if search else on_progress)
+        child = settings.child("restart", search - 1) if search else settings
+        other = _search(objective, child, None if search else on_progress)
         agree = bool(ends) and _alike(other, _best(ends))
         ends.append(other)
         if not search and is_hopeless(_best(ends)):
             return _best(ends)
-        if agree or _is_explained(_best(ends)):
+        if agree or _reaches_noise(_best(ends)):
             break
     best = _best(ends)
     others = tuple(one for one in ends if one is not best)
-    refined = refine_by_reference(best, seed)
+    refined = refine_by_reference(best, settings.seed)
     return replace(refined, alternatives=others) if others else refined
 
 
-def _is_explained(result: SearchResult) -> bool:
+def _reaches_noise(result: SearchResult) -> bool:
     """Return whether noise and switching account for what is left: all of it, of a heavy current."""
     if is_heavy(result.objective.problem):
         return leaves_switching_alone(result)
@@ -87,8 +85,7 @@ def _alike(one: SearchResult, other: SearchResult) -> bool:
 def _from_starts(
     objective: MapObjective,
     points: Array,
-    max_corrections: int,
-    seed: int,
+    settings: SearchSettings,
     on_progress: Progress | None,
 ) -> SearchResult:
     """Return where corrections from `points` lead.
@@ -99,15 +96,16 @@ def _from_starts(
     the reference model itself.
     """
     progress = subprogress(on_progress, 0.0, 0.9)
-    settings = FROM_STARTS
+    correction = FROM_STARTS
     if len(points) > 1:
         found = descend_from(objective, points)
         points = found.points[np.argsort(found.costs, kind="stable")[:MOST_STARTS]]
-        settings = BIAS_CORRECTION
-    result = correct_bias(objective, points, max_corrections, seed, progress, settings)
+        correction = BIAS_CORRECTION
+    most, seed = settings.max_corrections, settings.seed
+    result = correct_bias(objective, points, most, seed, progress, correction)
     if not result.down_to_noise:
         child = child_seed(seed, "on from the starts")
-        onwards = correct_bias(objective, result.point[np.newaxis], max_corrections, child)
+        onwards = correct_bias(objective, result.point[np.newaxis], most, child)
         result = refine_by_reference(_best([result, onwards]), child)
     return replace(result, started=True)
 
@@ -129,17 +127,16 @@ def _heavy_from_starts(
 
 def _search(
     objective: MapObjective,
-    method: Method,
-    max_corrections: int,
-    seed: int,
+    settings: SearchSettings,
     on_progress: Progress | None = None,
 ) -> SearchResult:
     """Return where the global search and the corrections after it end."""
     heavy = is_heavy(objective.problem)
     searched, corrected = (0.1, 0.2) if heavy else (0.4, 1.0)
-    refined = multistart(objective, seed, method.optimizer, subprogress(on_progress, 0.0, searched))
+    most, seed, optimizer = settings.max_corrections, settings.seed, settings.method.optimizer
+    refined = multistart(objective, seed, optimizer, subprogress(on_progress, 0.0, searched))
     progress = subprogress(on_progress, searched, corrected)
-    result = correct_bias(objective, refined.points, max_corrections, seed, progress)
+    result = correct_bias(objective, refined.points, most, seed, progress)
     if not heavy:
         return result
     return refine_by_ensemble(result, seed, subprogress(on_progress, corrected, 1.0))

@@ -10,7 +10,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.laws import Mask, breaks, in_common, is_moving
-from emaphm.prognosis.prior import Hypotheses, Rows, with_laws
+from emaphm.prognosis.prior import Hypotheses, Rows, replace_law_fields
 from emaphm.prognosis.settings import AS_ANOTHER
 from emaphm.random_streams import stream
 
@@ -30,7 +30,7 @@ def with_changed_laws(belief: Belief, step: float) -> Belief:
     changes, law = changes[rows], belief.law[rows]
     goes_on = changes & is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
     after = with_hypotheses(belief, rows, changes & ~goes_on, _of_same_stress(drawn, belief, rows))
-    return replace(after, **with_laws(after, rows, goes_on, drawn))
+    return replace(after, **replace_law_fields(after, rows, goes_on, drawn))
 
 
 def after_onset(belief: Belief, sets_in: Mask, random: np.random.Generator) -> Belief:
@@ -81,7 +81,7 @@ def with_hypotheses(belief: Belief, rows: Rows, where: Mask, drawn: Hypotheses) 
     exponents[row, column] = drawn.exponents[where]
     return replace(
         belief,
-        **with_laws(belief, rows, where, drawn),
+        **replace_law_fields(belief, rows, where, drawn),
         exponents=exponents,
         rate=rate,
         mixed=mixed,

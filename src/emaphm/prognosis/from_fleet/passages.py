@@ -96,7 +96,7 @@ class Passages(NamedTuple):
         return cls(slowness, precision, *numbers)
 
     def waiting(self, age: float, least: float = LEAST_HOURS) -> "Passages":
-        """Return it of one component that is at `age` [h] now: one that waits has done so up to then."""
+        """Return the passages of one component at `age` [h]: if it waits, it has waited up to then."""
         if self.passed:
             return self
         return self._replace(waited=np.asarray(np.log(max(age, LEAST_WAIT * least))))

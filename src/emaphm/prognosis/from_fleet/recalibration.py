@@ -102,7 +102,7 @@ class Recalibration:
     outcomes: Sequence[PastForecasts]
 
     def without(self, unit: str) -> "Recalibration":
-        """Return it without what became of `unit`."""
+        """Return the recalibration without the past forecasts of `unit`."""
         return Recalibration([one for one in self.outcomes if one.unit != unit])
 
     def correction(self, situation: ForecastSituation) -> tuple[float, float]:

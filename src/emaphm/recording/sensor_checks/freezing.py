@@ -74,7 +74,10 @@ class _Usual:
 
     @classmethod
     def of(cls, values: Array, live: Mask) -> Self:
-        """Return it of `values` (n,), where they are `live` (n,): the noise of the longest such stretch."""
+        """Return the usual noise, count and step of `values` (n,), from the rows where they are `live` (n,).
+
+        The noise is that of the longest live stretch.
+        """
         first, lengths = runs_of_equal(live.astype(float))
         length, start = max((n, at) for n, at in zip(lengths, first, strict=True) if live[at])
         step = float(np.percentile(np.abs(np.diff(values))[live[1:]], 90))

@@ -1,4 +1,4 @@
-"""Laws that hide where the estimate without them passes for explained: a score test finds them.
+"""Laws that hide where the residual without them is expected: a score test finds them.
 
 A torque constant that falls with the current reads as small shorts, an eccentricity, a friction below
 healthy or another inertia; voltage that the inverter takes, as another inertia or scale; a speed feedback

@@ -18,15 +18,15 @@ from emaphm.diagnosis.selection.residual_share import hopeless_next_to, leaves_a
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, LAW_SELECTION, MOTOR
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.global_search.multistart import local_search, multistart
-from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance
-from emaphm.random_streams import child_seed, stream
+from emaphm.random_streams import stream
 
 ONLY_WHILE_SWITCHING = ("sensor-lag",)
 """Laws that hardly act on the averaged model: the reference model shows them, by a scan."""
@@ -49,12 +49,12 @@ class Fit:
     far: float
 
     @classmethod
-    def of(cls, before: SearchResult, objective: MapObjective, name: str, method: Method, seed: int) -> Self:
-        """Return it for an `objective` with more than `before`."""
-        found = multistart(objective, seed, method.optimizer)
+    def of(cls, before: SearchResult, objective: MapObjective, name: str, settings: SearchSettings) -> Self:
+        """Return the fit of an `objective` that has more than that of `before`."""
+        found = multistart(objective, settings.seed, settings.method.optimizer)
         start = objective.space.carried_over(before.point, before.objective.space)
         correction = objective.of_channels(before.outputs_correction)
-        near = local_search(objective, start, correction, stream(seed, "local search")).best
+        near = local_search(objective, start, correction, stream(settings.seed, "local search")).best
         return cls(
             name,
             before,
@@ -64,43 +64,41 @@ class Fit:
             min(_current_cost(objective, point, 0.0) for point in found.points),
         )
 
-    def corrected(self, max_corrections: int, seed: int) -> SearchResult:
+    def corrected(self, settings: SearchSettings) -> SearchResult:
         """Return the estimate, corrected by the reference model, or given up next to that before."""
         is_hopeless = hopeless_next_to(self.before)
-        return correct_bias(self.objective, self.points, max_corrections, seed, is_hopeless=is_hopeless)
+        return correct_bias(
+            self.objective, self.points, settings.max_corrections, settings.seed, is_hopeless=is_hopeless
+        )
 
 
-def fit_with_law(before: SearchResult, law: Law, method: Method, seed: int) -> Fit:
+def fit_with_law(before: SearchResult, law: Law, settings: SearchSettings) -> Fit:
     """Return where the averaged model fits best once its actuator has the law."""
-    return Fit.of(before, with_law(before.objective, law), law.name, method, seed)
+    return Fit.of(before, with_law(before.objective, law), law.name, settings)
 
 
-def search_with_law(
-    searched: SearchResult, name: str, method: Method, max_corrections: int, seed: int
-) -> SearchResult:
+def search_with_law(searched: SearchResult, name: str, settings: SearchSettings) -> SearchResult:
     """Return the estimate with the law, from that `searched` without it."""
-    child = child_seed(seed, "hidden law", name)
+    child = settings.child("hidden law", name)
     objective = with_law(searched.objective, LAWS[name])
-    return search_with(searched, objective, name, method, max_corrections, child)
+    return search_with(searched, objective, name, child)
 
 
 def search_with(
     searched: SearchResult,
     objective: MapObjective,
     name: str,
-    method: Method,
-    max_corrections: int,
-    seed: int,
+    settings: SearchSettings,
 ) -> SearchResult:
     """Return the estimate with what `objective` has more than that `searched` without it: `name`.
 
     One that leaves hardly less is not refined: what is right leaves less at once, if not yet as little as it
     can.
     """
-    found = Fit.of(searched, objective, name, method, seed).corrected(max_corrections, seed)
-    if leaves_as_much(found, searched, LAW_SELECTION.second_share):
+    found = Fit.of(searched, objective, name, settings).corrected(settings)
+    if leaves_as_much(found, searched, LAW_SELECTION.clearly_less):
         return found
-    return refine_by_reference(found, seed)
+    return refine_by_reference(found, settings.seed)
 
 
 def _current_cost(objective: MapObjective, point: Array, correction: Array | float) -> float:
@@ -109,14 +107,14 @@ def _current_cost(objective: MapObjective, point: Array, correction: Array | flo
     return float(np.mean(residual**2)) / float(objective.problem.weights[0]) ** 2
 
 
-def without_law(tried: SearchResult, before: SearchResult, max_corrections: int, seed: int) -> SearchResult:
+def without_law(tried: SearchResult, before: SearchResult, settings: SearchSettings) -> SearchResult:
     """Return where the search without a law ends from the estimate `tried` with it.
 
     By the description and the nuisances of the estimate `before`.
     """
     start = before.objective.space.carried_over(tried.point, tried.objective.space)
-    child = child_seed(seed, "without a law")
-    return correct_bias(before.objective, start[np.newaxis], max_corrections, child)
+    child = settings.child("without a law")
+    return correct_bias(before.objective, start[np.newaxis], child.max_corrections, child.seed)
 
 
 def acts(result: SearchResult, law: Law, seed: int) -> bool:

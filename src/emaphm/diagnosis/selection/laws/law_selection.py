@@ -1,7 +1,9 @@
-"""Laws that the actuator shows although its description lacks them: tried where a recording is not explained.
+"""Laws that the actuator shows although its description lacks them.
 
-A friction curve or a compliant shaft that nobody named is explained, as far as it can be, by faults: several
-at once, and large. Each law of the library is therefore given to the actuator in turn, its parameters free,
+They are tried where the residual of an estimate exceeds what is expected.
+
+Faults make up for a friction curve or a compliant shaft that nobody named, as far as they can: several at
+once, and large. Each law of the library is therefore given to the actuator in turn, its parameters free,
 and the whole search repeated. The law that leaves the smallest residual is kept, if it leaves clearly less.
 """
 
@@ -16,11 +18,11 @@ from emaphm.diagnosis.selection.laws.law_fit import (
     without_law,
 )
 from emaphm.diagnosis.selection.laws.sensor_lag import with_best_lag
+from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import LAW_SELECTION
-from emaphm.estimation.methods import Method
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
-from emaphm.random_streams import child_seed
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.threads import in_threads
 
 SUSPECTS = (
@@ -56,26 +58,24 @@ FRICTION_CURVES = ("stribeck", "transition", "presliding", "load-dependent", "di
 """Those that together make a friction curve: where one explains a recording, another may be there too."""
 
 
-def select_laws(
-    result: SearchResult, method: Method, max_corrections: int, seed: int
-) -> tuple[SearchResult, tuple[str, ...]]:
-    """Return the result with the laws that explain what it does not, and their names.
+def select_laws(result: SearchResult, settings: SearchSettings) -> Selection:
+    """Return the result with the laws that explain what it does not.
 
     Without any, it may still be another than before: a law gives the search a way out of a place where it was
     held, whether the actuator has the law or not. So the search without it is repeated from where it leads.
 
     Its alternatives are all other ends that were compared by the reference model.
     """
-    first = _Trials(result, method, max_corrections, seed)
+    first = _Trials(result, settings)
     found = _forward_selection(first, SUSPECTS)
-    excluding = [name for name in found[1] if name in THROUGH_STANDSTILL]
-    if found[0].explained or not excluding:
+    excluding = [name for name in found.laws if name in THROUGH_STANDSTILL]
+    if found.result.residual_is_expected or not excluding:
         return found
     others = tuple(name for name in SUSPECTS if name not in excluding)
     rival = _forward_selection(first, others)
-    best, other = sorted((found, rival), key=lambda one: one[0].residual_variance)
-    ends = (*best[0].alternatives, replace(other[0], alternatives=()), *other[0].alternatives)
-    return replace(best[0], alternatives=ends), best[1]
+    best, other = sorted((found, rival), key=lambda one: one.result.residual_variance)
+    end = replace(other.result, alternatives=())
+    return best.with_alternatives((*best.result.alternatives, end, *other.result.alternatives))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +83,7 @@ class _Trials:
     """The laws that are tried from one estimate, `before` them; each is fitted once."""
 
     before: SearchResult
-    method: Method
-    max_corrections: int
-    seed: int
+    settings: SearchSettings
     fits: dict[str, Fit] = field(default_factory=dict)
     outcomes: dict[str, SearchResult | None] = field(default_factory=dict)
 
@@ -103,49 +101,46 @@ class _Trials:
         return {name: outcome for name, outcome in found.items() if outcome is not None}
 
     def _fit(self, name: str) -> Fit:
-        return fit_with_law(
-            self.before, LAWS[name], self.method, child_seed(self.seed, "law selection", name)
-        )
+        return fit_with_law(self.before, LAWS[name], self.settings.child("law selection", name))
 
     def _corrected(self, fit: Fit) -> SearchResult | None:
         """Return the estimate with the law, corrected by the reference model; None as `with_best_lag`."""
         if fit.name in ONLY_WHILE_SWITCHING:
-            return with_best_lag(fit, fit.before, self.max_corrections, self.seed)
-        child = child_seed(self.seed, "law selection, corrected", fit.name)
-        return fit.corrected(self.max_corrections, child)
+            return with_best_lag(fit, fit.before, self.settings)
+        return fit.corrected(self.settings.child("law selection, corrected", fit.name))
 
 
-def _forward_selection(trials: _Trials, allowed: tuple[str, ...]) -> tuple[SearchResult, tuple[str, ...]]:
+def _forward_selection(trials: _Trials, allowed: tuple[str, ...]) -> Selection:
     """Return `select_laws` with the laws `allowed`, one after another: the best at each time."""
     result, names = trials.before, tuple[str, ...]()
-    max_corrections, seed = trials.max_corrections, trials.seed
+    settings = trials.settings
     before = [result, *result.alternatives]
     ends = list(before)
     for _ in range(LAW_SELECTION.most):
-        suspects = allowed if not result.explained else _second_of_friction(names)
+        suspects = allowed if not result.residual_is_expected else _second_of_friction(names)
         if trials.before is not result:
-            trials = _Trials(result, trials.method, max_corrections, seed)
+            trials = _Trials(result, settings)
         outcomes = trials.corrected(suspects)
         if not outcomes:
             break
         ends += outcomes.values()
         law = min(outcomes, key=lambda name: outcomes[name].residual_variance)
-        share = LAW_SELECTION.second_share if result.explained else LAW_SELECTION.share
-        back = without_law(outcomes[law], result, max_corrections, seed)
+        share = LAW_SELECTION.clearly_less if result.residual_is_expected else LAW_SELECTION.share
+        back = without_law(outcomes[law], result, settings)
         if back.residual_variance < result.residual_variance:
             ends.append(back)
             result = back
         if outcomes[law].residual_variance > share * result.residual_variance:
             break
-        if result.explained and not acts(outcomes[law], LAWS[law], seed):
+        if result.residual_is_expected and not acts(outcomes[law], LAWS[law], settings.seed):
             break
-        result, names = refine_by_reference(outcomes[law], seed), (*names, law)
+        result, names = refine_by_reference(outcomes[law], settings.seed), (*names, law)
         ends.remove(outcomes[law])
         ends.append(result)
     if len(ends) == len(before):
-        return result, names
+        return Selection(result, laws=names)
     others = tuple(replace(one, alternatives=()) for one in ends if one is not result)
-    return replace(result, alternatives=others), names
+    return Selection(replace(result, alternatives=others), laws=names)
 
 
 def _second_of_friction(names: tuple[str, ...]) -> tuple[str, ...]:

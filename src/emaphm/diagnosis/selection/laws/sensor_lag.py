@@ -1,4 +1,4 @@
-"""A lag of the drive's current sensors where the estimate without it passes for explained.
+"""A lag of the drive's current sensors where the residual without it is expected.
 
 The lag acts by the switching alone: the current overshoots its band. A wrong scale or supply, or faults, may
 leave no more of the residual as a whole; in the ripple the right lag is seen (`ripple`).
@@ -20,14 +20,14 @@ from emaphm.diagnosis.selection.settings import LAW_SELECTION
 from emaphm.diagnosis.selection.supply.supply_scan import is_scanned
 from emaphm.estimation.bias_correction import compared
 from emaphm.estimation.discrepancy import reference_problem
-from emaphm.estimation.methods import Method
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.reference.scan import CURRENT_LAGS_S, scan
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.parameter_space import ParameterSpace
-from emaphm.random_streams import child_seed, stream
+from emaphm.random_streams import stream
 from emaphm.threads import in_threads
 
 SENSOR_LAG = "sensor-lag"
@@ -69,7 +69,7 @@ class LagComparison:
 
     @classmethod
     def at(cls, objective: MapObjective, point: Array, space: ParameterSpace) -> Self:
-        """Return it for an `objective` without the lag, at a `point` (d,) of `space`."""
+        """Return the comparison for an `objective` without the lag, at a `point` (d,) of `space`."""
         law = LAWS[SENSOR_LAG]
         lagging = with_free_law(objective, law, law.parameters)
         with_lag = lagging.space.carried_over(point, space)
@@ -111,18 +111,18 @@ def answer_to_lag(powers: Array) -> float:
 
 
 def with_sensor_lag(
-    searched: SearchResult, before: SearchResult, method: Method, max_corrections: int, seed: int
+    searched: SearchResult, before: SearchResult, settings: SearchSettings
 ) -> SearchResult | None:
     """Return the estimate with the lag that the reference model prefers, from that `searched` without it.
 
     None where no lag is as good as none, in the estimate `before`.
     """
-    fit = fit_with_law(searched, LAWS[SENSOR_LAG], method, child_seed(seed, "lag of the current sensors"))
-    found = with_best_lag(fit, before, max_corrections, seed)
-    return None if found is None else refine_by_reference(found, seed)
+    fit = fit_with_law(searched, LAWS[SENSOR_LAG], settings.child("lag of the current sensors"))
+    found = with_best_lag(fit, before, settings)
+    return None if found is None else refine_by_reference(found, settings.seed)
 
 
-def with_best_lag(fit: Fit, before: SearchResult, max_corrections: int, seed: int) -> SearchResult | None:
+def with_best_lag(fit: Fit, before: SearchResult, settings: SearchSettings) -> SearchResult | None:
     """Return the estimate with the lag that the reference model prefers to the estimate `before` it.
 
     None where no lag is as good. The residual falls towards a lag that is there, and rises beyond: if a
@@ -130,22 +130,22 @@ def with_best_lag(fit: Fit, before: SearchResult, max_corrections: int, seed: in
     must leave as much less than the estimate before as any law must. Where that explains nothing, one of the
     lags that are tried first must leave clearly less.
     """
-    child = child_seed(seed, "law selection, corrected", fit.name)
+    child = settings.child("law selection, corrected", fit.name)
 
     @cache
     def with_lag(lag: float) -> SearchResult:
         problem = fit.objective.problem
         lagging = with_lumped_parameters(problem.actuator, {"current_lag": lag})
         objective = replace(fit.objective, problem=replace(problem, actuator=lagging))
-        return replace(fit, objective=objective).corrected(max_corrections, child)
+        return replace(fit, objective=objective).corrected(child)
 
     workers = fit.objective.problem.workers
     probed = in_threads(with_lag, PROBED_LAGS_S, workers)
     least, longer, longest = (one.residual_variance for one in probed)
     if longer > least > LAW_SELECTION.share * before.residual_variance:
         return None
-    shown = min(least, longer, longest) <= LAW_SELECTION.second_share * before.residual_variance
-    if not (shown or before.explained):
+    shown = min(least, longer, longest) <= LAW_SELECTION.clearly_less * before.residual_variance
+    if not (shown or before.residual_is_expected):
         return None
     found = scan(CURRENT_LAGS_S, with_lag, lambda one: one.residual_variance, workers)
     # The value is anywhere between its neighbours: evenly so, a third of the square of the way to one.

@@ -16,6 +16,7 @@ from emaphm.diagnosis.selection.supply.supply_profile import (
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import BASELINE, Located
 from emaphm.random_streams import child_seed
 
@@ -56,20 +57,18 @@ def supply_candidate(result: SearchResult, names: tuple[str, ...], seed: int) ->
     return Candidate(SUPPLY, objective, point, share)
 
 
-def with_supply(
-    result: SearchResult, names: tuple[str, ...], max_corrections: int, seed: int
-) -> SearchResult:
+def with_supply(result: SearchResult, names: tuple[str, ...], settings: SearchSettings) -> SearchResult:
     """Return the result with a supply that is estimated already where the reference model puts it.
 
     Scanned anew at each estimate, until it stays.
     """
     names = tuple(dict.fromkeys((*names, SUPPLY)))
     for i in range(SUPPLY_SCAN.corrections):
-        child = child_seed(seed, "located supply", str(i))
+        child = settings.child("located supply", str(i))
         objective, start = with_nuisances(result, names, (), located={SUPPLY: None})
         profiles = [
             supply_profile(objective, start, result.noise_level, one, thorough=True)
-            for one in (child, child_seed(child, "supply scan, again"))
+            for one in (child.seed, child_seed(child.seed, "supply scan, again"))
         ]
         located, _ = profiles[0].with_another(profiles[1]).located
         before = result.objective.space.nuisances.located.get(SUPPLY)
@@ -78,14 +77,14 @@ def with_supply(
             # The estimate stays, so does its supply.
             point[column_of(objective)] = _value(result, located) / unit_of_supply(objective)
             return replace(result, objective=objective, point=point, known_outputs=None, jacobians=None)
-        result = correct_bias(objective, point[np.newaxis], max_corrections, child)
+        result = correct_bias(objective, point[np.newaxis], child.max_corrections, child.seed)
     return result
 
 
-def with_asked_supply(result: SearchResult, max_corrections: int, seed: int) -> SearchResult:
+def with_asked_supply(result: SearchResult, settings: SearchSettings) -> SearchResult:
     """Return the result with a supply that somebody named where the reference model puts it."""
     if SUPPLY in result.objective.space.nuisances.chosen and is_scanned(result.objective.problem.actuator):
-        return with_supply(result, (), max_corrections, seed)
+        return with_supply(result, (), settings)
     return result
 
 

@@ -1,0 +1,24 @@
+"""An estimate, and the names of what was selected for it although nobody named it."""
+
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+from emaphm.diagnosis.selection.first_look import FirstLook
+from emaphm.estimation.search_result import SearchResult
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """The `result` with all that was selected, and the names of the selected `nuisances` and `laws`.
+
+    `look` is the first look at what else may deviate.
+    """
+
+    result: SearchResult
+    nuisances: tuple[str, ...] = ()
+    laws: tuple[str, ...] = ()
+    look: FirstLook = field(default_factory=FirstLook)
+
+    def with_alternatives(self, alternatives: tuple[SearchResult, ...]) -> Self:
+        """Return the selection with other `alternatives` of its result."""
+        return replace(self, result=replace(self.result, alternatives=alternatives))
