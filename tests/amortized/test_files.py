@@ -103,7 +103,8 @@ class Harm:
 
 
 WRONG = {
-    "another version": (header(format="emaphm estimator 9"), "reads 'emaphm estimator 3'"),
+    "another version": (header(format="emaphm estimator 9"), "reads 'emaphm estimator 4'"),
+    "the version before": (header(format="emaphm estimator 3"), "'emaphm estimator 3', this emaphm"),
     "something else": (header(format="model"), "no estimator"),
     "no header": (lambda members: members.pop(HEADER), "no header.json"),
     "broken header": (replaced(HEADER, b"{"), "no JSON"),

@@ -44,8 +44,8 @@ class Estimator:
 
     `network` answers from rows alone, read through `projection`; `update` improves its answers by the
     averaged model. `temperature` (d,) multiplies the standard deviations; `error_predictor` predicts the
-    error of an answer, and `limits` say when none is believed. `facts` are those of its training, for people to
-    read. All else is in the setup.
+    error of an answer, and `limits` say when none is believed. `facts` are those of its training, for people
+    to read. All else is in the setup.
     """
 
     setup: RecordingSetup

@@ -153,14 +153,14 @@ DOUBLE = (
     "temperature",
     "distances",
     "ratios",
-    "largest_predicted_error",
+    "predicted_error",
 )
 """Last parts of the names of what is kept exactly."""
 
 POSITIVE = ("units", "scatter", "deviations", "temperature")
 """Of these what others are divided or scaled by."""
 
-FIRST, UPDATE, ERROR_PREDICTOR = "network", "update", "error_predictor"
+FIRST, UPDATE, PREDICTOR = "network", "update", "error_predictor"
 """Names of the networks."""
 
 
@@ -171,15 +171,13 @@ def _arrays(estimator: "Estimator") -> dict[str, Any]:
         "temperature": estimator.temperature,
         "limits.distances": estimator.limits.distances,
         "limits.ratios": estimator.limits.ratios,
-        "limits.largest_predicted_error": np.array([estimator.limits.predicted_error]),
+        "limits.predicted_error": np.array([estimator.limits.predicted_error]),
         "compared.units": update.whitening.units,
         "compared.mean": update.whitening.mean,
         "compared.basis": update.whitening.basis,
         **_network_arrays(FIRST, estimator.projection, estimator.network),
         **_network_arrays(UPDATE, update.projection, update.network),
-        **_network_arrays(
-            ERROR_PREDICTOR, estimator.error_predictor.projection, estimator.error_predictor.network
-        ),
+        **_network_arrays(PREDICTOR, estimator.error_predictor.projection, estimator.error_predictor.network),
     }
 
 
@@ -210,15 +208,13 @@ def _shapes(header: _Header) -> dict[str, tuple[int, ...]]:
         "temperature": (d,),
         "limits.distances": (2,),
         "limits.ratios": (channels,),
-        "limits.largest_predicted_error": (1,),
+        "limits.predicted_error": (1,),
         "compared.units": (channels,),
         "compared.mean": (width,),
         "compared.basis": (width, header.compared),
         **_network_shapes(FIRST, header.network, channels, width, d),
         **_network_shapes(UPDATE, header.update, 1, feature_count(header.compared, d), d),
-        **_network_shapes(
-            ERROR_PREDICTOR, header.error_predictor, 1, predictor_feature_count(channels, d), 1
-        ),
+        **_network_shapes(PREDICTOR, header.error_predictor, 1, predictor_feature_count(channels, d), 1),
     }
 
 
@@ -281,11 +277,11 @@ def _estimator(archive: zipfile.ZipFile, path: Path, kind: "type[Estimator]") ->
         network,
         ModelUpdate(whitening, *_network(UPDATE, header.update, arrays)),
         arrays["temperature"],
-        ErrorPredictor(*_network(ERROR_PREDICTOR, header.error_predictor, arrays)),
+        ErrorPredictor(*_network(PREDICTOR, header.error_predictor, arrays)),
         Limits(
             arrays["limits.distances"],
             arrays["limits.ratios"],
-            float(arrays["limits.largest_predicted_error"][0]),
+            float(arrays["limits.predicted_error"][0]),
         ),
         header.facts,
     )

@@ -34,8 +34,7 @@ class LikenessSettings:
 
     The averaged model's error `model`, relative to a channel's rms; and limits: the `quantile` of held-out
     draws, times `margin`. Beyond are draws with heavy shorts, mostly: a full search for one of them costs
-    less than a wrong answer. The limit of the predicted error is its
-    `predicted_error_quantile`.
+    less than a wrong answer. That of the predicted error is its own quantile.
     """
 
     model: float = 0.02
