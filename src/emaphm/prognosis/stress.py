@@ -111,7 +111,7 @@ class StressReference:
     def rounded(self) -> "StressReference":
         """Return it with two digits, the temperature with three: it is a scale, and any near one will do.
 
-        Medians change a little with each flight, and with the reference all that the fleet teaches.
+        Medians change a little with each flight, and with the reference the whole prior from the fleet.
         """
         digits = (2, 3, 2)
         return StressReference(

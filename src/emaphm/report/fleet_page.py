@@ -350,7 +350,7 @@ def _population(population: Population) -> Iterator[str]:
         "`src/emaphm/fleet/synthetic/growth.py`, the numbers above in `population.py` of that folder. They "
         "were chosen before anything was predicted on them; the prognosis was developed on another fleet "
         "(`--population development`). But the share that the filter keeps of a forecast, and that "
-        "it keeps all where no tenth of a way is gone, were chosen on further units drawn from this one, so "
+        "it keeps all where a unit has passed no step, were chosen on further units drawn from this one, so "
         "that intervals hold the truth."
     )
 
