@@ -53,7 +53,7 @@ def limits_page(plan: Plan, runs: pl.DataFrame, folder: str) -> tuple[str, dict[
         *incomplete(runs.height, plan.total),
         *mixed(runs["revision"].to_list()),
         *_introduction(plan, runs, base, rates),
-        "## Where it is wrong without saying so\n",
+        "## Overconfident settings\n",
         *_overconfident(plan, rates),
     ]
     figures = {}
