@@ -81,7 +81,7 @@ for unit in history.units():
 # -------------------------
 #
 # The degradation filter follows level and rate of each component under several laws at once, with the full
-# covariance of each diagnosis. The other units of the part number teach it what rates are usual. From its
+# covariance of each diagnosis. The other units of the part number show which rates are usual. From its
 # state, a thousand futures are drawn; the remaining useful life (RUL) is the time at which the first
 # requirement fails.
 

@@ -9,7 +9,7 @@ from amortized.toys import THESIS, constant_estimator
 from emaphm.actuator import Chirp, Faults
 from emaphm.amortized import delays
 from emaphm.amortized.diagnosing import answer_alone, diagnose_by
-from emaphm.amortized.doubt.comparison import Comparison
+from emaphm.amortized.error_prediction.comparison import Comparison
 from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.model_update import Whitening
 from emaphm.amortized.networks.mixture import Mixture

@@ -174,12 +174,14 @@ def test_a_sure_and_wrong_answer_is_not_believed(recording: Recording) -> None:
     assert any("answer's own uncertainty" in note for note in diagnosis.recording_notes)
 
 
-def test_an_answer_that_is_doubted_is_not_believed(recording: Recording) -> None:
-    doubted = constant_estimator(SETUP, ANSWER, 0.01)
-    doubted = replace(doubted, limits=replace(doubted.limits, doubt=0.4))
-    diagnosis = diagnose_by(doubted, recording, THESIS, fast=True, max_corrections=0, workers=1)
+def test_an_answer_of_a_large_predicted_error_is_not_believed(recording: Recording) -> None:
+    estimator = constant_estimator(SETUP, ANSWER, 0.01)
+    estimator = replace(estimator, limits=replace(estimator.limits, predicted_error=0.4))
+    diagnosis = diagnose_by(estimator, recording, THESIS, fast=True, max_corrections=0, workers=1)
     assert diagnosis.method == "hybrid"
-    assert any("a doubt of 0.5, at most 0.4" in note for note in diagnosis.recording_notes)
+    assert any(
+        "predicted error 0.5 of the allowed one, at most 0.4" in note for note in diagnosis.recording_notes
+    )
 
 
 def test_a_search_that_leads_away_from_a_sure_answer_is_made_anew(recording: Recording) -> None:

@@ -6,7 +6,7 @@ from cases import THESIS, on_a_rig
 from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
-from emaphm.amortized.doubt.other_explanations import other_explanations
+from emaphm.amortized.error_prediction.other_explanations import other_explanations
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.actuator import Actuator, Chirp
-from emaphm.amortized.doubt.comparison import doubt_feature_count
-from emaphm.amortized.doubt.doubt import Doubt
+from emaphm.amortized.error_prediction.comparison import predictor_feature_count
+from emaphm.amortized.error_prediction.predictor import ErrorPredictor
 from emaphm.amortized.estimator import Estimator, Limits
 from emaphm.amortized.model_update import UPDATE, ModelUpdate, Whitening, feature_count
 from emaphm.amortized.networks.network import Block, Dense, Network, Normalisation, Single, output_width
@@ -59,15 +59,15 @@ def constant_estimator(
         1,
     )
     limits = Limits(np.full(2, limit), np.full(len(setup.channels), limit), limit)
-    doubt = constant_doubt(setup, 0.5, width)
+    predictor = constant_predictor(setup, 0.5, width)
     return Estimator(
-        setup, projection, network, no_update(setup, width), np.ones(d), doubt, limits, {"simulations": 0}
+        setup, projection, network, no_update(setup, width), np.ones(d), predictor, limits, {"simulations": 0}
     )
 
 
-def constant_doubt(setup: RecordingSetup, ratio: float, width: int = 4) -> Doubt:
-    """Return a doubt that expects an error of `ratio` times the allowed one, whatever it reads."""
-    features = doubt_feature_count(len(setup.channels), setup.space.dimensions)
+def constant_predictor(setup: RecordingSetup, ratio: float, width: int = 4) -> ErrorPredictor:
+    """Return a predictor of an error of `ratio` times the allowed one, whatever it reads."""
+    features = predictor_feature_count(len(setup.channels), setup.space.dimensions)
     projection, norm, nothing = _reading(features, width)
     network = Network(
         projection.layer,
@@ -78,7 +78,7 @@ def constant_doubt(setup: RecordingSetup, ratio: float, width: int = 4) -> Doubt
         np.ones(1),
         1,
     )
-    return Doubt(projection, network)
+    return ErrorPredictor(projection, network)
 
 
 def _reading(features: int, width: int) -> tuple[Projection, Normalisation, Dense]:

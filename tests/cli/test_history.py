@@ -208,7 +208,7 @@ def test_removals_and_findings(emaphm: Emaphm, flown: Path) -> None:
         (None, "90", None),
     ],
 )
-def test_a_finding_of_other_hours_than_the_units_is_doubted(
+def test_a_finding_of_other_hours_than_the_units_is_noted(
     emaphm: Emaphm, flown: Path, removed: str | None, found: str, words: str | None
 ) -> None:
     assert flown.is_dir()
@@ -225,20 +225,20 @@ def test_a_finding_of_other_hours_than_the_units_is_doubted(
         "--condition",
         "failed",
     )
-    doubt = answer(emaphm, *finding)["doubt"]
-    assert doubt is None if words is None else words in doubt
+    note = answer(emaphm, *finding)["doubt"]
+    assert note is None if words is None else words in note
     assert ("Note: " in emaphm("history", *finding).out) == (words is not None)
 
 
 @pytest.mark.parametrize(
     ("hours", "words"), [("60", "after this removal: 1, up to 100 h; it counts as in service"), ("120", None)]
 )
-def test_a_removal_before_the_last_recording_is_doubted(
+def test_a_removal_before_the_last_recording_is_noted(
     emaphm: Emaphm, flown: Path, hours: str, words: str | None
 ) -> None:
     assert flown.is_dir()
-    doubt = answer(emaphm, "removal", "--unit", "SN-7", "--hours", hours, "--reason", "failed")["doubt"]
-    assert doubt is None if words is None else words in doubt
+    note = answer(emaphm, "removal", "--unit", "SN-7", "--hours", hours, "--reason", "failed")["doubt"]
+    assert note is None if words is None else words in note
 
 
 def test_a_mistake_is_withdrawn(emaphm: Emaphm, flown: Path) -> None:

@@ -4,7 +4,7 @@ import importlib
 import json
 import sys
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -169,39 +169,70 @@ def polar(optimum: Array, block: Array) -> tuple[Array, Array, Array]:
     return radii, turns, density / density.sum()
 
 
-@pytest.mark.parametrize(
-    "optimum", [(0.0, 0.0), (0.02, 0.01), (-0.08, 0.005)], ids=["none", "small", "clear"]
-)
-def test_an_eccentricity_is_that_of_numerical_integration(optimum: tuple[float, float]) -> None:
+NONE, SMALL, CLEAR = (0.0, 0.0), (0.02, 0.01), (-0.08, 0.005)
+"""Optima of an eccentricity."""
+
+
+@cache
+def eccentric(optimum: tuple[float, float]) -> tuple[Posterior, Array, Array, Array]:
+    """Return the posterior at an optimum of the eccentricity, and `polar` of its numerical density."""
     information = np.diag(np.full(D, 0.02) ** -2)
     block = np.asarray(np.linalg.inv(0.02**2 * np.array([[1.0, 0.3], [0.3, 0.7]])), float)
     information[X : Y + 1, X : Y + 1] = block
     centre = MIDDLE.copy()
     centre[X : Y + 1] = optimum
-    posterior = sampled(centre, information)
-    count = effective(posterior)
-    radii, turns, density = polar(np.array(optimum), block)
+    return sampled(centre, information), *polar(np.array(optimum), block)
+
+
+def sampling_error(posterior: Posterior) -> float:
+    """Return how far the mass within an interval of 95 % may be off, by the number of samples."""
+    return float(FAR * np.sqrt(0.05 * 0.95 / effective(posterior)))
+
+
+@pytest.mark.parametrize(
+    ("optimum", "may_be_none"), [(NONE, True), (SMALL, True), (CLEAR, False)], ids=["none", "small", "clear"]
+)
+def test_an_eccentricity_is_that_of_numerical_integration(
+    optimum: tuple[float, float], may_be_none: bool
+) -> None:
+    posterior, radii, _, density = eccentric(optimum)
     # The mass within the interval is 95 % to its own sampling error, in the numerical density too.
-    error = FAR * np.sqrt(0.05 * 0.95 / count)
+    error = sampling_error(posterior)
     low, high = posterior.interval95["eccentricity"]
     radial = density.sum(axis=1)
     grid = 2 * float(radial.max())  # an end falls between two radii
     assert radial[(radii >= low) & (radii <= high)].sum() == pytest.approx(0.95, abs=error + grid)
-    around = density.sum(axis=0)
-    shortest = np.searchsorted(np.cumsum(np.sort(around)[::-1]), 0.95) / around.size
-    low, high = posterior.interval95["eccentricity_phase"]
-    if shortest > 0.92:  # well beyond where an arc is reported as the whole circle
-        assert (low, high) == (0.0, 1.0)
-    else:
-        held = around[(turns - low) % 1 <= high - low].sum()
-        assert held == pytest.approx(0.95, abs=error + 2 * float(around.max()))
-        # Length changes slowly about the shortest: a few percent for the sampling error of the mass.
-        assert high - low == pytest.approx(shortest, rel=0.08)
     # Per area, 0 belongs to the densest 95 % or not.
     area = radial / radii
     densest = np.argsort(area)[::-1]
     least = area[densest][np.searchsorted(np.cumsum(radial[densest]), 0.95)]
-    assert (posterior.interval95["eccentricity"][0] == 0) == (area[0] > least)
+    assert bool(area[0] > least) is may_be_none
+    assert (low == 0) is may_be_none
+
+
+def numerical_arc(density: Array) -> float:
+    """Return the length of the shortest arc [turns] that has 95 % of a density over radii and phases."""
+    around = density.sum(axis=0)
+    return float(np.searchsorted(np.cumsum(np.sort(around)[::-1]), 0.95) / around.size)
+
+
+@pytest.mark.parametrize("optimum", [SMALL, CLEAR], ids=["small", "clear"])
+def test_the_direction_of_an_eccentricity_is_that_of_numerical_integration(
+    optimum: tuple[float, float],
+) -> None:
+    posterior, _, turns, density = eccentric(optimum)
+    around = density.sum(axis=0)
+    low, high = posterior.interval95["eccentricity_phase"]
+    held = around[(turns - low) % 1 <= high - low].sum()
+    assert held == pytest.approx(0.95, abs=sampling_error(posterior) + 2 * float(around.max()))
+    # Length changes slowly about the shortest: a few percent for the sampling error of the mass.
+    assert high - low == pytest.approx(numerical_arc(density), rel=0.08)
+
+
+def test_the_direction_of_no_eccentricity_is_the_whole_circle() -> None:
+    posterior, _, _, density = eccentric(NONE)
+    assert numerical_arc(density) > 0.92  # well beyond where an arc is reported as the whole circle
+    assert posterior.interval95["eccentricity_phase"] == (0.0, 1.0)
 
 
 def test_intervals_are_the_shortest_and_keep_a_bound() -> None:

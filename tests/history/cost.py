@@ -69,7 +69,7 @@ def time_prognoses(where: str, part: str | None, workers: int) -> None:
         took = cpu_seconds(lambda: learnt_prior(history, unit))
         again = cpu_seconds(lambda: learnt_prior(history, unit))
         count = learnt_prior(history, unit).units
-        print(f"what {count} other units teach it: {took:.1f} s of processor, {again:.2f} s the second time")
+        print(f"the prior from {count} other units: {took:.1f} s of processor, {again:.2f} s the second time")
     began, spent = time.perf_counter(), sum(os.times()[:4])
     made = list(prognose_all(where, part_number=part, workers=workers))
     took, spent = time.perf_counter() - began, sum(os.times()[:4]) - spent

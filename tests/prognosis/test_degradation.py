@@ -176,7 +176,7 @@ def test_a_replacement_resets_its_component_and_no_other() -> None:
     assert after.levels[:, 0, 1:] == pytest.approx(0.0)
     assert after.mixed[:, 0, :] == pytest.approx(0.0)
     assert after.mixed[:, :, 0] == pytest.approx(0.0)
-    assert after.born[0] == 1000.0
+    assert after.new_at[0] == 1000.0
     # Between diagnoses, the age of the old one is known in part by its level; that of the new one is 0.
     later = replaced(predicted(before, 1040.0), which)
     assert np.any(later.age_and_level[:, 1:])

@@ -1,4 +1,4 @@
-"""What other units teach: the ways that they went, in whose time, and by how much units differ."""
+"""The prior from other units: their trajectories, on whose time scale, and by how much units differ."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,7 +15,7 @@ from emaphm.prognosis.evidence import Moment, follow, moments
 from emaphm.prognosis.filter.resampling import apart_again, kinds_of
 from emaphm.prognosis.from_fleet import learning
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint
-from emaphm.prognosis.from_fleet.references import References, Track
+from emaphm.prognosis.from_fleet.reference_trajectories import ReferenceTrajectories, Trajectory
 from emaphm.prognosis.laws import transition
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.settings import AS_ANOTHER, CONSTANT, DEGRADATION, FilterSettings
@@ -29,18 +29,18 @@ def bent(hours: Array | float) -> Array:
     return np.asarray(0.7 / (1 + np.exp(-(np.asarray(hours) - 900.0) / 180.0)))
 
 
-def track(level: Array) -> Track:
+def trajectory(level: Array) -> Trajectory:
     levels = np.tile(NEW, (HOURS.size, 1))
     levels[:, 0] = level
-    return Track(HOURS, np.tile(HOURS[:, np.newaxis], 8), levels, np.zeros(8), np.full(8, np.inf), NEW)
+    return Trajectory(HOURS, np.tile(HOURS[:, np.newaxis], 8), levels, np.zeros(8), np.full(8, np.inf), NEW)
 
 
-def test_a_component_goes_the_way_of_another_unit_in_its_own_time() -> None:
-    references = References.of([track(np.zeros(HOURS.size)), track(bent(HOURS))])
+def test_a_component_follows_the_trajectory_of_another_unit_on_its_own_time_scale() -> None:
+    trajectories = ReferenceTrajectories.of([trajectory(np.zeros(HOURS.size)), trajectory(bent(HOURS))])
     law, unit = np.full((1, 8), AS_ANOTHER, np.int8), np.ones((1, 8))
     scale = np.full((1, 8), 4000.0)  # twice the time of the other one
     for age, step in ((200.0, 300.0), (1500.0, 900.0), (100.0, 3800.0)):
-        reach, growth = transition(law, scale, unit, np.full((1, 8), age), step, DEGRADATION, references)
+        reach, growth = transition(law, scale, unit, np.full((1, 8), age), step, DEGRADATION, trajectories)
         # Amplitude 1, so a rate of 1/T; the other unit is interpolated at 65 points.
         expected = bent((age + step) / 2) - bent(age / 2)
         assert reach[0, 0] / 4000.0 == pytest.approx(expected, abs=2e-3)
@@ -48,35 +48,39 @@ def test_a_component_goes_the_way_of_another_unit_in_its_own_time() -> None:
         assert reach[0, 1] == pytest.approx(0.0)
 
 
-def test_after_its_end_a_way_goes_on_straight_or_as_a_power_each_as_likely() -> None:
-    references = References.of([track(0.6 * (HOURS / 4000.0) ** 1.6)])
+def test_a_trajectory_is_extrapolated_straight_or_as_a_power_with_equal_probability() -> None:
+    trajectories = ReferenceTrajectories.of([trajectory(0.6 * (HOURS / 4000.0) ** 1.6)])
     where = np.zeros(2, int)
-    straight, power = references.moved(np.array([0, 1]), np.full(2, 2.0), where)
+    straight, power = trajectories.change_at(np.array([0, 1]), np.full(2, 2.0), where)
     end = 0.6 * 0.5**1.6
     # The slope is that of the last fifth of the span: of the power law, a tenth of a span before its end.
     slope = end * 1.6 * 0.9**0.6
     assert straight == pytest.approx(end + slope, rel=0.02)
     assert power == pytest.approx(0.6, rel=0.05)
-    drawn, _ = references.drawn((4000, 8), np.random.default_rng(0))
+    drawn, _ = trajectories.drawn((4000, 8), np.random.default_rng(0))
     assert np.mean(drawn[:, 0]) == pytest.approx(0.5, abs=0.03)
 
 
-def test_a_way_that_is_straight_or_does_not_move_goes_on_straight_in_either_form() -> None:
+def test_a_trajectory_that_is_straight_or_constant_is_extrapolated_straight_in_either_form() -> None:
     where = np.zeros(2, int)
     for level in (3e-4 * HOURS, np.zeros(HOURS.size)):
-        found = References.of([track(level)]).moved(np.array([0, 1]), np.full(2, 1.5), where)
+        found = ReferenceTrajectories.of([trajectory(level)]).change_at(
+            np.array([0, 1]), np.full(2, 1.5), where
+        )
         assert found == pytest.approx([1.5 * level[-1]] * 2, rel=1e-6)
 
 
-def test_each_life_of_a_component_is_a_way_of_its_own() -> None:
+def test_each_life_of_a_component_is_a_trajectory_of_its_own() -> None:
     first, later = np.arange(8) == 0, HOURS[:, np.newaxis] > 1200.0
-    levels = track(bent(HOURS)).level
+    levels = trajectory(bent(HOURS)).level
     levels[HOURS > 1200.0, 0] = 1e-4 * (HOURS[HOURS > 1200.0] - 1200.0)
     age = np.where(first & later, HOURS[:, np.newaxis] - 1200.0, HOURS[:, np.newaxis])
-    born = np.where(first, [[0.0], [1200.0]], [[0.0], [np.inf]])
+    new_at = np.where(first, [[0.0], [1200.0]], [[0.0], [np.inf]])
     until = np.where(first, [[1200.0], [np.inf]], np.inf)
-    found = References.of([Track(HOURS, age, levels, *ends, NEW) for ends in zip(born, until, strict=True)])
-    # Each way twice, by how it goes on.
+    found = ReferenceTrajectories.of(
+        [Trajectory(HOURS, age, levels, *ends, NEW) for ends in zip(new_at, until, strict=True)]
+    )
+    # Each trajectory twice, by its extrapolation.
     assert found.span[:, 0].tolist() == [1200.0, 800.0] * 2
     assert found.span[:, 1:].tolist() == [[2000.0] * 7, [0.0] * 7] * 2
     assert found.change[0, 0, -1] == pytest.approx(bent(1200.0))
@@ -94,7 +98,7 @@ def test_copies_differ_again_without_widening() -> None:
 
 
 def flown(time: float, amplitude: float, seed: int, upto: float = 2000.0, every: float = 100.0) -> Evidence:
-    """Return diagnoses of a unit whose friction goes the bent way, in a multiple of its time."""
+    """Return diagnoses of a unit whose friction follows the bent trajectory, in a multiple of its time."""
     random = np.random.default_rng(seed)
     observations = []
     for hours in np.arange(every, upto + 1, every):
@@ -116,15 +120,15 @@ def fleet() -> list[Evidence]:
     return [flown(float(time), 1.0, i, every=200.0) for i, time in enumerate(times)]
 
 
-def test_a_new_unit_is_believed_to_go_the_way_of_its_fleet(fleet: list[Evidence]) -> None:
+def test_a_new_unit_is_believed_to_follow_the_trajectories_of_its_fleet(fleet: list[Evidence]) -> None:
     prior = fleet_prior(fleet)
     belief = follow(flown(0.9, 1.0, 99, upto=1200.0, every=200.0), prior).belief
     assert belief.law_probabilities()[0, AS_ANOTHER] > 0.7
     assert belief.law_probabilities()[0].sum() == pytest.approx(1.0)
 
 
-def test_units_that_live_for_a_hundred_hours_teach_a_life_of_as_many(fleet: list[Evidence]) -> None:
-    """All hours a twentieth: the time of the others' way is below the least that a law's has."""
+def test_units_that_live_for_a_hundred_hours_give_a_prior_of_such_lives(fleet: list[Evidence]) -> None:
+    """All hours a twentieth: the time of the others' trajectories is below the least life scale of a law."""
     prior = fleet_prior([hastened(one, 20.0) for one in fleet[:3]])
     belief = follow(hastened(flown(0.9, 1.0, 99, upto=1200.0, every=200.0), 20.0), prior).belief
     as_others = belief.law[:, 0] == AS_ANOTHER
@@ -132,24 +136,27 @@ def test_units_that_live_for_a_hundred_hours_teach_a_life_of_as_many(fleet: list
     assert np.median(belief.life_scale[as_others, 0]) == pytest.approx(0.9 * 2000.0 / 20.0, rel=0.3)
 
 
-def test_what_a_shop_replaces_after_a_failure_takes_nothing_of_what_the_life_taught() -> None:
+def test_what_a_shop_replaces_after_a_failure_takes_no_hypotheses_of_that_life_away() -> None:
     """A unit that failed at 1,200 h, and the same one repaired, that flew on with a new friction since."""
     failed = replace(flown(1.0, 1.0, 3, upto=1200.0, every=200.0), failures=(1200.0,))
     repaired = replace(failed, replacements=((1200.0, "friction"),))
     later = [replace(one, hours=one.hours + 1200.0) for one in flown(1.0, 1.0, 4, upto=200.0).observations]
     flies = replace(repaired, hours=1400.0, observations=(*failed.observations, *later))
-    once, repaired_once, again = (learning.taught_by(one, Prior(), 0) for one in (failed, repaired, flies))
+    once, repaired_once, again = (
+        learning.hypotheses_of_unit(one, Prior(), 0) for one in (failed, repaired, flies)
+    )
     for other in (repaired_once, again):
-        assert np.array_equal(other.ways[0].level[:6], once.ways[0].level)
+        assert np.array_equal(other.trajectories[0].level[:6], once.trajectories[0].level)
         moving = [np.mean(one.hypotheses.law[:, 0] != CONSTANT) for one in (once, other)]
         assert moving[1] == pytest.approx(moving[0], abs=0.1)
         rates = [np.median(np.abs(one.hypotheses.rate[:, 0])) for one in (once, other)]
         assert rates[1] == pytest.approx(rates[0], rel=0.3)
-    # Two diagnoses of the second life make no way.
-    assert References.of(again.ways).span[:2, 0].tolist() == [References.of(once.ways).span[0, 0], 0.0]
+    # Two diagnoses of the second life make no trajectory.
+    spans = [ReferenceTrajectories.of(one.trajectories).span for one in (once, again)]
+    assert spans[1][:2, 0].tolist() == [spans[0][0, 0], 0.0]
 
 
-def test_two_lives_of_a_component_teach_half_each() -> None:
+def test_two_lives_of_a_component_give_half_of_the_hypotheses_each() -> None:
     """In the first one the component stood still, in the second it wore."""
     still, wore = (flown(1.0, amplitude, seed, every=200.0) for amplitude, seed in ((0.0, 5), (1.0, 6)))
     later = [replace(one, hours=one.hours + 2000.0) for one in wore.observations]
@@ -159,8 +166,8 @@ def test_two_lives_of_a_component_teach_half_each() -> None:
         observations=(*still.observations, *later),
         replacements=((2000.0, "friction"),),
     )
-    taught = [learning.taught_by(one, Prior(), 0).hypotheses for one in (still, wore, both)]
-    constant = [np.mean(one.law[:, 0] == CONSTANT) for one in taught]
+    hypotheses = [learning.hypotheses_of_unit(one, Prior(), 0).hypotheses for one in (still, wore, both)]
+    constant = [np.mean(one.law[:, 0] == CONSTANT) for one in hypotheses]
     assert constant[0] > 0.7
     assert constant[1] < 0.1
     assert constant[2] == pytest.approx((constant[0] + constant[1]) / 2, abs=0.1)
@@ -168,7 +175,7 @@ def test_two_lives_of_a_component_teach_half_each() -> None:
 
 @pytest.fixture
 def history(tmp_path: Path) -> Iterator[History]:
-    """Return a history of three units that teach and a new one, each with other cycles per hour."""
+    """Return a history of three usable units and a new one, each with other cycles per hour."""
     with History.open(tmp_path / "history.sqlite", create=True) as found:
         number = 0
         for i, (unit, flights) in enumerate((("S0", 3), ("S1", 4), ("S2", 3), ("new", 1))):
@@ -182,13 +189,13 @@ def history(tmp_path: Path) -> Iterator[History]:
 def said(prior: Prior) -> tuple[object, ...]:
     """Return what a prior says, in values that can be compared."""
     assert prior.fleet is not None
-    assert prior.fellows is not None
-    fellows = prior.fellows
+    assert prior.fleet_pace is not None
+    pace = prior.fleet_pace
     return (
         [one.tolist() for one in prior.fleet],
-        (prior.fleet_share, prior.units, prior.reference, fellows.reference, fellows.exponents.tolist()),
-        [fingerprint(one) for one in fellows.units],
-        None if prior.references is None else prior.references.change.tolist(),
+        (prior.fleet_share, prior.units, prior.reference, pace.reference, pace.exponents.tolist()),
+        [fingerprint(one) for one in pace.units],
+        None if prior.trajectories is None else prior.trajectories.change.tolist(),
     )
 
 
@@ -205,10 +212,10 @@ def test_a_fleets_prior_is_the_one_that_a_unit_of_the_history_gets(history: Hist
     assert said(fleet_prior(others, seed=3, actuator=made_up.THESIS)) == said(learnt)
 
 
-def test_units_that_teach_in_any_way_count_once(fleet: list[Evidence]) -> None:
+def test_units_that_are_followed_and_give_a_pace_count_once(fleet: list[Evidence]) -> None:
     three = fleet_prior(fleet[:3])
     assert three.units == 3
-    assert learning.with_pace(three, [one.unit for one in fleet[:3]], fleet[1:]).units == len(fleet)
+    assert learning.with_fleet_pace(three, [one.unit for one in fleet[:3]], fleet[1:]).units == len(fleet)
 
 
 def test_a_unit_is_followed_once_until_it_is_diagnosed_again(monkeypatch: pytest.MonkeyPatch) -> None:

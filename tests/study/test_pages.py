@@ -205,7 +205,7 @@ DRAWN = {"noise"}
 """Figure of the map, of eight that are drawn alike; drawing is what takes long."""
 
 
-def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Plan) -> None:
+def test_the_map_names_the_overconfident_settings(limits: Plan) -> None:
     undrawn = [section.model_copy(update={"figure": ""}) for section in limits.sections]
     page, none = limits_page(limits.model_copy(update={"sections": undrawn}), made("limits")[1], "limits")
     assert none == {}
@@ -227,7 +227,10 @@ def test_the_map_names_the_settings_that_are_wrong_without_saying_so(limits: Pla
     few = limits.model_copy(update={"sections": drawn})
     page, figures = limits_page(few, results(limits, 1.0, miss_the_gain), "limits")
     assert "1 of 42." in page
-    assert "- bits: 10: gain held by 0 %, 100 % explained, median error 7.25 %" in page
+    assert (
+        "- bits: 10: the 95 % interval of gain contains the truth in 0 % of the cases, 100 % of the "
+        "recordings are explained, median error 7.25 %" in page
+    )
     assert "- bits: 8" not in page
     assert "| 8 | 7.25 / 7.25 | 88 % | 0 % (gain) | 0 % |" in page
     assert figures.keys() == DRAWN

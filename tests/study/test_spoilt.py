@@ -14,7 +14,7 @@ from emaphm.report.spoilt_page import spoilt_page
 from emaphm.study import sensor_errors
 from emaphm.study.spoilt import changes
 from emaphm.study.spoilt.classes import CLASSES
-from emaphm.study.spoilt.judging import judged, wrong_components
+from emaphm.study.spoilt.judging import UNDETECTED_ERROR, judged, wrong_components
 from emaphm.study.spoilt.run import SpoiltCase, cases, perform, results, run, spoilt, tasks
 from emaphm.study.spoilt.source import CHANNELS
 
@@ -111,10 +111,10 @@ def test_only_a_definite_verdict_far_off_is_silently_wrong(diagnosed: Diagnosis)
         return str(judged(_with(diagnosed, value, half_width, verdict), diagnosed.faults)["outcome"])
 
     true = diagnosed.faults.gain
-    assert outcome(true + 0.05, 0.01, "degraded") == "silent wrong"
+    assert outcome(true + 0.05, 0.01, "degraded") == UNDETECTED_ERROR
     assert outcome(true + 0.05, 0.03, "degraded") == "right"  # within two half-widths
     assert outcome(true + 0.025, 0.005, "degraded") == "right"  # smaller than what counts
-    assert outcome(true + 0.05, 0.01, "cannot tell") != "silent wrong"
+    assert outcome(true + 0.05, 0.01, "cannot tell") != UNDETECTED_ERROR
 
 
 def test_the_direction_of_no_eccentricity_is_never_wrong(diagnosed: Diagnosis) -> None:
@@ -136,7 +136,7 @@ def test_the_study_of_sensors_calls_the_same_wrong(
     spoilt_one = replace(diagnosed, components={**diagnosed.components, name: off}, explained=explained)
     found = sensor_errors.judged(spoilt_one, diagnosed.faults, None, None)
     assert found.wrong == ((name,) if identifiable and explained else ())
-    assert (judged(spoilt_one, diagnosed.faults)["outcome"] == "silent wrong") == bool(found.wrong)
+    assert (judged(spoilt_one, diagnosed.faults)["outcome"] == UNDETECTED_ERROR) == bool(found.wrong)
 
 
 def test_a_refused_recording_is_an_outcome_and_no_failure() -> None:

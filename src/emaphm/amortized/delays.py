@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.amortized.doubt.comparison import Comparison
-from emaphm.amortized.doubt.deviations import ALL_LATE
+from emaphm.amortized.error_prediction.comparison import Comparison
+from emaphm.amortized.error_prediction.deviations import ALL_LATE
 from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup, rows_of

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Self
 
 from emaphm.actuator import Actuator
-from emaphm.amortized.doubt.comparison import Comparison
-from emaphm.amortized.doubt.doubt import Doubt
+from emaphm.amortized.error_prediction.comparison import Comparison
+from emaphm.amortized.error_prediction.predictor import ErrorPredictor
 from emaphm.amortized.model_update import ModelUpdate
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Network, Single
@@ -30,12 +30,12 @@ class Limits:
     """What most held-out draws do not exceed, see `emaphm.amortized.likeness`.
 
     `distances` (2,) are those of `Projection.distances`, `ratios` (channels,) those of the comparison with
-    the averaged model, and `doubt` that of `Doubt`.
+    the averaged model, `predicted_error` that of `ErrorPredictor`.
     """
 
     distances: Array
     ratios: Array
-    doubt: float
+    predicted_error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +43,9 @@ class Estimator:
     """What a file of `emaphm train` holds.
 
     `network` answers from rows alone, read through `projection`; `update` improves its answers by the
-    averaged model. `temperature` (d,) multiplies the standard deviations; `doubt` says how wrong an answer is
-    likely to be, and `limits` when none is believed. `facts` are those of its training, for people to read.
-    All else is in the setup.
+    averaged model. `temperature` (d,) multiplies the standard deviations; `error_predictor` predicts the
+    error of an answer, and `limits` say when none is believed. `facts` are those of its training, for people
+    to read. All else is in the setup.
     """
 
     setup: RecordingSetup
@@ -53,7 +53,7 @@ class Estimator:
     network: Network
     update: ModelUpdate
     temperature: Array
-    doubt: Doubt
+    error_predictor: ErrorPredictor
     limits: Limits
     facts: Mapping[str, Any] = field(default_factory=dict)
 
@@ -115,10 +115,12 @@ class Estimator:
         """Return how unlike the training set rows (n, channels, blocks) are, (n, 2)."""
         return self.projection.distances(rows, self.network.features(rows))
 
-    def doubts(self, comparison: Comparison) -> Array:
-        """Return how wrong each of the answers is likely to be, next to what it states, (n,)."""
+    def predicted_errors(self, comparison: Comparison) -> Array:
+        """Return the predicted error of each of the answers, relative to the allowed one, (n,)."""
         distances = self.distances(comparison.rows)
-        return self.doubt.of(comparison.features(self.setup, self.update.whitening, distances))
+        return self.error_predictor.predicted(
+            comparison.features(self.setup, self.update.whitening, distances)
+        )
 
 
 def first_answers(network: Network, rows: Single) -> list[Mixture]:

@@ -18,8 +18,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from emaphm.actuator import Actuator
 from emaphm.actuator.channels import Sampling
 from emaphm.actuator.section import LARGEST, SMALLEST
-from emaphm.amortized.doubt.comparison import doubt_feature_count
-from emaphm.amortized.doubt.doubt import Doubt
+from emaphm.amortized.error_prediction.comparison import predictor_feature_count
+from emaphm.amortized.error_prediction.predictor import ErrorPredictor
 from emaphm.amortized.model_update import ModelUpdate, Whitening, feature_count
 from emaphm.amortized.networks.network import Block, Dense, Network, Normalisation, output_width
 from emaphm.amortized.networks.projection import Projection
@@ -34,7 +34,7 @@ from emaphm.version import VERSION
 if TYPE_CHECKING:
     from emaphm.amortized.estimator import Estimator
 
-FORMAT = "emaphm estimator 3"
+FORMAT = "emaphm estimator 4"
 HEADER = "header.json"
 
 MOST_BYTES = 64 * 2**20
@@ -96,13 +96,13 @@ class _Network(BaseModel):
 class _Header(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
-    format: Literal["emaphm estimator 3"]
+    format: Literal["emaphm estimator 4"]
     version: str
     setup: _Setup
     coordinates: Annotated[list[str], Field(min_length=1, max_length=128)]
     network: _Network
     update: _Network
-    doubt: _Network
+    error_predictor: _Network
     compared: Size
     facts: dict[str, Any]
 
@@ -127,7 +127,7 @@ def write_estimator(estimator: "Estimator", path: str | Path) -> None:
         coordinates=list(estimator.space.coordinates),
         network=_Network.of(estimator.network),
         update=_Network.of(update.network),
-        doubt=_Network.of(estimator.doubt.network),
+        error_predictor=_Network.of(estimator.error_predictor.network),
         compared=update.whitening.basis.shape[1],
         facts={
             **estimator.facts,
@@ -153,14 +153,14 @@ DOUBLE = (
     "temperature",
     "distances",
     "ratios",
-    "largest_doubt",
+    "predicted_error",
 )
 """Last parts of the names of what is kept exactly."""
 
 POSITIVE = ("units", "scatter", "deviations", "temperature")
 """Of these what others are divided or scaled by."""
 
-FIRST, UPDATE, DOUBT = "network", "update", "doubt"
+FIRST, UPDATE, PREDICTOR = "network", "update", "error_predictor"
 """Names of the networks."""
 
 
@@ -171,13 +171,13 @@ def _arrays(estimator: "Estimator") -> dict[str, Any]:
         "temperature": estimator.temperature,
         "limits.distances": estimator.limits.distances,
         "limits.ratios": estimator.limits.ratios,
-        "limits.largest_doubt": np.array([estimator.limits.doubt]),
+        "limits.predicted_error": np.array([estimator.limits.predicted_error]),
         "compared.units": update.whitening.units,
         "compared.mean": update.whitening.mean,
         "compared.basis": update.whitening.basis,
         **_network_arrays(FIRST, estimator.projection, estimator.network),
         **_network_arrays(UPDATE, update.projection, update.network),
-        **_network_arrays(DOUBT, estimator.doubt.projection, estimator.doubt.network),
+        **_network_arrays(PREDICTOR, estimator.error_predictor.projection, estimator.error_predictor.network),
     }
 
 
@@ -208,13 +208,13 @@ def _shapes(header: _Header) -> dict[str, tuple[int, ...]]:
         "temperature": (d,),
         "limits.distances": (2,),
         "limits.ratios": (channels,),
-        "limits.largest_doubt": (1,),
+        "limits.predicted_error": (1,),
         "compared.units": (channels,),
         "compared.mean": (width,),
         "compared.basis": (width, header.compared),
         **_network_shapes(FIRST, header.network, channels, width, d),
         **_network_shapes(UPDATE, header.update, 1, feature_count(header.compared, d), d),
-        **_network_shapes(DOUBT, header.doubt, 1, doubt_feature_count(channels, d), 1),
+        **_network_shapes(PREDICTOR, header.error_predictor, 1, predictor_feature_count(channels, d), 1),
     }
 
 
@@ -277,8 +277,12 @@ def _estimator(archive: zipfile.ZipFile, path: Path, kind: "type[Estimator]") ->
         network,
         ModelUpdate(whitening, *_network(UPDATE, header.update, arrays)),
         arrays["temperature"],
-        Doubt(*_network(DOUBT, header.doubt, arrays)),
-        Limits(arrays["limits.distances"], arrays["limits.ratios"], float(arrays["limits.largest_doubt"][0])),
+        ErrorPredictor(*_network(PREDICTOR, header.error_predictor, arrays)),
+        Limits(
+            arrays["limits.distances"],
+            arrays["limits.ratios"],
+            float(arrays["limits.predicted_error"][0]),
+        ),
         header.facts,
     )
     if list(estimator.space.coordinates) != header.coordinates:

@@ -9,7 +9,7 @@ What a recording and its answer show is compared with what held-out simulations 
        ratio = rms(recorded - mean) / √(variance of the runs + noise² + (model error)²).
 
 3. What is left of the recording may look like what no simulation has, a late sensor for instance
-   (`emaphm.amortized.doubt`).
+   (`emaphm.amortized.error_prediction`).
 
 A fourth is for answers that no search follows: see `emaphm.amortized.delays`.
 
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.amortized.doubt.comparison import Comparison
+from emaphm.amortized.error_prediction.comparison import Comparison
 from emaphm.amortized.estimator import Estimator, Limits
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import noise_rms
@@ -34,13 +34,13 @@ class LikenessSettings:
 
     The averaged model's error `model`, relative to a channel's rms; and limits: the `quantile` of held-out
     draws, times `margin`. Beyond are draws with heavy shorts, mostly: a full search for one of them costs
-    less than a wrong answer. The limit of the doubt is its `doubt` quantile.
+    less than a wrong answer. That of the predicted error is its own quantile.
     """
 
     model: float = 0.02
     quantile: float = 0.99
     margin: float = 1.1
-    doubt: float = 0.98
+    predicted_error_quantile: float = 0.98
 
 
 LIKENESS = LikenessSettings()
@@ -84,25 +84,26 @@ def unlikeness(estimator: Estimator, comparison: Comparison) -> Unlikeness:
         )
         if not ratio <= limit
     ]
-    doubt = float(estimator.doubts(comparison)[0])
-    if not doubt <= limits.doubt:
+    predicted = float(estimator.predicted_errors(comparison)[0])
+    if not predicted <= limits.predicted_error:
         found.append(
             "what the model at its answer leaves of the recording is as where sensors err or the actuator is "
-            f"not as described, and answers are wrong (a doubt of {doubt:.3g}, at most {limits.doubt:.3g})"
+            "not as described, and answers are wrong "
+            f"(predicted error {predicted:.3g} of the allowed one, at most {limits.predicted_error:.3g})"
         )
     return Unlikeness(tuple(found), rare)
 
 
-def limits_of(distances: Array, ratios: Array, doubts: Array) -> Limits:
-    """Return the limits from held-out `distances` (n, 2), `ratios` (n, channels) and `doubts` (n,)."""
+def limits_of(distances: Array, ratios: Array, predicted_errors: Array) -> Limits:
+    """Return the limits from held-out `distances` (n, 2), `ratios` (n, channels), `predicted_errors` (n,)."""
     return Limits(
         LIKENESS.margin * np.quantile(distances, LIKENESS.quantile, axis=0),
         LIKENESS.margin * np.quantile(ratios, LIKENESS.quantile, axis=0),
-        float(np.quantile(doubts, LIKENESS.doubt)),
+        float(np.quantile(predicted_errors, LIKENESS.predicted_error_quantile)),
     )
 
 
-def are_beyond(limits: Limits, distances: Array, ratios: Array, doubts: Array) -> Array:
+def are_beyond(limits: Limits, distances: Array, ratios: Array, predicted_errors: Array) -> Array:
     """Return which of n draws are beyond a limit, (n,); arguments as for `limits_of`."""
     within = np.all(distances <= limits.distances, axis=1) & np.all(ratios <= limits.ratios, axis=1)
-    return np.asarray(~(within & (doubts <= limits.doubt)))
+    return np.asarray(~(within & (predicted_errors <= limits.predicted_error)))

@@ -23,7 +23,7 @@ from typing import Self
 
 import numpy as np
 
-from emaphm.amortized.doubt.deviations import deviation_directions, other_descriptions
+from emaphm.amortized.error_prediction.deviations import deviation_directions, other_descriptions
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Network, Single
 from emaphm.amortized.networks.projection import Projection

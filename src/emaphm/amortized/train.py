@@ -10,10 +10,10 @@ from typing import Any, Self
 import numpy as np
 
 from emaphm.actuator import Command
-from emaphm.amortized.doubt.comparison import Comparison
-from emaphm.amortized.doubt.deviations import deviating
-from emaphm.amortized.doubt.doubt import Doubt, error_ratios
 from emaphm.amortized.drawing import PRIOR
+from emaphm.amortized.error_prediction.comparison import Comparison
+from emaphm.amortized.error_prediction.deviations import deviating
+from emaphm.amortized.error_prediction.predictor import ErrorPredictor, error_ratios
 from emaphm.amortized.estimator import Estimator, calibrated_answers, first_answers
 from emaphm.amortized.judging import Judgement, judged, temperature_of
 from emaphm.amortized.likeness import are_beyond, limits_of, predictive_ratios
@@ -22,7 +22,7 @@ from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Single
 from emaphm.amortized.networks.torch_network import library
 from emaphm.amortized.networks.training import (
-    DOUBT_TRAINING,
+    PREDICTOR_TRAINING,
     TRAINING,
     UPDATE_TRAINING,
     Epoch,
@@ -60,8 +60,8 @@ farther off is wrong altogether."""
 LEAST_DIFFERENCE = 1e-3
 """Smallest difference of a feature that means anything."""
 
-DOUBTED = 49_152
-"""Draws that the doubt learns from, at most."""
+PREDICTOR_DRAWS = 49_152
+"""Draws that the error predictor learns from, at most."""
 
 LOOKED_AT_ONCE = 512
 """Held-out draws that one core looks at together."""
@@ -146,8 +146,8 @@ def train_estimator(
         update, kept, second = _model_update(setup, inputs, trained, training, validation, seed, on_epoch)
         say(_kept("second", kept))
         answering = _Answering.of(setup, inputs, trained, update, validation, seed)
-        say("the doubt learns from simulations with deviations")
-        doubt, third = _doubt(answering, training[:DOUBTED], validation, seed)
+        say("training the error predictor on simulations with deviations")
+        predictor, third = _error_predictor(answering, training[:PREDICTOR_DRAWS], validation, seed)
         facts = {
             "version": VERSION,
             "simulations": len(training),
@@ -159,7 +159,7 @@ def train_estimator(
             "settings": asdict(settings),
             "prior": asdict(PRIOR),
         }
-        return _finished(answering, doubt, validation, judging, seed, facts)
+        return _finished(answering, predictor, validation, judging, seed, facts)
 
 
 def _kept(which: str, epoch: Epoch) -> str:
@@ -254,7 +254,7 @@ def _in_units(step: UpdateStep, points: Single) -> TrainingSet:
 
 @dataclass(frozen=True, eq=False)
 class _Answering:
-    """What answers, before it is known when to doubt it; fields as those of `Estimator`."""
+    """What answers, before its error can be predicted; fields as those of `Estimator`."""
 
     setup: RecordingSetup
     inputs: Inputs
@@ -289,7 +289,7 @@ class _Answering:
     def compared(
         self, rows: Single, answers: Sequence[Mixture], rng: np.random.Generator
     ) -> tuple[Single, Array]:
-        """Return what the doubt reads of answers (n, k), and their ratios (n, channels)."""
+        """Return what the error predictor reads of answers (n, k), and their ratios (n, channels)."""
         features, ratios = [], []
         for i in range(0, len(rows), UPDATE.at_once):
             part = slice(i, i + UPDATE.at_once)
@@ -299,10 +299,10 @@ class _Answering:
         return np.concatenate(features), np.concatenate(ratios)
 
 
-def _doubt(
+def _error_predictor(
     answering: _Answering, training: TrainingSet, validation: TrainingSet, seed: int
-) -> tuple[Doubt, float]:
-    """Return the doubt, learned from draws that deviate, and its time [s]."""
+) -> tuple[ErrorPredictor, float]:
+    """Return the error predictor, learned from draws that deviate, and its time [s]."""
     began = time.perf_counter()
     setup = answering.setup
     faults = len(setup.space.columns)
@@ -332,14 +332,14 @@ def _doubt(
         np.ones(1),
         lambda means: 100 * float(np.median(np.abs(means - held_out.points))),
         seed=seed,
-        settings=DOUBT_TRAINING,
+        settings=PREDICTOR_TRAINING,
     )
-    return Doubt(trained.projection, trained.network), time.perf_counter() - began
+    return ErrorPredictor(trained.projection, trained.network), time.perf_counter() - began
 
 
 def _finished(
     answering: _Answering,
-    doubt: Doubt,
+    predictor: ErrorPredictor,
     validation: TrainingSet,
     judging: TrainingSet,
     seed: int,
@@ -349,18 +349,18 @@ def _finished(
     setup, space = answering.setup, answering.setup.space
 
     def looked_at(draws: TrainingSet, name: str) -> tuple[list[Mixture], Array, Array, Array]:
-        """Return answers, and what is limited: distances, ratios and doubts."""
+        """Return answers, and what is limited: distances, ratios and predicted errors."""
         rows = with_noise(draws, noise_rms(setup), stream(seed, f"noise of the {name}"))
 
         def of_part(part: slice, number: int) -> tuple[list[Mixture], Array, Array, Array]:
             answers = answering.answers(rows[part])
             features, ratios = answering.compared(rows[part], answers, stream(seed, "likeness", name, number))
-            return answers, answering.distances(rows[part]), ratios, doubt.of(features)
+            return answers, answering.distances(rows[part]), ratios, predictor.predicted(features)
 
         parts = list(of_parts(of_part, len(rows), LOOKED_AT_ONCE))
         answers = [one for part in parts for one in part[0]]
-        distances, ratios, doubts = (np.concatenate([part[i] for part in parts]) for i in (1, 2, 3))
-        return answers, distances, ratios, doubts
+        distances, ratios, errors = (np.concatenate([part[i] for part in parts]) for i in (1, 2, 3))
+        return answers, distances, ratios, errors
 
     limits = limits_of(*looked_at(validation, "calibration")[1:])
     answers, *found = looked_at(judging, "judgement")
@@ -379,7 +379,7 @@ def _finished(
         first.network,
         answering.update,
         answering.temperature,
-        doubt,
+        predictor,
         limits,
         facts,
     )

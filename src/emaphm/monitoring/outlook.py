@@ -35,7 +35,7 @@ class Outlook:
     """Prognoses that are due, one a unit however many diagnoses it had meanwhile.
 
     With `isolation`, each is made in a process of its own, while recordings are diagnosed; that process also
-    remembers what the fleet teaches.
+    remembers the prior from the fleet.
     """
 
     history: History
@@ -151,7 +151,7 @@ def prognosed_at(where: str, unit: str, settings: PrognosisSettings, seed: int, 
 def prognosed(
     history: History, serial_number: str, settings: PrognosisSettings, seed: int = 0, watcher: str = ""
 ) -> None:
-    """Bring the prognosis of a unit up to date, by what its fleet teaches, and add the event of it."""
+    """Bring the prognosis of a unit up to date, with the prior from its fleet, and add the event of it."""
     unit = history.unit(serial_number)
     question = Question(max(settings.horizon, DEFAULT_QUESTION.horizon), settings.risk)
 

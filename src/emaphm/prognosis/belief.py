@@ -28,7 +28,7 @@ class Belief:
 
     Attributes
     ----------
-    born
+    new_at
         Flight hours [h] at which each component was new, shape (8,).
     aged
         Hours [h] at the reference stress that each component has aged since it was new, (n, 8).
@@ -56,7 +56,7 @@ class Belief:
     """
 
     hours: float
-    born: Array
+    new_at: Array
     aged: Array
     law: Numbers
     life_scale: Array
@@ -95,7 +95,7 @@ class Belief:
         zero = np.zeros((n, components, components))
         return cls(
             hours=0.0,
-            born=np.zeros(components),
+            new_at=np.zeros(components),
             aged=np.zeros((n, components)),
             law=drawn.law,
             life_scale=drawn.life_scale,
@@ -120,7 +120,7 @@ class Belief:
     @property
     def age(self) -> float:
         """Flight hours since the oldest component was new [h]."""
-        return self.hours - float(self.born.min())
+        return self.hours - float(self.new_at.min())
 
     @property
     def weights(self) -> Array:

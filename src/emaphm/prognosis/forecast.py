@@ -115,7 +115,7 @@ def paths(
             rate = with_rows(state.rate, rows, sets_in[rows], new.rate + new.rate_deviation * shock)
             state = replace(state, **replace_law_fields(state, rows, sets_in[rows], new), rate=rate)
         reach, growth = transition(
-            state.law, state.life_scale, state.shape, state.aged, part * step, s, prior.references
+            state.law, state.life_scale, state.shape, state.aged, part * step, s, prior.trajectories
         )
         reach = np.where(is_waiting(state.law), 0.0, reach)
         of_level, of_rate = noise_rates(state.law, state.life_scale, state.roughness, s)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.prognosis.columns import ECCENTRICITY
-from emaphm.prognosis.from_fleet.references import References
+from emaphm.prognosis.from_fleet.reference_trajectories import ReferenceTrajectories
 from emaphm.prognosis.settings import (
     AS_ANOTHER,
     CHANGING_RATE,
@@ -54,7 +54,7 @@ def transition(
     age: Array,
     hours: Array | float,
     settings: DegradationSettings,
-    references: References | None = None,
+    trajectories: ReferenceTrajectories | None = None,
 ) -> tuple[Array, Array]:
     """Return reach and growth of the rate over `hours`, each of the shape of `law`.
 
@@ -71,8 +71,8 @@ def transition(
 
     A negative v falls. A crack grows by dx/dt ∝ (x - x_c)^m, its unknown beginning being x_c: q is 1/(m - 1),
     and r = T - a the hours that are left until it is infinite. L is a function of the share of the other
-    unit's span, so that T is the time in which this one goes the same way; v = 1/T goes it as far. Before its
-    onset, a component of sudden onset has v = 0.
+    unit's span, so that T is the time in which this one follows the same trajectory; v = 1/T follows it to
+    the same level. Before its onset, a component of sudden onset has v = 0.
 
     Parameters
     ----------
@@ -87,8 +87,8 @@ def transition(
         a, hours since the component was new [h].
     hours
         h, the step [h].
-    references
-        The other units, where the law of any component is theirs; the shape is then (…, 8).
+    trajectories
+        Of other units, where the law of any component is `AS_ANOTHER`; the shape is then (…, 8).
 
     Returns
     -------
@@ -117,11 +117,11 @@ def transition(
         left = np.maximum(scale - a, LEAST_LEFT * scale)
         ratio = np.minimum(left / np.maximum(left - step, 1e-300), np.exp(LARGEST_EXPONENT / (q + 1)))
         reach[rows], growth[rows] = left / q * (ratio**q - 1), ratio ** (q + 1)
-    if references is not None:
+    if trajectories is not None:
         rows, (step, a, scale, number) = of(AS_ANOTHER)
         column, unit = rows % law.shape[-1], number.astype(int)
-        end = references.moved(unit, (a + step) / scale, column)
-        reach[rows] = scale * (end - references.moved(unit, a / scale, column))
+        end = trajectories.change_at(unit, (a + step) / scale, column)
+        reach[rows] = scale * (end - trajectories.change_at(unit, a / scale, column))
     return reach.reshape(law.shape), growth.reshape(law.shape)
 
 
@@ -150,8 +150,9 @@ def breaks(
 ) -> Array:
     """Return by what each rate is multiplied within `hours` [h], (n, components): 1 where it does not break.
 
-    A rate breaks with probability 1 - exp(-b h/T), where something moves, by a log-normal factor. What goes
-    the way of another unit breaks where that unit did. Parameters and shapes as in `transition`.
+    A rate breaks with probability 1 - exp(-b h/T), where something moves, by a log-normal factor. What
+    follows the trajectory of another unit breaks where that unit did. Parameters and shapes are those of
+    `transition`.
     """
     of_its_own = is_moving(law) & (law != AS_ANOTHER)
     happens = in_common(random.random(law.shape)) < -np.expm1(-settings.breaks * hours / life_scale)

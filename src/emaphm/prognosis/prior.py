@@ -11,9 +11,9 @@ from emaphm.actuator.faults import HEALTHY, to_cartesian
 from emaphm.arrays import Array
 from emaphm.prognosis.bounds import COORDINATES
 from emaphm.prognosis.columns import ECCENTRICITY
-from emaphm.prognosis.from_fleet.outlook import Fellows
+from emaphm.prognosis.from_fleet.fleet_pace import FleetPaceModel
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
-from emaphm.prognosis.from_fleet.references import References
+from emaphm.prognosis.from_fleet.reference_trajectories import ReferenceTrajectories
 from emaphm.prognosis.laws import AnyArray, Mask, Numbers, in_common, rate_scale, transition
 from emaphm.prognosis.settings import (
     AS_ANOTHER,
@@ -44,8 +44,8 @@ def with_rows(before: AnyArray, rows: Rows, where: Mask, new: AnyArray) -> AnyAr
     return result
 
 
-AS_THEY_WENT = 0.5
-"""Share of a fleet's hypotheses that are ways which its units went; the others are their laws' parameters."""
+TRAJECTORY_SHARE = 0.5
+"""Share of a fleet's hypotheses that are trajectories of its units; the others are parameters of laws."""
 
 
 class Hypotheses(NamedTuple):
@@ -80,10 +80,10 @@ class Prior:
     """The prior of the degradation: `settings`, and where a fleet was seen, its hypotheses.
 
     A component's hypothesis is one of the fleet's, `fleet` of shape (k, 8), with probability `fleet_share`,
-    else drawn by the settings: a fleet of few units has seen few ways to degrade. A share of the fleet's
-    are the ways that its units went, `references`. `reference` is the stress that hours and rates are at;
+    else drawn by the settings: a fleet of few units has shown few ways to degrade. A share of the fleet's
+    hypotheses are the `trajectories` of its units. `reference` is the stress that hours and rates are at;
     None where no stress was recorded, and an hour is an hour. `recalibration` is how the fleet's own
-    predictions turned out, `fellows` its units, whose pace is learnt. `units` is how many teach any of that.
+    predictions turned out, `fleet_pace` the pace of its units. `units` is how many count in any of that.
     """
 
     settings: DegradationSettings = DEGRADATION
@@ -91,9 +91,9 @@ class Prior:
     fleet_share: float = 0.0
     units: int = 0
     reference: StressReference | None = None
-    references: References | None = None
+    trajectories: ReferenceTrajectories | None = None
     recalibration: Recalibration | None = None
-    fellows: Fellows | None = None
+    fleet_pace: FleetPaceModel | None = None
 
     def draw(self, particles: int, random: np.random.Generator, components: int = COORDINATES) -> Hypotheses:
         """Return hypotheses of the first `components` of a new unit, each array (particles, components)."""
@@ -119,21 +119,21 @@ class Prior:
                 is_fleets[..., np.newaxis], self.fleet.exponents[rows, columns], own.exponents
             ),
         )
-        as_they_went = in_common(random.random(own.law.shape)) < AS_THEY_WENT
-        return self._as_others(drawn, is_fleets & as_they_went, random)
+        as_trajectory = in_common(random.random(own.law.shape)) < TRAJECTORY_SHARE
+        return self._as_others(drawn, is_fleets & as_trajectory, random)
 
     def _as_others(self, drawn: Hypotheses, where: Mask, random: np.random.Generator) -> Hypotheses:
-        """Return the hypotheses (n, 8), `where` True those that the component goes the way of another unit's.
+        """Return the hypotheses (n, 8); `where` True, that the component follows another unit's trajectory.
 
-        In a time and by an amplitude that differ from the other unit's by one of the settings' `spreads`; the
-        coordinates of an eccentricity by any amplitude up to about its own.
+        Its time and amplitude differ from the other unit's by one of the settings' `spreads`; the
+        coordinates of an eccentricity have any amplitude up to about its own.
         """
-        if self.references is None:
+        if self.trajectories is None:
             return drawn
         spreads = np.array(self.settings.spreads)
         choice = in_common(random.integers(len(spreads), size=where.shape))
         of_time, of_amplitude = np.moveaxis(spreads[choice], -1, 0)
-        unit, span = self.references.drawn((where.shape[0], where.shape[1]), random)
+        unit, span = self.trajectories.drawn((where.shape[0], where.shape[1]), random)
         unit, span = in_common(unit), in_common(span)
         scale = span * np.exp(of_time * in_common(random.standard_normal(where.shape)))
         where = where & (span > 0)

@@ -119,7 +119,7 @@ def prognose(
     times = forecast.by_fleet(made.level[0], followed.belief, evidence, question.ahead)
     limit = times.commonest
     component = None if limit is None else responsible(made, forecast, limit, requirements)
-    born = followed.belief.born[columns_of(component)[0]] if component else 0.0
+    new_at = followed.belief.new_at[columns_of(component)[0]] if component else 0.0
     result = Prognosis(
         evidence=evidence,
         actuator=actuator,
@@ -129,7 +129,7 @@ def prognose(
         paths=made,
         component=component,
         limit=None if limit is None else times.limits[limit],
-        advice=_advice(evidence, times.first, question, age=evidence.hours - float(born)),
+        advice=_advice(evidence, times.first, question, age=evidence.hours - float(new_at)),
         belief=followed.belief,
         past=followed.past,
         seed=seed,
@@ -144,7 +144,7 @@ def prognose(
             *load_notes(evidence),
             *rate_notes(evidence),
             *hours_notes(evidence),
-            *(failure_notes(prior.fellows.units, times.limits) if prior.fellows else ()),
+            *(failure_notes(prior.fleet_pace.units, times.limits) if prior.fleet_pace else ()),
         ),
     )
     return result if evidence.unrepaired is None else _as_failed(result, evidence.unrepaired)

@@ -111,7 +111,7 @@ class StressReference:
     def rounded(self) -> "StressReference":
         """Return the reference with two digits, the temperature with three: any scale close to it will do.
 
-        Medians change a little with each flight, and with the reference all that the fleet teaches.
+        Medians change a little with each flight, and with the reference the whole prior from the fleet.
         """
         digits = (2, 3, 2)
         return StressReference(

@@ -36,7 +36,7 @@ from emaphm.study.fleet.judging import (
 )
 from emaphm.study.fleet.run import (
     DRAWN,
-    FELLOWS,
+    FLEET_UNITS,
     JUDGED,
     MANY,
     PARTS,
@@ -193,7 +193,7 @@ def _introduction(recorded: Units, drawn: Units, diagnosed: Quality, units: int)
     yield (
         f"*Drawn diagnoses*: {len(drawn)} further units, for the statistics: each diagnosis is the truth "
         "plus an error drawn from the covariance that a diagnosis of a recording stated at nearby levels. "
-        f"The fleet is {FELLOWS} units that are not judged; a larger one is {MANY.units - JUDGED}, "
+        f"The fleet is {FLEET_UNITS} units that are not judged; a larger one is {MANY.units - JUDGED}, "
         "these and others.\n"
     )
     yield f"Laws that the filter does not have: {', '.join(known)}."
@@ -350,7 +350,7 @@ def _population(population: Population) -> Iterator[str]:
         "`src/emaphm/fleet/synthetic/growth.py`, the numbers above in `population.py` of that folder. They "
         "were chosen before anything was predicted on them; the prognosis was developed on another fleet "
         "(`--population development`). But the share that the filter keeps of a forecast, and that "
-        "it keeps all where no tenth of a way is gone, were chosen on further units drawn from this one, so "
+        "it keeps all where a unit has passed no step, were chosen on further units drawn from this one, so "
         "that intervals hold the truth."
     )
 
@@ -362,7 +362,7 @@ def write_fleet_page(studies: str | Path, folder: str | Path, units: int = PLAN.
     """
     place, out = StudyFolder(Path(studies), units), Path(folder)
     fleet = recorded_fleet(place)
-    drawn = (drawn_unit(MANY, i) for i in range(FELLOWS, FELLOWS + JUDGED))
+    drawn = (drawn_unit(MANY, i) for i in range(FLEET_UNITS, FLEET_UNITS + JUDGED))
     failed = [one for one in (*(unit for unit, _ in fleet), *drawn) if one.failure is not None]
     page, figures = fleet_page(results(place), len(failed), quality(fleet), "fleet", units)
     make_folder(out / "fleet")

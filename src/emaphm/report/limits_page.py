@@ -53,7 +53,7 @@ def limits_page(plan: Plan, runs: pl.DataFrame, folder: str) -> tuple[str, dict[
         *incomplete(runs.height, plan.total),
         *mixed(runs["revision"].to_list()),
         *_introduction(plan, runs, base, rates),
-        "## Where it is wrong without saying so\n",
+        "## Overconfident settings\n",
         *_overconfident(plan, rates),
     ]
     figures = {}
@@ -123,8 +123,9 @@ def _overconfident(plan: Plan, rates: Rates) -> Iterator[str]:
     )
     for name, one in found:
         yield (
-            f"- {name}: {one.least_covered} held by {100 * one.least_coverage:.0f} %, "
-            f"{100 * one.explained:.0f} % explained, median error {one.median:.2f} %"
+            f"- {name}: the 95 % interval of {one.least_covered} contains the truth in "
+            f"{100 * one.least_coverage:.0f} % of the cases, {100 * one.explained:.0f} % of the recordings "
+            f"are explained, median error {one.median:.2f} %"
         )
 
 

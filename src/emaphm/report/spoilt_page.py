@@ -1,4 +1,4 @@
-"""The page of the spoilt recordings: what became of each class, and each answer that is silently wrong.
+"""The page of the spoilt recordings: what became of each class, and each undetected error.
 
     python -m emaphm.report.spoilt_page studies/spoilt docs
 
@@ -13,8 +13,8 @@ from emaphm.diagnosis.error_metric import WRONG_ERROR, WRONG_HALF_WIDTHS
 from emaphm.errors import EmaphmError
 from emaphm.output_files import make_folder, written_whole
 from emaphm.report.markdown import incomplete
-from emaphm.study.spoilt.judging import OUTCOMES
-from emaphm.study.spoilt.rates import Results, rows, silent_wrong
+from emaphm.study.spoilt.judging import OUTCOME_TITLES
+from emaphm.study.spoilt.rates import Results, rows, undetected_errors
 from emaphm.study.spoilt.run import cases, class_of, results
 from emaphm.study.spoilt.source import ADC_BITS, CHANNELS, FAULTS, NOISE_A
 from emaphm.text_table import markdown_table
@@ -28,8 +28,8 @@ def spoilt_page(found: Results, total: int) -> str:
                 "# Spoilt recordings\n",
                 *incomplete(len(found), total),
                 *_introduction(found),
-                markdown_table(["class", "cases", *OUTCOMES], rows(found)),
-                "\n## Confident and wrong\n",
+                markdown_table(["class", "cases", *OUTCOME_TITLES], rows(found)),
+                "\n## Undetected errors\n",
                 *_wrong(found),
                 "\n## Why the others are not explained\n",
                 *_reasons(found),
@@ -52,14 +52,14 @@ def _introduction(found: Results) -> Iterator[str]:
     yield (
         "*Refused*: an error message. *Not explained*: a diagnosis that says that the model does not explain "
         "the recording, and gives no verdict. *Cannot tell*: explained, without a definite verdict. *Right*: "
-        "with definite verdicts that are right, the spoiling being corrected or harmless. *Silent wrong*: "
-        "explained, and a component that is called healthy or degraded is off by more than "
-        f"{WRONG_ERROR:g} and by more than {WRONG_HALF_WIDTHS:g} half-widths of its interval.\n"
+        "with definite verdicts that are right, the spoiling being corrected or harmless. "
+        "*Undetected error*: explained, and a component that is called healthy or degraded is off by more "
+        f"than {WRONG_ERROR:g} and by more than {WRONG_HALF_WIDTHS:g} half-widths of its interval.\n"
     )
 
 
 def _wrong(found: Results) -> Iterator[str]:
-    cases_wrong = silent_wrong(found)
+    cases_wrong = undetected_errors(found)
     if not cases_wrong:
         yield "None."
     for case, one in cases_wrong:

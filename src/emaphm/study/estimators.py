@@ -36,7 +36,7 @@ from emaphm.study.cases import SINGLE, heavy_faults, random_faults, small_fault
 from emaphm.study.plan import Plan
 from emaphm.study.record import recorded
 from emaphm.study.rig import Manoeuvre, Rig
-from emaphm.study.spoilt.judging import OUTCOMES, judged, refused
+from emaphm.study.spoilt.judging import OUTCOME_TITLES, OUTCOMES, UNDETECTED_ERROR, judged, refused
 from emaphm.study.spoilt.run import cases as spoilt_cases
 from emaphm.study.spoilt.run import spoilt
 from emaphm.text_table import markdown_table
@@ -254,7 +254,7 @@ def unlike_table(found: Sequence[tuple[RecordingCase, str, dict[str, Any]]]) -> 
                     continue
                 tally = Counter(r["outcome"] for r in one)
                 by = Counter(r.get("method") for r in one)
-                wrong = sorted(r["error"] for r in one if r["outcome"] == "silent wrong")
+                wrong = sorted(r["error"] for r in one if r["outcome"] == UNDETECTED_ERROR)
                 rows.append(
                     (
                         label,
@@ -264,7 +264,7 @@ def unlike_table(found: Sequence[tuple[RecordingCase, str, dict[str, Any]]]) -> 
                         f"{by['estimator']}, {by['estimator+lsq']}, {by['hybrid']}",
                     )
                 )
-    header = ("recordings", "method", *columns, "errors of the wrong, %", answered)
+    header = ("recordings", "method", *OUTCOME_TITLES, NOT_TAKEN, "undetected errors, %", answered)
     return markdown_table(header, rows, words=2)
 
 

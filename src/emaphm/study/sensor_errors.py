@@ -164,7 +164,7 @@ HEADER = (
     "named",
     "rightly",
     "explained",
-    "confidently wrong",
+    "undetected error",
     "median error",
     "intervals that hold",
 )

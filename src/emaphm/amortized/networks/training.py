@@ -62,8 +62,8 @@ OF_FEATURES = TrainingSettings(principal=1024, noise_factor=(0.0, 0.0), patience
 UPDATE_TRAINING = replace(OF_FEATURES, width=256, depth=2, epochs=20, decay=0.1)
 """Of the second network."""
 
-DOUBT_TRAINING = replace(OF_FEATURES, width=64, depth=1, components=1, epochs=16)
-"""Of the network of the doubt."""
+PREDICTOR_TRAINING = replace(OF_FEATURES, width=64, depth=1, components=1, epochs=16)
+"""Of the error predictor."""
 
 DIVERGED = 50.0
 """Rise of the validation loss above its least that counts as divergence: no training recovers from it."""

@@ -209,14 +209,14 @@ def removal(
     from dataclasses import asdict
 
     from emaphm.history import History, Removal
-    from emaphm.history.doubt import doubt_of_removal
+    from emaphm.history.plausible_hours import implausible_removal
 
     entry = Removal(hours, reason, note)
     with History.open(db) as history:
         added = history.add_removal(unit, entry)
-        doubted = doubt_of_removal(history.unit(unit), entry)
-    values = {"unit": unit, **asdict(entry), "added": added, "doubt": doubted}
-    show(values, _with_doubt(f"removal of {unit} at {hours:.9g} h {_added(added)}", doubted), as_json)
+        implausible = implausible_removal(history.unit(unit), entry)
+    values = {"unit": unit, **asdict(entry), "added": added, "doubt": implausible}
+    show(values, _with_note(f"removal of {unit} at {hours:.9g} h {_added(added)}", implausible), as_json)
 
 
 @app.command
@@ -243,15 +243,15 @@ def finding(
     from dataclasses import asdict
 
     from emaphm.history import Finding, History
-    from emaphm.history.doubt import doubt_of_finding
+    from emaphm.history.plausible_hours import implausible_finding
 
     entry = Finding(hours, component, condition, level, replaced, note)
     with History.open(db) as history:
         added = history.add_finding(unit, entry)
-        doubted = doubt_of_finding(history.unit(unit), entry)
-    values = {"unit": unit, **asdict(entry), "added": added, "doubt": doubted}
+        implausible = implausible_finding(history.unit(unit), entry)
+    values = {"unit": unit, **asdict(entry), "added": added, "doubt": implausible}
     text = f"finding on {component} of {unit} at {hours:.9g} h {_added(added)}"
-    show(values, _with_doubt(text, doubted), as_json)
+    show(values, _with_note(text, implausible), as_json)
 
 
 @app.command
@@ -282,8 +282,8 @@ def withdraw(
     show(values, f"{named(values)} of {unit} at {hours:.9g} h is withdrawn{last}", as_json)
 
 
-def _with_doubt(text: str, doubted: str | None) -> str:
-    return text if doubted is None else f"{text}\nNote: {doubted}."
+def _with_note(text: str, implausible: str | None) -> str:
+    return text if implausible is None else f"{text}\nNote: {implausible}."
 
 
 def _overview(one: "UnitState") -> dict[str, Any]:

@@ -86,7 +86,7 @@ def prognoses(folder: FleetFolder) -> list[dict[str, Any]]:
 
 def keys_of(units: Sequence[Evidence], fleet: Fleet, asked: PredictionSetup) -> list[str]:
     """Return what identifies the prognosis of each unit: all it is computed from, and the deciding code."""
-    taught = [[fingerprint(one) for one in chosen] for chosen in (fleet.followed, fleet.fellows)]
-    about = [taught, asked.actuator.model_dump(mode="json"), asked.horizon, asked.seed]
+    sources = [[fingerprint(one) for one in chosen] for chosen in (fleet.followed, fleet.pace_units)]
+    about = [sources, asked.actuator.model_dump(mode="json"), asked.horizon, asked.seed]
     code = revision_of(DECIDING, NOT_DECIDING)
     return [hashlib.sha256(json.dumps([fingerprint(one), about, code]).encode()).hexdigest() for one in units]

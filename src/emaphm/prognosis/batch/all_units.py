@@ -1,4 +1,4 @@
-"""The prognosis of each unit of a history: what its fleet teaches is learnt once, then unit by unit."""
+"""The prognosis of each unit of a history: the hypotheses of its fleet are made once, then unit by unit."""
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
@@ -10,7 +10,7 @@ from emaphm.errors import ExecutionError
 from emaphm.execution import OnTask, Task, check_workers, in_order, outcomes
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.from_fleet.fleet import Fleet
-from emaphm.prognosis.from_fleet.learning import Taught, taught_by
+from emaphm.prognosis.from_fleet.learning import UnitHypotheses, hypotheses_of_unit
 from emaphm.prognosis.keeping.curves import Curves
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, prognose
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from emaphm.history.basis import Basis
 
 AT_ONCE = 5
-"""Units of a task: what a fleet teaches, some megabytes, goes to a worker once for all of them, and the last
-worker does not keep the others waiting for long."""
+"""Units of a task: the hypotheses of a fleet, some megabytes, go to a worker once for all of them, and the
+last worker does not keep the others waiting for long."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def prognose_all(
         for part in parts if fleet else ():
             of_part = [one for one in lines if one.part_number == part]
             fleets[part] = Fleet.read(history, of_part, seed)
-    fleets = {part: _with_taught(one, workers, scheduler) for part, one in fleets.items()}
+    fleets = {part: _with_hypotheses(one, workers, scheduler) for part, one in fleets.items()}
     tasks: list[Task] = []
     for part in parts:
         names = [one.serial_number for one in lines if one.part_number == part]
@@ -123,22 +123,22 @@ def prognose_all(
                 yield from outcome.result
 
 
-def _with_taught(fleet: Fleet, workers: int | None, scheduler: str | None) -> Fleet:
-    """Return a fleet with what its units teach, computed by the workers."""
+def _with_hypotheses(fleet: Fleet, workers: int | None, scheduler: str | None) -> Fleet:
+    """Return a fleet with the hypotheses of its units, computed by the workers."""
     tasks = [
-        Task(i, taught_by, (one, fleet.general, fleet.seed), name=one.unit)
+        Task(i, hypotheses_of_unit, (one, fleet.general, fleet.seed), name=one.unit)
         for i, one in enumerate(fleet.followed)
     ]
-    found: dict[str, Taught] = {}
+    found: dict[str, UnitHypotheses] = {}
     with closing(outcomes(tasks, workers=workers, scheduler=scheduler)) as arriving:
         for task, outcome in in_order(tasks, arriving):
             if outcome.failure:
                 raise ExecutionError(
-                    f"what the fleet teaches cannot be computed: {outcome.failure}; give --no-fleet for each "
-                    "unit alone"
+                    f"the prior from the fleet cannot be computed: {outcome.failure}; give --no-fleet for "
+                    "each unit alone"
                 )
             found[task.name] = outcome.result
-    return replace(fleet, taught=found)
+    return replace(fleet, hypotheses=found)
 
 
 def _prognoses(

@@ -84,7 +84,7 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
         in_common(random.random(belief.law.shape)) < -np.expm1(-step / belief.life_scale)
     )
     reach, growth = transition(
-        belief.law, belief.life_scale, belief.shape, belief.aged, step, s, belief.prior.references
+        belief.law, belief.life_scale, belief.shape, belief.aged, step, s, belief.prior.trajectories
     )
     reach = np.where(is_waiting(belief.law), 0.0, reach)
     if sets_in.any():
@@ -289,7 +289,7 @@ def replaced(belief: Belief, components: Mask) -> Belief:
     levels += np.where(np.outer(components, components), belief.shared, 0.0)
     return replace(
         after,
-        born=np.where(components, belief.hours, belief.born),
+        new_at=np.where(components, belief.hours, belief.new_at),
         aged=np.where(components, 0.0, belief.aged),
         age_and_level=np.where(components, 0.0, belief.age_and_level),
         level=np.where(components, NEW[:count], belief.level),

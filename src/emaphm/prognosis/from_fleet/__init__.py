@@ -1,1 +1,1 @@
-"""What other units of a part number teach about a new one."""
+"""The prior of a new unit from the other units of its part number."""

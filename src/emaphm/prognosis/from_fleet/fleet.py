@@ -1,4 +1,4 @@
-"""The prior of a unit, by the other units of its part number: which of them count, and what they teach it."""
+"""The prior of a unit from the other units of its part number: which of them count, and how."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.prognosis.evidence import Evidence
-from emaphm.prognosis.from_fleet.learning import FEWEST_DIAGNOSES, Taught, pooled, taught_by, with_pace
+from emaphm.prognosis.from_fleet.learning import (
+    FEWEST_DIAGNOSES,
+    UnitHypotheses,
+    fleet_mixture,
+    hypotheses_of_unit,
+    with_fleet_pace,
+)
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.record import record_of
 from emaphm.prognosis.prior import Prior
@@ -22,34 +28,34 @@ if TYPE_CHECKING:
 MOST_UNITS = 30
 """Units that are followed."""
 
-MOST_FELLOWS = 100
-"""Units whose pace is learnt, from their diagnoses alone: that costs less than to follow them, and more of
-them say more (docs/fleet.md)."""
+MOST_PACE_UNITS = 100
+"""Units whose pace is learnt, from their diagnoses alone: that costs less than to follow them, and more units
+give better forecasts (docs/fleet.md)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """The units of a part number that teach, chosen before any of them is left out.
+    """The units of a part number that a prior is made from, chosen before any of them is left out.
 
-    So all units learn from the same ones, at the same reference stress: a process that makes one prognosis
-    after the other follows each of them once, and learns their pace once for all units that are none of them.
+    So all units use the same ones, at the same reference stress: a process that makes one prognosis after
+    the other follows each of them once, and learns their pace once for all units that are none of them.
 
     Attributes
     ----------
     followed
-        Units that are followed, one more than a unit learns from, as it may be one of them.
-    fellows
+        Units that are followed by the filter, one more than a unit uses, as it may be one of them.
+    pace_units
         Units whose pace is learnt, one more in the same way.
     seed
         Source of all randomness.
-    taught
-        What units are known to teach, by name; of the others it is computed when a unit asks for it.
+    hypotheses
+        Hypotheses of units, by name, where known; those of the others are computed when needed.
     """
 
     followed: tuple[Evidence, ...]
-    fellows: tuple[Evidence, ...]
+    pace_units: tuple[Evidence, ...]
     seed: int
-    taught: Mapping[str, Taught] = field(default_factory=dict)
+    hypotheses: Mapping[str, UnitHypotheses] = field(default_factory=dict)
 
     @classmethod
     def of(cls, units: Sequence[Evidence], seed: int) -> "Fleet":
@@ -62,7 +68,7 @@ class Fleet:
     def read(
         cls, history: "History", lines: "Sequence[UnitState]", seed: int, most: int | None = None
     ) -> "Fleet":
-        """Return the fleet of the units of a history that `lines` are of, those that teach being read.
+        """Return the fleet of the units of a history that `lines` are of; only the chosen ones are read.
 
         At most `most` diagnoses of each are used, all where left out.
         """
@@ -73,10 +79,10 @@ class Fleet:
     def _chosen(
         cls, explained: Mapping[str, int], evidence_of: Callable[[str], Evidence], seed: int
     ) -> "Fleet":
-        followed, fellows = _teachers(explained)
-        evidence = {name: evidence_of(name) for name in {*followed, *fellows}}
+        followed, pace_units = _chosen_units(explained)
+        evidence = {name: evidence_of(name) for name in {*followed, *pace_units}}
         return cls(
-            tuple(evidence[name] for name in followed), tuple(evidence[name] for name in fellows), seed
+            tuple(evidence[name] for name in followed), tuple(evidence[name] for name in pace_units), seed
         )
 
     @cached_property
@@ -86,7 +92,7 @@ class Fleet:
         return Prior(reference=None if found is None else found.rounded())
 
     def prior_of(self, unit: str, actuator: "Actuator | None" = None) -> Prior:
-        """Return the prior of a unit by the others; the general one where no other teaches.
+        """Return the prior of a unit from the others; the general one where none of them is usable.
 
         Errors as in `fleet_prior`.
 
@@ -98,32 +104,32 @@ class Fleet:
             Its requirements say when a unit has failed. Forecasts are not corrected by those of failed units
             where left out.
         """
-        others = [one for one in self._teaching if one.unit != unit][:MOST_UNITS]
+        others = [one for one in self._usable if one.unit != unit][:MOST_UNITS]
         if not others:
             return self.general
-        fellows = [one for one in self.fellows if one.unit != unit][:MOST_FELLOWS]
-        prior = pooled([self._taught_by(one) for one in others], self.general)
-        prior = with_pace(prior, [one.unit for one in others], fellows)
+        pace_units = [one for one in self.pace_units if one.unit != unit][:MOST_PACE_UNITS]
+        prior = fleet_mixture([self._hypotheses_of(one) for one in others], self.general)
+        prior = with_fleet_pace(prior, [one.unit for one in others], pace_units)
         record = None if actuator is None else self._record(actuator)
         return prior if record is None else replace(prior, recalibration=record.without(unit))
 
     @property
-    def _teaching(self) -> list[Evidence]:
+    def _usable(self) -> list[Evidence]:
         return [one for one in self.followed if len(one.used) >= FEWEST_DIAGNOSES]
 
-    def _taught_by(self, unit: Evidence) -> Taught:
-        return self.taught.get(unit.unit) or taught_by(unit, self.general, self.seed)
+    def _hypotheses_of(self, unit: Evidence) -> UnitHypotheses:
+        return self.hypotheses.get(unit.unit) or hypotheses_of_unit(unit, self.general, self.seed)
 
     def _record(self, actuator: "Actuator") -> Recalibration | None:
         """Return how predictions of those units turned out that failed, each from the others that failed.
 
         Units that still work say nothing here, so that their next diagnosis changes nothing of it.
         """
-        failed = [one for one in self._teaching if one.failures]
-        parts = [self._taught_by(one) for one in failed]
+        failed = [one for one in self._usable if one.failures]
+        parts = [self._hypotheses_of(one) for one in failed]
 
         def by_others(i: int) -> Prior:
-            return pooled([*parts[:i], *parts[i + 1 :]], self.general)
+            return fleet_mixture([*parts[:i], *parts[i + 1 :]], self.general)
 
         about = self.general.settings, self.general.reference
         return record_of(failed, by_others, about, actuator, self.seed)
@@ -148,7 +154,7 @@ def fleet_prior(
     ----------
     units
         Diagnoses and replacements of each; one with fewer than `FEWEST_DIAGNOSES` explained ones is left out.
-        The unit itself may be among them, as it is in a history: it teaches itself nothing, but the stress
+        The unit itself may be among them, as it is in a history: it does not count, but the stress
         that it saw counts for the reference.
     unit
         Its serial number, where it is among them.
@@ -198,20 +204,20 @@ def learnt_prior(
     return fleet.prior_of(unit.serial_number, actuator or unit.actuator)
 
 
-def _teachers(explained: Mapping[str, int]) -> tuple[list[str], list[str]]:
-    """Return who is followed and whose pace is learnt, by how many diagnoses of each unit are explained.
+def _chosen_units(explained: Mapping[str, int]) -> tuple[list[str], list[str]]:
+    """Return the units to follow and those whose pace is learnt, by their numbers of explained diagnoses.
 
-    One more of each than a unit learns from, as it may be one of them.
+    One more of each than a unit uses, as it may be one of them.
     """
-    teaching = [name for name, count in explained.items() if count >= FEWEST_DIAGNOSES]
-    ordered = sorted(teaching, key=lambda name: (-explained[name], name))
-    return _evenly(ordered, MOST_UNITS + 1), _evenly(ordered, MOST_FELLOWS + 1)
+    usable = [name for name, count in explained.items() if count >= FEWEST_DIAGNOSES]
+    ordered = sorted(usable, key=lambda name: (-explained[name], name))
+    return _evenly(ordered, MOST_UNITS + 1), _evenly(ordered, MOST_PACE_UNITS + 1)
 
 
 def _evenly(ordered: list[str], most: int) -> list[str]:
     """Return at most `most` of what is ordered by its number of diagnoses, from all of its range.
 
-    Those with most diagnoses alone would be those that live longest, and teach that units do.
+    Those with most diagnoses alone would be those that live longest: a biased choice.
     """
     if len(ordered) <= most:
         return ordered

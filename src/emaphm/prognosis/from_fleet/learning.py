@@ -1,4 +1,4 @@
-"""What other units of the same part number teach about a new one: laws, life scales and rates."""
+"""Hypotheses about a new unit from the other units of its part number: laws, life scales and rates."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -12,8 +12,8 @@ from emaphm.prognosis.columns import ECCENTRICITY
 from emaphm.prognosis.evidence import Evidence, moments
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint
-from emaphm.prognosis.from_fleet.outlook import Fellows
-from emaphm.prognosis.from_fleet.references import References, Track
+from emaphm.prognosis.from_fleet.fleet_pace import FleetPaceModel
+from emaphm.prognosis.from_fleet.reference_trajectories import ReferenceTrajectories, Trajectory
 from emaphm.prognosis.laws import Mask, is_moving
 from emaphm.prognosis.prior import NEW, Hypotheses, Prior, rate_when_new
 from emaphm.prognosis.settings import FILTER
@@ -26,42 +26,43 @@ WEIGHT_OF_GENERAL = 2.0
 """Units that the general prior counts as: with two of a fleet, half of what is expected is the fleet's."""
 
 FEWEST_DIAGNOSES = 3
-"""Explained diagnoses of a unit below which it teaches nothing that was not put in."""
+"""Explained diagnoses of a unit below which it only repeats the general prior."""
 
 SPREAD = 0.3
 """Standard deviation of a new unit's rate about that of another unit, as a share of it."""
 
 DRAWN = 500
-"""Particles that each unit gives."""
+"""Hypotheses that each unit gives."""
 
 KEPT = 150
-"""Units whose teaching a process remembers, 0.4 MB each."""
+"""Units whose hypotheses a process remembers, 0.4 MB each."""
 
 
 @dataclass(frozen=True, eq=False)
-class Taught:
-    """What one unit teaches: hypotheses of a new unit, each array (DRAWN, 8), and the ways that it went.
+class UnitHypotheses:
+    """Hypotheses about a new unit from one other unit, each array (DRAWN, 8), and its own trajectories.
 
-    A component that was replaced had more than one life: it teaches what was believed just before, and what
-    is believed now, by as many hypotheses of each, and the way of each; the first `ways` are first lives.
+    A component that was replaced had more than one life. Its hypotheses are, in equal numbers, from the
+    belief just before each replacement and from that of now. Each life has a trajectory; the first of the
+    `trajectories` is of the first lives.
     """
 
     hypotheses: Hypotheses
-    ways: tuple[Track, ...]
+    trajectories: tuple[Trajectory, ...]
 
 
-TAUGHT: Memory[Taught] = Memory(KEPT)
+HYPOTHESES: Memory[UnitHypotheses] = Memory(KEPT)
 
 
-def taught_by(evidence: Evidence, general: Prior, seed: int) -> Taught:
-    """Return what a unit teaches, followed from the `general` prior; errors as in `moments`."""
-    return TAUGHT.get(
+def hypotheses_of_unit(evidence: Evidence, general: Prior, seed: int) -> UnitHypotheses:
+    """Return the hypotheses from a unit, followed from the `general` prior; errors as in `moments`."""
+    return HYPOTHESES.get(
         fingerprint(evidence, general.settings, general.reference, seed),
-        lambda: _taught(evidence, general, seed),
+        lambda: _followed(evidence, general, seed),
     )
 
 
-def _taught(evidence: Evidence, general: Prior, seed: int) -> Taught:
+def _followed(evidence: Evidence, general: Prior, seed: int) -> UnitHypotheses:
     hours, age, level = [], [], []
     ended: list[tuple[Hypotheses, Mask]] = []
     name = ("fleet's prior", evidence.unit)
@@ -72,36 +73,36 @@ def _taught(evidence: Evidence, general: Prior, seed: int) -> Taught:
             age.append(np.sum(belief.weights * belief.aged, axis=0))
             level.append(belief.mean_level)
             continue
-        # A life of few diagnoses teaches nothing that was not put in.
-        is_known = np.sum(np.array(hours)[:, np.newaxis] > belief.born, axis=0) >= FEWEST_DIAGNOSES
+        # A life of few diagnoses only repeats the general prior.
+        is_known = np.sum(np.array(hours)[:, np.newaxis] > belief.new_at, axis=0) >= FEWEST_DIAGNOSES
         if (moment.ends & is_known).any():
             random = stream(seed, *name, len(ended))
             ended.append((_hypotheses(belief, random), moment.ends & is_known))
     has_ended = np.any([np.zeros_like(is_known), *(which for _, which in ended)], axis=0)
     now = _hypotheses(belief, stream(seed, *name)), is_known | ~has_ended
-    track = np.array(hours), np.stack(age), np.stack(level)
-    return Taught(_merged([*ended, now]), tuple(_ways(evidence, *track)))
+    levels = np.array(hours), np.stack(age), np.stack(level)
+    return UnitHypotheses(_merged([*ended, now]), tuple(_trajectories(evidence, *levels)))
 
 
 def _merged(lives: Sequence[tuple[Hypotheses, Mask]]) -> Hypotheses:
-    """Return hypotheses of components, each from those lives that are said to teach of it, evenly."""
+    """Return hypotheses of components, each evenly from the lives in which it is known."""
     rows, columns = np.arange(DRAWN), np.arange(lives[0][0].law.shape[1])
-    teaching = np.stack([which for _, which in lives])
-    life = np.stack([np.resize(np.flatnonzero(which), DRAWN) for which in teaching.T], axis=1)
+    known = np.stack([which for _, which in lives])
+    life = np.stack([np.resize(np.flatnonzero(which), DRAWN) for which in known.T], axis=1)
     fields = zip(*(hypotheses for hypotheses, _ in lives), strict=True)
     return Hypotheses(*(np.stack(one)[life, rows[:, np.newaxis], columns] for one in fields))
 
 
-def _ways(evidence: Evidence, hours: Array, age: Array, level: Array) -> Iterator[Track]:
-    """Yield the filtered levels (n, 8) of a unit at `hours` (n,) [h]: of first lives, then of second ones."""
+def _trajectories(evidence: Evidence, hours: Array, age: Array, level: Array) -> Iterator[Trajectory]:
+    """Yield the trajectories of a unit, of first lives, then of second ones; `level` (n, 8) is filtered."""
     lives = [evidence.lives(column) for column in range(evidence.components)]
     for i in range(max(map(len, lives))):
-        born, until = zip(*(one[i] if i < len(one) else (np.inf, np.inf) for one in lives), strict=True)
-        yield Track(hours, age, level, np.array(born), np.array(until), NEW)
+        new_at, until = zip(*(one[i] if i < len(one) else (np.inf, np.inf) for one in lives), strict=True)
+        yield Trajectory(hours, age, level, np.array(new_at), np.array(until), NEW)
 
 
-def pooled(parts: Sequence[Taught], general: Prior) -> Prior:
-    """Return the prior that several units, one or more, teach together."""
+def fleet_mixture(parts: Sequence[UnitHypotheses], general: Prior) -> Prior:
+    """Return the mixture of the hypotheses of one or more units, and of the general prior."""
     columns = zip(*(one.hypotheses for one in parts), strict=True)
     fleet = Hypotheses(*(np.concatenate(column) for column in columns))
     return replace(
@@ -109,18 +110,18 @@ def pooled(parts: Sequence[Taught], general: Prior) -> Prior:
         fleet=fleet,
         fleet_share=len(parts) / (len(parts) + WEIGHT_OF_GENERAL),
         units=len(parts),
-        references=References.of([way for one in parts for way in one.ways]),
+        trajectories=ReferenceTrajectories.of([each for one in parts for each in one.trajectories]),
     )
 
 
-def with_pace(prior: Prior, followed: Sequence[str], others: Sequence[Evidence]) -> Prior:
-    """Return the prior that the `followed` units teach with `others` whose pace is learnt.
+def with_fleet_pace(prior: Prior, followed: Sequence[str], others: Sequence[Evidence]) -> Prior:
+    """Return a prior from the `followed` units with the pace of `others` added.
 
-    The pace is at the mean of the fleet's exponents. Units that teach either count, each once.
+    The pace is at the mean of the fleet's exponents. `units` counts those of either kind, each once.
     """
-    assert prior.fleet is not None  # noqa: S101 - it was pooled
-    fellows = Fellows(others, NEW, prior.reference, prior.fleet.exponents.mean(axis=0))
-    return replace(prior, units=len({*followed, *(one.unit for one in others)}), fellows=fellows)
+    assert prior.fleet is not None  # noqa: S101 - it is a mixture
+    model = FleetPaceModel(others, NEW, prior.reference, prior.fleet.exponents.mean(axis=0))
+    return replace(prior, units=len({*followed, *(one.unit for one in others)}), fleet_pace=model)
 
 
 def _hypotheses(belief: Belief, random: np.random.Generator) -> Hypotheses:

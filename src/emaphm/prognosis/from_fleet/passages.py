@@ -1,4 +1,4 @@
-"""When a component passes shares of the way to its limit: what its diagnoses say of its pace."""
+"""When a component passes steps of its margin: what its diagnoses say about its pace."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,49 +10,49 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 SHARES = np.linspace(0.1, 1.0, 10)
-"""Of the way from new to the limit whose passages are looked at: the first one above what new components
-differ by, then even steps, each some check flights long."""
+"""Consumed shares of the margin whose passage times are taken: the first is above the differences between new
+components; then even steps, each some check flights long."""
 
 LEAST_HOURS, LEAST_SHARE = 5.0, 0.01
-"""Of a step [h], or as a share of the fleet's median life where that is less: jumps may take a component over
-several at once."""
+"""Least hours of a step [h], or as a share of the fleet's median life if that is less: a jump may pass
+several steps at once."""
 
 LEAST_WAIT = 0.2
-"""Of the hours before the first step, as a share of those."""
+"""Least wait before the first passage, as a share of the least hours of a step."""
 
 LEAST_VARIANCE = 1e-3
-"""Of the logarithm of a step's hours: what interpolation between diagnoses leaves open."""
+"""Variance of the logarithm of a step's hours, from the interpolation between diagnoses."""
 
 PARTIAL = 0.15
-"""Variance of that logarithm where half of a step is done."""
+"""Variance of that logarithm if half of a step is done."""
 
 LEAST_PART = 0.1
-"""Of a step that is taken to be done once it is begun: less is within the error of a diagnosis."""
+"""Least share of the present step that counts as done: less is within the error of a diagnosis."""
 
 FIRST_PART = 0.4
-"""Of the first step, below which what was gone says nothing of its pace: it may not have set in."""
+"""Share of the first step below which it says nothing about the pace: degradation may not have set in."""
 
 
 class Passages(NamedTuple):
-    """What is known of the pace of a component, or of several: any one shape (…), D being that of `SHARES`.
+    """What is known of the pace of a component, or of several: any one shape (…), and D steps, see `SHARES`.
 
     Attributes
     ----------
-    slowness
-        y_j, logarithms of the hours of ageing [h] in which each step is gone, (…, D); 0 where not known.
+    log_hours
+        y_j, logarithms of the hours of ageing [h] in which each step is passed, (…, D); 0 where not known.
     precision
         Inverse variances of these, (…, D); 0 where not known.
     waited
-        Logarithm of the hours of ageing that the first step has taken at least; -inf where it is passed.
+        Logarithm of the least hours of ageing [h] of the first step; -inf where it is passed.
     passed
         Number of shares passed.
     share
-        Of the way gone.
+        Consumed share of the margin.
     part
-        Of the present step that is gone.
+        Share of the present step that is done.
     """
 
-    slowness: Array
+    log_hours: Array
     precision: Array
     waited: Array
     passed: Array
@@ -61,12 +61,12 @@ class Passages(NamedTuple):
 
     @classmethod
     def of(cls, age: Array, share: Array, least: float = LEAST_HOURS) -> "Passages":
-        """Return what one component shows that was at `share` (n,) of its way at increasing `age` (n,) [h].
+        """Return the passages of one component with consumed shares `share` (n,) at rising `age` (n,) [h].
 
-        It was new, at share 0, at age 0. No step is taken to be shorter than `least` [h]. Diagnoses err, wear
-        does not heal: shares are replaced by the increasing sequence nearest to them (isotonic regression
-        [1]); between them the way is straight. Of a step of which the part f is gone in h hours, ln(h / f) is
-        known with variance 0.15 (1 - f) / f.
+        At age 0 it was new, with share 0. No step is shorter than `least` [h]. Diagnoses have errors, but
+        wear does not heal: the shares are replaced by the nearest increasing sequence (isotonic regression
+        [1]), with straight lines between them. If the part f of the present step took h hours, the logarithm
+        of its hours is ln(h / f), with variance 0.15 (1 - f) / f.
 
         References
         ----------
@@ -75,28 +75,28 @@ class Passages(NamedTuple):
         from scipy.optimize import isotonic_regression
 
         ages = np.concatenate([[0.0], age])
-        way = isotonic_regression(np.concatenate([[0.0], share])).x
-        passed = int(np.searchsorted(SHARES, way.max() + 1e-12, "right"))
-        at = np.array([_passage(ages, way, one) for one in SHARES[:passed]])
-        slowness, precision = np.zeros(SHARES.size), np.zeros(SHARES.size)
-        slowness[:passed] = np.log(np.maximum(np.diff(at, prepend=0.0), least))
+        path = isotonic_regression(np.concatenate([[0.0], share])).x
+        passed = int(np.searchsorted(SHARES, path.max() + 1e-12, "right"))
+        at = np.array([_passage(ages, path, one) for one in SHARES[:passed]])
+        log_hours, precision = np.zeros(SHARES.size), np.zeros(SHARES.size)
+        log_hours[:passed] = np.log(np.maximum(np.diff(at, prepend=0.0), least))
         precision[:passed] = 1 / LEAST_VARIANCE
         waited, part = -np.inf, 0.0
         if passed < SHARES.size:
             start = SHARES[passed - 1] if passed else 0.0
-            part = float(np.clip((way[-1] - start) / (SHARES[passed] - start), 0.0, 0.999))
+            part = float(np.clip((path[-1] - start) / (SHARES[passed] - start), 0.0, 0.999))
             hours = float(ages[-1] - (at[-1] if passed else 0.0))
             if not passed:
                 waited = float(np.log(max(hours, LEAST_WAIT * least)))
             if (part > FIRST_PART and hours > 0) if not passed else hours > least:
-                gone = max(part, LEAST_PART)
-                slowness[passed] = np.log(hours / gone)
-                precision[passed] = 1 / (LEAST_VARIANCE + PARTIAL * (1 - gone) / gone)
-        numbers = (np.asarray(x, float) for x in (waited, passed, way[-1], part))
-        return cls(slowness, precision, *numbers)
+                done = max(part, LEAST_PART)
+                log_hours[passed] = np.log(hours / done)
+                precision[passed] = 1 / (LEAST_VARIANCE + PARTIAL * (1 - done) / done)
+        numbers = (np.asarray(x, float) for x in (waited, passed, path[-1], part))
+        return cls(log_hours, precision, *numbers)
 
-    def waiting(self, age: float, least: float = LEAST_HOURS) -> "Passages":
-        """Return the passages of one component at `age` [h]: if it waits, it has waited up to then."""
+    def waiting_until(self, age: float, least: float = LEAST_HOURS) -> "Passages":
+        """Return the passages of one component at `age` [h]; without any it has waited until then."""
         if self.passed:
             return self
         return self._replace(waited=np.asarray(np.log(max(age, LEAST_WAIT * least))))
@@ -108,14 +108,14 @@ class Passages(NamedTuple):
 
 
 def least_hours(lives: "Sequence[float]") -> float:
-    """Return the least hours of a step [h] of components that were seen for the hours `lives` [h]."""
+    """Return the least hours of a step [h] of components that were followed for the hours `lives` [h]."""
     return min(LEAST_HOURS, LEAST_SHARE * float(np.median(lives))) if lives else LEAST_HOURS
 
 
-def _passage(age: Array, way: Array, share: float) -> float:
-    """Return the age [h] at which a `way` that does not fall is first at `share`, which it reaches."""
-    after = int(np.searchsorted(way, share - 1e-12, "left"))
+def _passage(age: Array, path: Array, share: float) -> float:
+    """Return the age [h] at which a `path` that does not fall first reaches `share`."""
+    after = int(np.searchsorted(path, share - 1e-12, "left"))
     if after == 0:
         return float(age[0])
-    done = (share - way[after - 1]) / (way[after] - way[after - 1])
+    done = (share - path[after - 1]) / (path[after] - path[after - 1])
     return float(age[after - 1] + done * (age[after] - age[after - 1]))

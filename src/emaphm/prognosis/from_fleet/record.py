@@ -42,7 +42,7 @@ def record_of(
     actuator: Actuator,
     seed: int,
 ) -> Recalibration | None:
-    """Return how predictions of `units` that failed turned out, each by the prior that the others teach.
+    """Return how predictions of `units` that failed turned out, each by the prior from the others.
 
     None where they are too few, or where a requirement is a measure: its failure times take too long.
     Computed once by a process until a unit changes. Errors as in `uncorrected` and `follow`.

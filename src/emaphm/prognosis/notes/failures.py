@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from emaphm.prognosis.requirements.margins import Limit
 
 NEAR = 0.6
-"""Share of the way from new to a limit, below which at the last diagnosis a failure was not near it."""
+"""Consumed share of the margin to a limit, below which at the last diagnosis a failure was not near it."""
 
 COMMON = 0.2
 """Share of the failures from which on a note says so: wear that is fast at last, or a jump, makes some."""
@@ -23,7 +23,7 @@ COMMON = 0.2
 def failure_notes(fleet: "Sequence[Evidence]", limits: "Sequence[Limit]") -> list[str]:
     """Return a note where many failures of a `fleet` came near none of the `limits`.
 
-    None where a limit is of a measure, for which failures teach nothing.
+    None where a limit is of a measure, about which failures say nothing.
     """
     if any(one.component is None for one in limits):
         return []
@@ -31,7 +31,7 @@ def failure_notes(fleet: "Sequence[Evidence]", limits: "Sequence[Limit]") -> lis
     for unit in fleet:
         for start, failure in unit.failed_lives:
             life = [one for one in unit.used if start < one.hours <= failure]
-            shares += [max(_gone(life[-1], one) for one in limits)] if life else []
+            shares += [max(_consumed_share(life[-1], one) for one in limits)] if life else []
     far = sum(share < NEAR for share in shares)
     if not far or far < COMMON * len(shares):
         return []
@@ -43,8 +43,8 @@ def failure_notes(fleet: "Sequence[Evidence]", limits: "Sequence[Limit]") -> lis
     return [note]
 
 
-def _gone(seen: "Observation", limit: "Limit") -> float:
-    """Return the share of the way from new to a limit that is gone, 0 where there is no way."""
+def _consumed_share(seen: "Observation", limit: "Limit") -> float:
+    """Return the consumed share of the margin to a limit, 0 where a new unit has none."""
     whole = float(limit.margin(level_of(NEW, str(limit.component))))
     left = float(limit.margin(level_of(np.asarray(seen.level), str(limit.component))))
     return 1 - left / whole if whole > 0 else 0.0

@@ -53,15 +53,15 @@ class FailureTimes:
     ) -> "FailureTimes":
         """Return those of a forecast from `belief` as the fleet changes them.
 
-        Its record of predictions corrects them, and they are pooled with those by its units' pace
-        (`Fellows.pooled`). `level` (n, 8) is where the paths begin, `evidence` is of the unit, `ahead` the
-        stress to come.
+        They are corrected by how its past predictions turned out, and are then a mixture with those by the
+        pace of its units (`FleetPaceModel.mixture_with`). `level` (n, 8) is where the paths begin, `evidence`
+        is of the unit, `ahead` the stress to come.
         """
-        recalibration, fellows = belief.prior.recalibration, belief.prior.fellows
+        recalibration, pace = belief.prior.recalibration, belief.prior.fleet_pace
         times = self
         if recalibration is not None:
             times = replace(self, hours=recalibration.corrected(self.hours, belief.age))
-        return times if fellows is None else fellows.pooled(times, level, belief, evidence, ahead)
+        return times if pace is None else pace.mixture_with(times, level, belief, evidence, ahead)
 
 
 def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:

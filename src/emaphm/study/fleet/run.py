@@ -37,7 +37,7 @@ RESULTS = "results.sqlite"
 RECORDED, DRAWN = "recorded", "drawn"
 """Levels of the study: diagnoses of recordings; diagnoses drawn from the covariances of these."""
 
-FELLOWS, JUDGED = 30, 40
+FLEET_UNITS, JUDGED = 30, 40
 """The first units of that level, which are the fleet of those after them, and how many are judged. All others
 are in the larger fleet, with the first ones."""
 
@@ -179,9 +179,9 @@ def _work(folder: StudyFolder) -> list[Work]:
             DRAWN,
             "drawn",
             MANY,
-            drawn[FELLOWS : FELLOWS + JUDGED],
-            drawn[:FELLOWS],
-            drawn[FELLOWS + JUDGED :],
+            drawn[FLEET_UNITS : FLEET_UNITS + JUDGED],
+            drawn[:FLEET_UNITS],
+            drawn[FLEET_UNITS + JUDGED :],
         ),
     ]
 

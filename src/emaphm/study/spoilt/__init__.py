@@ -1,1 +1,1 @@
-"""Spoilt recordings of a known actuator: whether the diagnosis notices, corrects, or is confidently wrong."""
+"""Spoilt recordings of a known actuator: whether a diagnosis notices, corrects, or errs undetected."""

@@ -10,8 +10,8 @@ import argparse
 import sys
 
 from emaphm.errors import EmaphmError
-from emaphm.study.spoilt.judging import OUTCOMES
-from emaphm.study.spoilt.rates import rows, silent_wrong
+from emaphm.study.spoilt.judging import OUTCOME_TITLES
+from emaphm.study.spoilt.rates import rows, undetected_errors
 from emaphm.study.spoilt.run import cases, results, run
 from emaphm.text_table import format_table
 
@@ -27,9 +27,9 @@ def main() -> None:
     chosen = cases(asked.share, asked.only)
     run(asked.folder, chosen, workers=asked.workers, on_task=_count if sys.stderr.isatty() else None)
     found = results(asked.folder, chosen)
-    print(format_table(["class", "cases", *OUTCOMES], rows(found)))
-    for case, one in silent_wrong(found):
-        print(f"silent wrong: {case.name}: {', '.join(one['wrong'])}")
+    print(format_table(["class", "cases", *OUTCOME_TITLES], rows(found)))
+    for case, one in undetected_errors(found):
+        print(f"undetected error: {case.name}: {', '.join(one['wrong'])}")
 
 
 def _count(done: int, total: int) -> None:

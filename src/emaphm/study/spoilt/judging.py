@@ -1,4 +1,4 @@
-"""What became of a spoilt recording: refused, not explained, undecided, right, or wrong without a word."""
+"""What became of a spoilt recording: refused, not explained, undecided, right, or an undetected error."""
 
 from typing import Any
 
@@ -8,9 +8,15 @@ from emaphm.diagnosis.error_metric import WRONG_ERROR, WRONG_HALF_WIDTHS
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import Estimate
 
-OUTCOMES = ("refused", "not explained", "cannot tell", "right", "silent wrong")
+UNDETECTED_ERROR = "silent wrong"
+"""Undetected error, as stored results have it."""
+
+OUTCOMES = ("refused", "not explained", "cannot tell", "right", UNDETECTED_ERROR)
 """An error message instead of a diagnosis; a diagnosis that does not claim to explain the recording; one that
 does, without a definite verdict; with definite verdicts that are right; with one that is wrong."""
+
+OUTCOME_TITLES = (*OUTCOMES[:-1], "undetected error")
+"""The outcomes in headers of tables."""
 
 
 def wrong_components(diagnosis: Diagnosis, truth: Faults) -> list[str]:
@@ -42,7 +48,7 @@ def judged(diagnosis: Diagnosis, truth: Faults) -> dict[str, Any]:
     if not diagnosis.explained:
         outcome = "not explained"
     elif wrong:
-        outcome = "silent wrong"
+        outcome = UNDETECTED_ERROR
     else:
         outcome = "right" if any(map(definite, diagnosis.components.values())) else "cannot tell"
     return {

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from emaphm.study.spoilt.judging import OUTCOMES
+from emaphm.study.spoilt.judging import OUTCOMES, UNDETECTED_ERROR
 from emaphm.study.spoilt.run import SpoiltCase, class_of
 
 Results = Mapping[SpoiltCase, Mapping[str, Any]]
@@ -30,6 +30,6 @@ def _row(name: str, tally: Counter[str]) -> tuple[str, ...]:
     return (name, str(tally.total()), *(str(tally[outcome] or "") for outcome in OUTCOMES))
 
 
-def silent_wrong(results: Results) -> list[tuple[SpoiltCase, Mapping[str, Any]]]:
-    """Return the cases that are confidently wrong, with what they found."""
-    return [(case, one) for case, one in results.items() if one["outcome"] == "silent wrong"]
+def undetected_errors(results: Results) -> list[tuple[SpoiltCase, Mapping[str, Any]]]:
+    """Return the cases with an undetected error, with what they found."""
+    return [(case, one) for case, one in results.items() if one["outcome"] == UNDETECTED_ERROR]

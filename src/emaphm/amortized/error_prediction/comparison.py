@@ -5,7 +5,7 @@ take up is taken out of it. Then it is compared with the directions of what no s
 Rao 1948): with the signal's derivative for a sensor that comes late, with the signal itself for another
 scale, and so on. The size of a score depends on the answer too: where all phases are shorted, the averaged
 model is off anyway. So no limit of a single score would do, and a small network weighs them
-(`emaphm.amortized.doubt.doubt`).
+(`emaphm.amortized.error_prediction.predictor`).
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,11 @@ from typing import Self
 
 import numpy as np
 
-from emaphm.amortized.doubt.deviations import deviation_count, deviation_directions, other_descriptions
+from emaphm.amortized.error_prediction.deviations import (
+    deviation_count,
+    deviation_directions,
+    other_descriptions,
+)
 from emaphm.amortized.model_update import Whitening
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Single
@@ -68,7 +72,7 @@ class Comparison:
         return Comparison(self.answers[part], self.rows[part], self.runs[part], self.others[part])
 
     def features(self, setup: RecordingSetup, whitening: Whitening, distances: Array) -> Single:
-        """Return what the doubt's network reads, (n, `doubt_feature_count`).
+        """Return what the error predictor reads, (n, `predictor_feature_count`).
 
         `distances` (n, 2) from the training set are as in `Projection.distances`.
         """
@@ -113,6 +117,6 @@ class Comparison:
         return np.asarray(both - taken_up.transpose(0, 2, 1) @ moved)
 
 
-def doubt_feature_count(channels: int, dimensions: int) -> int:
-    """Return how many numbers the doubt's network reads."""
+def predictor_feature_count(channels: int, dimensions: int) -> int:
+    """Return how many numbers the error predictor reads."""
     return 2 * deviation_count(channels) + 2 + 2 * dimensions + 2

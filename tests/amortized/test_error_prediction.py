@@ -5,8 +5,8 @@ import pytest
 
 from amortized.toys import CHIRP, THESIS, short_setup
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
-from emaphm.amortized.doubt.comparison import Comparison, doubt_feature_count
-from emaphm.amortized.doubt.deviations import (
+from emaphm.amortized.error_prediction.comparison import Comparison, predictor_feature_count
+from emaphm.amortized.error_prediction.deviations import (
     DeviationSettings,
     deviating,
     deviation_count,
@@ -15,7 +15,7 @@ from emaphm.amortized.doubt.deviations import (
     other_descriptions,
     smooth_friction,
 )
-from emaphm.amortized.doubt.doubt import WRONG, error_ratios
+from emaphm.amortized.error_prediction.predictor import WRONG, error_ratios
 from emaphm.amortized.model_update import Whitening
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Single
@@ -77,7 +77,7 @@ def scores(rows: Single, setup: RecordingSetup = SETUP) -> Array:
     answers = [Mixture(np.ones(1), point[np.newaxis], factor) for point in POINTS]
     comparison = Comparison.of(setup, INPUTS, rows, answers, np.random.default_rng(1))
     features = comparison.features(setup, whitening, np.ones((len(rows), 2)))
-    assert features.shape == (len(rows), doubt_feature_count(len(setup.channels), D))
+    assert features.shape == (len(rows), predictor_feature_count(len(setup.channels), D))
     return np.asarray(np.sinh(features[:, : deviation_count(len(setup.channels))]))
 
 

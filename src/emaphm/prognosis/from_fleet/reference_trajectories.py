@@ -1,4 +1,4 @@
-"""How components of other units have degraded, as a law that another unit may follow in its own time."""
+"""How components of other units have degraded, as a law that a unit may follow on its own time scale."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,43 +14,43 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 POINTS = 65
-"""Of a reference, even over its span: 2 % of a life apart, as units have some ten to a hundred diagnoses."""
+"""Points of a trajectory, even over its span: units have ten to a hundred diagnoses."""
 
 FEWEST = 3
-"""Diagnoses that a reference needs."""
+"""Diagnoses that a trajectory needs."""
 
 END = 0.2
-"""Last share of a span whose slope goes on after it."""
+"""Last share of a span, whose slope is extrapolated."""
 
 EXPONENTS = 0.5, 3.0
-"""Range of the exponent by which a way may go on after its end: as of power laws in the general prior."""
+"""Range of the exponent of an extrapolation, as of power laws in the general prior."""
 
 LEAST_CHANGE = 0.02
-"""Of a level over its span, below which its form says no exponent."""
+"""Change of a level over its span below which its form does not give an exponent."""
 
 
 @dataclass(frozen=True, eq=False)
-class References:
-    """What k other units have shown of their components' degradation.
+class ReferenceTrajectories:
+    """Degradation trajectories of the components of k other units.
 
-    After its end a way goes on straight, or as a power of the age,
+    After its end a trajectory is extrapolated by a straight line or by a power of the age,
 
         L(s) = L(1) + L' (s^p - 1) / p,    p = L' s' / L(s'),
 
-    each as likely; L' is the slope over the last fifth of its span and s' = 0.9 the middle of that. What
-    nobody has shown may be a wear that set in late and goes on evenly, or one that accelerates or slows down
-    as it did before. Of a power law, p is the exponent.
+    with equal probability. L' is the slope over the last fifth of its span, s' = 0.9 the middle of that. What
+    no unit has shown may be a wear that set in late and goes on evenly, or one that accelerates or slows down
+    as it did before. For a power law, p is its exponent.
 
     Attributes
     ----------
     change
-        How far each level has moved since the component was new, (k, 8, m), at m even shares of the span,
+        Change of each level since the component was new, (k, 8, m), at m even shares of the span,
         from 0 to 1. Of both coordinates of an eccentricity it is that of its magnitude: its direction
         differs from unit to unit.
     span
         Hours over which the component was followed [h], (k, 8); 0 where it was not.
     exponent
-        p, by which it goes on after that, (k, 8); 1 is straight.
+        p of the extrapolation, (k, 8); 1 is a straight line.
     """
 
     change: Array
@@ -58,9 +58,11 @@ class References:
     exponent: Array
 
     @classmethod
-    def of(cls, tracks: "Sequence[Track]") -> "References":
-        """Return what units show, one or more, by the tracks of their levels: straight on, then by powers."""
-        change, span = (np.stack(columns) for columns in zip(*map(_shown, tracks), strict=True))
+    def of(cls, trajectories: "Sequence[Trajectory]") -> "ReferenceTrajectories":
+        """Return the trajectories of one or more units twice: extrapolated straight, then by powers."""
+        change, span = (
+            np.stack(columns) for columns in zip(*map(_changes_and_spans, trajectories), strict=True)
+        )
         # dL/ds s/L over the last part of the span, of the means of s and L there.
         before, last = _ends(change)
         level = (change[..., before] + change[..., last]) / 2
@@ -71,9 +73,9 @@ class References:
         return cls(np.concatenate([change, change]), np.concatenate([span, span]), exponent)
 
     def drawn(self, shape: tuple[int, int], random: np.random.Generator) -> tuple[NDArray[np.intp], Array]:
-        """Return units (n, 8), each as likely, of those that show the component, and their spans [h].
+        """Return units (n, 8), drawn evenly from those that followed the component, and their spans [h].
 
-        A span is 0 where no unit shows it.
+        A span is 0 where no unit did.
         """
         seen = self.span > 0
         order = np.argsort(~seen, axis=0, kind="stable")
@@ -82,8 +84,8 @@ class References:
         units = order[place, columns]
         return units, self.span[units, columns]
 
-    def moved(self, unit: NDArray[np.intp], share: Array, column: NDArray[np.intp]) -> Array:
-        """Return how far the `unit`'s component `column` has moved at a `share` of its span, any shape."""
+    def change_at(self, unit: NDArray[np.intp], share: Array, column: NDArray[np.intp]) -> Array:
+        """Return the change of the `unit`'s component `column` at a `share` of its span, any shape."""
         last = self.change.shape[2] - 1
         place = np.clip(share, 0.0, 1.0) * last
         low = np.minimum(place.astype(int), last - 1)
@@ -98,20 +100,20 @@ class References:
 
 
 def _last_slope(change: Array) -> Array:
-    """Return the slope (…) of ways (…, m) per span, over the last `END` of it."""
+    """Return the slope (…) of trajectories (…, m) per span, over the last `END` of it."""
     before, last = _ends(change)
     return np.asarray((change[..., last] - change[..., before]) / (1 - before / last))
 
 
 def _ends(change: Array) -> tuple[int, int]:
-    """Return the places at which the last `END` of ways (…, m) begins and ends."""
+    """Return the indices at which the last `END` of trajectories (…, m) begins and ends."""
     last = change.shape[-1] - 1
     return round((1 - END) * last), last
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
-    """The filtered levels (n, 8) of a unit at flight `hours` (n,) [h], from `born` (8,) to `until` (8,).
+class Trajectory:
+    """The filtered levels (n, 8) of a unit at flight `hours` (n,) [h], from `new_at` (8,) to `until` (8,).
 
     These are the hours at which each component was new and at which it was replaced, `inf` where it was not.
     `age` (n, 8) [h] is how far each has aged at `hours`, under its stress; `new` are levels of a new unit,
@@ -121,23 +123,23 @@ class Track:
     hours: Array
     age: Array
     level: Array
-    born: Array
+    new_at: Array
     until: Array
     new: Array
 
 
-def _shown(track: Track) -> tuple[Array, Array]:
-    """Return what one unit shows: changes (8, m) and spans (8,)."""
-    components = track.level.shape[1]
-    change = track.level - track.new
-    change[:, ECCENTRICITY] = level_of(track.level, "eccentricity")[:, np.newaxis]
-    shown, span = np.zeros((components, POINTS)), np.zeros(components)
-    for c, (born, until) in enumerate(zip(track.born, track.until, strict=True)):
-        rows = (track.hours > born) & (track.hours <= until)
+def _changes_and_spans(trajectory: Trajectory) -> tuple[Array, Array]:
+    """Return the changes (8, m) and spans (8,) of one unit."""
+    components = trajectory.level.shape[1]
+    change = trajectory.level - trajectory.new
+    change[:, ECCENTRICITY] = level_of(trajectory.level, "eccentricity")[:, np.newaxis]
+    changes, span = np.zeros((components, POINTS)), np.zeros(components)
+    for c, (new_at, until) in enumerate(zip(trajectory.new_at, trajectory.until, strict=True)):
+        rows = (trajectory.hours > new_at) & (trajectory.hours <= until)
         if rows.sum() < FEWEST:
             continue
-        ages = np.concatenate([[0.0], track.age[rows, c]])
+        ages = np.concatenate([[0.0], trajectory.age[rows, c]])
         values = np.concatenate([[0.0], change[rows, c]])
         span[c] = ages[-1]
-        shown[c] = np.interp(np.linspace(0, span[c], POINTS), ages, values)
-    return shown, span
+        changes[c] = np.interp(np.linspace(0, span[c], POINTS), ages, values)
+    return changes, span

@@ -1,9 +1,9 @@
 """What a recording may have and no simulation has: sensors that err, an actuator not as described.
 
 A network that has seen faithful recordings alone takes up a late sensor as faults. Here are the deviations
-that its doubt is trained on: of each sensor a delay, another scale and another zero; a delay of all sensors
-together; another inertia; and a dry friction that passes smoothly through standstill (the laws "stribeck" and
-"transition", as strong as the library assumes them before a calibration).
+that the error predictor is trained on: of each sensor a delay, another scale and another zero; a delay of all
+sensors together; another inertia; and a dry friction that passes smoothly through standstill (the laws
+"stribeck" and "transition", as strong as the library assumes them before a calibration).
 """
 
 from dataclasses import dataclass

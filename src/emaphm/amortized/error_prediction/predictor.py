@@ -1,7 +1,7 @@
-"""How wrong an answer is likely to be, next to what it states: a small network's estimate.
+"""The error of an answer, relative to the error that is allowed, as a small network predicts it.
 
 It has learned from simulations, as they are and with what no simulation has
-(`emaphm.amortized.doubt.deviations`), whose answers' errors are known.
+(`emaphm.amortized.error_prediction.deviations`), whose answers' errors are known.
 """
 
 from dataclasses import dataclass
@@ -32,14 +32,14 @@ WRONG = WrongSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class Doubt:
+class ErrorPredictor:
     """The network, whose one coordinate is the logarithm of `error_ratios`, and what it is read through."""
 
     projection: Projection
     network: Network
 
-    def of(self, features: Single) -> Array:
-        """Return the estimated ratio of each of the answers with these features (n, k), (n,)."""
+    def predicted(self, features: Single) -> Array:
+        """Return the predicted ratio of each of the answers with these features (n, k), (n,)."""
         found = self.network.mixtures(self.network.features(features))
         return np.asarray(np.exp([float(one.mean[0]) for one in found]))
 

@@ -1,10 +1,10 @@
-"""Whether the hours of a removal or a shop's finding fit the other entries of its unit, or may be wrong."""
+"""Whether the hours of a removal or a shop's finding are plausible beside the other entries of its unit."""
 
 from emaphm.history.records import Finding, Removal
 from emaphm.history.unit import Unit
 
 
-def doubt_of_removal(unit: Unit, removal: Removal) -> str | None:
+def implausible_removal(unit: Unit, removal: Removal) -> str | None:
     """Return what may be wrong with the hours of a removal of a unit of a history, None where they fit.
 
     They fit from its last recording on, up to as many hours later as it was recorded over before.
@@ -24,7 +24,7 @@ def doubt_of_removal(unit: Unit, removal: Removal) -> str | None:
     return None
 
 
-def doubt_of_finding(unit: Unit, finding: Finding) -> str | None:
+def implausible_finding(unit: Unit, finding: Finding) -> str | None:
     """Return what may be wrong with the hours of a finding on a unit of a history, None where they fit.
 
     They fit where they are those of a removal; without any removal, up to those of the last recording.
