@@ -20,7 +20,8 @@ def square(t: Array) -> Array:
 
 
 def problem(actuator: Actuator, command: Command, sampling: Sampling = "mean") -> Problem:
-    whole = simulate(actuator, command, duration=0.25, noise=0.05)
+    begin = float(command(np.zeros(1))[0])
+    whole = simulate(actuator, command, duration=0.25, noise=0.05, initial_position=begin)
     columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
     return Problem.of(Recording(columns, sampling), actuator, channels=None)
 

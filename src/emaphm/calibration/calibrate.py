@@ -37,7 +37,7 @@ from emaphm.calibration.motion.result import (
     motion_recordings,
 )
 from emaphm.calibration.reference_laws import sensor_lag
-from emaphm.calibration.reference_laws.sensitivity import with_reference_sensitivity
+from emaphm.calibration.reference_laws.breakaway import with_breakaway
 from emaphm.calibration.reference_laws.shaft import fit_description, with_shaft_that_shows
 from emaphm.calibration.result import Calibration
 from emaphm.calibration.separation import collinear_parameters
@@ -260,7 +260,7 @@ def _result(
 ) -> Calibration:
     """Return the calibration by a fit; `scanned` are parameters that were estimated before it."""
     actuator = description.actuator
-    fit, insensitive = with_reference_sensitivity(fit, settings.seed)
+    fit, at_rest = with_breakaway(fit, settings.seed)
     values = found_values(fit, actuator)
     calibrated = with_lumped_parameters(actuator, values, name=_name_of(actuator))
     collinear = collinear_parameters(fit, calibrated, settings.seed)
@@ -296,7 +296,7 @@ def _result(
             *one_way_warnings(left_open),
             *set_aside_warnings(fit, rows, actuator),
             *unmodelled,
-            *insensitive,
+            *at_rest,
             *calibration_warnings(rows, found, actuator),
         ),
         description.law_notes,

@@ -9,6 +9,7 @@ import numpy as np
 from emaphm.actuator import Faults
 from emaphm.arrays import Array
 from emaphm.estimation.driving_signals import DrivingSignals
+from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.signal_size import signal_size
 from emaphm.recording.noise import noise_on_most_rows
 from emaphm.simulation import AVERAGED
@@ -47,11 +48,12 @@ def first_rows(
     """Return the channels (n, channels, rows) of the averaged model that starts at the motor's `angle` [rad].
 
     It is driven over as many rows as the `driving` signals have. Where `channels` are left out, they are
-    those that are compared.
+    those that are compared. These runs are not of the whole recording, and do not count as simulations of it.
     """
     inputs = driving.inputs(AVERAGED.step_for(problem.actuator))
     start = replace(problem.start, angle=angle)
-    return replace(problem, model=AVERAGED, inputs=inputs, start=start).predict(faults, channels=channels)
+    short = replace(problem, model=AVERAGED, inputs=inputs, start=start, runs=RunCounts())
+    return short.predict(faults, channels=channels)
 
 
 def rows_apart(problem: "Problem", outputs: list[Array]) -> int:

@@ -65,16 +65,22 @@ def rows_of_held_start(problem: "Problem") -> int | None:
     are the rest, and what follows until the start does not matter; 0 where too little motion would be left.
     The command may begin to move at once, as long as it begins slowly.
     """
-    rest = _standing_rows(problem)
-    if CURRENT not in problem.channels or not HELD_START.fewest <= problem.samples > rest:
+    rest, fewest = _standing_rows(problem), _fewest_rows(problem)
+    if CURRENT not in problem.channels or not fewest <= problem.samples > rest:
         return None
     longest, faults = math.ceil(HELD_START.longest / problem.inputs.interval), likely_faults(problem)
-    rows = max(min(rest, longest), HELD_START.fewest)
+    rows = max(min(rest, longest), fewest)
     standing = problem.driving.beginning(0.0, rows)
     current = _current_not_drawn(problem, standing, faults)
     if not current or _leaves_its_start(problem, standing, faults):
         return None
     return _rows_until_forgotten(problem, rest, current, faults)
+
+
+def _fewest_rows(problem: "Problem") -> int:
+    """Return over how many rows a rest is looked at, at least: more than the sensors are late."""
+    late = max(problem.actuator.sensors.of(name).delay for name in problem.channels)
+    return HELD_START.fewest + math.ceil(late / problem.inputs.interval)
 
 
 def _current_not_drawn(problem: "Problem", driving: DrivingSignals, faults: Array) -> float:

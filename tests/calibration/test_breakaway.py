@@ -1,0 +1,45 @@
+"""What acts at rest is known as well as the reference model shows it, not as the averaged model would."""
+
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Actuator, Chirp
+from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.calibration import Calibration, calibrate
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+pytestmark = pytest.mark.usefixtures("no_model_error")
+
+WARNING = "times less well by the reference model"
+
+
+def calibrated(described: Actuator) -> tuple[Calibration, float]:
+    """Return the calibration of a unit with a tenth less static friction than described, and that."""
+    static = 0.9 * described.mechanics.static_friction
+    unit = with_lumped_parameters(described, {"static": static})
+    recordings = []
+    chirps = (Chirp(2e-3, stop_hz=8.0, duration=0.2), Chirp(1e-3, stop_hz=5.0, duration=0.3))
+    for seed, chirp in enumerate(chirps):
+        whole = simulate(unit, chirp, duration=chirp.duration, noise=0.05, seed=seed)
+        names = ("time_s", "command_rad", "current_A", "voltage_V")
+        recordings.append(Recording({name: whole[name] for name in names}, whole.sampling, f"{seed}.csv"))
+    return calibrate(recordings, described, ["coulomb", "static"], nuisances=[]), static
+
+
+def test_the_ripple_of_comparators_hides_the_static_friction() -> None:
+    found, truth = calibrated(THESIS)
+    static, coulomb = found.parameters["static"], found.parameters["coulomb"]
+    assert any(WARNING in one for one in found.warnings)
+    # 18 standard errors by the sensitivities of the averaged model.
+    assert abs(static.value - truth) < 2 * static.standard_error
+    assert coulomb.standard_error < 0.01 * coulomb.value
+    assert abs(coulomb.value - THESIS.mechanics.dynamic_friction) < 3 * coulomb.standard_error
+
+
+def test_the_leaps_of_stick_slip_are_looked_over() -> None:
+    found, truth = calibrated(Actuator.six_step())
+    static = found.parameters["static"]
+    # 3 % off, 90 standard errors, by the sensitivities of the averaged model.
+    assert static.standard_error < 0.05 * truth
+    assert abs(static.value - truth) < 2 * static.standard_error
