@@ -64,6 +64,17 @@ def test_the_answer_alone_names_no_friction_where_the_manoeuvre_goes_one_way() -
     assert found.components["friction"].reason == ONE_WAY
 
 
+@pytest.mark.usefixtures("answers_taken")
+def test_the_answer_alone_has_the_cautions_of_any_diagnosis() -> None:
+    setup = RecordingSetup.of(THESIS, COMMAND, duration=0.2, channels=("current_A",))
+    whole = simulate(THESIS, COMMAND, duration=0.2, faults=TRUTH, noise=0.05)
+    recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
+    answer = constant_estimator(setup, setup.space.points(TRUTH.vector), 0.01)
+    found = diagnose_by(answer, recording, THESIS, fast=True)
+    assert found.method == "estimator"
+    assert any("the inertia is taken as described" in note for note in found.recording_notes)
+
+
 def test_an_estimator_of_a_manoeuvre_elsewhere_takes_what_starts_there(
     recording: Recording, tmp_path: Path
 ) -> None:

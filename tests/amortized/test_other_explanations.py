@@ -1,25 +1,37 @@
 """What else may be the faults that an answer alone names: nothing, or a law that nobody described."""
 
 import numpy as np
+import pytest
 
 from cases import THESIS, on_a_rig
 from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
+from emaphm.amortized.error_prediction import other_explanations as module
 from emaphm.amortized.error_prediction.other_explanations import other_explanations
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
+from emaphm.recording import Recording
 
 FAULTS = Faults(friction=0.3, backlash=0.2, short_b=0.25, gain=0.4)
 
 
-def explanations(actuator: Actuator, faults: Faults) -> tuple[tuple[str, ...], int]:
-    """Return what else may be the estimate for a recording of `actuator`, and runs of the reference model."""
-    problem = Problem.of(on_a_rig(actuator, faults, 0.3), THESIS, channels=("current_A", "voltage_V"))
+def explanations(
+    actuator: Actuator, faults: Faults, off: float = 0.0, hum: float = 0.0
+) -> tuple[tuple[str, ...], int]:
+    """Return what else may be the estimate for a recording of `actuator`, and runs of the reference model.
+
+    The estimate is `off` by so much in the friction, and the current has a `hum` of 50 Hz [A].
+    """
+    whole = on_a_rig(actuator, faults, 0.3)
+    current = whole["current_A"] + hum * np.sin(2 * np.pi * 50.0 * whole["time_s"])
+    recording = Recording({name: whole[name] for name in whole} | {"current_A": current})
+    problem = Problem.of(recording, THESIS, channels=("current_A", "voltage_V"))
     objective = faults_objective(problem, ("load",))
     point = correct_bias(objective, objective.space.points(faults.vector[np.newaxis]), 2, seed=0).point
+    point[objective.space.coordinates.index("friction")] += off
     before = problem.runs.of(problem.model)[1]
     found = other_explanations(SearchResult.at(objective, point), 1e-5 * np.eye(point.size), seed=0)
     return found, problem.runs.of(problem.model)[1] - before
@@ -36,6 +48,23 @@ def test_faults_of_the_actuator_as_described_are_nothing_else() -> None:
     found, compared = explanations(THESIS, FAULTS)
     assert found == ()
     assert compared > 0
+
+
+def test_an_answer_that_the_reference_model_moves_is_not_believed() -> None:
+    # 0.02 are six standard deviations of the answer; the averaged model explains the recording there.
+    (clause,), _ = explanations(THESIS, FAULTS, off=0.02)
+    assert "the reference model moves it by" in clause
+    assert "in friction" in clause
+
+
+def test_an_answer_that_leaves_more_than_noise_wherever_it_is_moved_is_not_believed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Neither a law nor a parameter explains mains hum; one that resembles it would be named before.
+    for name in ("suspected_laws", "possible_errors", "contradicted_control"):
+        monkeypatch.setattr(module, name, lambda *_: [])
+    (clause,), _ = explanations(THESIS, FAULTS, hum=0.3)
+    assert "times what noise and switching explain of current_A is left" in clause
 
 
 def test_nothing_is_asked_where_no_fault_is_named() -> None:

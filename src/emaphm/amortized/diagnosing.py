@@ -19,6 +19,7 @@ from emaphm.amortized.networks.mixture import Mixture
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import nuisance_estimates
+from emaphm.diagnosis.explanation.cautions import cautions
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
 from emaphm.diagnosis.explanation.reasons import reasons_against
@@ -241,8 +242,9 @@ class _Answer:
         residual = self.result.fitted_residual[: problem.samples]
         samples = self.mixture.inside(space, SAMPLES, stream(seed, "samples of the answer"))
         averaged, reference = problem.runs.of(problem.model)
+        components = undecided_where_one_way(estimates(space, point, covariance), self.result)
         return Diagnosis(
-            components=undecided_where_one_way(estimates(space, point, covariance), self.result),
+            components=components,
             coordinates=space.coordinates,
             covariance=covariance,
             method=ESTIMATOR,
@@ -262,7 +264,7 @@ class _Answer:
             recorded=problem.recorded,
             modelled=problem.recorded - residual,
             channels=problem.channels,
-            recording_notes=recording.notes,
+            recording_notes=(*recording.notes, *cautions(components, self.result, moves=self.moves)),
             nuisances=nuisance_estimates(objective, point, covariance),
             moves=self.moves,
             posterior=Posterior.of(space, samples, None),

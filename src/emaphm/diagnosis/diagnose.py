@@ -10,13 +10,13 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array, rms
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
-from emaphm.diagnosis.explanation.load_friction import load_may_be_friction
+from emaphm.diagnosis.explanation.cautions import cautions
 from emaphm.diagnosis.explanation.moment import notes_on_moment
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
-from emaphm.diagnosis.explanation.open_phases import phases_as_described, undecided_between_phases
+from emaphm.diagnosis.explanation.open_phases import undecided_between_phases
 from emaphm.diagnosis.explanation.other_drive import other_drive
-from emaphm.diagnosis.explanation.reasons import idle_channels, reasons_against, unseen_inertia
+from emaphm.diagnosis.explanation.reasons import reasons_against
 from emaphm.diagnosis.explanation.without_fault import tested_by_refits
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
@@ -32,7 +32,7 @@ from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
 from emaphm.estimation.problem import TORQUE_CURRENTS, Problem
 from emaphm.estimation.rows.after_jumps import rows_after_jumps
-from emaphm.estimation.rows.means import masks_of_means, notes_on_means, over_swings
+from emaphm.estimation.rows.means import masks_of_means, over_swings
 from emaphm.estimation.search import check_fitness, search
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.search_settings import SearchSettings
@@ -327,14 +327,7 @@ def conclude(
         recorded=problem.recorded,
         modelled=problem.recorded - residual,
         channels=problem.channels,
-        recording_notes=(
-            *recording.notes,
-            *problem.unknown_start.notes(),
-            *notes_on_means(problem),
-            *((*idle_channels(problem), *unseen_inertia(objective)) if moves else ()),
-            *phases_as_described(components, problem),
-            *load_may_be_friction(components, result),
-        ),
+        recording_notes=(*recording.notes, *cautions(components, result, moves=moves)),
         nuisances=nuisance_estimates(objective, result.point, known.covariance),
         collinear_sets=known.collinear_sets,
         moves=moves,

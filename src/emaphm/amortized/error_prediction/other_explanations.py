@@ -5,6 +5,7 @@ Asked where no search follows, and where a component is called degraded: a searc
 
 from dataclasses import replace
 
+from emaphm.amortized.error_prediction.corrected_step import CorrectedStep
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.alternatives import beyond_a_delay
 from emaphm.diagnosis.selection.control_errors import contradicted_control
@@ -28,7 +29,7 @@ def other_explanations(result: SearchResult, covariance: Array, seed: int) -> tu
     weighted = result.reweighted()
     jacobians = jacobians_at(weighted.objective, result.point, stream(seed, "Jacobians at the answer"))
     delay = _delay(components["gain"], weighted, jacobians)
-    return delay or _undescribed(replace(weighted, jacobians=jacobians), seed)
+    return delay or _undescribed(replace(weighted, jacobians=jacobians), covariance, seed)
 
 
 def _delay(gain: Estimate, result: SearchResult, jacobians: Array) -> tuple[str, ...]:
@@ -43,7 +44,7 @@ def _delay(gain: Estimate, result: SearchResult, jacobians: Array) -> tuple[str,
     return () if checked.verdict == "degraded" else (f"its gain may be a delay: {checked.reason}",)
 
 
-def _undescribed(result: SearchResult, seed: int) -> tuple[str, ...]:
+def _undescribed(result: SearchResult, covariance: Array, seed: int) -> tuple[str, ...]:
     """Return what the residual shows that is not described, once the reference model has corrected it."""
     corrected = with_discrepancy(result, seed)
     if names := suspected_laws(corrected, seed):
@@ -53,4 +54,4 @@ def _undescribed(result: SearchResult, seed: int) -> tuple[str, ...]:
     parameters += contradicted_control(corrected, seed)
     if parameters:
         return (f"its faults may be parameters that are not as described: {', '.join(parameters)}",)
-    return ()
+    return CorrectedStep.of(corrected, covariance).reasons

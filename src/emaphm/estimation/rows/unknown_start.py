@@ -33,7 +33,7 @@ class UnknownStart:
         """Return a note where rows are not compared, or would better not be."""
         if self.held:
             left_out = (
-                f"the first {self.seconds:.3g} s, up to the motion, are not compared"
+                f"the first {self.seconds:.3g} s are not compared"
                 if self.rows
                 else "too little motion follows to do without the rest, so take what is estimated of load, "
                 "friction and zeros with caution, or begin before that motion"

@@ -1,0 +1,25 @@
+"""What a recording cannot tell, whatever the estimate: the cautions that go with a diagnosis."""
+
+from collections.abc import Mapping
+
+from emaphm.diagnosis.explanation.load_friction import load_may_be_friction
+from emaphm.diagnosis.explanation.open_phases import phases_as_described
+from emaphm.diagnosis.explanation.reasons import idle_channels, unseen_inertia
+from emaphm.diagnosis.verdict import Estimate
+from emaphm.estimation.rows.means import notes_on_means
+from emaphm.estimation.search_result import SearchResult
+
+
+def cautions(components: Mapping[str, Estimate], result: SearchResult, *, moves: bool) -> tuple[str, ...]:
+    """Return notes on rows, channels, inertia, phases and load at `result`, whose faults are `components`.
+
+    Whether the model `moves` there decides what a channel can be expected to show.
+    """
+    objective, problem = result.objective, result.objective.problem
+    return (
+        *problem.unknown_start.notes(),
+        *notes_on_means(problem),
+        *((*idle_channels(problem), *unseen_inertia(objective)) if moves else ()),
+        *phases_as_described(components, problem),
+        *load_may_be_friction(components, result),
+    )
