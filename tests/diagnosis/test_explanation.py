@@ -239,6 +239,19 @@ def test_one_sensor_may_have_another_scale_and_two_are_too_many(scaled: tuple[st
     assert bool(said) == (len(scaled) == 2)
 
 
+def test_two_reversed_sensors_are_called_reversed() -> None:
+    columns = {name: -COLUMNS[name] for name in ("voltage_V", "speed_rad_s")}
+    objective = faults_objective(
+        Problem.of(Recording({**COLUMNS, **columns}), THESIS, channels=None), ("voltage_scale", "speed_scale")
+    )
+    point = objective.space.points(HEALTHY)
+    # A coordinate has five standard deviations of 1 % to a unit.
+    point[-2:] = -200 / 5
+    result = SearchResult.at(objective, point).reweighted()
+    said = reasons(replace(result, correction=np.full_like(result.correction, 1e-12)))
+    assert "voltage and speed are reversed; correct their wires" in said
+
+
 @pytest.mark.parametrize("kind", ["delay", "scale", "offset"])
 def test_an_error_in_the_residual_is_found_at_its_size(kind: str) -> None:
     result = at_the_truth({})

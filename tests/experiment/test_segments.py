@@ -10,7 +10,7 @@ from cases import THESIS, USUAL
 from emaphm.actuator import Chirp, Ramp
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
-from emaphm.errors import MethodError, OutputError
+from emaphm.errors import MethodError, OutputError, RecordingError
 from emaphm.experiment import Segments, segments
 from emaphm.experiment.segmentation.healthy_motion import healthy_position
 from emaphm.experiment.segmentation.segments import IN_MOTION
@@ -92,6 +92,12 @@ def test_a_saturated_stretch_is_refused(whole: Recording) -> None:
     reasons = [one.reason for one in segments(saturated, THESIS).stretches if 0.5 < one.start_s < 1.5]
     assert reasons
     assert all("saturated: the current is at its limit in" in reason for reason in reasons)
+
+
+def test_a_current_in_milliamperes_is_no_saturated_one(whole: Recording) -> None:
+    in_mA = whole.with_channels({**whole.channels, "current_A": 1e3 * whole["current_A"]})
+    with pytest.raises(RecordingError, match="seems to be in milliamperes"):
+        segments(in_mA, THESIS)
 
 
 def test_same_seed_same_stretches(whole: Recording, cut: Segments) -> None:

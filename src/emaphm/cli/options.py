@@ -69,6 +69,9 @@ KnownList = Annotated[
         "or a label, such as serial=A17; may be repeated.",
     ),
 ]
+Fast = Annotated[
+    bool, Parameter(negative="", help="Take the estimator's answer as it is: milliseconds, less exact.")
+]
 FigureFile = Annotated[Path | None, Parameter(help="Draw measured against model: .png, .svg or .pdf.")]
 
 FIGURES = (".png", ".svg", ".pdf")

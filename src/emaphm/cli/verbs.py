@@ -15,6 +15,7 @@ from emaphm.cli.options import (
     ActuatorFile,
     AsJson,
     By,
+    Fast,
     FaultList,
     FigureFile,
     Force,
@@ -188,10 +189,7 @@ def diagnose(
             help="Begin where an estimator of 'emaphm train' says, in place of a search of all the range."
         ),
     ] = None,
-    fast: Annotated[
-        bool,
-        Parameter(negative="", help="Take the estimator's answer as it is: milliseconds, less exact."),
-    ] = False,
+    fast: Fast = False,
     healthy: Annotated[
         Path | None,
         Parameter(help="Also say whether the recording is like healthy ones: a file of 'detect learn'."),

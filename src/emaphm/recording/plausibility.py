@@ -103,6 +103,18 @@ def check_plausible(recording: Recording, actuator: Actuator) -> None:
         raise RecordingError(f"{recording.source}: {complaint}")
 
 
+def check_current(recording: Recording, actuator: Actuator) -> None:
+    """Refuse a recording of any length whose current is orders of magnitude beyond its limit.
+
+    Raises
+    ------
+    RecordingError
+        It is; the message names the likely unit and the remedy.
+    """
+    if complaint := _high_current(recording, actuator):
+        raise RecordingError(f"{recording.source}: {complaint}")
+
+
 def _length(recording: Recording) -> str | None:
     if recording.samples > MOST_ROWS:
         return f"has {recording.samples:,} rows, a model is fitted to {MOST_ROWS:,} at most; {WAY_OUT}"

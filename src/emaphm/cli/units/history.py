@@ -8,9 +8,11 @@ from cyclopts import App, Parameter
 from emaphm.cli.options import (
     ActuatorFile,
     AsJson,
+    Fast,
     Force,
     RecordingFile,
     Seed,
+    check_fast,
     check_seed,
     described_actuator,
     recording_of,
@@ -67,6 +69,7 @@ def add(
     estimator: Annotated[
         Path | None, Parameter(help="Begin where an estimator of 'emaphm train' says.")
     ] = None,
+    fast: Fast = False,
     late: Annotated[
         bool, Parameter(negative="", help="These hours may be below the unit's latest: an old recording.")
     ] = False,
@@ -75,6 +78,7 @@ def add(
 ) -> None:
     """Diagnose recordings of one flight and add them; what is in the history already is left as it is."""
     check_seed(seed)
+    check_fast(fast, estimator)
     described = described_actuator(actuator)
     from emaphm.actuator.faults import degraded_in, health_in
     from emaphm.fleet import DiagnosisSettings
@@ -85,7 +89,8 @@ def add(
     with History.open(db, create=True) as history:
         known = [one.serial_number for one in history.units()]
         is_new = unit not in known
-        settings = DiagnosisSettings(seed=seed, estimator=None if estimator is None else str(estimator))
+        asked = None if estimator is None else str(estimator)
+        settings = DiagnosisSettings(seed=seed, estimator=asked, fast=fast)
         methods = settings.method_names
         # What cannot be added is refused before anything is diagnosed.
         for one in recordings:

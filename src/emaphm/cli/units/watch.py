@@ -15,6 +15,7 @@ from emaphm.cli.interruption import going_on, interrupt
 from emaphm.cli.options import (
     ActuatorFile,
     By,
+    Fast,
     Seed,
     check_fast,
     check_seed,
@@ -68,9 +69,7 @@ def watch(
     estimator: Annotated[
         Path | None, Parameter(help="Begin each diagnosis where an estimator of 'emaphm train' says.")
     ] = None,
-    fast: Annotated[
-        bool, Parameter(negative="", help="Take the estimator's answer as it is: milliseconds, less exact.")
-    ] = False,
+    fast: Fast = False,
     healthy: Annotated[
         Path | None, Parameter(help="Detector that 'detect learn' wrote, for what no fault explains: .json.")
     ] = None,

@@ -374,7 +374,10 @@ def _scales(result: SearchResult) -> Iterator[str]:
         if error_kind(name) == "scale"
         and abs(float(values[0])) > EXPLANATION.prior_deviations * usual_deviation(actuator, name)
     }
-    if len(far) > 1:
+    if len(far) > 1 and max(far.values()) < -1:
+        channels = " and ".join(name.removesuffix("_scale") for name in far)
+        yield f"{channels} are reversed; correct their wires, or give them sign = -1 under [channels]"
+    elif len(far) > 1:
         sizes = ", ".join(f"{name} {100 * value:+.3g} %" for name, value in far.items())
         yield (
             f"several sensors seem to have another scale at once ({sizes}); check time_s and the rate of the "

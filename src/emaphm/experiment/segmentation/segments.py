@@ -19,7 +19,7 @@ from emaphm.experiment.segmentation.result import Segment, Segments
 from emaphm.progress import Progress
 from emaphm.recording import Recording
 from emaphm.recording.checks import FEWEST_SAMPLES
-from emaphm.recording.plausibility import MOST_ROWS
+from emaphm.recording.plausibility import MOST_ROWS, check_current
 
 IN_MOTION = "begins in motion: where the backlash and the controller stand is not known there"
 """Why what follows the longest stretch of a movement is refused: cut so, recordings of a healthy actuator
@@ -79,13 +79,14 @@ def segments(
     MethodError
         `wanted` or `longest_s` is not above 0, or the model has nothing to compare with the recording.
     RecordingError
-        A recorded supply is not positive, or only phase currents could be compared and the actuator has no
-        electrical description.
+        A recorded supply is not positive, a current is orders of magnitude beyond its limit, or only phase
+        currents could be compared and the actuator has no electrical description.
     """
     if not 0 < wanted <= 1:
         raise MethodError(f"a precision of ±{wanted:g} is impossible; give more than 0, up to 1")
     if not 0 < longest_s < math.inf:
         raise MethodError(f"stretches of {longest_s:g} s are impossible; give a number above 0")
+    check_current(recording, actuator)
     cells = Cells.of(recording, actuator)
     shortest = max(cells.rows, FEWEST_SAMPLES) / recording.sample_rate_hz
     if longest_s < shortest:
