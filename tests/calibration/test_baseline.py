@@ -1,6 +1,7 @@
 """From healthy recordings of a unit to diagnoses of it: what calibration knows, and what it does not."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -298,7 +299,11 @@ def test_a_calibrated_unit_is_diagnosed_where_its_description_misleads(
 
 def test_deviations_are_reported_in_text_and_json(diagnosed: Diagnosis) -> None:
     text = str(diagnosed)
-    assert "Deviation of the unit from its description: inertia " in text
+    assert "Known no better than before the recording: inertia, viscous, coulomb" in text
+    shown = replace(diagnosed.nuisances[f"{BASELINE}inertia"], value=0.06, standard_error=0.001, known=True)
+    assert "Deviation of the unit from its description: inertia +6.18 ± 0.11 %." in str(
+        replace(diagnosed, nuisances={**diagnosed.nuisances, f"{BASELINE}inertia": shown})
+    )
     names = [BASELINE + name for name in FREE]
     nuisances = diagnosed.to_dict()["nuisances"]
     assert list(nuisances) == ["load", "temperature", *names]

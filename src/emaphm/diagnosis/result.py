@@ -267,9 +267,14 @@ class Diagnosis:
         check = [f"Against healthy recordings: {self.healthy_check.sentence}."] if self.healthy_check else []
         return [*of_recording, *of_sensors, *notes(self), *posterior, *check]
 
+    @property
+    def subject(self) -> str:
+        """What was diagnosed, in words."""
+        return "the recording"
+
     def summary(self) -> str:
         """Return one line: how well the model explains the recording, and what it took."""
-        verdict = "explains the recording" if self.explained else "does NOT explain the recording"
+        verdict = f"{'explains' if self.explained else 'does NOT explain'} {self.subject}"
         return (
             f"The {self.model} model {verdict}: residual {self.residual_rms_A:.3g} A rms "
             f"({100 * self.relative_residual:.1f} % of the current). "

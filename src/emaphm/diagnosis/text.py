@@ -113,9 +113,7 @@ def notes(diagnosis: "Diagnosis") -> list[str]:
         )
     described = {name.removeprefix(BASELINE): one for name, one in unit.items()}
     described = {name: one for name, one in described.items() if name not in of_laws}
-    if described:
-        values = ", ".join(_deviation(name, one) for name, one in described.items())
-        lines.append(f"Deviation of the unit from its description: {values}.")
+    lines += _on_unit(described, diagnosis.subject)
     if kept := not_calibrated(diagnosis.actuator):
         lines.append(
             f"The calibration has not measured {', '.join(kept)}: taken as described; a unit that differs "
@@ -150,6 +148,14 @@ def _on_selected(selected: Sequence[str]) -> Iterator[str]:
             f"{one_of}. If this persists, calibrate the healthy unit (emaphm calibrate), or state under "
             "[tolerances] how far it may be off; taken as exact, it would read as faults."
         )
+
+
+def _on_unit(described: Mapping[str, NuisanceEstimate], subject: str) -> Iterator[str]:
+    """Yield what `subject` shows of the parameters of the unit, and which it does not show."""
+    if shown := [_deviation(name, one) for name, one in described.items() if one.known]:
+        yield f"Deviation of the unit from its description: {', '.join(shown)}."
+    if unseen := [name for name, one in described.items() if not one.known]:
+        yield f"Known no better than before {subject}: {', '.join(unseen)} of the unit."
 
 
 def _deviation(name: str, estimate: NuisanceEstimate) -> str:

@@ -101,6 +101,11 @@ class JointDiagnosis(Diagnosis):
         """The recordings that contradict the others."""
         return tuple(one.name for one in self.recordings if one.contradicts)
 
+    @property
+    def subject(self) -> str:
+        """What was diagnosed, in words."""
+        return f"the {len(self.recordings)} recordings"
+
     def to_dict(self) -> dict[str, Any]:
         """Return what `emaphm diagnose --joint --json` prints, ready for `json.dumps`."""
         return {
@@ -117,8 +122,8 @@ class JointDiagnosis(Diagnosis):
         if self.contradicting:
             lines.append(
                 f"Contradicting the others: {', '.join(self.contradicting)}. Either the unit has changed "
-                "between the recordings, or these are of another unit: diagnose them alone, and the others "
-                "without them."
+                "between the recordings, or these are of another unit, or a channel of theirs is reversed or "
+                "not in the unit described: diagnose them alone, and the others without them."
             )
         elif self.contradicted:
             lines.append(
