@@ -1,5 +1,6 @@
 """A load that varies while an actuator is recorded: found with the faults, and not taken for them."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from cases import THESIS, USUAL, covered
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose
-from emaphm.diagnosis.load_estimate import estimated_load
+from emaphm.diagnosis.load_estimate import LoadEstimate, estimated_load
 from emaphm.estimation.space.nuisances import LOAD_VARIATION, NuisanceSet
 from emaphm.plotting.diagnosis import draw_diagnosis
 from emaphm.plotting.external_load import draw_external_load
@@ -72,6 +73,14 @@ def test_it_is_said_in_one_line_and_drawn(found: Diagnosis, tmp_path: Path) -> N
     assert "load [N·m]" in [axis.get_ylabel() for axis in draw_diagnosis(found).axes]
     write_report(found, tmp_path / "report.html")
     assert "The load at the motor, which varies" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_constant_load_beyond_its_prior_is_called_constant() -> None:
+    time = np.linspace(0.0, 0.5, 100)
+    flat = LoadEstimate(0.2 + 1e-3 * np.sin(30 * time), np.full(100, 1e-3), "N·m")
+    assert (flat.is_constant, str(flat)) == (True, "is +0.2 N·m throughout")
+    steep = replace(flat, value=flat.value + 0.02 * time)
+    assert (steep.is_constant, str(steep)) == (False, "varies from +0.2 to +0.211 N·m")
 
 
 def test_a_load_that_is_recorded_is_known() -> None:

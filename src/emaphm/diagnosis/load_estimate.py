@@ -10,6 +10,9 @@ from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.simulation.laws.load_steps import STEP_PREFIX, step_load, step_names
 from emaphm.simulation.laws.load_variation import PREFIX, spline_basis
 
+CONSTANT = 3.0
+"""Range of a load, over its mean standard error, up to which it is taken for constant."""
+
 
 @dataclass(frozen=True)
 class LoadStep:
@@ -32,8 +35,15 @@ class LoadEstimate:
     unit: str
     steps: tuple[LoadStep, ...] = ()
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether it does not vary by more than its standard errors."""
+        return not self.steps and bool(np.ptp(self.value) <= CONSTANT * self.standard_error.mean())
+
     def __str__(self) -> str:
         """Return what it does, in words."""
+        if self.is_constant:
+            return f"is {self.value.mean():+.3g} {self.unit} throughout"
         if not self.steps:
             return f"varies from {self.value.min():+.3g} to {self.value.max():+.3g} {self.unit}"
         each = (f"{one.size:+.3g} {self.unit} {1e3 * one.time_s:.4g} ms" for one in self.steps)

@@ -100,7 +100,9 @@ def notes(diagnosis: "Diagnosis") -> list[str]:
             f"The load {load}; it was estimated with the faults. Recorded as load_Nm, it is known, and the "
             "faults better."
         )
-        if not load.steps:
+        if load.is_constant:
+            lines.append("That is more than expected: state by 'load' under [nuisances] how large it may be.")
+        elif not load.steps:
             lines.append("Other viscous friction than described, as of cold grease, may look like this load.")
     if diagnosis.laws:
         lines.append(_on_laws([LAWS[name] for name in diagnosis.laws], of_laws))
