@@ -98,17 +98,14 @@ def diagnose_by(
     recording, mixture = asked.recording, asked.mixture
     starts = None
     if asked.answer is None:
-        notes = [
-            f"the estimator is not believed: {reason}; all of the range was searched"
-            for reason in asked.reasons
-        ]
-        recording = recording.with_channels(recording.channels, notes)
+        note = f"the estimator is not believed: {'; '.join(asked.reasons)}; all of the range was searched"
+        recording = recording.with_channels(recording.channels, [note])
     else:
         if fast and not asked.reasons:
             return asked.answer.diagnosis(recording, seed, began)
         if fast:
-            notes = [f"the estimator's answer was corrected: {reason}" for reason in asked.reasons]
-            recording = recording.with_channels(recording.channels, notes)
+            note = f"the estimator's answer was corrected: {'; '.join(asked.reasons)}"
+            recording = recording.with_channels(recording.channels, [note])
         starts = _starts(mixture, estimator.space, seed)
 
     def searched(recording: Recording, starts: Starts | None) -> Diagnosis:

@@ -24,7 +24,7 @@ HEADER = (
 )
 
 TITLES = {
-    "limits": "A map of the limits",
+    "limits": "Accuracy as the rig gets worse",
     "plants": "Plants that are not as described",
     "loads": "Loads that vary",
     "data_sheets": "A unit and its data sheet",

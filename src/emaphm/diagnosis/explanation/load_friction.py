@@ -36,7 +36,7 @@ def load_may_be_friction(components: Mapping[str, Estimate], result: SearchResul
     unit = unit_for("N·m", actuator.coordinates)
     note = (
         f"friction that is {100 * excess / more:.2g} % of the load looks like this: the load is "
-        f"{abs(more):.3g} {unit} {'larger' if more > 0 else 'smaller'} than any of the calibration; "
+        f"{abs(more):.3g} {unit} {'larger' if more > 0 else 'smaller'} in size than any of the calibration; "
         f"calibrate under several loads with the law {LAW} (--laws {LAW})"
     )
     return (note,)
