@@ -39,7 +39,8 @@ def notes_on_moment(result: SearchResult) -> tuple[str, ...]:
     when = f"{first:.4g} s" if first == last else f"{first:.4g} to {last:.4g} s"
     note = (
         f"the residual of {problem.primary} is of one moment, {when} after the first row: no fault acts for "
-        "so short a time; if two runs are joined there, or a blow fell, cut the recording and diagnose the parts"
+        "so short a time; if two runs are joined there, or a blow fell, cut the recording and diagnose the "
+        "parts"
     )
     return (note,)
 
