@@ -91,7 +91,8 @@ def test_a_command_that_begins_slowly_in_the_first_row_does_not_hide_the_rest() 
 
 def test_the_zero_of_a_sensor_is_found_in_the_motion() -> None:
     recording, zero = cut(FIRST, *ELECTRICAL), -0.3
-    shifted = Recording({name: recording[name] + zero * (name == "current_A") for name in recording})
+    columns = {name: recording[name] + zero * (name == "current_A") for name in recording}
+    shifted = Recording({name: rows[:2000] for name, rows in columns.items()})
     (fault,) = diagnose(shifted, THESIS).sensor_faults
     assert (fault.channel, fault.kind) == ("current_A", "bias")
     assert fault.size == pytest.approx(zero, abs=0.01)
@@ -111,7 +112,8 @@ def test_a_shaft_that_is_not_there_yet_is_not_held() -> None:
 
 def test_where_only_a_step_follows_all_is_compared_and_a_note_asks_for_caution() -> None:
     # A load beyond friction, which nobody recorded: the current of the rest shows it.
-    full = simulate(THESIS, Step(5e-3, 0.05), load=0.25, faults=Faults(short_b=0.2), noise=0.05)
+    step = Step(5e-3, 0.05)
+    full = simulate(THESIS, step, load=0.25, faults=Faults(short_b=0.2), noise=0.05, duration=0.2)
     recording = Recording({name: full[name] for name in ("time_s", "command_rad", *ELECTRICAL)})
     found = diagnose(recording, THESIS)
     assert (len(found.recorded), found.explained) == (full.samples, True)
