@@ -1,4 +1,4 @@
-"""Whether the hours of a removal or a shop's finding are plausible beside the other entries of its unit."""
+"""Whether the hours of a removal or a shop's finding agree with the other entries of its unit."""
 
 from emaphm.history.records import Finding, Removal
 from emaphm.history.unit import Unit
