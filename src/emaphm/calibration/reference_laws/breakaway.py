@@ -1,10 +1,10 @@
 """What acts where a shaft breaks away, as far as the reference model shows it.
 
-The ripple of a switched current breaks a resting shaft away before its mean does. The averaged model has less
-ripple or none: static friction acts on it more than on a machine, or by leaps of stick-slip. Its sensitivities
-call an estimate well known that the reference model hardly distinguishes from others. Where that has less of
-the effect than the averaged model, its residual decides: the estimate is where it is least, known to where it
-is clearly larger.
+The ripple of a switched current breaks a resting shaft away before its mean does. The averaged model has
+less ripple or none: static friction acts on it more than on a machine, or by leaps of stick-slip. Its
+sensitivities call an estimate well known that the reference model hardly distinguishes from others. Where
+that has less of the effect than the averaged model, its residual decides: the estimate is where it is
+least, known to where it is clearly larger.
 """
 
 import math
