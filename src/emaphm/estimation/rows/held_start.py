@@ -26,8 +26,8 @@ class HeldStartSettings:
 
     The command stands while it is within `still` of its range, or `noise` times its noise, from its first
     value; the rest is looked at over `fewest` rows at least, and `longest` [s] at most. If it is shorter than
-    `shortest` [s] and `fewest` rows, a model that starts off the command must leave less than `better` times
-    the rms residual of the one on it.
+    `sure` [s] and `fewest` rows, a model that starts off the command must leave less than `better` times the
+    rms residual of the one on it.
     Its mean current is not the model's if it is outside those of models with likely faults by `significant`
     standard errors, or by as many times the share `resolved` of the current's scatter; unless all of these go
     the share `leaves` of the way from where the shaft was recorded to the command.
@@ -42,6 +42,7 @@ class HeldStartSettings:
     noise: float = 6.0
     significant: float = 3.0
     shortest: float = 10e-3
+    sure: float = 2e-3
     fewest: int = 5
     longest: float = 1.0
     resolved: float = 0.01
@@ -109,7 +110,7 @@ def _rows_until_forgotten(problem: "Problem", rest: int, current: float, faults:
     moving = problem.driving.beginning((rest - lead) * interval, lead + rows)
     outputs = _from_starts(problem, moving, current, faults)
     apart = rows_apart(problem, outputs)
-    if rest < max(HELD_START.shortest / interval, HELD_START.fewest):
+    if rest < max(HELD_START.sure / interval, HELD_START.fewest):
         on, *off = (least_residual(problem, one, rest - lead, max(apart, 1)) for one in outputs)
         if min(off) > HELD_START.better * on:
             return None
