@@ -239,13 +239,24 @@ def test_a_last_diagnosis_beyond_the_limit_fails_only_what_the_filter_says_has_f
     belief = replace(Belief.new(Prior()), hours=one.hours)
     found = usual().mixture_with(FailureTimes(LIMITS, times), level, belief, seen, None).first
     assert np.array_equal(found == 0, times[0] == 0)
-    assert np.mean(found[found > 0] != 500.0) == pytest.approx(24 / 32, abs=0.01)
+    # 16 of the 24 units have failed.
+    assert np.mean(found[found > 0] != 500.0) == pytest.approx((16 / 24) ** 0.5 * 24 / 32, abs=0.01)
+
+
+def test_the_pace_of_a_fleet_counts_as_far_as_its_units_have_failed() -> None:
+    """As long as others still work, those that have passed the last steps are the fast ones."""
+    one, times = unit(2500.0, 100, 1500.0), np.full((1, 400), 900.0)
+    units = [unit(2000.0 + 20.0 * i, i) for i in range(24)]
+    for failed in (6, 12, 24):
+        fleet = [*units[:failed], *(replace(each, failures=()) for each in units[failed:])]
+        share = np.mean(by_pace(of(fleet), one, times) != 900.0)
+        assert share == pytest.approx((failed / 24) ** 0.5 * 24 / 32, abs=0.01)
 
 
 def test_a_unit_that_survives_beyond_the_population_is_left_to_the_filter() -> None:
     by, times = usual(), np.full((1, 400), 900.0)
     seen = unit(2500.0, 100, 1800.0)
-    assert np.mean(by_pace(by, replace(seen, hours=1900.0), times) != 900.0) > 0.7
+    assert np.mean(by_pace(by, replace(seen, hours=1900.0), times) != 900.0) == pytest.approx(0.61, abs=0.01)
     assert by_pace(by, replace(seen, hours=9000.0), times).tolist() == times[0].tolist()
 
 

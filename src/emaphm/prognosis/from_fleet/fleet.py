@@ -132,7 +132,8 @@ class Fleet:
             return fleet_mixture([*parts[:i], *parts[i + 1 :]], self.general)
 
         about = self.general.settings, self.general.reference
-        return record_of(failed, by_others, about, actuator, self.seed)
+        record = record_of(failed, by_others, about, actuator, self.seed)
+        return None if record is None else replace(record, failed_share=len(failed) / len(self._usable))
 
 
 def fleet_prior(

@@ -94,9 +94,9 @@ class FleetPaceModel:
         evidence: "Evidence",
         ahead: Stress | None,
     ) -> "FailureTimes":
-        """Return the failure times of a forecast, with n / (n + 8) of the working paths by the fleet's pace.
+        """Return failure times of a forecast, with √f n / (n + 8) of the working paths by the fleet's pace.
 
-        n is the number of units. The forecast is returned unchanged if
+        n is the number of units, f the share of them that has failed. The forecast is returned unchanged if
 
         - a limit is on a measure, or a new unit is beyond it,
         - there are fewer than 8 units, or no unit has passed a step,
@@ -139,7 +139,8 @@ class FleetPaceModel:
             return times
         # The name of the stream is kept, so that forecasts stay what they were.
         random = stream(belief.seed, "fellows' pace", evidence.unit, belief.steps)
-        share = len(self.units) / (len(self.units) + FLEET_PACE.filter_weight)
+        count = len(self.units)
+        share = self._shown_share * count / (count + FLEET_PACE.filter_weight)
         working = np.flatnonzero(times.first > 0)
         chosen = random.permutation(working)[: round(share * working.size)]
         hours = times.hours.copy()
@@ -160,6 +161,16 @@ class FleetPaceModel:
             rows = np.array(side)[:, np.newaxis]
             hours[rows, chosen] = _ordered_by_limit(hours[rows, chosen])
         return replace(times, hours=hours)
+
+    @cached_property
+    def _shown_share(self) -> float:
+        """How far the pace is that of all units: as long as some work, the last steps are those of the fast.
+
+        √f, f being the share of the units that have failed. Of 200 made-up units with many laws and lives of
+        500 to 8,000 h, 30 of 100 failed, the 90 % intervals of 50 held 37 times without it, 46 times with it;
+        of 108 units of alike fleets and 60 of one, 159 and 165 times of 168 (f itself).
+        """
+        return float(np.sqrt(np.mean([bool(one.failures) for one in self.units])))
 
     @cached_property
     def _keys(self) -> list[str]:

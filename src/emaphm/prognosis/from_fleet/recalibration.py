@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -86,7 +86,9 @@ class Recalibration:
 
     b being the median of the past errors, κ the size that 90 % of the errors about b do not exceed, as
     a share of what it is for the normal distribution. Both are shrunk towards none, b = 0 and κ = 1, by
-    n / (n + 5), n being the effective number of units [1]. A past prediction weighs
+    f n / (n + 5), n being the effective number of units [1] and f `failed_share`, the share of the fleet's
+    units that have failed: their lives are the short ones, as long as others still work. A past prediction
+    weighs
 
         exp(-½ (Δshare / 0.15)²) exp(-½ (Δln s / 0.5)²) (0.1 + 0.9 Σ min(p_i, q_i)),
 
@@ -100,10 +102,11 @@ class Recalibration:
     """
 
     outcomes: Sequence[PastForecasts]
+    failed_share: float = 1.0
 
     def without(self, unit: str) -> "Recalibration":
         """Return the recalibration without the past forecasts of `unit`."""
-        return Recalibration([one for one in self.outcomes if one.unit != unit])
+        return replace(self, outcomes=[one for one in self.outcomes if one.unit != unit])
 
     def correction(self, situation: ForecastSituation) -> tuple[float, float]:
         """Return b and κ [-] of a prediction that looks like `situation`, one."""
@@ -114,7 +117,7 @@ class Recalibration:
         if not of_units.sum() > 0:
             return 0.0, 1.0
         number = of_units.sum() ** 2 / np.sum(of_units**2)
-        learnt = number / (number + WEIGHT_OF_NO_CHANGE)
+        learnt = self.failed_share * number / (number + WEIGHT_OF_NO_CHANGE)
         error = np.concatenate([one.error for one in self.outcomes])
         error = np.clip(error, -LARGEST_ERROR, LARGEST_ERROR)
         weights = np.concatenate(alike)
