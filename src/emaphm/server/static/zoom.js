@@ -12,6 +12,26 @@ function band(times, low, high, opacity, axes, name, shown) {
   ];
 }
 
+// Where parts were replaced: all hours, or those of one component.
+function replaced(curves, component) {
+  const own = curves.replacements.filter(([, part]) => !component || part === component || part === "unit");
+  return [...new Set(own.map(([hours]) => hours))];
+}
+
+function replacedLines(hours, axes) {
+  return hours.map((x) => ({ type: "line", x0: x, x1: x, y0: 0, y1: 1, line: { color: GREY, width: 1, dash: "dashdot" }, ...axes }));
+}
+
+const REPLACED = { x: [null], y: [null], mode: "lines", line: { color: GREY, dash: "dashdot" }, name: "replaced" };
+
+// From 0 to 1, and as far beyond as a friction falls below healthy.
+function levelRange(curves, name) {
+  const limits = curves.limits.filter(([component]) => component === name).map(([, bound]) => bound);
+  const seen = curves.seen.map((one) => one.levels[name]);
+  const known = [...curves.levels[name][0], ...limits, ...seen].filter((one) => one !== null);
+  return [Math.min(0, ...known) - 0.03, 1.03];
+}
+
 function health(curves) {
   const names = Object.keys(curves.levels), columns = window.innerWidth < SMALL ? 1 : 2;
   const rows = Math.ceil(names.length / columns), traces = [], shapes = [], annotations = [];
@@ -34,11 +54,13 @@ function health(curves) {
       if (component === name) shapes.push({ type: "line", xref: `x${end} domain`, yref: `y${end}`, x0: 0, x1: 1, y0: bound, y1: bound,
         line: { color: VERMILION, width: 1, dash: "dash" } });
     }
+    shapes.push(...replacedLines(replaced(curves, name), { xref: `x${end}`, yref: `y${end} domain` }));
     annotations.push({ text: `<b>${name}</b>`, xref: `x${end} domain`, yref: `y${end} domain`, x: 0, y: 1, yanchor: "bottom", showarrow: false });
-    layout[`yaxis${end}`] = { range: [-0.03, 1.03] };
+    layout[`yaxis${end}`] = { range: levelRange(curves, name) };
     layout[`xaxis${end}`] = { title: i >= names.length - columns ? { text: "flight hours [h]" } : undefined };
   });
   traces.push({ x: [null], y: [null], mode: "lines", line: { color: VERMILION, dash: "dash" }, name: "limit" });
+  if (curves.replacements.length) traces.push(REPLACED);
   return [traces, { ...layout, shapes, annotations, legend: { orientation: "h", y: -0.09, yanchor: "top" } }];
 }
 
@@ -55,14 +77,22 @@ function life(curves) {
 }
 
 function fan(curves) {
-  const column = (i) => curves.fan.map((row) => row[i]), hours = column(0);
-  const traces = [
-    ...band(hours, column(1), column(5), 0.18, {}, "90 %", true),
-    ...band(hours, column(2), column(4), 0.35, {}, "50 %", true),
-    { x: hours, y: column(3), mode: "lines+markers", line: { color: BLUE }, name: "median" },
-  ];
-  return [traces, { xaxis: { title: { text: "flight hours [h]" } },
-    yaxis: { rangemode: "tozero", title: { text: "RUL [h]" } }, legend: { orientation: "h", y: 1.15 } }];
+  // Life begins anew with a replacement: each part of the life is drawn by itself.
+  const breaks = replaced(curves).filter((hours) => hours > curves.fan[0][0]).sort((a, b) => a - b);
+  const parts = [-Infinity, ...breaks].map((from, i) => curves.fan.filter(([hours]) => hours > from && hours <= (breaks[i] ?? Infinity)));
+  const traces = parts.filter((rows) => rows.length).flatMap((rows, i) => {
+    const column = (j) => rows.map((row) => row[j]), hours = column(0), first = i === 0;
+    const median = { x: hours, y: column(3), mode: "lines+markers", line: { color: BLUE }, name: "median", showlegend: first };
+    if (rows.length > 1) {
+      return [...band(hours, column(1), column(5), 0.18, {}, "90 %", first), ...band(hours, column(2), column(4), 0.35, {}, "50 %", first), median];
+    }
+    // A band of one forecast has no width.
+    const [low, high] = [rows[0][3] - rows[0][1], rows[0][5] - rows[0][3]];
+    return [{ ...median, error_y: { type: "data", symmetric: false, array: [high], arrayminus: [low], width: 4 }, name: "median, 90 %" }];
+  });
+  if (breaks.length) traces.push(REPLACED);
+  return [traces, { shapes: replacedLines(breaks, { yref: "paper" }), xaxis: { title: { text: "flight hours [h]" } },
+    yaxis: { rangemode: "tozero", title: { text: `RUL [h], at most ${curves.longest.toLocaleString("en")}` } }, legend: { orientation: "h", y: 1.15 } }];
 }
 
 async function zoom() {
