@@ -93,5 +93,6 @@ def _assessed(values: dict[str, Any]) -> str:
     if made.get("failed_at_hours") is not None:
         lasts = f"no remaining useful life, failed at {made['failed_at_hours']:.9g} h"
     old = ", out of date" if made["out_of_date"] else ""
-    what = f"{advised['action']} at {advised['at_hours']:,.0f} h"
+    until = " until" if advised["action"] == "fly on" else ""
+    what = f"{advised['action']}{until} {advised['at_hours']:,.0f} h"
     return f"prognosis of {made['made_at']} at {made['hours']:.9g} h{old}: {lasts}; {what}"
