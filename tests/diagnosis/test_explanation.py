@@ -101,6 +101,11 @@ def test_a_current_along_the_flux_that_is_held_at_0_may_be_recorded() -> None:
 
 
 CALIBRATED = THESIS.model_copy(update={"baseline": Baseline.of(("coulomb",), np.array([[1e-4]]), ("a.csv",))})
+LOADED = THESIS.model_copy(
+    update={
+        "baseline": Baseline.of(("coulomb",), np.array([[1e-4]]), ("a.csv", "b.csv"), (-0.35, 0.1)),
+    }
+)
 GREASED = CALIBRATED.model_copy(update={"friction": Friction(load_friction=0.05)})
 
 
@@ -130,6 +135,7 @@ def test_friction_that_the_load_may_make_is_noted(load: float) -> None:
         (CALIBRATED, 0.1, 0.05),
         (THESIS, 0.1, 0.3),
         (GREASED, 0.1, 0.3),
+        (LOADED, 0.1, 0.3),
     ],
 )
 def test_friction_that_the_load_cannot_make_is_not_noted(
