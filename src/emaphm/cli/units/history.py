@@ -103,7 +103,7 @@ def add(
                 continue
             with progress(f"diagnosing {recorded.source}", as_json) as advance:
                 diagnosis = settings.diagnosed(recorded, described, workers=None, on_progress=advance)
-            outcome = history.add(entry, recorded, diagnosis)
+            outcome, document = history.add(entry, recorded, diagnosis), diagnosis.to_dict()
             added.append(
                 {
                     "recording": recorded.source,
@@ -111,8 +111,8 @@ def add(
                     "added": outcome.added,
                     "explained": diagnosis.explained,
                     "k": diagnosis.faults.vector.tolist(),
-                    "health": health_in(diagnosis.to_dict()),
-                    "degraded": list(degraded_in(diagnosis.to_dict())),
+                    "health": health_in(document),
+                    "degraded": list(degraded_in(document)),
                 }
             )
     similar = [one for one in known if is_new and _letters(one) == _letters(unit)]
