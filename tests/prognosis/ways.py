@@ -53,6 +53,14 @@ def _saturating(t: Array, rate: float) -> Array:
     return np.asarray(np.expm1(-rate * t) / np.expm1(-rate))
 
 
+def _logistic(t: Array, plateau: float, middle: float) -> Array:
+    """Return wear that runs away slowly, is half of its plateau at `middle` and 1 at the end of life."""
+    steepness = -np.log(plateau - 1) / (1 - middle)
+    start = 1 / (1 + np.exp(steepness * middle))
+    level = plateau / (1 + np.exp(-steepness * (t - middle)))
+    return np.asarray((level - plateau * start) / (1 - plateau * start))
+
+
 WAYS: dict[str, Way] = {
     "linear": lambda t, _: t,
     "exponential": lambda t, r: _exponential(t, r.uniform(1, 4)),
@@ -65,6 +73,7 @@ WAYS: dict[str, Way] = {
     "saturating": lambda t, r: _saturating(t, r.uniform(0.5, 1.5)),
     "steps": lambda t, r: np.cumsum(r.random(t.size) < 16 * t[1]) / 16,
     "random walk": lambda t, r: t + np.cumsum(r.normal(0, r.uniform(0.02, 0.15) * t[1] ** 0.5, t.size)),
+    "logistic": lambda t, r: _logistic(t, r.uniform(1.05, 1.4), r.uniform(0.3, 0.6)),
 }
 
 
