@@ -90,7 +90,7 @@ def nearest(name: str, known: Iterable[str], listed_as: str = "known") -> str:
 def closest(name: str, known: Iterable[str]) -> str | None:
     """Return the known name closest to `name`, None where none is similar; capitals do not matter."""
     written = {one.lower(): one for one in known}
-    close = get_close_matches(name.lower(), list(written), n=1, cutoff=0.5)
+    close = get_close_matches(name.lower(), list(written), n=1, cutoff=0.6)
     return written[close[0]] if close else None
 
 

@@ -12,6 +12,8 @@ from emaphm.history.basis import bases
 from emaphm.history.entries import UnitEntries
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognosis
+from emaphm.history.lives import latest_hours
+from emaphm.history.notes.contradictions import contradictions
 from emaphm.history.records import FINDABLE
 from emaphm.history.storage.tables import UNITS
 from emaphm.history.unit import Unit
@@ -72,7 +74,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
             "serial_number": unit.serial_number,
             "part_number": unit.part_number,
             "position": None if is_removed else last.position,
-            "hours": last.hours,
+            "hours": latest_hours(entries.flights, entries.removals, entries.findings),
             "cycles": max((one.cycles for one in entries.flights if one.cycles is not None), default=None),
         },
         **entries.to_dict(),
@@ -80,6 +82,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
         "replacements": [
             {"hours": one.hours, "component": one.component} for one in entries.findings if one.replaced
         ],
+        "notes": list(contradictions(diagnoses, entries.findings)),
         "lives": {name: [one.to_dict() for one in entries.lives(name)] for name in FINDABLE},
         **(
             {"prognostic_assessment": None, "advisory_generation": None}

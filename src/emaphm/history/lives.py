@@ -25,6 +25,13 @@ class Life:
         return asdict(self) | {"censored": self.censored}
 
 
+def latest_hours(
+    flights: Sequence[Flight], removals: Sequence[Removal], findings: Sequence[Finding]
+) -> float:
+    """Return the hours of a unit [h]: those of its latest entry, be it a flight, a removal or a finding."""
+    return max((one.hours for entries in (flights, removals, findings) for one in entries), default=0.0)
+
+
 @dataclass(frozen=True)
 class Failure:
     """A unit failed at `hours` [h]; `components` are those that a shop found failed then, if any."""
@@ -45,7 +52,7 @@ def lives(
     of the same hours), if that was its reason. A component's life ends when it is found failed, or replaced;
     the next begins with a replacement. The last one goes up to the unit's latest hours, and is censored.
     """
-    hours = max((*(one.hours for one in flights), *(one.hours for one in removals)), default=0.0)
+    hours = latest_hours(flights, removals, findings)
     is_unit = component in (None, UNIT)
     ends = _removed(removals, findings) if is_unit else _found(str(component), findings)
     result: list[Life] = []

@@ -162,7 +162,10 @@ class Finding:
         check_hours(self.hours)
         check_note(self.note)
         if self.component not in FINDABLE:
-            raise HistoryError(f"unknown component '{self.component}'{nearest(self.component, FINDABLE)}")
+            raise HistoryError(
+                f"unknown component '{self.component}'{nearest(self.component, FINDABLE)}; what is none of "
+                f"them is a finding on '{UNIT}', with a note"
+            )
         if self.condition not in CONDITIONS:
             raise HistoryError(f"unknown condition '{self.condition}'{nearest(self.condition, CONDITIONS)}")
         lowest = LOWEST_FRICTION if self.component == "friction" else 0.0

@@ -58,7 +58,8 @@ class Evidence:
     `failures` are the hours [h] at which failures ended lives of the unit, rising; `unrepaired` is the one
     for which it is out of service now, None where it is in service. `not_replaced` are failures of components
     of which no replacement is known, and `open_removal` is one as failed of which a shop has named only what
-    has not failed: the unit counts as in service all the same.
+    has not failed: the unit counts as in service all the same. `contradictions` are notes on findings that
+    its diagnoses contradict.
     """
 
     unit: str
@@ -72,6 +73,7 @@ class Evidence:
     unrepaired: "Failure | None" = None
     not_replaced: "tuple[Failure, ...]" = ()
     open_removal: "OpenRemoval | None" = None
+    contradictions: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, unit: "Unit", most: int | None = None) -> "Evidence":
@@ -81,6 +83,7 @@ class Evidence:
         before, evenly spread, which show how it has come to where it is.
         """
         earlier = 0 if most is None else most // 2
+        diagnoses = unit.diagnoses(None if most is None else most - earlier, earlier)
         observations = tuple(
             Observation(
                 one.hours,
@@ -91,23 +94,18 @@ class Evidence:
                 one.cartesian_shared_covariance,
                 one.estimated_load,
             )
-            for one in unit.diagnoses(None if most is None else most - earlier, earlier)
+            for one in diagnoses
         )
-        from emaphm.history.lives import lives, not_replaced, open_removal, unrepaired
+        from emaphm.history.lives import latest_hours, lives, not_replaced, open_removal, unrepaired
+        from emaphm.history.notes.contradictions import contradictions
 
         flights, removals, findings = unit.flights(), unit.removals(), unit.findings()
         replacements = tuple((one.hours, one.component) for one in findings if one.replaced)
         failure = unrepaired(flights, removals, findings)
-        known = [
-            *(one.hours for one in flights),
-            *(one.hours for one in removals),
-            *(hours for hours, _ in replacements),
-            *([failure.hours] if failure else []),
-        ]
         return cls(
             unit.serial_number,
             unit.part_number,
-            max(known, default=0.0),
+            latest_hours(flights, removals, findings),
             observations,
             replacements,
             stress_pieces(flights),
@@ -115,6 +113,7 @@ class Evidence:
             unrepaired=failure,
             not_replaced=() if failure else not_replaced(findings),
             open_removal=None if failure else open_removal(flights, removals, findings),
+            contradictions=contradictions(diagnoses, findings),
         )
 
     @property

@@ -214,7 +214,7 @@ def removal(
     from dataclasses import asdict
 
     from emaphm.history import History, Removal
-    from emaphm.history.plausible_hours import implausible_removal
+    from emaphm.history.notes.hours import implausible_removal
 
     entry = Removal(hours, reason, note)
     with History.open(db) as history:
@@ -248,15 +248,18 @@ def finding(
     from dataclasses import asdict
 
     from emaphm.history import Finding, History
-    from emaphm.history.plausible_hours import implausible_finding
+    from emaphm.history.notes.contradictions import contradiction
+    from emaphm.history.notes.hours import implausible_finding
 
     entry = Finding(hours, component, condition, level, replaced, note)
     with History.open(db) as history:
         added = history.add_finding(unit, entry)
-        implausible = implausible_finding(history.unit(unit), entry)
-    values = {"unit": unit, **asdict(entry), "added": added, "doubt": implausible}
+        found = history.unit(unit)
+        implausible = implausible_finding(found, entry)
+        notes = contradiction(entry, found.diagnoses(), found.findings())
+    values = {"unit": unit, **asdict(entry), "added": added, "doubt": implausible, "notes": notes}
     text = f"finding on {component} of {unit} at {hours:.9g} h {_added(added)}"
-    show(values, _with_note(text, implausible), as_json)
+    show(values, "\n".join([_with_note(text, implausible), *(f"Note: {one}." for one in notes)]), as_json)
 
 
 @app.command

@@ -11,6 +11,7 @@ def unit_text(values: dict[str, Any]) -> str:
         *_by_hours(values),
         *(_withdrawn(one) for one in values["withdrawals"]),
         *_said_of_newest(values["diagnoses"][-1]),
+        *(f"Note: {note}." for note in values["notes"]),
         *([_assessed(values)] if values["prognostic_assessment"] else []),
     ]
     return "\n".join(lines)

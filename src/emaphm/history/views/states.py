@@ -47,8 +47,8 @@ class UnitState:
     Attributes
     ----------
     hours, cycles, position
-        Flight hours at its last flight [h]; the cycles that are known last, which rise with the hours; its
-        place on the aircraft. None where not known.
+        Flight hours at its latest entry, be it a flight, a removal or a finding [h]; the cycles that are
+        known last, which rise with the hours; its place on the aircraft. None where not known.
     last_at
         When its newest recording was added, UTC, ISO 8601.
     recordings, explained
@@ -138,12 +138,13 @@ def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[i
     counted = {row.unit_id: row for row in connection.execute(_counts(chosen))}
     positions = _positions(connection, chosen)
     basis = bases(connection, chosen)
+    later = _latest_without_flight(connection, chosen)
     return {
         row.id: UnitState(
             id=row.id,
             serial_number=row.serial_number,
             part_number=row.part_number,
-            hours=row.hours,
+            hours=max(row.hours, later.get(row.id, 0.0)),
             cycles=row.cycles,
             position=positions.get(row.id),
             last_at=counted[row.id].last_at,
@@ -209,6 +210,23 @@ def _counts(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
         .where(chosen)
         .group_by(FLIGHTS.c.unit_id)
     )
+
+
+def _latest_without_flight(
+    connection: sa.Connection, chosen: sa.ColumnElement[bool]
+) -> dict[int, float]:
+    """Return by unit the latest hours [h] of its removals and findings, of units that have any."""
+    found: dict[int, float] = {}
+    for table in (REMOVALS, FINDINGS):
+        latest = (
+            sa.select(table.c.unit_id, sa.func.max(table.c.hours))
+            .join(UNITS, UNITS.c.id == table.c.unit_id)
+            .where(chosen)
+            .group_by(table.c.unit_id)
+        )
+        for unit_id, hours in connection.execute(latest):
+            found[unit_id] = max(hours, found.get(unit_id, 0.0))
+    return found
 
 
 def _positions(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, str]:

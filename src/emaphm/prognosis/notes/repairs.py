@@ -1,4 +1,4 @@
-"""Notes on failures that the history leaves open, while the unit counts as in service."""
+"""Notes on shop findings: failures left open while a unit is in service, and what diagnoses contradict."""
 
 from typing import TYPE_CHECKING
 
@@ -9,7 +9,8 @@ if TYPE_CHECKING:
 def repair_notes(evidence: "Evidence") -> list[str]:
     """Return notes on components that failed and were not replaced, and on a removal as failed without cause.
 
-    None while the unit is out of service by a failure: its prognosis says so.
+    None of these while the unit is out of service by a failure: its prognosis says so. Further, the notes on
+    findings that contradict the diagnoses.
     """
     notes = [
         f"{' and '.join(one.components)} found failed at {one.hours:.9g} h, and no replacement is in the "
@@ -24,4 +25,4 @@ def repair_notes(evidence: "Evidence") -> list[str]:
             f"hours name only {', '.join(removed.named)}, none as failed: it counts as in service; if a "
             "finding is still to come, wait for it"
         )
-    return notes
+    return [*notes, *evidence.contradictions]

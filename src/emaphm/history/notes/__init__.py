@@ -1,0 +1,1 @@
+"""Notes on entries of a unit that do not agree with each other."""

@@ -1,0 +1,112 @@
+"""Notes on findings and replacements that the diagnoses of a unit contradict."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from emaphm.actuator import Faults
+from emaphm.history import Finding, History, KeptDiagnosis
+from emaphm.history.blocks import unit_blocks
+from emaphm.history.notes.contradictions import contradictions
+from emaphm.prognosis import Evidence
+from emaphm.prognosis.notes.repairs import repair_notes
+
+from . import made_up
+
+ERROR = 0.005
+
+
+def diagnosed(history: History, number: int, hours: float, friction: float, *, explained: bool = True) -> None:
+    """Add a diagnosis of a friction, called as it is; all else is healthy."""
+    level = Faults(friction=friction).vector
+    made = made_up.diagnosis(number, explained=explained)
+    components = {
+        name: replace(
+            one,
+            value=float(value),
+            standard_error=ERROR,
+            interval95=(value - 2 * ERROR, value + 2 * ERROR),
+            verdict="degraded" if name == "friction" and friction > 0.05 else "healthy",
+        )
+        for (name, one), value in zip(made.components.items(), level, strict=True)
+    }
+    covariance = ERROR**2 * np.eye(len(made.coordinates))
+    made = replace(made, components=components, covariance=covariance)
+    history.add(made_up.entry("S1", hours), made_up.recording(number), made)
+
+
+@pytest.fixture
+def worn(tmp_path: Path) -> tuple[KeptDiagnosis, ...]:
+    """Return diagnoses at 100, 200 and 300 h, of a friction of 0.1, 0.2 and 0.3."""
+    with History.open(tmp_path / "worn.sqlite", create=True) as history:
+        for i in (1, 2, 3):
+            diagnosed(history, i, 100.0 * i, 0.1 * i)
+        return history.unit("S1").diagnoses()
+
+
+@pytest.mark.parametrize(
+    ("finding", "said"),
+    [
+        (Finding(300.0, "friction", "healthy"), "friction was found healthy at 300 h"),
+        (Finding(300.0, "unit", "healthy"), "unit was found healthy at 300 h"),
+        (Finding(300.0, "backlash", "degraded"), "backlash 0.000 (95 %"),
+        (Finding(300.0, "friction", "degraded", 0.45), "with a level of 0.45"),
+        (Finding(300.0, "friction", "degraded", 0.15), "with a level of 0.15"),
+        # Within an error that a shop may make, and after wear that may have gone on.
+        (Finding(300.0, "friction", "degraded", 0.33), None),
+        (Finding(350.0, "friction", "degraded", 0.45), None),
+        (Finding(350.0, "friction", "degraded", 0.6), "with a level of 0.6"),
+        (Finding(300.0, "friction", "failed"), None),
+        (Finding(300.0, "unit", "failed"), None),
+        (Finding(300.0, "backlash", "healthy"), None),
+        (Finding(300.0, "friction", "degraded", replaced=True), None),
+        # No diagnosis is known by then.
+        (Finding(50.0, "friction", "healthy"), None),
+    ],
+)
+def test_a_finding_is_compared_with_the_diagnosis_before(
+    worn: tuple[KeptDiagnosis, ...], finding: Finding, said: str | None
+) -> None:
+    notes = contradictions(worn, [finding])
+    assert len(notes) == (said is not None)
+    if said is not None:
+        assert said in notes[0]
+        assert "the diagnosis of 300 h says" in notes[0]
+
+
+def test_a_unit_found_failed_contradicts_diagnoses_that_find_all_of_it_healthy(tmp_path: Path) -> None:
+    with History.open(tmp_path / "new.sqlite", create=True) as history:
+        diagnosed(history, 1, 100.0, 0.0)
+        unit = history.unit("S1")
+        assert contradictions(unit.diagnoses(), [Finding(110.0, "unit", "failed")])
+        diagnosed(history, 2, 105.0, 0.0, explained=False)
+        # What the newest recording shows is not known: it may be what the shop found.
+        assert contradictions(unit.diagnoses(), [Finding(110.0, "unit", "failed")]) == ()
+
+
+def test_a_level_that_stays_after_a_replacement_is_noted_everywhere(
+    tmp_path: Path, worn: tuple[KeptDiagnosis, ...]
+) -> None:
+    replaced = Finding(300.0, "friction", "degraded", replaced=True)
+    with History.open(tmp_path / "worn.sqlite") as history:
+        history.add_finding("S1", replaced)
+        unit = history.unit("S1")
+        assert contradictions(worn, unit.findings()) == ()
+        diagnosed(history, 4, 310.0, 0.3)
+        (note,) = contradictions(unit.diagnoses(), unit.findings())
+        assert "friction was replaced at 300 h, but the diagnosis of 310 h says: 0.300" in note
+        assert repair_notes(Evidence.of(unit)) == [note]
+        assert unit_blocks(unit)["notes"] == [note]
+
+
+@pytest.mark.parametrize(("hours", "friction"), [(310.0, 0.1), (310.0, 0.0), (600.0, 0.3)])
+def test_a_new_part_may_wear_as_the_old_one_did(
+    tmp_path: Path, worn: tuple[KeptDiagnosis, ...], hours: float, friction: float
+) -> None:
+    replaced = Finding(300.0, "unit", "degraded", replaced=True)
+    with History.open(tmp_path / "worn.sqlite") as history:
+        diagnosed(history, 4, hours, friction)
+        assert contradictions(history.unit("S1").diagnoses(), [replaced]) == ()
+    assert worn
