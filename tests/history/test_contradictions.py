@@ -18,7 +18,9 @@ from . import made_up
 ERROR = 0.005
 
 
-def diagnosed(history: History, number: int, hours: float, friction: float, *, explained: bool = True) -> None:
+def diagnosed(
+    history: History, number: int, hours: float, friction: float, *, explained: bool = True
+) -> None:
     """Add a diagnosis of a friction, called as it is; all else is healthy."""
     level = Faults(friction=friction).vector
     made = made_up.diagnosis(number, explained=explained)

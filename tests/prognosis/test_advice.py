@@ -134,6 +134,29 @@ def test_costs_and_probabilities_out_of_range_are_refused(wrong: object) -> None
 
 
 def test_a_small_risk_is_not_written_as_none() -> None:
-    texts = [advice_text(Advice("fly on", 100.0, risk, "why")) for risk in (0.0, 4e-4, 2e-3, 0.1234)]
+    texts = [advice_text(Advice("fly on", 100.0, risk, "why"), 0.0) for risk in (0.0, 4e-4, 2e-3, 0.1234)]
     stated = [text.split("risk of ")[1] for text in texts]
     assert stated == ["0.0 % (why)", "0.04 % (why)", "0.2 % (why)", "12.3 % (why)"]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (
+            Advice("fly on", 1000.0, 0.0, "why"),
+            "fly on for 1,000 h more, until 3,500 h, at a risk of 0.0 % (why)",
+        ),
+        (
+            Advice("inspect by", 42.0, 0.05, "why"),
+            "inspect within 42 h, by 2,542 h, at a risk of 5.0 % (why)",
+        ),
+        (
+            Advice("replace before", 42.0, 0.05, "why"),
+            "replace within 42 h, before 2,542 h, at a risk of 5.0 %",
+        ),
+        (Advice("replace before", 0.0, 0.9, "why"), "replace now (why)"),
+        (Advice("inspect by", 0.0, 0.0, "why"), "inspect now (why)"),
+    ],
+)
+def test_advice_has_the_hours_from_now_and_the_flight_hours(given: Advice, words: str) -> None:
+    assert advice_text(given, 2500.0).startswith(words)

@@ -42,6 +42,7 @@ OF_UNIT: dict[str, Any] = {
     "unrepaired": Failure(400.0, ("friction",)),
     "not_replaced": (Failure(400.0, ("friction",)),),
     "open_removal": OpenRemoval(400.0, ("gain",)),
+    "contradictions": ("friction was found healthy",),
 }
 """Another value of each field."""
 

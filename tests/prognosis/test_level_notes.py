@@ -9,8 +9,8 @@ import pytest
 from emaphm.actuator import Actuator
 from emaphm.actuator.requirements import Requirement
 from emaphm.arrays import Array
-from emaphm.prognosis import prognose
-from emaphm.prognosis.bounds import bounds, to_the_end, within_bounds
+from emaphm.prognosis import failure_levels, prognose
+from emaphm.prognosis.bounds import BEYOND, bounds, to_the_end, within_bounds
 from emaphm.prognosis.notes.levels import level_notes, turn_of_eccentricity
 from emaphm.prognosis.prior import NEW
 
@@ -35,6 +35,23 @@ def test_a_level_at_the_end_of_its_scale_has_reached_a_limit_there() -> None:
     below = prognose(diagnosed(lambda _: at(0.9), error=0.01), actuator, keep_past=False)
     assert not np.any(below.sample == 0)
     assert not any("end of its scale" in note for note in below.notes)
+
+
+@pytest.mark.usefixtures("few_steps")
+def test_a_friction_falls_no_farther_than_the_actuator_allows() -> None:
+    """The thesis's friction is scaled by 2, so that its level is -0.45 where a tenth of it is left."""
+    limits = tuple(Requirement(component="friction", at_least=bound) for bound in (-0.6, -0.45))
+    actuator = Actuator.thesis().model_copy(update={"requirements": limits})
+    asked, reached = failure_levels(actuator)
+    assert (asked.can_fail, reached.levels["friction"][1]) == (False, pytest.approx(-0.45))
+    falls = prognose(diagnosed(lambda hours: at(-4e-4 * hours)), actuator, keep_past=False)
+    of_asked, of_reached = falls.times.hours
+    assert np.all(np.isinf(of_asked))
+    assert np.median(of_reached) == pytest.approx(0.05 / 4e-4, rel=0.2)
+    assert falls.paths.level[0, :, 0].min() >= -0.45 - BEYOND
+    assert any("no single fault" in note and "-0.6" in note for note in falls.notes)
+    ends = prognose(diagnosed(lambda _: at(-0.45), error=0.01), actuator, keep_past=False)
+    assert any("end of its scale" in note and "friction" in note for note in ends.notes)
 
 
 @pytest.mark.parametrize("turn", [math.pi / 2, -2 * math.pi])

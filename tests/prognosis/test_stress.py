@@ -20,8 +20,9 @@ from emaphm.prognosis import (
     prognose,
 )
 from emaphm.prognosis.evidence import follow, stress_pieces
+from emaphm.prognosis.notes.stress import stress_notes
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.prognose import lives, stress_notes
+from emaphm.prognosis.prognose import lives
 from emaphm.prognosis.settings import FilterSettings
 from emaphm.prognosis.stress import ageing_ahead, exposure
 

@@ -1,6 +1,7 @@
 """What to do with a unit, given the distribution of its remaining useful life, and the risk of it."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,6 +64,15 @@ class Advice:
             "risk": self.risk,
             "reason": self.reason,
         }
+
+
+def advice_in_words(given: Mapping[str, Any]) -> str:
+    """Return what to do and when, of advice as `Advice.to_dict`: hours from now on, and the flight hours."""
+    span, until = f"{given['in_hours']:,.0f} h", f"{given['at_hours']:,.0f} h"
+    if given["action"] == "fly on":
+        return f"fly on for {span} more, until {until}"
+    verb, end = given["action"].split()
+    return f"{verb} within {span}, {end} {until}" if given["in_hours"] else f"{verb} now"
 
 
 def advice(

@@ -14,7 +14,7 @@ COORDINATES = len(CARTESIAN_NAMES)
 LOWEST = np.array([LOWEST_FRICTION, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0])
 HIGHEST = np.ones(COORDINATES)
 """Bounds of the levels, in the order of `CARTESIAN_NAMES`; an eccentricity is within its circle. A friction
-may be below that of a new unit."""
+may be below that of a new unit, by as much as its actuator allows."""
 
 HEALTHY_AT_LOWEST = (1, 2, 3, 4)
 """Components whose lowest level is the healthy one, not an end of the scale where they are at their worst."""
@@ -25,18 +25,21 @@ BEYOND = 0.1
 component that it finds there may be worse; what is known of no diagnosis is not taken to be far beyond."""
 
 
-def bounds(count: int, beyond: float = 0.0) -> tuple[Array, Array]:
+def bounds(count: int, beyond: float = 0.0, least_friction: float = LOWEST_FRICTION) -> tuple[Array, Array]:
     """Return the bounds of `count` levels: of all components, or of an indicator, 0 where it is healthy.
 
-    Ends of scales at which a component is at its worst are farther off by `beyond`.
+    Ends of scales at which a component is at its worst are farther off by `beyond`. `least_friction` is that
+    of the actuator (`emaphm.actuator.faults.lower_bounds`).
     """
-    low, high = (LOWEST, HIGHEST) if count == COORDINATES else (np.zeros(count), np.ones(count))
+    low, high = (LOWEST.copy(), HIGHEST) if count == COORDINATES else (np.zeros(count), np.ones(count))
+    if count == COORDINATES:
+        low[0] = least_friction
     return low - beyond * _worst_at_lowest(count), high + beyond
 
 
-def within_bounds(level: Array, beyond: float = 0.0) -> Array:
+def within_bounds(level: Array, beyond: float = 0.0, least_friction: float = LOWEST_FRICTION) -> Array:
     """Return levels (…, 8) put within their `bounds`, an eccentricity within its circle."""
-    clipped = np.clip(level, *bounds(level.shape[-1], beyond))
+    clipped = np.clip(level, *bounds(level.shape[-1], beyond, least_friction))
     if level.shape[-1] < COORDINATES:
         return clipped
     x, y = ECCENTRICITY
@@ -46,13 +49,13 @@ def within_bounds(level: Array, beyond: float = 0.0) -> Array:
     return clipped
 
 
-def to_the_end(level: Array) -> Array:
+def to_the_end(level: Array, least_friction: float = LOWEST_FRICTION) -> Array:
     """Return how far levels (…, 8) are from the end of the scale, 0 where they are at it or beyond.
 
     The nearer end, where both are at a fault; of an eccentricity, its circle.
     """
     count = level.shape[-1]
-    low, high = bounds(count)
+    low, high = bounds(count, least_friction=least_friction)
     far = high - level
     if count == COORDINATES:
         far = np.where(_worst_at_lowest(count), np.minimum(far, level - low), far)

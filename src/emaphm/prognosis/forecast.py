@@ -60,7 +60,7 @@ def drawn_states(belief: Belief, count: int) -> UnitDraws:
     random = stream(belief.seed, "forecast", belief.steps, "states")
     units = recombined(belief, drawn_rows(belief, 2 * count, random))
     units = replace(units, levels=units.levels + belief.shared)
-    level, weights = _within_bounds(units.level, units.levels, random)
+    level, weights = _within_bounds(units.level, units.levels, random, belief.prior.least_friction)
     rate = _rates_given_levels(units, level, random)
     rows = systematic(weights, count, random)
     return UnitDraws(
@@ -71,7 +71,7 @@ def drawn_states(belief: Belief, count: int) -> UnitDraws:
         units.shape[rows],
         units.roughness[rows],
         units.unevenness[rows],
-        within_bounds(level[rows], BEYOND),
+        within_bounds(level[rows], BEYOND, belief.prior.least_friction),
         rate[rows],
     )
 
@@ -128,7 +128,7 @@ def paths(
         state = replace(
             state,
             aged=state.aged + step,
-            level=within_bounds(level),
+            level=within_bounds(level, least_friction=prior.least_friction),
             rate=np.clip(growth * state.rate + shock, -LARGEST_RATE, LARGEST_RATE),
         )
     return Paths(hours, levels, noise)
@@ -160,14 +160,16 @@ def _changed(state: UnitDraws, step: float, prior: Prior, random: np.random.Gene
     return replace(state, **replace_law_fields(state, rows, changes, drawn), rate=rate)
 
 
-def _within_bounds(mean: Array, covariance: Array, random: np.random.Generator) -> tuple[Array, Array]:
+def _within_bounds(
+    mean: Array, covariance: Array, random: np.random.Generator, least_friction: float
+) -> tuple[Array, Array]:
     """Return normal levels (n, 8) drawn within their bounds, and the weights (n,) that make them exact.
 
     The bounds are wider by `BEYOND`.
     """
     from scipy.special import ndtr, ndtri
 
-    root, ends = _root(covariance), bounds(mean.shape[1], BEYOND)
+    root, ends = _root(covariance), bounds(mean.shape[1], BEYOND, least_friction)
     drawn = np.zeros_like(mean)
     weights = np.ones(len(mean))
     for c in range(mean.shape[1]):

@@ -1,13 +1,15 @@
 """What is believed of a component's degradation before it is seen: in general, or learnt from a fleet."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.actuator.faults import HEALTHY, to_cartesian
+from emaphm.actuator import Actuator
+from emaphm.actuator.faults import HEALTHY, lower_bounds, to_cartesian
+from emaphm.actuator.requirements import LOWEST_FRICTION
 from emaphm.arrays import Array
 from emaphm.prognosis.bounds import COORDINATES
 from emaphm.prognosis.columns import ECCENTRICITY
@@ -84,6 +86,7 @@ class Prior:
     hypotheses are the `trajectories` of its units. `reference` is the stress that hours and rates are at;
     None where no stress was recorded, and an hour is an hour. `recalibration` is how the fleet's own
     predictions turned out, `fleet_pace` the pace of its units. `units` is how many count in any of that.
+    `least_friction` is that of the actuator.
     """
 
     settings: DegradationSettings = DEGRADATION
@@ -94,6 +97,11 @@ class Prior:
     trajectories: ReferenceTrajectories | None = None
     recalibration: Recalibration | None = None
     fleet_pace: FleetPaceModel | None = None
+    least_friction: float = LOWEST_FRICTION
+
+    def of(self, actuator: Actuator) -> "Prior":
+        """Return the prior for a unit whose levels have the bounds of `actuator`."""
+        return replace(self, least_friction=float(lower_bounds(actuator)[0]))
 
     def draw(self, particles: int, random: np.random.Generator, components: int = COORDINATES) -> Hypotheses:
         """Return hypotheses of the first `components` of a new unit, each array (particles, components)."""

@@ -23,12 +23,13 @@ from emaphm.prognosis.notes.newest import newest_notes
 from emaphm.prognosis.notes.rates import rate_notes
 from emaphm.prognosis.notes.repairs import repair_notes
 from emaphm.prognosis.notes.shared_error import shared_error_notes
+from emaphm.prognosis.notes.stress import stress_notes
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_times, responsible
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
-from emaphm.prognosis.stress import STRESSES, Stress, StressReference, ageing_ahead
+from emaphm.prognosis.stress import Stress, ageing_ahead
 
 if TYPE_CHECKING:
     from emaphm.history import Failure
@@ -111,7 +112,7 @@ def prognose(
     MethodError
         The averaged model did not stay finite.
     """
-    prior, settings = prior or Prior(), _reaching(settings or FORECAST, question.horizon)
+    prior, settings = (prior or Prior()).of(actuator), _reaching(settings or FORECAST, question.horizon)
     requirements = Requirements(actuator)
     requirements.check_new()
     followed = follow(evidence, prior, seed=seed, past=_shown(evidence) if keep_past else ())
@@ -139,7 +140,7 @@ def prognose(
             *life_notes(evidence, requirements, times, prior),
             *stress_notes(question.ahead, followed.belief.prior.reference),
             *shared_error_notes(followed.belief, component),
-            *level_notes(evidence, made.level[0]),
+            *level_notes(evidence, made.level[0], prior.least_friction),
             *newest_notes(evidence, made.level[0]),
             *load_notes(evidence),
             *rate_notes(evidence),
@@ -283,20 +284,3 @@ def pace_ahead(state: UnitDraws, belief: Belief, evidence: Evidence, ahead: Stre
     Under the stress `ahead`, and what it leaves out as recorded up to the belief.
     """
     return ageing_ahead(evidence.stresses, belief.prior.reference, belief.hours, state.exponents, ahead)
-
-
-def stress_notes(ahead: Stress | None, reference: StressReference | None) -> list[str]:
-    """Return notes on what of the stress `ahead` is not used, or only in part, for want of records."""
-    if ahead is None:
-        return []
-    reference = reference or StressReference()
-    known = reference.values
-    names = [
-        name
-        for name, value, middle in zip(STRESSES, ahead.values, known, strict=True)
-        if value is not None and middle is None
-    ]
-    missing = f"not recorded in the history, so not used of the stress to come: {', '.join(names)}"
-    far = "far from what was recorded: of the stress to come,"
-    beyond = [f"{far} {text}" for text in reference.beyond(ahead)]
-    return [*([missing] if names else []), *beyond]

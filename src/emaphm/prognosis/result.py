@@ -8,7 +8,7 @@ import numpy as np
 
 from emaphm.actuator import COMPONENTS, NAMES, Actuator
 from emaphm.arrays import Array
-from emaphm.prognosis.advice import Advice
+from emaphm.prognosis.advice import Advice, advice_in_words
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.forecast import Paths
@@ -180,7 +180,7 @@ class Prognosis(RemainingLife):
             f"{evidence.unit}, part number {evidence.part_number}, at {evidence.hours:.9g} h",
             f"remaining useful life: {self.rul_text()}{cause}",
             f"probability of failure {within}: {100 * self.probability_of_failure:.1f} %",
-            f"advice: {advice_text(self.advice)}",
+            f"advice: {advice_text(self.advice, evidence.hours)}",
             "",
             format_table(("component", "level", "90 % interval", "likeliest law"), rows),
             "",
@@ -218,14 +218,14 @@ def requirement_row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
     return name, f"{value}{unit}", f"{low} to {high}", f"{100 * found['probability_of_failure']:.1f} %"
 
 
-def advice_text(given: Advice) -> str:
-    """Return advice as a sentence with its risk."""
-    if given.action == "inspect by" and given.hours == 0:
-        return f"inspect now ({given.reason})"
-    when = f"for {given.hours:,.0f} h" if given.action == "fly on" else f"within {given.hours:,.0f} h"
+def advice_text(given: Advice, now: float) -> str:
+    """Return advice as a sentence with its risk, `now` being the unit's flight hours [h]."""
+    what = advice_in_words(given.to_dict(now))
+    if given.hours == 0:
+        return f"{what} ({given.reason})"
     # A risk of one path in many is not none.
     risk = f"{100 * given.risk:{'.1g' if 0 < given.risk < 1e-3 else '.1f'}} %"
-    return f"{given.action}: {when}, at a risk of {risk} ({given.reason})"
+    return f"{what}, at a risk of {risk} ({given.reason})"
 
 
 def _likeliest(laws: dict[str, float]) -> str:

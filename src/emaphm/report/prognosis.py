@@ -37,7 +37,7 @@ def document(prognosis: Prognosis) -> Document:
         fan = svg(draw_fan(curves)) if past else None
     horizon = f"{prognosis.horizon:.9g} h"
     blocks: list[Block] = [
-        Paragraph(advice_text(prognosis.advice), warning=prognosis.advice.action != "fly on"),
+        Paragraph(advice_text(prognosis.advice, evidence.hours), warning=prognosis.advice.action != "fly on"),
         Facts(
             {
                 "Remaining useful life": prognosis.rul_text(),

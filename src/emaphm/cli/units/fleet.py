@@ -117,6 +117,7 @@ def _show(
 
 
 def _life(one: dict[str, Any] | None) -> tuple[str, str, str, str]:
+    from emaphm.prognosis.advice import advice_in_words
     from emaphm.text_table import NOTHING
 
     if one is None:
@@ -129,5 +130,5 @@ def _life(one: dict[str, Any] | None) -> tuple[str, str, str, str]:
         median,
         f"{low} to {high}",
         one["component"] or NOTHING,
-        f"{advice['action']} {advice['in_hours']:,.0f} h",
+        advice_in_words(advice),
     )

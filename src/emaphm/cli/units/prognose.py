@@ -192,15 +192,16 @@ def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> 
 
 def _row(values: "Mapping[str, Any]") -> tuple[str, ...]:
     """Return a prognosis as a row of the table of all units, but for the unit."""
+    from emaphm.prognosis.advice import advice_in_words
+
     rul, advice, failed_at = values["rul_hours"], values["advice"], values["failed_at_hours"]
     interval = " to ".join(_hours(end) for end in rul["interval90"])
-    action = f"{advice['action']} {_hours(advice['at_hours'])} h"
     return (
         f"{values['hours']:.9g}",
         *((_hours(rul["median"]), interval) if failed_at is None else ("failed", "–")),
         f"{100 * values['probability_of_failure']:.1f} %",
         values["component"] or "–",
-        action if failed_at is None else f"failed at {failed_at:.9g} h",
+        advice_in_words(advice) if failed_at is None else f"failed at {failed_at:.9g} h",
     )
 
 

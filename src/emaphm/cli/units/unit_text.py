@@ -88,12 +88,13 @@ def _said_of_newest(diagnosis: dict[str, Any]) -> list[str]:
 
 def _assessed(values: dict[str, Any]) -> str:
     """Return the last kept prognosis as a line of text."""
+    from emaphm.prognosis.advice import advice_in_words
+
     made, advised = values["prognostic_assessment"], values["advisory_generation"]
     median = made["rul_hours"]["median"]
     lasts = "no failure in sight" if median is None else f"remaining useful life {median:,.0f} h"
     if made.get("failed_at_hours") is not None:
         lasts = f"no remaining useful life, failed at {made['failed_at_hours']:.9g} h"
     old = ", out of date" if made["out_of_date"] else ""
-    until = " until" if advised["action"] == "fly on" else ""
-    what = f"{advised['action']}{until} {advised['at_hours']:,.0f} h"
+    what = advice_in_words(advised)
     return f"prognosis of {made['made_at']} at {made['hours']:.9g} h{old}: {lasts}; {what}"

@@ -18,7 +18,7 @@ FASTER = 3.0
 """Multiple of its mean rate at which a level may have gone on between a diagnosis and a finding."""
 
 KEPT_SHARE = 0.5
-"""Share of a component's distance from healthy that is left after its replacement, from which on it is odd."""
+"""Share of a component's distance from healthy that a replacement leaves, from which on a note says so."""
 
 SOON = 0.5
 """Share of the hours in which the old part came there, up to which a new one has had no time to do so."""
@@ -73,7 +73,7 @@ def _life(name: str, finding: Finding, diagnoses: Diagnoses, findings: Sequence[
 
 
 def _has_unexplained(finding: Finding, diagnoses: Diagnoses) -> bool:
-    """Return whether the newest diagnosis explains nothing, and a fault may have come that it does not know."""
+    """Return whether the newest diagnosis explains nothing, so that a fault may have come meanwhile."""
     before = [one for one in diagnoses if one.hours <= finding.hours]
     return bool(before) and not before[-1].explained and finding.condition != "healthy"
 
@@ -103,11 +103,12 @@ def _unchanged(name: str, life: Diagnoses, finding: Finding, diagnoses: Diagnose
     soon = after.hours - finding.hours <= SOON * (finding.hours - min(life[0].hours, finding.hours))
     if left < KEPT_SHARE or not soon or {before.verdicts[name], after.verdicts[name]} != {"degraded"}:
         return []
-    return [
+    note = (
         f"{name} was replaced at {finding.hours:.9g} h, but the diagnosis of {after.hours:.9g} h says: "
         f"{_said(after, name)}, after {_level(before, name):.3f} before: another part may cause it, or the "
         "description may be wrong; forecasts begin with a new component and follow the diagnoses"
-    ]
+    )
+    return [note]
 
 
 def _level(diagnosis: KeptDiagnosis, name: str) -> float:

@@ -212,9 +212,7 @@ def _counts(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
     )
 
 
-def _latest_without_flight(
-    connection: sa.Connection, chosen: sa.ColumnElement[bool]
-) -> dict[int, float]:
+def _latest_without_flight(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, float]:
     """Return by unit the latest hours [h] of its removals and findings, of units that have any."""
     found: dict[int, float] = {}
     for table in (REMOVALS, FINDINGS):

@@ -258,7 +258,7 @@ def _cracked_through(belief: Belief, estimate: Array, covariance: Array) -> Arra
     Such a component is at the end of its scale, whatever the level that its Kalman filter goes on with: an
     estimate (8,) below that is off by its distance from there. 0 for all others.
     """
-    far = -0.5 * to_the_end(estimate) ** 2 / np.diag(covariance)
+    far = -0.5 * to_the_end(estimate, belief.prior.least_friction) ** 2 / np.diag(covariance)
     return np.where((belief.law == CRACK_GROWTH) & (belief.life_scale <= belief.aged), far, 0.0)
 
 

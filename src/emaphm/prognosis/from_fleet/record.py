@@ -69,7 +69,7 @@ def record_of(
 def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> PastForecasts | None:
     """Return what became of the predictions of a unit; None where none before a failure had a median."""
     failure_at = _chosen(evidence, Requirements(actuator).limits)
-    chosen = follow(evidence, prior, seed=seed, past=failure_at).past
+    chosen = follow(evidence, prior.of(actuator), seed=seed, past=failure_at).past
     if not chosen:
         return None
     forecasts = uncorrected(chosen, evidence, actuator, PATHS)

@@ -11,8 +11,9 @@ from emaphm.prognosis.evidence import follow
 from emaphm.prognosis.forecast import drawn_states, paths
 from emaphm.prognosis.indicator.readings import FAILING, Indicator
 from emaphm.prognosis.notes.life import ENOUGH
+from emaphm.prognosis.notes.stress import stress_notes
 from emaphm.prognosis.prior import Prior
-from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, pace_ahead, stress_notes
+from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, pace_ahead
 from emaphm.prognosis.requirements.first_passage import first_passage
 from emaphm.prognosis.result import INTERVAL90, RemainingLife, advice_text, hours_text
 from emaphm.prognosis.settings import FORECAST, INDICATOR_FILTER, LAWS, FilterSettings, ForecastSettings
@@ -110,7 +111,7 @@ class IndicatorPrognosis(RemainingLife):
             f"likeliest law: {law} ({100 * self.laws[law]:.0f} %)",
             f"remaining useful life: {hours_text(self.median)} (90 %: {low} to {high})",
             f"probability of failure within {self.horizon:.9g} h: {100 * self.probability_of_failure:.1f} %",
-            f"advice: {advice_text(self.advice)}",
+            f"advice: {advice_text(self.advice, one.hours)}",
             *(f"note: {note}" for note in self.notes),
         ]
         return "\n".join(lines)

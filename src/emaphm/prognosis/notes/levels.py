@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.actuator.requirements import LOWEST_FRICTION
 from emaphm.arrays import Array
 from emaphm.prognosis.bounds import to_the_end
 from emaphm.prognosis.columns import ECCENTRICITY, columns_of
@@ -28,10 +29,10 @@ SIGNIFICANT = 4.0
 """Standard errors by which a turn, or an eccentricity that has a direction at all, differs from none."""
 
 
-def level_notes(evidence: "Evidence", level: Array) -> list[str]:
+def level_notes(evidence: "Evidence", level: Array, least_friction: float = LOWEST_FRICTION) -> list[str]:
     """Return notes on the levels (n, 8) that may be now, and on the diagnoses they follow from."""
     notes = []
-    at_end = np.mean(to_the_end(level) == 0, axis=0) >= AT_THE_END
+    at_end = np.mean(to_the_end(level, least_friction) == 0, axis=0) >= AT_THE_END
     names = dict.fromkeys(name.removesuffix("_x").removesuffix("_y") for name in _names(at_end))
     if names:
         notes.append(

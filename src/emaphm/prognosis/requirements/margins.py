@@ -22,7 +22,8 @@ FULL_SCALE = tuple(Requirement(component=name, at_most=1.0) for name in COMPONEN
 class Limit:
     """One side of a requirement: its value is at most (`upper`) or at least `bound`.
 
-    `label` is its name in results, unique among those of an actuator.
+    `label` is its name in results, unique among those of an actuator. `least` is the least level that the
+    component of the actuator can have.
     """
 
     requirement: Requirement
@@ -30,6 +31,7 @@ class Limit:
     upper: bool
     label: str
     unit: str
+    least: float = 0.0
 
     @property
     def component(self) -> str | None:
@@ -38,10 +40,10 @@ class Limit:
 
     @property
     def holds_always(self) -> bool:
-        """Whether no level is beyond it: at least 0, of a component that is healthy at 0."""
+        """Whether no level is beyond it: below the least one, or 0 of a component that is healthy at 0."""
         if self.component is None or self.upper:
             return False
-        return bool(self.bound == HEALTHY.vector[NAMES.index(self.component)] == 0)
+        return self.bound < self.least or bool(self.bound == HEALTHY.vector[NAMES.index(self.component)] == 0)
 
     def margin(self, value: Array) -> Array:
         """Return how far `value`, any shape, is from the bound, in its unit; negative beyond it."""
@@ -71,6 +73,7 @@ class Requirements:
         """The limits of all requirements, in their order."""
         found: list[Limit] = []
         labels: list[str] = []
+        lowest = lower_bounds(self.actuator)
         for one in self.all:
             unit = unit_for(MEASURE_UNITS[one.measure], self.actuator.coordinates) if one.measure else "-"
             for bound, upper in ((one.at_most, True), (one.at_least, False)):
@@ -78,7 +81,9 @@ class Requirements:
                     label = _label(one, bound, unit, upper=upper)
                     again = labels.count(label)
                     labels.append(label)
-                    found.append(Limit(one, bound, upper, f"{label} ({again + 1})" if again else label, unit))
+                    name = f"{label} ({again + 1})" if again else label
+                    least = lowest[NAMES.index(one.component)] if one.component else 0.0
+                    found.append(Limit(one, bound, upper, name, unit, float(least)))
         return tuple(found)
 
     def values(self, vectors: Array, limits: Sequence[Limit] | None = None) -> Array:

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from emaphm.actuator.faults import lower_bounds
 from emaphm.arrays import Array
 from emaphm.prognosis.bounds import within_bounds
 from emaphm.prognosis.forecast import Paths
@@ -46,7 +47,7 @@ def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: 
     """
     known = np.full((made.hours.size, now.size), np.nan)
     known[0], known[-1] = now, last
-    works = now >= 0
+    works, least = now >= 0, float(lower_bounds(requirements.actuator)[0])
 
     def compute(steps: Places, paths: Places) -> None:
         if paths.size:
@@ -60,7 +61,7 @@ def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: 
         paths = np.flatnonzero(works & (_bracket(known)[1] > step))
         compute(np.full(paths.size, step), paths)
     for _ in range(SCREENINGS if np.isnan(known).any() else 0):
-        steps = _worth_computing(known, _regression(known, made.level))
+        steps = _worth_computing(known, _regression(known, within_bounds(made.level, least_friction=least)))
         paths = np.flatnonzero(works & (steps > 0))
         compute(steps[paths], paths)
     while True:
@@ -106,7 +107,7 @@ def _worth_computing(known: Array, expected: Array) -> Places:
 
 
 def _regression(known: Array, level: Array) -> Array:
-    """Return what margins (m, n) are expected of `level` (m, n, 8), by least squares on those `known`.
+    """Return margins (m, n) expected of `level` (m, n, 8) in bounds, by least squares on those `known`.
 
     In units of the usual margin, those beyond `CLIPPED` of them, infinite ones too, as large as that: only
     their sign matters there.
@@ -115,8 +116,8 @@ def _regression(known: Array, level: Array) -> Array:
     margins = known[is_known]
     usual = np.abs(margins[np.isfinite(margins) & (margins != 0)])
     target = np.clip(margins / (np.median(usual) if usual.size else 1.0), -CLIPPED, CLIPPED)
-    found = np.linalg.lstsq(_terms(within_bounds(level[is_known])), target, rcond=1e-9)[0]
-    return np.stack([_terms(within_bounds(one)) @ found for one in level])
+    found = np.linalg.lstsq(_terms(level[is_known]), target, rcond=1e-9)[0]
+    return np.stack([_terms(one) @ found for one in level])
 
 
 def _terms(level: Array) -> Array:
