@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Faults
-from emaphm.history import Finding, History, KeptDiagnosis
+from emaphm.history import Finding, History, KeptDiagnosis, Removal
 from emaphm.history.blocks import unit_blocks
 from emaphm.history.notes.contradictions import contradictions
 from emaphm.prognosis import Evidence
@@ -112,3 +112,20 @@ def test_a_new_part_may_wear_as_the_old_one_did(
         diagnosed(history, 4, hours, friction)
         assert contradictions(history.unit("S1").diagnoses(), [replaced]) == ()
     assert worn
+
+
+def test_the_hours_of_a_unit_are_those_of_its_latest_entry_everywhere(
+    tmp_path: Path, worn: tuple[KeptDiagnosis, ...]
+) -> None:
+    def hours(history: History) -> set[float]:
+        unit = history.unit("S1")
+        (state,) = history.states()
+        ends = [unit.lives()[-1].end_hours, unit.lives("gain")[-1].end_hours]
+        return {state.hours, Evidence.of(unit).hours, unit_blocks(unit)["unit"]["hours"], *ends}
+
+    with History.open(tmp_path / "worn.sqlite") as history:
+        assert hours(history) == {worn[-1].hours}
+        history.add_finding("S1", Finding(320.0, "backlash", "healthy"))
+        assert hours(history) == {320.0}
+        history.add_removal("S1", Removal(330.0, "scheduled"))
+        assert hours(history) == {330.0}

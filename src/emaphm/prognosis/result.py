@@ -12,6 +12,7 @@ from emaphm.prognosis.advice import Advice, advice_in_words
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.forecast import Paths
+from emaphm.prognosis.notes.life import without_rate
 from emaphm.prognosis.requirements import Limit, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes
 from emaphm.prognosis.settings import LAWS
@@ -195,7 +196,8 @@ class Prognosis(RemainingLife):
         if self.evidence.unrepaired is not None:
             return f"none, failed at {self.evidence.unrepaired.hours:.9g} h"
         low, high = (hours_text(x) for x in self.interval90)
-        return f"{hours_text(self.median)} (90 %: {low} to {high})"
+        known = without_rate(len(self.evidence.used))
+        return f"{hours_text(self.median)} (90 %: {low} to {high}{known})"
 
     def plot(self) -> "Figure":
         """Return the figure of health over time and of the RUL; the drawing is `plotting.prognosis`'s."""

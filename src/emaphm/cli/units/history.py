@@ -230,9 +230,14 @@ def finding(
     unit: Unit,
     hours: Hours,
     component: Annotated[
-        str, Parameter(help="friction, backlash, short_a, short_b, short_c, eccentricity, gain; or unit.")
+        str,
+        Parameter(
+            help="friction, backlash, short_a, short_b, short_c, eccentricity, gain; or unit, with a note."
+        ),
     ],
-    condition: Annotated[str, Parameter(help="failed, degraded or healthy, as the shop found it.")],
+    condition: Annotated[
+        str, Parameter(help="failed, degraded (worn, but within its limits) or healthy (no fault found).")
+    ],
     level: Annotated[
         float | None,
         Parameter(

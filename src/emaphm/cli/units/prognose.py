@@ -167,6 +167,7 @@ def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> 
     """Print all prognoses, and keep them; what failed is said, and raised where it is all."""
     from emaphm.history import History
     from emaphm.prognosis.keeping import keep_with_curves
+    from emaphm.prognosis.notes.life import ENOUGH, without_rate
     from emaphm.text_table import format_table
 
     good, bad = [one for one in made if not one.error], [one for one in made if one.error]
@@ -177,12 +178,17 @@ def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> 
                 # Earlier forecasts would take seven times as long as the prognosis.
                 keep_with_curves(history, history.unit(one.unit), one.kept(), one.curves)
     rows = [(one.unit, *_row(one.values)) for one in good]
-    header = ("unit", "hours", "RUL [h]", "90 %", "fails within the horizon", "component", "advice")
+    within = f"fails within {good[0].values['horizon_hours']:.9g} h" if good else ""
+    header = ("unit", "hours", "RUL [h]", "90 %", within, "component", "advice")
+    few = [one.unit for one in good if without_rate(one.values["diagnoses"]["used"])]
+    lines = [format_table(header, rows) if rows else "no units"]
+    if few:
+        lines.append(f"mostly by the prior, with fewer than {ENOUGH} explained diagnoses: {', '.join(few)}")
     values = {
         "units": [dict(one.values) for one in good],
         "failed": [{"unit": one.unit, "error": one.error} for one in bad],
     }
-    show(values, format_table(header, rows) if rows else "no units", as_json)
+    show(values, "\n".join(lines), as_json)
     if bad:
         raise PrognosisError(
             f"{len(bad)} of {len(made)} units have no prognosis, the others are done; the first, "

@@ -89,10 +89,12 @@ def _said_of_newest(diagnosis: dict[str, Any]) -> list[str]:
 def _assessed(values: dict[str, Any]) -> str:
     """Return the last kept prognosis as a line of text."""
     from emaphm.prognosis.advice import advice_in_words
+    from emaphm.prognosis.notes.life import without_rate
 
     made, advised = values["prognostic_assessment"], values["advisory_generation"]
     median = made["rul_hours"]["median"]
     lasts = "no failure in sight" if median is None else f"remaining useful life {median:,.0f} h"
+    lasts += without_rate(made["diagnoses"]["used"])
     if made.get("failed_at_hours") is not None:
         lasts = f"no remaining useful life, failed at {made['failed_at_hours']:.9g} h"
     old = ", out of date" if made["out_of_date"] else ""

@@ -14,6 +14,11 @@ ENOUGH = 3
 """Explained diagnoses from which on a rate is seen rather than assumed: two give one that nothing checks."""
 
 
+def without_rate(used: int) -> str:
+    """Return what is to be said next to a remaining useful life from `used` explained diagnoses, if any."""
+    return f", mostly by the prior: {used} of {ENOUGH} explained diagnoses" if used < ENOUGH else ""
+
+
 def life_notes(
     evidence: Evidence, requirements: Requirements, times: FailureTimes, prior: Prior
 ) -> list[str]:
@@ -22,10 +27,10 @@ def life_notes(
     used, kept = len(evidence.used), len(evidence.observations)
     if used < ENOUGH:
         fleet = "one other unit says" if prior.units == 1 else f"{prior.units} other units say"
-        source = "the general prior says" if prior.fleet is None else fleet
+        of_any = "the general prior says of any unit: the more limits, the earlier"
         notes.append(
-            f"explained diagnoses: {used}; {ENOUGH} are needed to see a rate, until then the prognosis is "
-            f"mostly what {source}"
+            f"explained diagnoses: {used}; {ENOUGH} are needed to see a rate, until then remaining useful "
+            f"life, risk and advice are mostly what {of_any if prior.fleet is None else fleet}"
         )
     if kept > used:
         notes.append(f"{kept - used} of {kept} diagnoses are not explained and not used")
