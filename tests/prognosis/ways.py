@@ -1,7 +1,7 @@
 """What the general prior foresees, by the way that a level goes: `python -m tests.prognosis.ways`.
 
-One component of one unit, without a fleet, goes from healthy to its limit in one of eleven ways. Some of them
-are no law of the filter: an onset of exponential wear, wear that saturates, steps.
+One component of one unit, without a fleet, goes from healthy to its limit in one of twelve ways. Some of them
+are no law of the filter: an onset of exponential wear, wear that saturates or slows down, steps.
 """
 
 import argparse
@@ -53,12 +53,10 @@ def _saturating(t: Array, rate: float) -> Array:
     return np.asarray(np.expm1(-rate * t) / np.expm1(-rate))
 
 
-def _logistic(t: Array, plateau: float, middle: float) -> Array:
-    """Return wear that runs away slowly, is half of its plateau at `middle` and 1 at the end of life."""
-    steepness = -np.log(plateau - 1) / (1 - middle)
-    start = 1 / (1 + np.exp(steepness * middle))
-    level = plateau / (1 + np.exp(-steepness * (t - middle)))
-    return np.asarray((level - plateau * start) / (1 - plateau * start))
+def _logistic(t: Array, steepness: float, middle: float) -> Array:
+    """Return wear whose rate is largest at `middle` and falls from there on."""
+    start, level, end = (1 / (1 + np.exp(-steepness * (at - middle))) for at in (0.0, t, 1.0))
+    return np.asarray((level - start) / (end - start))
 
 
 WAYS: dict[str, Way] = {
@@ -73,7 +71,7 @@ WAYS: dict[str, Way] = {
     "saturating": lambda t, r: _saturating(t, r.uniform(0.5, 1.5)),
     "steps": lambda t, r: np.cumsum(r.random(t.size) < 16 * t[1]) / 16,
     "random walk": lambda t, r: t + np.cumsum(r.normal(0, r.uniform(0.02, 0.15) * t[1] ** 0.5, t.size)),
-    "logistic": lambda t, r: _logistic(t, r.uniform(1.05, 1.4), r.uniform(0.3, 0.6)),
+    "logistic": lambda t, r: _logistic(t, r.uniform(4, 12), r.uniform(0.3, 0.6)),
 }
 
 
