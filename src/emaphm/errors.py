@@ -74,23 +74,24 @@ MOST_LISTED = 20
 LONGEST_LISTED = 60
 
 
-def nearest(name: str, known: Iterable[str], listed_as: str = "known") -> str:
+def nearest(name: str, known: Iterable[str], listed_as: str = "known", alike: float = 0.5) -> str:
     """Return `` (did you mean 'x'?)`` for the known name closest to `name`, else the list of known names.
 
-    `listed_as` is what the list begins with.
+    `listed_as` is what the list begins with, `alike` the least similarity of a name that is suggested, from 0
+    to 1 as in `difflib`: more where a word of another meaning may be given.
     """
     options = sorted(known)
-    close = closest(name, options)
+    close = closest(name, options, alike)
     if close is not None:
         return f" (did you mean '{_short(close)}'?)"
     more = f" and {len(options) - MOST_LISTED} more" if len(options) > MOST_LISTED else ""
     return f" ({listed_as}: {', '.join(map(_short, options[:MOST_LISTED]))}{more})"
 
 
-def closest(name: str, known: Iterable[str]) -> str | None:
+def closest(name: str, known: Iterable[str], alike: float = 0.5) -> str | None:
     """Return the known name closest to `name`, None where none is similar; capitals do not matter."""
     written = {one.lower(): one for one in known}
-    close = get_close_matches(name.lower(), list(written), n=1, cutoff=0.6)
+    close = get_close_matches(name.lower(), list(written), n=1, cutoff=alike)
     return written[close[0]] if close else None
 
 

@@ -178,6 +178,7 @@ def test_another_removal_or_finding_in_the_same_place_is_refused(flown: History)
         (lambda: Removal(1.0, "fialed"), "did you mean 'failed'"),
         (lambda: Removal(1.0, "other", "\0"), "note"),
         (lambda: Finding(1.0, "backlas", "failed"), "did you mean 'backlash'"),
+        (lambda: Finding(1.0, "bearings", "failed"), "known: backlash, .*on .unit., with a note"),
         (lambda: Finding(1.0, "gain", "broken"), "unknown condition 'broken'"),
         (lambda: Finding(1.0, "gain", "failed", 1.5), r"level 1\.5 lies outside"),
         (lambda: Finding(1.0, "backlash", "failed", -0.2), r"level -0\.2 lies outside \[0, 1\]"),

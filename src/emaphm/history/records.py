@@ -15,6 +15,9 @@ UNIT = "unit"
 FINDABLE = (*COMPONENTS, UNIT)
 """What a shop can report on, or replace."""
 
+ALIKE = 0.6
+"""Similarity from which on a component's name is suggested: shops have words for parts that are none here."""
+
 REASONS = ("failed", "suspected", "scheduled", "other")
 """Why a unit was removed; "failed" and "suspected" as it was seen on the aircraft, before any shop."""
 
@@ -162,9 +165,10 @@ class Finding:
         check_hours(self.hours)
         check_note(self.note)
         if self.component not in FINDABLE:
+            similar = nearest(self.component, FINDABLE, alike=ALIKE)
             raise HistoryError(
-                f"unknown component '{self.component}'{nearest(self.component, FINDABLE)}; what is none of "
-                f"them is a finding on '{UNIT}', with a note"
+                f"unknown component '{self.component}'{similar}; what is none of them is a finding on "
+                f"'{UNIT}', with a note"
             )
         if self.condition not in CONDITIONS:
             raise HistoryError(f"unknown condition '{self.condition}'{nearest(self.condition, CONDITIONS)}")
