@@ -76,13 +76,16 @@ def test_a_finding_is_compared_with_the_diagnosis_before(
     if said is not None:
         assert said in notes[0]
         assert "the diagnosis of 300 h says" in notes[0]
+        assert "forecasts follow the diagnoses all the same" in notes[0]
 
 
 def test_a_unit_found_failed_contradicts_diagnoses_that_find_all_of_it_healthy(tmp_path: Path) -> None:
     with History.open(tmp_path / "new.sqlite", create=True) as history:
         diagnosed(history, 1, 100.0, 0.0)
         unit = history.unit("S1")
-        assert contradictions(unit.diagnoses(), [Finding(110.0, "unit", "failed")])
+        (note,) = contradictions(unit.diagnoses(), [Finding(110.0, "unit", "failed")])
+        assert "unit was found failed at 110 h" in note
+        assert "it counts as failed all the same" in note
         diagnosed(history, 2, 105.0, 0.0, explained=False)
         # What the newest recording shows is not known: it may be what the shop found.
         assert contradictions(unit.diagnoses(), [Finding(110.0, "unit", "failed")]) == ()

@@ -15,7 +15,10 @@ WORTH_SAYING = 0.05
 """And its distance at least: how well a shop measures is not known."""
 
 FASTER = 3.0
-"""Multiple of its mean rate at which a level may have gone on between a diagnosis and a finding."""
+"""Multiple of its mean rate at which a level may have gone on between a diagnosis and a finding.
+
+On made-up wear of twelve ways, 1 % of right findings have a note, and 96 % of those that are off by 0.2.
+"""
 
 KEPT_SHARE = 0.5
 """Share of a component's distance from healthy that a replacement leaves, from which on a note says so."""
@@ -50,11 +53,12 @@ def contradiction(finding: Finding, diagnoses: Diagnoses, findings: Sequence[Fin
     notes = []
     if differing:
         said = "; ".join(f"{name} {_said(lives[name][-1], name)}" for name in differing)
+        counts = "it counts as failed" if finding.condition == "failed" else "forecasts follow the diagnoses"
         level = "" if finding.level is None else f" with a level of {finding.level:g}"
         notes.append(
             f"{finding.component} was found {finding.condition}{level} at {finding.hours:.9g} h, but the "
-            f"diagnosis of {lives[differing[0]][-1].hours:.9g} h says: {said}; forecasts follow the "
-            "diagnoses: check both, and record again"
+            f"diagnosis of {lives[differing[0]][-1].hours:.9g} h says: {said}; {counts} all the "
+            "same: check both, and record again"
         )
     if finding.replaced:
         notes += [note for name in components for note in _unchanged(name, lives[name], finding, diagnoses)]
@@ -106,7 +110,7 @@ def _unchanged(name: str, life: Diagnoses, finding: Finding, diagnoses: Diagnose
     note = (
         f"{name} was replaced at {finding.hours:.9g} h, but the diagnosis of {after.hours:.9g} h says: "
         f"{_said(after, name)}, after {_level(before, name):.3f} before: another part may cause it, or the "
-        "description may be wrong; forecasts begin with a new component and follow the diagnoses"
+        "description may be wrong; forecasts take it for new until a second diagnosis agrees"
     )
     return [note]
 
