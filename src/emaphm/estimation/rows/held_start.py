@@ -78,8 +78,8 @@ def held_start(problem: "Problem") -> HeldStart | None:
     """Return how friction holds the shaft at the start, None where it does not.
 
     It does where the current of a first rest is none that a model draws which starts on the command. The rows
-    are the rest, and what follows until the start does not matter; 0 where too little motion would be left.
-    The command may begin to move at once, as long as it begins slowly.
+    are the rest, and what follows until the start does not matter. Where too little motion would be left, they
+    are the rest alone, or 0 if its current is more than friction holds. The command may begin to move at once, as long as it begins slowly.
     """
     rest, faults = _standing_rows(problem), likely_faults(problem)
     current, certain = current_not_drawn(problem)
@@ -87,7 +87,19 @@ def held_start(problem: "Problem") -> HeldStart | None:
         return None
     certain = certain or _is_sure_rest(problem, rest)
     count = _rows_until_forgotten(problem, rest, current, faults, certain=certain)
-    return None if count is None else HeldStart(count if leaves_enough(problem, count) else 0, current)
+    if count is None:
+        return None
+    if leaves_enough(problem, count):
+        return HeldStart(count, current)
+    # After a step friction may hold the shaft elsewhere again: the start is never forgotten, the step shows all.
+    alone = _friction_holds(problem, current) and leaves_enough(problem, rest - 1)
+    return HeldStart(rest if alone else 0, current)
+
+
+def _friction_holds(problem: "Problem", current: float) -> bool:
+    """Return whether healthy static friction holds the shaft against a `current` [A]: else it is a load's."""
+    actuator = problem.actuator
+    return abs(current) * actuator.motor.torque_constant <= actuator.mechanics.static_friction
 
 
 def current_not_drawn(problem: "Problem") -> tuple[float, bool]:

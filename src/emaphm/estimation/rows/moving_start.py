@@ -39,7 +39,7 @@ class MovingStartSettings:
     window: float = 0.01
     moving: float = 0.01
     at_once: float = 2e-3
-    off: float = 0.5
+    off: float = 0.25
     lead: float = 0.03
     rest: float = 0.75
     most: float = 0.5
