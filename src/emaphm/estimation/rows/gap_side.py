@@ -77,7 +77,8 @@ def motion_after(problem: "Problem", rest: int = 0, lead: int = 0) -> DrivingSig
 def leaves_enough(problem: "Problem", rows: int) -> bool:
     """Return whether enough motion follows the first `rows` to do without them."""
     command = problem.measured["command_rad"]
-    return rows < problem.samples and bool(np.ptp(command[rows:]) >= FIRST_MOTION.left * np.ptp(command))
+    left = float(np.ptp(command[rows:])) if rows < problem.samples else 0.0
+    return left > 0 and left >= FIRST_MOTION.left * float(np.ptp(command))
 
 
 def rows_of_unknown_side(problem: "Problem", driving: DrivingSignals) -> int:

@@ -41,10 +41,9 @@ class HeldStartSettings:
     standard errors, or by as many times the share `resolved` of the current's scatter; unless all of these go
     the share `leaves` of the way from where the shaft was recorded to the command.
 
-    Rows are left out until a model that starts on the command and one that starts off it no longer differ: off by
-    what makes the recorded current, and `further` than that, as switching draws less current than the mean
-    model does near to zero. The `small` share of the command's
-    range shows what current a distance makes. Where less than half of the range follows, all is compared.
+    Rows are left out until a model that starts on the command and one that starts off it no longer differ:
+    off by what makes the recorded current, and `further` than that, as switching draws less current than the
+    mean model does near to zero. The `small` share of the command's range shows what a distance makes.
     """
 
     still: float = 1e-6
@@ -77,9 +76,10 @@ class HeldStart:
 def held_start(problem: "Problem") -> HeldStart | None:
     """Return how friction holds the shaft at the start, None where it does not.
 
-    It does where the current of a first rest is none that a model draws which starts on the command. The rows
-    are the rest, and what follows until the start does not matter. Where too little motion would be left, they
-    are the rest alone, or 0 if its current is more than friction holds. The command may begin to move at once, as long as it begins slowly.
+    It does where the current of a first rest is none that a model draws which starts on the command. The
+    rows are the rest, and what follows until the start does not matter. Where too little motion would be
+    left, they are the rest alone, or 0 if its current is more than friction holds. The command may begin to
+    move at once, as long as it begins slowly.
     """
     rest, faults = _standing_rows(problem), likely_faults(problem)
     current, certain = current_not_drawn(problem)
@@ -91,7 +91,7 @@ def held_start(problem: "Problem") -> HeldStart | None:
         return None
     if leaves_enough(problem, count):
         return HeldStart(count, current)
-    # After a step friction may hold the shaft elsewhere again: the start is never forgotten, the step shows all.
+    # After a step friction may hold the shaft elsewhere again, and the start is never forgotten.
     alone = _friction_holds(problem, current) and leaves_enough(problem, rest - 1)
     return HeldStart(rest if alone else 0, current)
 

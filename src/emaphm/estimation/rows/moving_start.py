@@ -25,12 +25,12 @@ class MovingStartSettings:
     """When a recording starts within a motion, and which rows are then not compared.
 
     The command moves if its rate over the first `window` [s] is above `moving` times the rms of its rate, and
-    the parabola through that window is right `at_once` [s] later to the share `off` of the way by its rate. The
-    motion before the recording is simulated over `lead` [s] of the command, extended backwards by the
-    parabola through that window. From rest, the model must leave less than `rest` times the rms residual that
-    it leaves with the motion before, if the recording is to start at rest. Of 12 chirps with random faults,
-    by a simulator that is not part of the project, none passes for a cut one, and of 228 recordings cut out
-    of them none for one from rest; from the current alone 4, begun near a turn of the command.
+    the parabola through that window is right `at_once` [s] later, to the share `off` of the way by its rate.
+    The motion before the recording is simulated over `lead` [s] of the command, extended backwards by that
+    parabola. From rest, the model must leave less than `rest` times the rms residual that it leaves with the
+    motion before, if the recording is to start at rest. Of 12 chirps with random faults, by a simulator that
+    is not part of the project, none passes for a cut one, and of 228 recordings cut out of them none for one
+    from rest; from the current alone 4, begun near a turn of the command.
 
     Rows are left out while both differ, up to `most` of all rows. They are compared over `longest` [s] at
     most.

@@ -1,10 +1,11 @@
 """Rows at the start of a recording that depend on a motion before it, which nothing recorded shows."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from emaphm.estimation.rows.begun_step import rows_of_begun_step
 from emaphm.estimation.rows.gap_side import (
     has_crossed_gap,
     leaves_enough,
@@ -22,18 +23,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class UnknownStart:
-    """The first `rows` of a recording, `seconds` long, which are not compared.
+    """The first `rows` of a recording, `seconds` long, which are not compared, and what is not known there.
 
-    The shaft may be `held` off the command by friction there, or all that is not known is the motor's `side`
-    of the backlash; else the shaft is in motion from the first row on. Models start at the share `gap` of
-    half of the backlash, where the last motion has led the motor.
+    Friction `held` the shaft off the command, it was in `motion`, it follows a `step` from before, or the
+    motor may be at either `side` of the backlash. Models start at the share `gap` of half of the backlash,
+    where the last motion has led the motor.
     """
 
     rows: int = 0
     seconds: float = 0.0
-    held: bool = False
-    side: bool = False
+    what: Literal["held", "motion", "step", "side"] = "motion"
     gap: float = 0.0
+
+    @property
+    def held(self) -> bool:
+        """Whether friction may hold the shaft off the command."""
+        return self.what == "held"
 
     def masks(self, problem: "Problem") -> dict[str, Mask]:
         """Return by compared channel of the `problem` which rows are not compared, (samples,)."""
@@ -52,16 +57,7 @@ class UnknownStart:
             return (f"{NOT_THE_MODELS}: {left_out}",)
         if not self.rows:
             return ()
-        if self.side:
-            return (
-                f"{UNKNOWN_SIDE}: the first {1e3 * self.seconds:.3g} ms depend on it and are not compared",
-            )
-        note = (
-            "the command moves already in the first row, and how the shaft moves there is not known: the "
-            f"first {1e3 * self.seconds:.3g} ms depend on the motion before and are not compared. They are "
-            "if the recording starts at rest, or has position_rad and speed_rad_s"
-        )
-        return (note,)
+        return (NOTES[self.what].format(f"the first {1e3 * self.seconds:.3g} ms"),)
 
 
 NOT_THE_MODELS = (
@@ -69,7 +65,15 @@ NOT_THE_MODELS = (
     "by the sensor's zero, or by friction that holds the shaft off the command since a motion before"
 )
 
-UNKNOWN_SIDE = "at which side of the backlash the motor stands in the first row is not known"
+NOTES = {
+    "motion": "the command moves already in the first row, and how the shaft moves there is not known: {} "
+    "depend on the motion before and are not compared. They are if the recording starts at rest, or has "
+    "position_rad and speed_rad_s",
+    "step": "in the first row the shaft is on its way to a command that stands, and how fast is not known: "
+    "{} depend on it and are not compared. They are if the recording starts at rest, or has speed_rad_s",
+    "side": "at which side of the backlash the motor stands in the first row is not known: {} depend on it "
+    "and are not compared",
+}
 
 FROM_REST = UnknownStart()
 
@@ -87,9 +91,10 @@ def unknown_start(problem: "Problem", *, shown: bool) -> UnknownStart:
     if moves and shown:
         return _shown_motion(problem)
     held = held_start(problem)
-    if held is None:
-        return UnknownStart(gap=side_of(problem.start.speed))
-    return UnknownStart(held.rows, held.rows * interval, held=True, gap=side_of(held.current))
+    if held is not None:
+        return UnknownStart(held.rows, held.rows * interval, "held", side_of(held.current))
+    rows = rows_of_begun_step(problem)
+    return UnknownStart(rows, rows * interval, "step", side_of(problem.start.speed))
 
 
 def _shown_motion(problem: "Problem") -> UnknownStart:
@@ -105,4 +110,4 @@ def _shown_motion(problem: "Problem") -> UnknownStart:
         return FROM_REST
     rows = rows_of_unknown_side(problem, motion_after(problem))
     rows = rows if leaves_enough(problem, rows) else 0
-    return UnknownStart(rows, rows * problem.inputs.interval, side=True, gap=gap or side_of(current))
+    return UnknownStart(rows, rows * problem.inputs.interval, "side", gap or side_of(current))
