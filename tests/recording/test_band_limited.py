@@ -67,3 +67,15 @@ def test_what_a_spline_does_not_serve_keeps_the_curve_that_does_not_ring(kind: s
     if kind in ("jump", "bends"):
         assert between.min() >= -1e-9
         assert between.max() <= 1 + 1e-9
+
+
+@pytest.mark.parametrize("sampling", ["mean", "instant"])
+def test_a_jump_in_the_first_row_or_the_last_does_not_ring(sampling: str) -> None:
+    time = np.arange(2000) * 2e-4
+    smooth = 3e-3 * np.sin(2 * np.pi * 16 * np.maximum(time - 0.15, 0.0) ** 2)
+    for row in (1, time.size - 1):
+        values = smooth + 4e-3 * (np.arange(time.size) >= row)
+        recording = Recording({"time_s": time, "command_rad": values, "current_A": values}, sampling)  # type: ignore[arg-type]
+        curve = reconstructed(recording, "command_rad")(np.linspace(0.0, 0.4, 40001))
+        assert curve.min() >= values.min() - 1e-6
+        assert curve.max() <= values.max() + 1e-6

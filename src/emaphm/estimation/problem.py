@@ -137,6 +137,7 @@ class Problem:
         unknown = unknown_start(every, shown=shows_start(recording, actuator))
         problem = replace(
             problem,
+            start=replace(problem.start, gap=unknown.gap),
             model_error=row_errors(problem),
             unusable=unknown.masks(every),
             unknown_start=unknown,

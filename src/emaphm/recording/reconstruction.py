@@ -38,7 +38,7 @@ def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
     command at 100 Hz 0.01 % instead of 1 %.
     """
     interval, values = recording.interval_s, recording[name]
-    if is_band_limited(values):
+    if _is_smooth(recording, name):
         return _spline(recording, name, DEGREE)
     means = recording.sampling == "mean"
     curve = with_jumps(values, interval, partial(_through, interval=interval, means=means), means=means)
@@ -70,7 +70,7 @@ def other_curve(recording: Recording, name: str) -> Callable[[Array], Array] | N
     any other signal, one without jumps where there seem to be some; else what holds each value until the next
     row: a jump may lie anywhere between two rows.
     """
-    if is_band_limited(recording[name]):
+    if _is_smooth(recording, name):
         return _spline(recording, name, LOWER_DEGREE)
     if recording.interval_s <= DENSE_S or is_well_sampled(recording[name]):
         return None
@@ -78,6 +78,17 @@ def other_curve(recording: Recording, name: str) -> Callable[[Array], Array] | N
     if Jumps.of(recording[name], means=means).before.size == 0:
         return held(recording, name)
     return _within(recording, _through(recording[name], 0.0, recording.interval_s, means))
+
+
+def _is_smooth(recording: Recording, name: str) -> bool:
+    """Return whether the rows of a channel are few a cycle of a smooth signal, and not behind a jump.
+
+    A jump in the first row or the last has so few differences that it may pass for a smooth signal.
+    """
+    values = recording[name]
+    jumps = Jumps.of(values, means=recording.sampling == "mean")
+    at_ends = np.any(jumps.before == 0) or np.any(jumps.after == values.size - 1)
+    return is_band_limited(values) and not at_ends
 
 
 def _spline(recording: Recording, name: str, degree: int) -> Callable[[Array], Array]:

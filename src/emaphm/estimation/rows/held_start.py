@@ -14,6 +14,14 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.rows.first_rows import first_rows, least_residual, likely_faults, rows_apart
+from emaphm.estimation.rows.gap_side import (
+    at_side,
+    leaves_enough,
+    motion_after,
+    rows_of_unknown_side,
+    shows_side,
+    side_of,
+)
 from emaphm.recording.noise import noise_level, noise_on_most_rows
 
 if TYPE_CHECKING:
@@ -26,16 +34,16 @@ class HeldStartSettings:
 
     The command stands while it is within `still` of its range, or `noise` times its noise, from its first
     value; the rest is looked at over `fewest` rows at least, and `longest` [s] at most. If it is shorter than
-    `sure` [s] and `fewest` rows, a model that starts off the command must leave less than `better` times the
-    rms residual of the one on it.
+    `sure` [s] and `fewest` rows, and the current no more than the range of those of models with likely faults
+    outside of it, a model that starts off the command must leave less than `better` times the rms residual of
+    the one on it.
     Its mean current is not the model's if it is outside those of models with likely faults by `significant`
     standard errors, or by as many times the share `resolved` of the current's scatter; unless all of these go
     the share `leaves` of the way from where the shaft was recorded to the command.
 
-    Rows are left out until a model that starts on the command and one that starts off it no longer differ, up
-    to `motion` [s] after the rest: off by what makes the recorded current, and `further` than that, as
-    switching draws less current than the mean model does near to zero. The `small` share of the command's
-    range shows what current a distance makes. The share `left` of the range must follow, or all is compared.
+    Rows are left out until a model that starts on the command and one that starts off it no longer differ:
+    off by what makes the recorded current, and `further` than that, as switching draws less current than the
+    mean model does near to zero. The `small` share of the command's range shows what a distance makes.
     """
 
     still: float = 1e-6
@@ -47,11 +55,9 @@ class HeldStartSettings:
     longest: float = 1.0
     resolved: float = 0.01
     leaves: float = 0.5
-    motion: float = 0.25
     further: float = 2.0
     small: float = 1e-6
     better: float = 0.85
-    left: float = 0.5
 
 
 HELD_START = HeldStartSettings()
@@ -59,23 +65,61 @@ HELD_START = HeldStartSettings()
 CURRENT = "current_A"
 
 
-def rows_of_held_start(problem: "Problem") -> int | None:
-    """Return how many rows at the start depend on where friction holds the shaft, None where it does not.
+@dataclass(frozen=True)
+class HeldStart:
+    """The first `rows` depend on where friction holds the shaft, by a `current` [A] that no model draws."""
 
-    It does where the current of a first rest is none that a model draws which starts on the command. The rows
-    are the rest, and what follows until the start does not matter; 0 where too little motion would be left.
-    The command may begin to move at once, as long as it begins slowly.
+    rows: int
+    current: float
+
+
+def held_start(problem: "Problem") -> HeldStart | None:
+    """Return how friction holds the shaft at the start, None where it does not.
+
+    It does where the current of a first rest is none that a model draws which starts on the command. The
+    rows are the rest, and what follows until the start does not matter. Where too little motion would be
+    left, they are the rest alone, or 0 if its current is more than friction holds. The command may begin to
+    move at once, as long as it begins slowly.
+    """
+    rest, faults = _standing_rows(problem), likely_faults(problem)
+    current, certain = current_not_drawn(problem)
+    if not current:
+        return None
+    certain = certain or _is_sure_rest(problem, rest)
+    count = _rows_until_forgotten(problem, rest, current, faults, certain=certain)
+    if count is None:
+        return None
+    if leaves_enough(problem, count):
+        return HeldStart(count, current)
+    # After a step friction may hold the shaft elsewhere again, and the start is never forgotten.
+    alone = _friction_holds(problem, current) and leaves_enough(problem, rest - 1)
+    return HeldStart(rest if alone else 0, current)
+
+
+def _friction_holds(problem: "Problem", current: float) -> bool:
+    """Return whether healthy static friction holds the shaft against a `current` [A]: else it is a load's."""
+    actuator = problem.actuator
+    return abs(current) * actuator.motor.torque_constant <= actuator.mechanics.static_friction
+
+
+def current_not_drawn(problem: "Problem") -> tuple[float, bool]:
+    """Return by what the mean current at the start is off that of models which start on the command [A].
+
+    And whether it is farther off than those of models with likely faults are from each other. 0 where it is
+    among these, or the shaft was recorded at a place where none of them stays.
     """
     rest, fewest = _standing_rows(problem), _fewest_rows(problem)
     if CURRENT not in problem.channels or not fewest <= problem.samples > rest:
-        return None
+        return 0.0, False
     longest, faults = math.ceil(HELD_START.longest / problem.inputs.interval), likely_faults(problem)
-    rows = max(min(rest, longest), fewest)
-    standing = problem.driving.beginning(0.0, rows)
-    current = _current_not_drawn(problem, standing, faults)
-    if not current or _leaves_its_start(problem, standing, faults):
-        return None
-    return _rows_until_forgotten(problem, rest, current, faults)
+    standing = problem.driving.beginning(0.0, max(min(rest, longest), fewest))
+    drawn = first_rows(problem, standing, _on_command(problem, standing), faults)
+    means = drawn[:, problem.channels.index(CURRENT)].mean(axis=1)
+    current = float(problem.measured[CURRENT][: standing.samples].mean())
+    outside = max(float(means.min()) - current, current - float(means.max()))
+    if outside <= _least_current(problem, standing.samples) or _leaves_its_start(problem, standing, faults):
+        return 0.0, False
+    return current - float(np.median(means)), outside > float(np.ptp(means))
 
 
 def _fewest_rows(problem: "Problem") -> int:
@@ -84,40 +128,37 @@ def _fewest_rows(problem: "Problem") -> int:
     return HELD_START.fewest + math.ceil(late / problem.inputs.interval)
 
 
-def _current_not_drawn(problem: "Problem", driving: DrivingSignals, faults: Array) -> float:
-    """Return by what the mean current is off that of models which start on the command [A].
-
-    0 where it is within those of models with likely `faults`.
-    """
-    drawn = first_rows(problem, driving, _on_command(problem, driving), faults)
-    means = drawn[:, problem.channels.index(CURRENT)].mean(axis=1)
-    current = float(problem.measured[CURRENT][: driving.samples].mean())
-    least_off = _least_current(problem, driving.samples)
-    if means.min() - least_off <= current <= means.max() + least_off:
-        return 0.0
-    return current - float(np.median(means))
-
-
-def _rows_until_forgotten(problem: "Problem", rest: int, current: float, faults: Array) -> int | None:
+def _rows_until_forgotten(
+    problem: "Problem", rest: int, current: float, faults: Array, *, certain: bool
+) -> int | None:
     """Return the rows of a `rest` with a held `current` [A], and of the motion after it that depend on it.
 
-    None where the rest is short, and the rows rather show a start on the command.
+    None where the rows rather show a start on the command, and the held current is not `certain`.
     """
-    # From the last rows of the rest on: a model that starts sooner may have crept back to the command.
-    interval = problem.inputs.interval
-    lead = min(math.ceil(HELD_START.shortest / interval), rest)
-    rows = min(problem.samples - rest, math.ceil(HELD_START.motion / interval))
-    moving = problem.driving.beginning((rest - lead) * interval, lead + rows)
+    moving, lead = _motion_after(problem, rest)
     outputs = _from_starts(problem, moving, current, faults)
     apart = rows_apart(problem, outputs)
-    if rest < max(HELD_START.sure / interval, HELD_START.fewest):
+    if not certain:
         on, *off = (least_residual(problem, one, rest - lead, max(apart, 1)) for one in outputs)
         if min(off) > HELD_START.better * on:
             return None
-    count = rest + max(apart - lead, 0)
-    command = problem.measured["command_rad"]
-    left = np.ptp(command[count:]) if count < problem.samples else 0.0
-    return count if left >= HELD_START.left * np.ptp(command) else 0
+    if not shows_side(problem):
+        apart = max(apart, rows_of_unknown_side(problem, moving))
+    return rest + max(apart - lead, 0)
+
+
+def _motion_after(problem: "Problem", rest: int) -> tuple[DrivingSignals, int]:
+    """Return the signals of the motion after the `rest` rows, and how many rows of the rest they begin with.
+
+    From the last rows of the rest on: a model that starts sooner may have crept back to the command.
+    """
+    lead = min(math.ceil(HELD_START.shortest / problem.inputs.interval), rest)
+    return motion_after(problem, rest, lead), lead
+
+
+def _is_sure_rest(problem: "Problem", rest: int) -> bool:
+    """Return whether so many rows of `rest` are more than a slow beginning of the motion may look like."""
+    return rest >= max(HELD_START.sure / problem.inputs.interval, HELD_START.fewest)
 
 
 def _leaves_its_start(problem: "Problem", driving: DrivingSignals, faults: Array) -> bool:
@@ -161,6 +202,7 @@ def _from_starts(problem: "Problem", driving: DrivingSignals, current: float, fa
     ratio, on = problem.actuator.mechanics.gear_ratio, _on_command(problem, driving)
     small = HELD_START.small * float(np.ptp(problem.measured["command_rad"])) / ratio
     outputs = [first_rows(problem, driving, on + off, faults) for off in (0.0, small)]
+    problem = at_side(problem, side_of(current))
     stiffness = np.abs(outputs[1] - outputs[0])[:, problem.channels.index(CURRENT)].max() / small
     if not stiffness:
         return outputs

@@ -24,12 +24,13 @@ if TYPE_CHECKING:
 class MovingStartSettings:
     """When a recording starts within a motion, and which rows are then not compared.
 
-    The command moves if its rate over the first `window` [s] is above `moving` times the rms of its rate. The
-    motion before the recording is simulated over `lead` [s] of the command, extended backwards by the
-    parabola through that window. From rest, the model must leave less than `rest` times the rms residual that
-    it leaves with the motion before, if the recording is to start at rest. Of 12 chirps with random faults,
-    by a simulator that is not part of the project, none passes for a cut one, and of 228 recordings cut out
-    of them none for one from rest; from the current alone 4, begun near a turn of the command.
+    The command moves if its rate over the first `window` [s] is above `moving` times the rms of its rate, and
+    the parabola through that window is right `at_once` [s] later, to the share `off` of the way by its rate.
+    The motion before the recording is simulated over `lead` [s] of the command, extended backwards by that
+    parabola. From rest, the model must leave less than `rest` times the rms residual that it leaves with the
+    motion before, if the recording is to start at rest. Of 12 chirps with random faults, by a simulator that
+    is not part of the project, none passes for a cut one, and of 228 recordings cut out of them none for one
+    from rest; from the current alone 4, begun near a turn of the command.
 
     Rows are left out while both differ, up to `most` of all rows. They are compared over `longest` [s] at
     most.
@@ -37,6 +38,8 @@ class MovingStartSettings:
 
     window: float = 0.01
     moving: float = 0.01
+    at_once: float = 2e-3
+    off: float = 0.25
     lead: float = 0.03
     rest: float = 0.75
     most: float = 0.5
@@ -47,10 +50,24 @@ MOVING_START = MovingStartSettings()
 
 
 def command_moves(problem: "Problem") -> bool:
-    """Return whether the command moves in the first row already."""
+    """Return whether the command moves in the first row already.
+
+    A parabola through a command that stands for a while, or begins as smoothly as a cubic, has a rate at the
+    start that the command has not: it must not be off the parabola by half of the way that this rate makes.
+    """
+    rate, acceleration = first_motion(problem)
     rates = np.diff(problem.measured["command_rad"]) / problem.inputs.interval
-    _, rate, _ = _parabola(problem)
-    return abs(rate) > MOVING_START.moving * rms(rates)
+    if abs(rate) <= MOVING_START.moving * rms(rates):
+        return False
+    at_once = max(MOVING_START.at_once, problem.inputs.interval)
+    begin, end = problem.driving.command(np.array([0.0, at_once]))
+    off = end - begin - rate * at_once - acceleration * at_once**2 / 2
+    return bool(abs(off) < MOVING_START.off * abs(rate) * at_once)
+
+
+def first_motion(problem: "Problem") -> tuple[float, float]:
+    """Return rate and acceleration of the command at the start [rad/s, rad/s²]."""
+    return _parabola(problem)[1:]
 
 
 def rows_of_moving_start(problem: "Problem") -> int:

@@ -1,12 +1,20 @@
 """Rows at the start of a recording that depend on a motion before it, which nothing recorded shows."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from emaphm.estimation.rows.held_start import rows_of_held_start
-from emaphm.estimation.rows.moving_start import command_moves, rows_of_moving_start
+from emaphm.estimation.rows.begun_step import rows_of_begun_step
+from emaphm.estimation.rows.gap_side import (
+    has_crossed_gap,
+    leaves_enough,
+    motion_after,
+    rows_of_unknown_side,
+    side_of,
+)
+from emaphm.estimation.rows.held_start import current_not_drawn, held_start
+from emaphm.estimation.rows.moving_start import command_moves, first_motion, rows_of_moving_start
 from emaphm.recording.sensor_checks.resolution import Mask
 
 if TYPE_CHECKING:
@@ -15,14 +23,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class UnknownStart:
-    """The first `rows` of a recording, `seconds` long, which are not compared.
+    """The first `rows` of a recording, `seconds` long, which are not compared, and what is not known there.
 
-    The shaft may be `held` off the command by friction there, else it is in motion from the first row on.
+    Friction `held` the shaft off the command, it was in `motion`, it follows a `step` from before, or the
+    motor may be at either `side` of the backlash. Models start at the share `gap` of half of the backlash,
+    where the last motion has led the motor.
     """
 
     rows: int = 0
     seconds: float = 0.0
-    held: bool = False
+    what: Literal["held", "motion", "step", "side"] = "motion"
+    gap: float = 0.0
+
+    @property
+    def held(self) -> bool:
+        """Whether friction may hold the shaft off the command."""
+        return self.what == "held"
 
     def masks(self, problem: "Problem") -> dict[str, Mask]:
         """Return by compared channel of the `problem` which rows are not compared, (samples,)."""
@@ -41,18 +57,23 @@ class UnknownStart:
             return (f"{NOT_THE_MODELS}: {left_out}",)
         if not self.rows:
             return ()
-        note = (
-            "the command moves already in the first row, and how the shaft moves there is not known: the "
-            f"first {1e3 * self.seconds:.3g} ms depend on the motion before and are not compared. They are "
-            "if the recording starts at rest, or has position_rad and speed_rad_s"
-        )
-        return (note,)
+        return (NOTES[self.what].format(f"the first {1e3 * self.seconds:.3g} ms"),)
 
 
 NOT_THE_MODELS = (
     "the recording begins at a rest with a current that is not the model's, by a load that was not recorded, "
     "by the sensor's zero, or by friction that holds the shaft off the command since a motion before"
 )
+
+NOTES = {
+    "motion": "the command moves already in the first row, and how the shaft moves there is not known: {} "
+    "depend on the motion before and are not compared. They are if the recording starts at rest, or has "
+    "position_rad and speed_rad_s",
+    "step": "in the first row the shaft is on its way to a command that stands, and how fast is not known: "
+    "{} depend on it and are not compared. They are if the recording starts at rest, or has speed_rad_s",
+    "side": "at which side of the backlash the motor stands in the first row is not known: {} depend on it "
+    "and are not compared",
+}
 
 FROM_REST = UnknownStart()
 
@@ -62,9 +83,31 @@ def unknown_start(problem: "Problem", *, shown: bool) -> UnknownStart:
 
     As `emaphm.estimation.initial_state.shows_start` says.
     """
-    if command_moves(problem):
-        rows = 0 if shown else rows_of_moving_start(problem)
-        if rows or shown:
-            return UnknownStart(rows, rows * problem.inputs.interval)
-    held = rows_of_held_start(problem)
-    return FROM_REST if held is None else UnknownStart(held, held * problem.inputs.interval, held=True)
+    interval, moves = problem.inputs.interval, command_moves(problem)
+    if moves and not shown:
+        rows = rows_of_moving_start(problem)
+        if rows:
+            return UnknownStart(rows, rows * interval, gap=side_of(first_motion(problem)[0]))
+    if moves and shown:
+        return _shown_motion(problem)
+    held = held_start(problem)
+    if held is not None:
+        return UnknownStart(held.rows, held.rows * interval, "held", side_of(held.current))
+    rows = rows_of_begun_step(problem)
+    return UnknownStart(rows, rows * interval, "step", side_of(problem.start.speed))
+
+
+def _shown_motion(problem: "Problem") -> UnknownStart:
+    """Return what is not known where the recording shows how the user moves: the motor's side of the gap.
+
+    After a turn it crosses the gap, and the user stands.
+    """
+    gap = side_of(problem.start.speed)
+    if gap and has_crossed_gap(problem, first_motion(problem)[1]):
+        return UnknownStart(gap=gap)
+    current, _ = current_not_drawn(problem)
+    if not gap and not current:
+        return FROM_REST
+    rows = rows_of_unknown_side(problem, motion_after(problem))
+    rows = rows if leaves_enough(problem, rows) else 0
+    return UnknownStart(rows, rows * problem.inputs.interval, "side", gap or side_of(current))

@@ -43,15 +43,17 @@ class Layout(NamedTuple):
 
 @dataclass(frozen=True)
 class Initial:
-    """Where a run starts: motor angle [rad], motor speed [rad/s], and the rotor's electrical zero.
+    """Where a run starts: user, motor speed [rad/s], the rotor's electrical zero, and the backlash gap.
 
-    `angle` is gear-wise: user position / gear ratio. The rotor's absolute mechanical angle, which
-    commutation and eccentricity depend on, is angle + rotor_offset [rad].
+    `angle` is the user's, gear-wise: user position / gear ratio [rad]. The motor is ahead of it by the share
+    `gap` of half of the backlash: 1 where it carries the user up, -1 down, 0 in the middle. The rotor's
+    absolute mechanical angle, which commutation and eccentricity depend on, is the motor's + rotor_offset.
     """
 
     angle: float = 0.0
     speed: float = 0.0
     rotor_offset: float = 0.0
+    gap: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

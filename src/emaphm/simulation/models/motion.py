@@ -169,9 +169,14 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
     return dict.fromkeys(parameter_names(structure), zero) | rows
 
 
+def motor_angle(plant: Plant, start: Initial) -> Array:
+    """Return the motor's angle at `start`, (n,) [rad]: of each plant's backlash, the same share ahead."""
+    return np.asarray(start.angle + start.gap * plant.backlash / 2)
+
+
 def rotor_angle(plant: Plant, start: Initial) -> Array:
     """Return the rotor's mechanical angle at `start`, (n,) [rad], from where its electrical angle is 0."""
-    return start.angle + start.rotor_offset + plant.rotor_zero / plant.pole_pairs
+    return motor_angle(plant, start) + start.rotor_offset + plant.rotor_zero / plant.pole_pairs
 
 
 def initial_state(plant: Plant, start: Initial) -> dict[str, Array]:
@@ -193,7 +198,7 @@ def initial_state(plant: Plant, start: Initial) -> dict[str, Array]:
     user, screw = plant.gear_ratio * start.angle, plant.screw_ratio * rotor
     return {
         "speed": one * start.speed,
-        "angle": one * start.angle,
+        "angle": motor_angle(plant, start),
         "output": one * start.angle,
         "electrical": wrap(plant.pole_pairs * rotor),
         "cos": np.cos(rotor),

@@ -1,0 +1,113 @@
+"""Recordings that begin after or within a motion: at which side of the backlash models start."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cases import INTERVAL, THESIS
+from emaphm.actuator import Faults, Sampled
+from emaphm.diagnosis import diagnose
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.rows.moving_start import command_moves
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+from emaphm.simulation import Initial
+
+RATIO = THESIS.mechanics.gear_ratio
+REST = 1250
+"""Row in which a rest of 0.1 s ends; the chirp after it reaches 10 Hz within 0.3 s."""
+ELECTRICAL = ("current_A", "voltage_V")
+MOTION = ("position_rad", "speed_rad_s")
+
+
+@cache
+def whole(way: int = 1, faults: Faults = Faults(), load: float = 0.0) -> Recording:  # noqa: B008 - frozen
+    """Return a move over 0.15 s `way` up or down, a rest up to 0.25 s, and a chirp up to 0.55 s."""
+    time = np.arange(2750) * INTERVAL
+    share = np.clip(time / 0.15, 0.0, 1.0)
+    since = np.maximum(time - REST * INTERVAL, 0.0)
+    command = 6e-3 * way * share**3 * (10 - 15 * share + 6 * share**2)
+    command += 5e-3 * np.sin(2 * np.pi * 16 * since**2)
+    return simulate(THESIS, Sampled(time, command), faults=faults, load=load, duration=0.55, noise=0.02)
+
+
+def cut(first: int, *names: str, way: int = 1, faults: Faults = Faults(), load: float = 0.0) -> Recording:  # noqa: B008
+    recording = whole(way, faults, load)
+    names = ("time_s", "command_rad", *names, *(("load_Nm",) if load else ()))
+    return Recording({name: recording[name][first:] for name in names})
+
+
+def sides(recording: Recording, faults: Faults) -> np.ndarray:
+    """Return by what the motor is ahead of the user, in half widths of the gap, (samples,)."""
+    width = THESIS.mechanics.backlash * (1 + THESIS.faults.backlash * faults.backlash)
+    return (recording["angle_rad"] - recording["position_rad"] / RATIO) / (width / 2)
+
+
+@pytest.mark.parametrize("faults", [Faults(), Faults(backlash=0.4, friction=0.3)], ids=["healthy", "faults"])
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("names", [ELECTRICAL, (*ELECTRICAL, *MOTION)], ids=len)
+@pytest.mark.parametrize("first", [REST - 100, REST - 10, 300, 2000])
+def test_the_motor_stands_where_the_last_motion_has_led_it(
+    first: int, names: tuple[str, ...], way: int, faults: Faults
+) -> None:
+    problem = Problem.of(cut(first, *names, way=way, faults=faults), THESIS, channels=None)
+    assert problem.start.gap == pytest.approx(sides(whole(way, faults), faults)[first], abs=0.01)
+
+
+@pytest.mark.parametrize("names", [("current_A",), (*ELECTRICAL, "position_rad")], ids=len)
+def test_what_depends_on_a_side_that_is_not_known_is_not_compared(names: tuple[str, ...]) -> None:
+    faults = Faults(backlash=0.4)
+    for first in (REST - 20, REST):
+        problem = Problem.of(cut(first, *names, faults=faults), THESIS, channels=None)
+        other = replace(problem, start=replace(problem.start, gap=-problem.start.gap))
+        known, unknown = (one.predict(faults.vector[np.newaxis])[0, 0] for one in (problem, other))
+        rows, apart = problem.unknown_start.rows, np.abs(known - unknown)
+        assert apart.max() > 0.2
+        assert apart[rows:].max() < 0.05
+
+
+def test_a_turn_leaves_the_side_open() -> None:
+    recording = whole()
+    # The first row in which the motor crosses the gap, half a cycle into the chirp.
+    turn = REST + 300 + int(np.argmax(np.abs(sides(recording, Faults())[REST + 300 :]) < 0.9))
+    problem = Problem.of(cut(turn, *ELECTRICAL, *MOTION), THESIS, channels=None)
+    assert 0 < problem.unknown_start.seconds < 0.05
+    assert any("side of the backlash" in note for note in problem.unknown_start.notes())
+    fast = Problem.of(cut(turn + 60, *ELECTRICAL, *MOTION), THESIS, channels=None)
+    assert (fast.unknown_start.rows, fast.start.gap) == (0, np.sign(recording["speed_rad_s"][turn + 60]))
+
+
+def test_before_any_motion_it_stands_in_the_middle() -> None:
+    for names in (("current_A",), (*ELECTRICAL, *MOTION)):
+        problem = Problem.of(cut(0, *names, load=0.05), THESIS, channels=None)
+        assert (problem.start.gap, problem.unknown_start.rows) == (0.0, 0)
+
+
+def test_the_motor_leads_its_user_by_a_share_of_each_gap() -> None:
+    faults = np.array([Faults().vector, Faults(backlash=0.5).vector])
+    problem = Problem.of(cut(0, *ELECTRICAL, *MOTION), THESIS, channels=None)
+    moves = []
+    for gap in (1.0, 0.0, -1.0):
+        started = replace(problem, start=Initial(gap=gap))
+        positions = started.exact(faults, {}, ("position_rad",))[:, 0]
+        moves.append(np.argmax(positions > 1e-9, axis=1))
+    # At the edge there is nothing to cross; a gap 5.5 times as wide takes longer.
+    assert np.all(np.diff(moves, axis=0) > 0)
+    assert np.diff(moves[2]) > np.diff(moves[1]) > np.diff(moves[0]) == 0
+
+
+def test_a_healthy_actuator_has_no_backlash_after_a_motion() -> None:
+    found = diagnose(cut(REST, "current_A", way=-1), THESIS)
+    assert found.explained
+    assert found.components["backlash"].verdict != "degraded"
+    assert found.interval["backlash"][0] < 1e-3
+
+
+def test_a_command_that_stands_before_it_moves_does_not_move_in_the_first_row() -> None:
+    time = np.arange(2000) * INTERVAL
+    for begin, moves in ((0.005, False), (0.0, True)):
+        command = 0.05 * np.maximum(time - begin, 0.0)
+        recording = Recording({"time_s": time, "command_rad": command, "current_A": np.sin(time)})
+        assert command_moves(Problem.of(recording, THESIS)) is moves
