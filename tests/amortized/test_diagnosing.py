@@ -94,6 +94,11 @@ def test_an_estimator_of_a_manoeuvre_elsewhere_takes_what_starts_there(
     assert "starts at rest at 0.0125664" in reasons[0]
 
 
+def test_a_start_after_a_motion_is_not_that_of_the_training() -> None:
+    assert SETUP.starts_there(SETUP.start)
+    assert not SETUP.starts_there(replace(SETUP.start, gap=1.0))
+
+
 def test_the_answer_alone_is_had_without_a_search(recording: Recording) -> None:
     sure = constant_estimator(SETUP, ANSWER, 0.01)
     found = answer_alone(sure, recording, THESIS)

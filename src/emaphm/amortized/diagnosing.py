@@ -340,6 +340,6 @@ def _elsewhere(
     if not estimator.setup.starts_there(problem.start):
         where = f"{estimator.setup.initial_position:g}"
         return Unlikeness(
-            (f"it starts elsewhere than the training's manoeuvre, which starts at rest at {where}",)
+            (f"it starts elsewhere, or after a motion; the training's manoeuvre starts at rest at {where}",)
         )
     return Unlikeness(())

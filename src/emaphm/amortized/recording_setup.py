@@ -169,9 +169,12 @@ class RecordingSetup:
         return max(float(np.ptp(self.command_rad)), farthest)
 
     def starts_there(self, start: Initial) -> bool:
-        """Return whether a manoeuvre starts as those of the training do: at rest at the same position."""
+        """Return whether a manoeuvre starts as those of the training do: at rest at the same position.
+
+        And after no motion, which leaves the motor at a side of the backlash.
+        """
         away = abs(start.angle - self.start.angle) * self.actuator.mechanics.gear_ratio
-        return away <= COMMAND_TOLERANCE * self.reach and start.speed == 0 and start.rotor_offset == 0
+        return away <= COMMAND_TOLERANCE * self.reach and not (start.speed or start.rotor_offset or start.gap)
 
     def identity(self) -> dict[str, Any]:
         """Return what a training set holds for, ready for `json.dumps`."""
