@@ -117,7 +117,6 @@ BAD_ARGUMENTS = {
     "diagnose good.csv --method dragonfly --fitness least": ("'least'", "did you mean 'least_squares'?"),
     "diagnose good.csv --method de --nuisance load": ("faults alone", "'differential-evolution+lsq'"),
     "diagnose good.csv --nuisance lod": ("'lod'", "did you mean 'load'?"),
-    "diagnose good.csv --nuisance load,hinge": ("'hinge'", "[nuisances]", "'thesis'"),
     "diagnose good.csv --fitness thesis": ("'hybrid'", "least_squares", "optimiser alone"),
     "calibrate good.csv -o out.toml --free inertai": ("'inertai'", "did you mean 'inertia'?"),
     "calibrate good.csv -o out.toml --free inertia,inertai": ("'inertai'", "did you mean 'inertia'?"),

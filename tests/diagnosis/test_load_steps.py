@@ -20,6 +20,7 @@ from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
+from emaphm.estimation.space.nuisances import HINGE
 from emaphm.plotting.external_load import draw_external_load
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -112,6 +113,16 @@ def test_a_load_has_as_many_parameters_as_it_takes(
     got = [(values[f"load_step_{i + 1}"], values[f"load_step_{i + 1}_time"]) for i in range(len(steps))]
     np.testing.assert_allclose(got, steps, atol=5e-3)
     faults = result.objective.space.faults(result.point[np.newaxis])[0]
+    np.testing.assert_allclose(faults[[0, 2, 7]], TRUTH.vector[[0, 2, 7]], atol=0.03)
+
+
+def test_a_load_that_rises_with_the_position_is_one_parameter() -> None:
+    loaded = _loaded(recorded(0.03, with_lumped_parameters(THESIS, {"hinge": -16.0})))
+    assert loaded is not None
+    assert loaded.nuisances == (HINGE,)
+    assert loaded.result.residual_is_expected
+    assert _values(loaded.result)[HINGE] == pytest.approx(-16.0, abs=0.5)
+    faults = loaded.result.objective.space.faults(loaded.result.point[np.newaxis])[0]
     np.testing.assert_allclose(faults[[0, 2, 7]], TRUTH.vector[[0, 2, 7]], atol=0.03)
 
 

@@ -222,3 +222,17 @@ def test_what_acts_alike_is_known_no_better_than_before_whatever_the_rounding(ap
     assert np.linalg.eigvalsh(found).min() > 0
     difference = np.array([1.0, -1.0]) / 2**0.5
     assert difference @ found @ difference == pytest.approx(difference @ exact @ difference, rel=1e-3)
+
+
+def test_a_fit_by_derivatives_that_are_not_the_recordings_errs_as_an_instrument_does() -> None:
+    # The recording answers half as much by the second parameter, and later by the third.
+    answers = np.stack([DERIVATIVES[0], 0.5 * DERIVATIVES[1], np.roll(DERIVATIVES[2] * np.sin(9 * TIME), 20)])
+    draws = np.random.default_rng(6).normal(0, 0.1, (DRAWS, SAMPLES))
+    errors = np.linalg.solve(DERIVATIVES @ answers.T, DERIVATIVES @ draws.T)
+    residual = draws[0]
+    found = sandwich_covariance(DERIVATIVES[np.newaxis], residual, WIDE, response=answers).covariance
+    np.testing.assert_allclose(np.sqrt(np.diag(found)), errors.std(axis=1), rtol=0.35)
+    plain = sandwich_covariance(DERIVATIVES[np.newaxis], residual, WIDE).covariance
+    alike = sandwich_covariance(DERIVATIVES[np.newaxis], residual, WIDE, response=DERIVATIVES).covariance
+    np.testing.assert_allclose(alike, plain, rtol=1e-6)
+    assert found[1, 1] > 3 * plain[1, 1]

@@ -86,12 +86,20 @@ def test_only_temperature_supply_and_voltage_need_windings(name: str) -> None:
         assert NuisanceSet.of(ideal, (name,), ()).names == (name,)
 
 
-def test_a_hinge_moment_needs_a_prior_unless_the_load_was_recorded() -> None:
+def test_a_hinge_moment_is_what_stalls_the_motor_at_the_end_stop_unless_it_is_stated() -> None:
+    usual = 22.5 * 0.0752 / np.radians(30)
+    found = NuisanceSet.of(THESIS, ("hinge",), ()).prior_deviations
+    np.testing.assert_allclose(found, [usual], rtol=1e-3)
+    free = Actuator.from_dict(
+        {**THESIS.model_dump(), "mechanics": {**THESIS.mechanics.model_dump(), "end_stops": None}}
+    )
     message = (
         r"'hinge' may be is not known; give its standard deviation as hinge in \[nuisances\] .* 'thesis'"
     )
     with pytest.raises(MethodError, match=message):
-        NuisanceSet.of(THESIS, ("hinge",), ())
+        NuisanceSet.of(free, ("hinge",), ())
+    assert "hinge" not in NuisanceSet.of(THESIS, (), ()).others(THESIS, ())
+    assert "hinge" in NuisanceSet.of(THESIS, (), ()).others(described(hinge=12.0), ())
     assert NuisanceSet.of(THESIS, ("hinge", "supply"), ("load_Nm",)).names == ("supply",)
     np.testing.assert_allclose(NuisanceSet.of(described(hinge=12.0), ("hinge",), ()).prior_deviations, [12.0])
 

@@ -67,7 +67,8 @@ class Nuisances(Section):
         gt=0,
     )
     hinge: float | None = quantity(
-        "load stiffness: load at the motor per position of the user",
+        "load stiffness: load at the motor per position of the user; the motor's torque at its current limit "
+        "over the farther end stop where left out",
         f"N·m/{USER_ANGLE}",
         PRIOR,
         default=None,

@@ -14,7 +14,12 @@ from emaphm.estimation.space.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, resolving_channels
 from emaphm.estimation.uncertainty.further_channels import further_channels_information
-from emaphm.estimation.uncertainty.local_covariance import jacobians_at, jacobians_of, local_covariance
+from emaphm.estimation.uncertainty.local_covariance import (
+    jacobians_at,
+    jacobians_of,
+    local_covariance,
+    response_of,
+)
 from emaphm.estimation.uncertainty.model_error import apparent_fault_covariance
 from emaphm.estimation.uncertainty.slow_rows import step_by_other_command
 from emaphm.random_streams import stream
@@ -39,21 +44,22 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
     seem to have where a calibration has learned them. Where the recording is not `explained`, it includes an
     error that is as large as the residual and looks like a parameter, and is inflated by the normalised
     residual; and always it includes the spread of alternatives that fit as well. Where the search has not
-    converged, a Gauss-Newton step remains: towards the optimum that a population method may not have reached,
-    and for the model's discrepancy not yet corrected. The covariance then includes its square, and that of
-    how far another command behind slow rows would move the estimate.
+    converged, or the shaft rests (`response_of`), a Gauss-Newton step remains: towards the optimum that a
+    population method may not have reached, and for the model's discrepancy not yet corrected. The covariance
+    then includes its square, and that of how far another command behind slow rows would move the estimate.
     """
     objective, space = result.objective, result.objective.space
     rows = objective.channel_rows
     jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
     residual, bias = result.fitted_residual[:rows], result.remaining_bias[:rows]
     hidden = 0.0 if explained else unexplained_scores(result, jacobians.mean(axis=0))
-    local = local_covariance(objective, result.point, residual, jacobians, bias, hidden)
+    response = response_of(result, stream(seed, "Jacobians of the response"))
+    local = local_covariance(objective, result.point, residual, jacobians, bias, hidden, response)
     apparent = apparent_fault_covariance(objective.problem.actuator, space.coordinates)
     covariance = inflation(result, explained=explained) * local.covariance + result.scatter + apparent
     covariance = covariance + alternatives_covariance(result, explained=explained)
     sets = collinear_sets(result, covariance, seed)
-    if not result.converged:
+    if response is not None or not result.converged:
         remaining = space.project(result.point + local.step) - result.point
         covariance = covariance + np.outer(remaining, remaining)
     moved = step_by_other_command(objective, result.point, residual, jacobians)
@@ -62,7 +68,9 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
     added = apparent
     if objective.problem.model_error:
         exact = replace(objective, problem=replace(objective.problem, model_error={}))
-        without = local_covariance(exact, result.point, residual, jacobians, bias, hidden).covariance
+        without = local_covariance(
+            exact, result.point, residual, jacobians, bias, hidden, response
+        ).covariance
         added = added + inflation(result, explained=explained) * (local.covariance - without)
     share = np.diag(np.broadcast_to(added, covariance.shape)) / np.diag(covariance)
     return Identifiability(covariance, sets, share)

@@ -71,6 +71,7 @@ def correct_bias(
     best = min(starts, key=lambda one: one.residual_variance)
     resting = with_rests(objective, best.point, reference, stream(seed, "reference runs", "rests"))
     if resting is not objective:
+        reference = with_all_phases(reference)
         rng = stream(seed, "reference runs", "start")
         (best,) = compared(resting, none, best.point[np.newaxis], reference, rng)
     end = iterate(best, outcomes_of, max_corrections, settings, on_progress, is_hopeless)

@@ -145,5 +145,9 @@ def _rounded(outputs: Array, problem: Problem) -> Array:
 
 
 def reference_problem(objective: MapObjective) -> Problem:
-    """Return the objective's problem for the reference model; made once, it has a million steps."""
-    return objective.problem.by(REFERENCE)
+    """Return the objective's problem for the reference model; made once, it has a million steps.
+
+    Where the shaft comes to rest, its runs have all phases (`with_all_phases`): motion is slow there.
+    """
+    reference = objective.problem.by(REFERENCE)
+    return reference if objective.problem.rests is None else with_all_phases(reference)

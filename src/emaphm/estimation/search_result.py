@@ -9,6 +9,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.discrepancy import Discrepancy
+from emaphm.estimation.global_search.smoothing import channel_means
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.sensors.sensor_model import described_noise
 from emaphm.estimation.uncertainty.model_error import error_variance, largest_healthy_ratio
@@ -29,6 +30,9 @@ than 1.2."""
 SMALLEST_SHARE = 5e-3
 """Residual, relative to the rms of the primary channel, that is always expected: heavy shorts leave 0.2 to
 0.4 % of a noise-free current where the estimate is right to 0.5 to 1.7 %."""
+
+SLOW_MEAN_S = 2e-3
+"""What the residual of motions between rests is averaged over before misfits are compared [s]."""
 
 TINY = float(np.finfo(float).tiny)
 
@@ -151,9 +155,23 @@ class SearchResult:
 
     @property
     def misfit(self) -> float:
-        """The mean squared `residual` less the share of the discrepancy's standard error, 0 at least."""
+        """The mean squared `residual` less the share of the discrepancy's standard error, 0 at least.
+
+        Where the shaft comes to rest, that of means over `SLOW_MEAN_S`: of a slow motion's residual, nine
+        tenths are ripple, and what an estimate is off shows in the rest.
+        """
+        if self.objective.problem.rests is not None:
+            return self._misfit_of_means
         error = 0.0 if self.discrepancy is None else float(np.mean(self.discrepancy.standard_error**2))
         return max(float(np.mean(self.residual**2)) - error, 0.0)
+
+    @property
+    def _misfit_of_means(self) -> float:
+        """The mean squared mean of the channels' `residual` over `SLOW_MEAN_S`, scaled as of single rows."""
+        objective = self.objective
+        inputs = objective.problem.inputs
+        count = int(np.clip(SLOW_MEAN_S / inputs.interval * (1 + 1e-9), 1, inputs.samples))
+        return count * float(np.mean(channel_means(objective, self.residual, count) ** 2))
 
     @property
     def residual_variance(self) -> float:

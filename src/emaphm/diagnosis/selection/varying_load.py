@@ -25,10 +25,16 @@ from emaphm.estimation.problem import Problem
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
-from emaphm.estimation.space.nuisances import KNOWN_BY, LOAD_VARIATION, described_name, usual_deviation
+from emaphm.estimation.space.nuisances import (
+    HINGE,
+    KNOWN_BY,
+    LOAD_VARIATION,
+    described_name,
+    usual_deviation,
+)
 from emaphm.simulation.laws.load_steps import STEP_PREFIX
 
-VARYING_LOAD, LOAD_STEP = (LOAD_VARIATION, "hinge"), "load_step"
+VARYING_LOAD, LOAD_STEP = (LOAD_VARIATION, HINGE), "load_step"
 """The nuisances that are a load that varies without steps; and what one that steps is called."""
 
 LOADS = (*VARYING_LOAD, LOAD_STEP)
@@ -125,14 +131,20 @@ def is_convincing(loaded: SearchResult) -> bool:
 
 def _promising(searched: SearchResult, seed: int) -> list[tuple[tuple[str, ...], MapObjective]]:
     """Return the loads of `LOADS` that may explain the recording, that of least parameters first."""
-    spline, point = with_nuisances(searched, (), VARYING_LOAD, 1.0)
     alone = LinearModel.of(searched, seed)
+    hinged, point = with_nuisances(searched, (), (HINGE,), 1.0)
+    hinge_share = alone.with_more(hinged, point).share_left
+    spline, point = with_nuisances(searched, (), VARYING_LOAD, 1.0)
     curved = alone.with_more(spline, point)
-    loads: list[tuple[tuple[str, ...], MapObjective, float]] = [(VARYING_LOAD, spline, curved.share_left)]
+    loads: list[tuple[tuple[str, ...], MapObjective, float]] = [
+        ((HINGE,), hinged, hinge_share),
+        (VARYING_LOAD, spline, curved.share_left),
+    ]
     if searched.normalised_residual > VARYING.loud:
         loads = [
+            loads[0],
             *(((LOAD_STEP,), *one) for one in with_steps(searched, (), alone)),
-            *loads,
+            loads[1],
             *((LOADS, *one) for one in with_steps(searched, VARYING_LOAD, curved)),
         ]
     most = VARYING.much * max(VARYING.least, min(share for _, _, share in loads))
@@ -153,5 +165,5 @@ def _with_any_load(problem: Problem) -> Actuator:
     """
     actuator, usual = problem.actuator, usual_deviation(problem.actuator, LOAD_VARIATION)
     reach = float(np.ptp(problem.measured["command_rad"])) / 2 or 1.0
-    priors = {LOAD_VARIATION: SELECTION.widening * usual, "hinge": usual / reach}
+    priors = {LOAD_VARIATION: SELECTION.widening * usual, HINGE: usual / reach}
     return actuator.model_copy(update={"nuisances": actuator.nuisances.model_copy(update=priors)})

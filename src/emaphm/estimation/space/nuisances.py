@@ -41,9 +41,12 @@ LEAST = 0.1
 LOAD_VARIATION = "load_variation"
 """The nuisance that stands for several: the coefficients of a load over the recording, or steps of it."""
 
+HINGE = "hinge"
+"""The nuisance that is a load which rises with the position."""
+
 KNOWN_BY = {
     "load": "load_Nm",
-    "hinge": "load_Nm",
+    HINGE: "load_Nm",
     LOAD_VARIATION: "load_Nm",
     "temperature": "temperature_K",
 }
@@ -164,7 +167,11 @@ class NuisanceSet:
         return tuple(name for name in self.quantities if not name.startswith(BASELINE))
 
     def others(self, actuator: Actuator, channels: Sequence[str]) -> tuple[str, ...]:
-        """Return what might be estimated too: neither estimated nor known, of a size that is known."""
+        """Return what might be estimated too: neither estimated nor known, of a size that is known.
+
+        A load that rises with the position only where the description states how much: it is tried as a load
+        that varies is.
+        """
         return tuple(
             name
             for name in NAMES
@@ -172,6 +179,7 @@ class NuisanceSet:
             and _matters(actuator, name, channels)
             and _shows(name, channels)
             and _prior(actuator, name) is not None
+            and (name != HINGE or has_stated_prior(actuator, name))
         )
 
     @property
@@ -305,6 +313,9 @@ def _prior(actuator: Actuator, name: str) -> float | None:
     if name == "load" or _is_of_load(name):
         return 0.06 * limit * actuator.motor.torque_constant
     error = sensor_error(name)
+    if name == HINGE:
+        travel = _range(actuator, "position")
+        return None if travel is None else limit * actuator.motor.torque_constant / travel
     reach = None if error is None else _range(actuator, error[0])
     return None if reach is None else USUAL_ZERO * reach
 

@@ -6,7 +6,7 @@ I⁻¹ S I⁻¹ is not: S is the long-run covariance of the scores (derivatives 
 keeps parameters that the data do not constrain at their prior width.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,17 @@ class ScoreStatistics:
         optimal = np.asarray(np.outer(units, units) * ((axes / values) @ axes.T), float)
         result = optimal + self._drawn_too_far(optimal, prior_deviation, prior_rows)
         return np.asarray((result + result.T) / 2)
+
+    def answered_by(self, cross: Array, prior: Array) -> "ScoreStatistics":
+        """Return the statistics of a fit by derivatives J, where the recording answers by others, R.
+
+        An estimate at which J r = 0 errs by (J Rᵀ + P)⁻¹ times the scores, an estimate by instrumental
+        variables, in place of (J Jᵀ + P)⁻¹. `cross` is J Rᵀ over the residual's variance, (d, d), and `prior`
+        the fit's own information of the priors P, (d,), in the same unit.
+        """
+        own = np.diag(prior)
+        turned = (self.information + own) @ np.linalg.inv(cross + own)
+        return replace(self, score_covariance=turned @ self.score_covariance @ turned.T)
 
     def _sandwich_information(self, units: Array) -> Array:
         """Return the information (d, d) that the sandwich amounts to, in `units` (d,); 0 where there is none.
@@ -87,7 +98,7 @@ class ScoreStatistics:
 class SandwichCovariance:
     """Fisher's `information` (d, d) of white residuals, and the `covariance` (d, d) of correlated ones.
 
-    The prior is part of the covariance only.
+    The prior is part of the covariance only. With a response R, the information is J Rᵀ over the variance.
     """
 
     information: Array
@@ -101,6 +112,7 @@ def sandwich_covariance(
     channels: int = 1,
     error_scores: Array | float = 0.0,
     prior_rows: float = 1.0,
+    response: Array | None = None,
 ) -> SandwichCovariance:
     """Return the covariance of a least-squares estimate.
 
@@ -119,18 +131,23 @@ def sandwich_covariance(
         what looks like a parameter.
     prior_rows
         How many rows count as one observation against the prior, in the fit.
+    response
+        Derivatives of what is recorded, shape (d, rows), where they are not those of the fitted model.
     """
     statistics = score_statistics(jacobians, residual, channels, error_scores)
-    return SandwichCovariance(statistics.information, statistics.covariance(prior_deviation, prior_rows))
+    information = statistics.information
+    if response is not None:
+        variance = _variance(jacobians, residual)
+        information = jacobians.mean(axis=0) @ response.T / variance
+        statistics = statistics.answered_by(information, prior_rows / prior_deviation**2)
+    return SandwichCovariance(information, statistics.covariance(prior_deviation, prior_rows))
 
 
 def score_statistics(
     jacobians: Array, residual: Array, channels: int = 1, error_scores: Array | float = 0.0
 ) -> ScoreStatistics:
     """Return what residuals say of the parameters; parameters as in `sandwich_covariance`."""
-    # A perfect fit would make the information infinite: rounding leaves at least this residual.
-    rounding = 1e-20 * float(np.mean(jacobians**2)) + np.finfo(float).tiny ** 0.25
-    variance = max(float(np.mean(residual**2)), rounding)
+    variance = _variance(jacobians, residual)
     by_channel = np.split(jacobians, channels, axis=2)
     fisher = np.sum([information_lower_bound(part) for part in by_channel], axis=0) / variance
     # An estimate follows the mean of the Jacobians; the errors of single ones are not its own.
@@ -138,3 +155,10 @@ def score_statistics(
     scatter = long_run_covariance(scores, channels) + error_scores
     score_covariance = scatter / variance**2 + LEAST_SCORE_VARIANCE * fisher
     return ScoreStatistics(fisher, score_covariance)
+
+
+def _variance(jacobians: Array, residual: Array) -> float:
+    """Return the variance of a `residual` (rows,) that information is relative to."""
+    # A perfect fit would make the information infinite: rounding leaves at least this residual.
+    rounding = 1e-20 * float(np.mean(jacobians**2)) + np.finfo(float).tiny ** 0.25
+    return float(max(float(np.mean(residual**2)), rounding))

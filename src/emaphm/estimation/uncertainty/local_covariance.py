@@ -1,10 +1,11 @@
 """The covariance of an estimate, and the Gauss-Newton step that it still asks for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.estimation.discrepancy import has_reference, reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
@@ -18,6 +19,9 @@ JACOBIAN_STEP = 1e-2
 
 REPLICATES = 8
 """Jacobians, each about a point of its own; `make study` measures the coverage of what comes of them."""
+
+RESPONSE_STEP, RESPONSE_REPLICATES = 2e-2, 16
+"""The same of the reference model: its switching is chance, which the larger step and the mean leave out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,30 @@ def jacobians_at(objective: MapObjective, point: Array, rng: np.random.Generator
     )
 
 
+def response_of(result: SearchResult, rng: np.random.Generator) -> Array | None:
+    """Return the derivatives (d, channel rows) of the reference model at an estimate whose shaft rests.
+
+    None of others: near enough to the fitted model's. Between rests motion is slow, and the ripple of the
+    current, which the fitted model lacks, takes the edge off dry friction: a gain does some 0.6 times what
+    the fitted model says.
+    """
+    objective = result.objective
+    if objective.problem.rests is None or not has_reference(objective.problem):
+        return None
+    rows, reference = objective.channel_rows, reference_problem(objective)
+    weighted = replace(objective, problem=reference.like(objective.problem))
+    return np.asarray(
+        replicated_jacobians(
+            lambda points: weighted.outputs(points)[:, :rows],
+            result.point,
+            objective.space,
+            RESPONSE_STEP,
+            RESPONSE_REPLICATES,
+            rng,
+        ).mean(axis=0)
+    )
+
+
 def jacobians_of(result: SearchResult, rng: np.random.Generator) -> Array:
     """Return Jacobians (n, d, channel rows) at an estimate: those that are known, or new ones."""
     if result.jacobians is not None:
@@ -55,20 +83,22 @@ def local_covariance(
     jacobians: Array,
     bias: Array | float = 0.0,
     hidden_scores: Array | float = 0.0,
+    response: Array | None = None,
 ) -> LocalCovariance:
     """Return the covariance at `point` (d,), by `jacobians` and the `residual` (channel rows,) there.
 
     The step is towards the optimum; `bias` is the part of the residual that is known to be the model's. Where
     a calibration has learned the model's error, the covariance has what that makes of an estimate, and where
     a channel shows counts, what these leave open. So it has what `hidden_scores` (d, d) are the covariance
-    of, Jacobian times an error that the residual does not show.
+    of, Jacobian times an error that the residual does not show. With a `response` (d, channel rows), the
+    recording answers by these derivatives and not by the model's.
     """
     faults, deviations = len(objective.space.columns), objective.space.prior_deviations
     channels = len(objective.problem.channels)
     mean = jacobians.mean(axis=0)
     scores = error_scores(objective.problem, mean) + rounding_scores(objective.problem, mean) + hidden_scores
     sandwich = sandwich_covariance(
-        jacobians, residual, deviations, channels, scores, objective.correlated_rows
+        jacobians, residual, deviations, channels, scores, objective.correlated_rows, response
     )
     gradient = mean @ (residual - bias) / np.mean(residual**2)
     prior = objective.rows_of_priors / deviations**2
