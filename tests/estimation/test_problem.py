@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cases import HEALTHY, INTERVAL, THESIS, USUAL
-from emaphm.actuator import Chirp, Faults, Sampled
+from emaphm.actuator import Actuator, Chirp, Faults, Sampled, Sine
 from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
@@ -272,6 +272,17 @@ def test_what_moves_at_the_start_is_where_it_was_then() -> None:
     assert found.angle * RATIO == pytest.approx(5e-3, abs=1.1 * INTERVAL**2)
     found = initial_state(recorded(angle_rad=MOVING / RATIO + 0.5, speed_rad_s=SPEED), THESIS)
     assert found.angle == pytest.approx(1e-3 / RATIO + 0.5, abs=1.1 * INTERVAL**2 / RATIO)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-6])
+def test_a_shaft_at_rest_has_no_speed_though_the_command_moves_at_once(noise: float) -> None:
+    actuator = Actuator.dc()
+    whole = simulate(actuator, Sine(2e-2, 2.0), model="averaged", duration=0.1)
+    shaken = whole["position_rad"] + np.random.default_rng(0).normal(0, noise, whole.samples)
+    columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
+    columns |= {"position_rad": shaken}
+    found = initial_state(Recording(columns, whole.sampling), actuator)
+    assert found.speed == 0.0
 
 
 def test_noise_on_the_speed_is_mostly_no_motion() -> None:

@@ -24,6 +24,9 @@ SIGNIFICANT = 3.0
 FIRST_ROWS = (10, 20, 40, 80)
 """Rows that the starting speed is estimated from: the most of which a parabola leaves no more than noise."""
 
+AT_ONCE = 4
+"""Rows in which a speed must show by itself."""
+
 STEEPER = (70 / 6) ** 0.5
 """What `noise_level` has of second differences, over that of the rows: the root of 70 / 6 of fourth ones."""
 
@@ -100,33 +103,34 @@ def shows_start(recording: Recording, actuator: Actuator) -> bool:
     if not ("position_rad" in recording or ("angle_rad" in recording and "speed_rad_s" in recording)):
         return False
     usual = rms(np.diff(recording["command_rad"])) / recording.interval_s
-    (_, error), _ = _speeds(recording, actuator)
+    (_, error), *_ = _speeds(recording, actuator)
     return error <= KNOWN * usual / actuator.mechanics.gear_ratio
 
 
 def _starting_speed(recording: Recording, actuator: Actuator) -> float:
     """Return the motor's speed [rad/s] at the start, 0 where that is not significant.
 
-    Nor by a polynomial of one degree more: the parabola through a shaft that sticks for a while and then
-    moves has a speed at the start that the shaft has not.
+    Nor by a polynomial of one degree more, nor in the first rows where these are exact: polynomials through a
+    shaft that sticks for a while and then moves have a speed at the start that the shaft has not.
     """
-    (speed, error), (other, its_error) = _speeds(recording, actuator)
+    (speed, error), (other, its_error), (first, first_error) = _speeds(recording, actuator)
     agrees = speed * other > 0 and abs(other) > AGREEING * its_error
-    return speed if abs(speed) > SIGNIFICANT * error and agrees else 0.0
+    at_once = abs(first - speed) <= max(SIGNIFICANT * first_error, abs(speed) / 2)
+    return speed if abs(speed) > SIGNIFICANT * error and agrees and at_once else 0.0
 
 
-def _speeds(recording: Recording, actuator: Actuator) -> tuple[Speed, Speed]:
-    """Return the motor's speed [rad/s] at the start and its standard error, by a parabola and by a cubic.
+def _speeds(recording: Recording, actuator: Actuator) -> tuple[Speed, Speed, Speed]:
+    """Return the motor's speed [rad/s] at the start and its standard error, in three ways.
 
-    Infinite errors where nothing shows it. A coarse converter shows a speed over many rows only, in which the
-    acceleration must not change.
+    By a parabola, by a cubic, and by `AT_ONCE` rows alone. Infinite errors where nothing shows it. A
+    coarse converter shows a speed over many rows only, in which the acceleration must not change.
     """
     if "speed_rad_s" in recording and not actuator.sensors.speed_rad_s.unsigned:
         name, order, scale = "speed_rad_s", 0, 1.0
     elif "position_rad" in recording:
         name, order, scale = "position_rad", 1, 1 / actuator.mechanics.gear_ratio
     else:
-        return (0.0, math.inf), (0.0, math.inf)
+        return (0.0, math.inf), (0.0, math.inf), (0.0, math.inf)
     column = true_values(recording[name], name, actuator)
     noise = max(noise_level(np.diff(column, 2)) / STEEPER, visible_count(column) / ROUNDING)
     time = recording["time_s"] - recording["time_s"][0] + _first_time(recording)
@@ -142,4 +146,6 @@ def _speeds(recording: Recording, actuator: Actuator) -> tuple[Speed, Speed]:
         if rows > column.size or fitted(rows, 2)[1] > BY_CHANCE * noise:
             break
         chosen = rows
-    return fitted(chosen, 2)[0], fitted(chosen, 3)[0]
+    slope, covariance = np.polyfit(time[:AT_ONCE], column[:AT_ONCE], order, cov="unscaled")
+    at_once = (scale * float(slope[0]), scale * noise * float(covariance[0, 0] ** 0.5))
+    return fitted(chosen, 2)[0], fitted(chosen, 3)[0], at_once
