@@ -51,13 +51,18 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--units", type=int, default=30)
     parser.add_argument("--known", action="store_true", help="only the laws that the filter knows")
-    parser.add_argument("--seeds", type=int, default=0, help="repeat one unit's prognosis with so many seeds")
+    parser.add_argument("--seeds", type=int, default=0, help="repeat each unit's prognosis with these many")
     asked = parser.parse_args()
     laws = KNOWN if asked.known else KNOWN + UNKNOWN
     units = [truth(i, laws[i % len(laws)]) for i in range(asked.units)]
     if asked.seeds:
-        medians = [prediction(units[0], 0.5, seed).median for seed in range(asked.seeds)]
-        print(f"median RUL over seeds: mean {np.mean(medians):.0f} h, deviation {np.std(medians):.0f} h")
+        for one in units:
+            medians = [
+                [min(prediction(one, share, seed).median, LONGEST) for seed in range(asked.seeds)]
+                for share in SHARES
+            ]
+            scatter = ", ".join(f"{100 * np.std(np.log(row)):.0f} %" for row in medians)
+            print(f"{one.law}: median RUL over seeds scatters by {scatter} at {SHARES} of life")
         return
     for share in SHARES:
         transforms, scores, good, late, slope_good, slope_scores, fails, probabilities = (

@@ -59,6 +59,16 @@ def wearing(
     return Evidence(unit, "P1", every * count, observations)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_wear_within_a_day_is_followed_whatever_the_seed(seed: int) -> None:
+    # Of a thousand draws of a rate few are as fast: 0.04 in an hour, up to the limit at 15 h.
+    found = prognose(
+        wearing(6, rate=0.04, every=2.0, seed=seed), WORN, Question(100.0), seed=seed, keep_past=False
+    )
+    assert found.interval90[0] < 15 - 12 + 2
+    assert found.median < 15
+
+
 @pytest.mark.usefixtures("few_paths")
 def test_a_straight_line_is_followed_to_its_limit() -> None:
     made = prognose(wearing(10, every=200.0), WORN)

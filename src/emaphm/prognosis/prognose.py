@@ -28,7 +28,7 @@ from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_times, responsible
 from emaphm.prognosis.result import Prognosis
-from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
+from emaphm.prognosis.settings import CONSTANT, FILTER, FORECAST, ForecastSettings
 from emaphm.prognosis.stress import Stress, ageing_ahead
 
 if TYPE_CHECKING:
@@ -115,7 +115,8 @@ def prognose(
     prior, settings = (prior or Prior()).of(actuator), _reaching(settings or FORECAST, question.horizon)
     requirements = Requirements(actuator)
     requirements.check_new()
-    followed = follow(evidence, prior, seed=seed, past=_shown(evidence) if keep_past else ())
+    past = _shown(evidence) if keep_past else ()
+    followed = follow(evidence, prior, seed=seed, settings=FILTER.for_updates(len(evidence.used)), past=past)
     made, forecast = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
     times = forecast.by_fleet(made.level[0], followed.belief, evidence, question.ahead)
     limit = times.commonest

@@ -21,7 +21,7 @@ from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import uncorrected
 from emaphm.prognosis.requirements import Requirements
 from emaphm.prognosis.requirements.margins import Limit
-from emaphm.prognosis.settings import FORECAST
+from emaphm.prognosis.settings import FILTER, FORECAST
 
 FEWEST_FAILED = 4
 """Units that have failed below which nothing is corrected."""
@@ -69,7 +69,8 @@ def record_of(
 def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> PastForecasts | None:
     """Return what became of the predictions of a unit; None where none before a failure had a median."""
     failure_at = _chosen(evidence, Requirements(actuator).limits)
-    chosen = follow(evidence, prior.of(actuator), seed=seed, past=failure_at).past
+    settings = FILTER.for_updates(len(evidence.used))
+    chosen = follow(evidence, prior.of(actuator), seed=seed, settings=settings, past=failure_at).past
     if not chosen:
         return None
     forecasts = uncorrected(chosen, evidence, actuator, PATHS)
