@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from emaphm.cli.options import AsJson, whole_number
-from emaphm.cli.output import show, show_line
+from emaphm.cli.output import show, show_at_once, show_line
 from emaphm.cli.units.events import Horizon, Risk, WebhookAddress, prognosis_settings
 from emaphm.cli.units.history import DB, Database
 from emaphm.errors import ServerError
@@ -70,7 +70,7 @@ def serve(
     from emaphm.server.settings import SETTINGS
 
     def ready(url: str) -> None:
-        show_line({"url": url}) if as_json else print(f"{url} shows the history; Ctrl-C ends it", flush=True)
+        show_line({"url": url}) if as_json else show_at_once(f"{url} shows the history; Ctrl-C ends it")
 
     run(
         db,
