@@ -69,7 +69,7 @@ def test_a_batch_goes_on_where_a_folder_keeps_it(desk: Path, unread: Callable[[s
 def test_a_failure_is_said_all_the_same(desk: Path, unread: Callable[[str], None]) -> None:
     assert desk.is_dir()
     unread("stdout")
-    assert main("diagnose absent.csv none.csv --workers 1".split()) == 2
+    assert main(["diagnose", "absent.csv", "none.csv", "--workers", "1"]) == 2
 
 
 def test_nobody_need_read_what_is_said_on_the_way(

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def show(values: dict[str, Any], text: str, as_json: bool) -> None:
     """Print the answer, as JSON or as text.
 
-    Where the reader of a pipe has left (`emaphm … | head`), nothing is printed and the verb goes on: the files
-    that were asked for are still to be written, and what failed is still to be said.
+    Where the reader of a pipe has left (`emaphm … | head`), nothing is printed and the verb goes on:
+    the files that were asked for are still to be written, and what failed is still to be said.
     """
     _print(_json(values) if as_json else text)
 
