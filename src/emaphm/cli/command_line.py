@@ -23,6 +23,7 @@ from emaphm.cli.units.limits import limits
 from emaphm.cli.units.prognose import prognose
 from emaphm.cli.units.serve import serve
 from emaphm.cli.units.watch import watch
+from emaphm.cli.wrong_use import wrong_use
 from emaphm.errors import EmaphmError
 
 UNWRITABLE = {
@@ -118,7 +119,7 @@ def _run(arguments: list[str]) -> int:
         _flush()
         return _complain(str(error))
     except CycloptsError as error:
-        return _complain(f"{' '.join(str(error).split())} See emaphm --help.")
+        return _complain(wrong_use(error))
     except SystemExit:  # what prints --help makes one of a reader that has left
         discard_stdout()
     except OSError as error:

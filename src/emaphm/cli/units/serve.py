@@ -25,6 +25,7 @@ def serve(
         tuple[str, ...],
         Parameter(
             negative="",
+            show_default=", ".join,
             help="TOML description that uploads may name, or a built-in one; may be repeated.",
         ),
     ] = ("thesis", "pmsm"),
@@ -36,7 +37,9 @@ def serve(
     ] = None,
     work: Annotated[
         Path | None,
-        Parameter(help="Folder for the queue, uploads and reports; next to the history's file if left out."),
+        Parameter(
+            help="Folder for the queue, uploads and reports; next to the history's file if left out, required with PostgreSQL."
+        ),
     ] = None,
     healthy: Annotated[
         Path | None, Parameter(help="Detector that 'detect learn' wrote: uploads are compared with it too.")
