@@ -106,7 +106,7 @@ def add(
             kept = history.kept(recorded, described, seed, methods)
             assert kept is not None  # noqa: S101 - it was there, or was added
             added.append(_recording(recorded.source, kept, added=is_added))
-        cycles = kept.flight.cycles
+            cycles = kept.flight.cycles
     similar = [one for one in known if is_new and _letters(one) == _letters(unit)]
     values = {
         "unit": unit,

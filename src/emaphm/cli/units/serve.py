@@ -38,7 +38,8 @@ def serve(
     work: Annotated[
         Path | None,
         Parameter(
-            help="Folder for the queue, uploads and reports; next to the history's file if left out, required with PostgreSQL."
+            help="Folder for the queue, uploads and reports; next to the history's file if left out. "
+            "Required with PostgreSQL."
         ),
     ] = None,
     healthy: Annotated[
