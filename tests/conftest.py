@@ -14,7 +14,7 @@ from cases import THESIS
 from dask_processes import Forks, forking
 from emaphm.actuator import Chirp, Faults
 from emaphm.actuator.unit.model_error import NOT_LEARNED
-from emaphm.amortized import delays
+from emaphm.amortized.applicability import delays
 from emaphm.diagnosis.selection.laws import law_fit
 from emaphm.estimation.global_search import restarts
 from emaphm.recording import Recording

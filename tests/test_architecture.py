@@ -41,6 +41,7 @@ ORDER = (
     ("server",),
     ("demo", "environment", "first_description"),
     ("cli",),
+    ("__main__",),
 )
 """Rooms from the lowest; one imports from those before it, and from itself."""
 

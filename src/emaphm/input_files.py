@@ -68,6 +68,15 @@ def read_bytes(path: Path, most_bytes: int, error: type[EmaphmError]) -> bytes:
     return content
 
 
+def is_newer_format(found: object, known: str) -> bool:
+    """Return whether a file's format, such as "emaphm detector 2", has a higher number than `known` has."""
+    kind, _, number = known.rpartition(" ")
+    if not isinstance(found, str) or not found.startswith(f"{kind} "):
+        return False
+    of_file = found.removeprefix(f"{kind} ")
+    return of_file.isascii() and of_file.isdecimal() and float(of_file) > float(number)
+
+
 def content_digest(path: Path) -> str:
     """Return the SHA-256 of what a file holds, empty where it cannot be read."""
     try:

@@ -7,7 +7,7 @@ import pytest
 
 from amortized.toys import THESIS, constant_estimator
 from emaphm.actuator import Chirp, Faults
-from emaphm.amortized import delays
+from emaphm.amortized.applicability import delays
 from emaphm.amortized.diagnosing import answer_alone, diagnose_by
 from emaphm.amortized.error_prediction.comparison import Comparison
 from emaphm.amortized.estimator import Estimator

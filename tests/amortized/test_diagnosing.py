@@ -244,37 +244,89 @@ def without(recording: Recording, name: str) -> Recording:
     return Recording({key: values for key, values in recording.channels.items() if key != name})
 
 
-REFUSED: dict[str, tuple[Callable[[Recording], Recording], Actuator, str]] = {
-    "another actuator": (lambda r: r, Actuator.pmsm(), "another description"),
-    "a missing channel": (partial(without, name="voltage_V"), THESIS, "no voltage_V"),
+def at_instants(actuator: Actuator) -> Actuator:
+    channels = actuator.channels.model_copy(update={"sampling": "instant"})
+    return actuator.model_copy(update={"channels": channels})
+
+
+OTHERWISE: dict[str, tuple[Callable[[Recording], Recording], Callable[[], RecordingSetup], str]] = {
+    "another actuator": (
+        lambda r: r,
+        lambda: RecordingSetup.of(Actuator.pmsm(), COMMAND, duration=0.2),
+        "another description",
+    ),
+    "a missing channel": (
+        partial(without, name="voltage_V"),
+        lambda: RecordingSetup.of(THESIS, COMMAND, duration=0.2, channels=["current_A"]),
+        "no voltage_V",
+    ),
     "another manoeuvre": (
         lambda r: chirp(r, command_rad=0.9 * r["command_rad"]),
-        THESIS,
+        lambda: RecordingSetup.of(THESIS, lambda t: 0.9 * np.asarray(COMMAND(t)), duration=0.2),
         "another manoeuvre",
     ),
-    "another rate": (lambda r: chirp(r, time_s=2 * r["time_s"]), THESIS, "rows a second"),
+    "another rate": (
+        lambda r: Recording({name: values[::2] for name, values in r.channels.items()}),
+        lambda: RecordingSetup.of(THESIS, COMMAND, duration=0.2, sample_rate=2500.0),
+        "rows a second",
+    ),
     "another duration": (
         lambda r: Recording({name: values[:800] for name, values in r.channels.items()}),
-        THESIS,
+        lambda: RecordingSetup.of(THESIS, COMMAND, duration=0.16),
         "800 rows",
     ),
-    "instants": (lambda r: Recording(r.channels, "instant"), THESIS, "instants"),
+    "instants": (
+        lambda r: Recording(r.channels, "instant"),
+        lambda: RecordingSetup.of(at_instants(THESIS), COMMAND, duration=0.2),
+        "instants",
+    ),
+}
+"""Changes of a recording, and the setup of an estimator that would be trained for it."""
+
+
+@pytest.mark.parametrize("case", OTHERWISE)
+def test_what_another_estimator_answers_is_refused_with_both_ways_out(
+    recording: Recording, case: str
+) -> None:
+    change, trained_for_it, complaint = OTHERWISE[case]
+    changed, setup = change(recording), trained_for_it()
+    actuator = setup.actuator if case == "another actuator" else THESIS
+    with pytest.raises(MethodError, match=complaint) as error:
+        diagnose_by(constant_estimator(SETUP, ANSWER, 0.01), changed, actuator, fast=True)
+    assert "leave out --estimator, or train one" in str(error.value)
+    constant_estimator(setup, np.zeros(setup.space.dimensions), 0.01).check(changed, setup.actuator)
+
+
+NEVER: dict[str, tuple[Callable[[Recording], Recording], Actuator, str]] = {
+    "no three phases": (lambda r: r, Actuator.dc(), "no estimator is trained for"),
+    "no current": (partial(without, name="current_A"), THESIS, "no current_A"),
     "a known load": (lambda r: chirp(r, load_Nm=np.full(r.samples, 0.1)), THESIS, "known load"),
+    "a known load at another rate": (
+        lambda r: chirp(r, time_s=2 * r["time_s"], load_Nm=np.full(r.samples, 0.1)),
+        THESIS,
+        "known load",
+    ),
     "a drive switched off": (
         lambda r: chirp(r, enabled=(np.arange(r.samples) > 100).astype(float)),
         THESIS,
         "switched off",
     ),
+    "too many rows": (lambda r: longer(r, 20_001), THESIS, "20,001 rows"),
 }
+"""What no training makes an estimator for: nobody is sent to train one in vain."""
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_it_was_not_trained_for_is_refused_with_the_way_out(recording: Recording, case: str) -> None:
-    change, actuator, complaint = REFUSED[case]
-    estimator = constant_estimator(SETUP, ANSWER, 0.01)
+def longer(recording: Recording, rows: int) -> Recording:
+    columns = {name: np.resize(values, rows) for name, values in recording.channels.items()}
+    return Recording({**columns, "time_s": np.arange(rows) * recording.interval_s})
+
+
+@pytest.mark.parametrize("case", NEVER)
+def test_what_no_estimator_answers_is_refused_with_the_one_way_out(recording: Recording, case: str) -> None:
+    change, actuator, complaint = NEVER[case]
     with pytest.raises(MethodError, match=complaint) as error:
-        diagnose_by(estimator, change(recording), actuator, fast=True)
-    assert "leave out --estimator" in str(error.value)
+        diagnose_by(constant_estimator(SETUP, ANSWER, 0.01), change(recording), actuator, fast=True)
+    assert str(error.value).endswith("leave out --estimator")
 
 
 def test_another_name_or_other_columns_are_the_same_actuator(recording: Recording) -> None:

@@ -18,12 +18,12 @@ BAD_ARGUMENTS = {
     "replay good.csv --model averaged --model monitor": ("--model", "multiple times"),
     "demo extra": ("extra",),
     # something left out
-    "simulate": ("simulate", "requires an argument"),
-    "diagnose": ("diagnose", "requires an argument"),
-    "replay": ("replay", "requires an argument"),
+    "simulate": ("'emaphm simulate' requires OUT", "See emaphm simulate --help"),
+    "diagnose": ("'emaphm diagnose' requires RECORDING", "See emaphm diagnose --help"),
+    "replay": ("'emaphm replay' requires RECORDING", "See emaphm replay --help"),
     "calibrate good.csv -o out.toml": ("--free and --laws are left out", "name parameters by --free"),
-    "calibrate good.csv --free inertia": ("--out", "requires an argument"),
-    "simulate out.csv --fault": ("--fault", "requires an argument"),
+    "calibrate good.csv --free inertia": ("'emaphm calibrate' requires --out", "See emaphm calibrate --help"),
+    "simulate out.csv --fault": ("--fault requires a value", "See emaphm simulate --help"),
     # faults
     "simulate out.csv --fault friction": ("--fault friction", "NAME=VALUE, e.g. friction=0.25"),
     "simulate out.csv --fault friction=": ("--fault friction=", "NAME=VALUE"),

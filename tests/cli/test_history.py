@@ -113,6 +113,7 @@ def test_adding_diagnoses_what_is_new_and_leaves_the_rest(
     before = answer(emaphm, "show", "--unit", "SN-7")
     again = answer(emaphm, "add", recordings / "first.csv", "--unit", "SN-7", "--hours", "100")
     assert [one["added"] for one in again["recordings"]] == [False]
+    assert again["cycles"] == 40  # of the flight, though not given again
     assert answer(emaphm, "show", "--unit", "SN-7") == before
     both = answer(
         emaphm,
@@ -125,6 +126,8 @@ def test_adding_diagnoses_what_is_new_and_leaves_the_rest(
         "150",
     )
     assert [one["added"] for one in both["recordings"]] == [True, False]
+    first, second = both["recordings"]
+    assert second == first | {"added": False}
     assert (both["new_unit"], both["unit"], both["part_number"]) == (False, "SN-7", "thesis")
     kept = answer(emaphm, "show", "--unit", "SN-7")["diagnoses"]
     assert [one["hours"] for one in kept] == [100.0, 150.0]

@@ -110,6 +110,21 @@ def test_exit_codes(start: Start, line: str, code: int) -> None:
     assert len(err.splitlines()) == (code == 2)
 
 
+@pytest.mark.parametrize("module", ["emaphm", "emaphm.cli"])
+def test_a_module_is_the_command_with_its_workers(desk: Path, module: str) -> None:
+    (desk / "other.csv").write_bytes((desk / "good.csv").read_bytes())
+    quick = ("--model", "averaged", "--nuisance", "none", "--no-correction", "--workers", "2", "--json")
+    done = subprocess.run(  # noqa: S603 - the arguments are this file's
+        [sys.executable, "-m", module, "diagnose", "good.csv", "other.csv", *quick],
+        capture_output=True,
+        check=False,
+        cwd=desk,
+        env=environment(),
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert [json.loads(line)["recording"] for line in done.stdout.splitlines()] == ["good.csv", "other.csv"]
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="scripts are named otherwise there")
 def test_the_installed_command_runs_whatever_lies_in_the_folder(desk: Path) -> None:
     script = Path(sys.executable).with_name("emaphm")

@@ -186,8 +186,8 @@ def test_a_printed_plan_is_a_plan(emaphm: Emaphm) -> None:
 # What is refused
 
 BAD_LINES = {
-    "study run": ("run", "requires an argument"),
-    "study run plan.toml": ("--out", "requires an argument"),
+    "study run": ("'emaphm study run' requires PLAN", "See emaphm study run --help"),
+    "study run plan.toml": ("'emaphm study run' requires --out", "See emaphm study run --help"),
     "study bogus": ('"bogus"', "run"),
     f"{RUN} --workers 0": ("--workers 0", "give 1 or more"),
     f"{RUN} --workers -3": ("--workers -3", "give 1 or more"),

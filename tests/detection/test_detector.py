@@ -247,6 +247,15 @@ def test_a_file_that_is_no_detector_is_refused(content: str, tmp_path: Path) -> 
         Detector.load(tmp_path / "absent.json")
 
 
+def test_a_file_of_a_newer_version_asks_for_an_update(detector: Detector, tmp_path: Path) -> None:
+    path = tmp_path / "detector.json"
+    detector.save(path)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("emaphm detector 1", "emaphm detector 12", 1), encoding="utf-8")
+    with pytest.raises(MethodError, match=r"'emaphm detector 12'.*reads 'emaphm detector 1'; update emaphm$"):
+        Detector.load(path)
+
+
 def test_a_file_whose_sizes_do_not_agree_is_refused(detector: Detector, tmp_path: Path) -> None:
     path = tmp_path / "detector.json"
     detector.save(path)

@@ -10,6 +10,7 @@ import pytest
 
 from emaphm.actuator import COMPONENTS, NAMES
 from emaphm.actuator.faults import degraded_in
+from emaphm.actuator.law_sections import RippleHarmonic
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.errors import HistoryError, OutputError
 from emaphm.history import Entry, Finding, Flight, History, Life, Mistake, Removal, Replacement
@@ -118,6 +119,18 @@ def test_other_settings_give_another_diagnosis_and_the_last_counts(history: Hist
     (line,) = history.states()
     assert (line.recordings, line.explained, line.hours) == (2, 1, 20.0)
     assert line.document["recording"] == "2.csv"
+
+
+def test_a_diagnosis_is_kept_under_the_description_that_was_given(history: History) -> None:
+    ripple = (RippleHarmonic(order=12, cos=0.01),)  # a law that the diagnosis has found
+    found = replace(diagnosis(1), actuator=made_up.THESIS.model_copy(update={"ripple": ripple}))
+    assert history.kept(recording(1), made_up.THESIS) is None
+    history.add(entry(), recording(1), found, made_up.THESIS)
+    assert not history.missing(entry(), recording(1), made_up.THESIS)
+    kept = history.kept(recording(1), made_up.THESIS)
+    assert kept is not None
+    np.testing.assert_array_equal(kept.vector, found.faults.vector)
+    assert history.unit("S1").actuator == made_up.THESIS
 
 
 def test_of_a_flight_with_two_recordings_the_last_diagnosis_is_the_unit_s_last(history: History) -> None:

@@ -210,18 +210,39 @@ def test_there_must_be_a_history_to_read(address: str) -> None:
         History.open(address)
 
 
-def test_somebody_elses_tables_are_left_alone(address: str) -> None:
-    if "://" in address:
-        engine = sa.create_engine(address.replace("postgresql:", "postgresql+psycopg:"))
-        with engine.begin() as connection:
-            connection.exec_driver_sql("CREATE TABLE units (a integer)")
-        engine.dispose()
-    else:
-        with sqlite3.connect(address) as file:
-            file.execute("CREATE TABLE results (a integer)")
-        file.close()
-    with pytest.raises(HistoryError, match="is no history, it has a table"):
+def tables_of(address: str, *made: str) -> list[str]:
+    """Return the names of a database's tables and views, after what is `made` by these statements."""
+    kind = (
+        address.replace("postgresql:", "postgresql+psycopg:") if "://" in address else f"sqlite:///{address}"
+    )
+    engine = sa.create_engine(kind)
+    with engine.begin() as connection:
+        for statement in made:
+            connection.exec_driver_sql(statement)
+        found = sa.inspect(connection)
+        names = sorted([*found.get_table_names(), *found.get_view_names()])
+    engine.dispose()
+    return names
+
+
+@pytest.mark.parametrize("made", ["TABLE units (a integer)", "VIEW units AS SELECT 1 AS a"])
+def test_somebody_elses_tables_are_left_alone(address: str, made: str) -> None:
+    before = tables_of(address, f"CREATE {made}")
+    with pytest.raises(HistoryError, match="is no history, it has a table 'units'; give a history, or a"):
         History.open(address, create=True)
+    assert tables_of(address) == before == ["units"]
+
+
+def test_a_file_is_a_historys_alone_and_a_server_may_hold_others(address: str) -> None:
+    before = tables_of(address, "CREATE TABLE foo (a integer)", "CREATE TABLE alembic_version (a integer)")
+    if "://" not in address:
+        with pytest.raises(HistoryError, match="it has a table 'alembic_version'; give a history, or a new"):
+            History.open(address, create=True)
+        assert tables_of(address) == before
+        return
+    with History.open(address, create=True) as opened:
+        assert opened.units() == ()
+    assert set(before) < set(tables_of(address))
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,13 @@ from typing import Self
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.amortized.delays import found_delay, in_time_and_moved
+from emaphm.amortized.applicability.delays import found_delay, in_time_and_moved
+from emaphm.amortized.applicability.likeness import Unlikeness, unlikeness
 from emaphm.amortized.drawing import PRIOR, SHORTS
 from emaphm.amortized.error_prediction.comparison import RUNS, Comparison
 from emaphm.amortized.error_prediction.deviations import OTHERS
 from emaphm.amortized.error_prediction.other_explanations import other_explanations
 from emaphm.amortized.estimator import Estimator
-from emaphm.amortized.likeness import Unlikeness, unlikeness
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis import Diagnosis, diagnose

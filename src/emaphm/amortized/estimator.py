@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from emaphm.actuator import Actuator
+from emaphm.amortized.applicability.refusals import check_actuator, check_recording
 from emaphm.amortized.error_prediction.comparison import Comparison
 from emaphm.amortized.error_prediction.predictor import ErrorPredictor
 from emaphm.amortized.model_update import ModelUpdate
@@ -17,17 +18,14 @@ from emaphm.amortized.recording_setup import RecordingSetup, actuator_hash, rows
 from emaphm.amortized.simulating import block_of, in_blocks
 from emaphm.arrays import Array
 from emaphm.blas_threads import one_blas_thread
-from emaphm.errors import MethodError
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
 from emaphm.simulation import Inputs
 
-WAY_OUT = "leave out --estimator, or train one for it with 'emaphm train'"
-
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What most held-out draws do not exceed, see `emaphm.amortized.likeness`.
+    """What most held-out draws do not exceed, see `emaphm.amortized.applicability.likeness`.
 
     `distances` (2,) are those of `Projection.distances`, `ratios` (channels,) those of the comparison with
     the averaged model, `predicted_error` that of `ErrorPredictor`.
@@ -89,15 +87,12 @@ class Estimator:
 
     def check_actuator(self, actuator: Actuator) -> None:
         """Refuse another description than the one that it was trained for, `MethodError`."""
-        refusal = self.setup.refusal_of(actuator)
-        if refusal is not None:
-            raise MethodError(f"{refusal}; {WAY_OUT}")
+        check_actuator(self.setup, actuator)
 
     def check(self, recording: Recording, actuator: Actuator) -> None:
         """Refuse a recording that the estimator cannot be asked about; `MethodError` gives the way out."""
-        refusal = self.setup.refusal(recording, actuator)
-        if refusal is not None:
-            raise MethodError(f"{refusal}; {WAY_OUT}")
+        check_actuator(self.setup, actuator)
+        check_recording(self.setup, recording)
 
     def rows(self, recording: Recording) -> Single:
         """Return what the network reads of a recording that `check` has accepted, (1, channels, blocks)."""

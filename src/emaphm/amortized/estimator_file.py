@@ -27,7 +27,7 @@ from emaphm.amortized.recording_setup import MOST_ROWS, RecordingSetup, check_ch
 from emaphm.amortized.simulating import block_of
 from emaphm.arrays import Array
 from emaphm.errors import ActuatorError, MethodError
-from emaphm.input_files import checked_size
+from emaphm.input_files import checked_size, is_newer_format
 from emaphm.output_files import written_whole
 from emaphm.version import VERSION
 
@@ -60,7 +60,9 @@ DAMAGED = (
 )
 """What reading a damaged zip raises."""
 
-DAMAGED_OR_OLD = "the file is damaged or of another version, train it again"
+DAMAGED_OR_OTHER = (
+    "the file is damaged or of another version of emaphm; update it if that is a newer one, else train again"
+)
 
 Size = Annotated[int, Field(ge=1, le=WIDEST)]
 
@@ -297,8 +299,9 @@ def _read_header(content: bytes, path: Path) -> _Header:
         raise _no_estimator(path, "its header is no JSON") from None
     found = values.get("format") if isinstance(values, dict) else None
     if isinstance(found, str) and found.startswith("emaphm estimator") and found != FORMAT:
+        remedy = "update emaphm" if is_newer_format(found, FORMAT) else "train it again"
         raise MethodError(
-            f"{path}: is of the format '{found[:40]}', this emaphm {VERSION} reads '{FORMAT}'; train it again"
+            f"{path}: is of the format '{found[:40]}', this emaphm {VERSION} reads '{FORMAT}'; {remedy}"
         )
     try:
         return _Header.model_validate(values)
@@ -374,7 +377,7 @@ def _setup(header: _Setup, command: Array, path: Path) -> RecordingSetup:
     try:
         actuator = Actuator.from_dict(header.actuator, where=str(path))
     except ActuatorError as error:
-        raise MethodError(f"{error}; {DAMAGED_OR_OLD}") from None
+        raise MethodError(f"{error}; {DAMAGED_OR_OTHER}") from None
     if header.sampling != actuator.channels.sampling:
         raise _no_estimator(path, "its rows are not as its actuator's channels say")
     if header.channels[0] != "current_A" or len({*header.channels}) < len(header.channels):
@@ -394,7 +397,7 @@ def _setup(header: _Setup, command: Array, path: Path) -> RecordingSetup:
         check_channels(actuator, setup.channels)
         _ = setup.space  # made here, for what it refuses
     except MethodError as error:
-        raise MethodError(f"{path}: {error}; {DAMAGED_OR_OLD}") from None
+        raise MethodError(f"{path}: {error}; {DAMAGED_OR_OTHER}") from None
     return setup
 
 

@@ -189,54 +189,6 @@ class RecordingSetup:
             "initial_position": self.initial_position,
         }
 
-    def refusal_of(self, actuator: Actuator) -> str | None:
-        """Return why the estimator cannot be asked about recordings of `actuator`, None where it can."""
-        if actuator_hash(actuator) == actuator_hash(self.actuator):
-            return None
-        return (
-            f"the estimator was trained for another description of an actuator ('{self.actuator.name}', "
-            f"{actuator_hash(self.actuator)}; this is '{actuator.name}', {actuator_hash(actuator)})"
-        )
-
-    def refusal(self, recording: Recording, actuator: Actuator) -> str | None:  # noqa: PLR0911 - one a rule
-        """Return why the estimator cannot be asked about `recording` of `actuator`, None where it can.
-
-        The reasons are those that no search with the estimator's help could mend: another actuator,
-        manoeuvre, rate or duration, or a channel that is missing.
-        """
-        if (other := self.refusal_of(actuator)) is not None:
-            return other
-        missing = [name for name in self.channels if name not in recording]
-        if missing:
-            return f"{recording.source} has no {', '.join(missing)}, which the estimator was trained on"
-        if recording.sampling != self.sampling:
-            return f"rows of {recording.source} are {recording.sampling}s, the estimator's {self.sampling}s"
-        if abs(recording.interval_s / self.interval_s - 1) > RATE_TOLERANCE:
-            return (
-                f"{recording.source} has {1 / recording.interval_s:.6g} rows a second, the estimator was "
-                f"trained on {1 / self.interval_s:.6g}"
-            )
-        if recording.samples != self.samples:
-            return (
-                f"{recording.source} has {recording.samples} rows, the estimator's manoeuvre {self.samples}"
-            )
-        difference = float(np.max(np.abs(recording["command_rad"] - self.command_rad)))
-        if difference > COMMAND_TOLERANCE * self.reach:
-            return (
-                f"{recording.source} is of another manoeuvre: its command differs by up to "
-                f"{100 * difference / self.reach:.2g} % from the one that the estimator was trained on"
-            )
-        return _driven_otherwise(recording)
-
-
-def _driven_otherwise(recording: Recording) -> str | None:
-    """Return what is recorded of the drive or the load that no training recording has."""
-    if "enabled" in recording and not np.all(recording["enabled"] == 1):
-        return f"the drive is switched off in {recording.source}, as in no recording of the training"
-    if "load_Nm" in recording and np.any(recording["load_Nm"]):
-        return f"{recording.source} has a known load; the estimator was trained on an unknown constant one"
-    return None
-
 
 def actuator_hash(actuator: Actuator) -> str:
     """Return a digest of what a description says of the actuator itself, not of its files' columns."""
@@ -248,8 +200,9 @@ def check_windings(actuator: Actuator) -> None:
     """Refuse an actuator without three phases; `MethodError` says what to do."""
     if not actuator.three_phases:
         raise MethodError(
-            f"actuator '{actuator.name}' has a drive of kind '{actuator.drive_kind}', which does not "
-            "switch: a search is quick, and there is nothing to learn; describe its windings in [electrical]"
+            f"actuator '{actuator.name}' has a drive of kind '{actuator.drive_kind}', not of three phases: a "
+            "search is quick, and there is nothing to learn; leave the estimator out, or if it has three "
+            "phases, describe its windings in [electrical] and their drive in [drive]"
         )
 
 

@@ -10,13 +10,13 @@ from typing import Any, Self
 import numpy as np
 
 from emaphm.actuator import Command
+from emaphm.amortized.applicability.likeness import are_beyond, limits_of, predictive_ratios
 from emaphm.amortized.drawing import PRIOR
 from emaphm.amortized.error_prediction.comparison import Comparison
 from emaphm.amortized.error_prediction.deviations import deviating
 from emaphm.amortized.error_prediction.predictor import ErrorPredictor, error_ratios
 from emaphm.amortized.estimator import Estimator, calibrated_answers, first_answers
 from emaphm.amortized.judging import Judgement, judged, temperature_of
-from emaphm.amortized.likeness import are_beyond, limits_of, predictive_ratios
 from emaphm.amortized.model_update import UPDATE, ModelUpdate, UpdateStep, Whitening
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Single

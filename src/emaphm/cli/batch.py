@@ -62,10 +62,10 @@ def diagnose_each(
             folder=out,
             on_file=count,
         ):
-            if as_json:
-                show_line(result.values)
-            else:
+            if not as_json:
                 rows.append(result.row)
+            elif not show_line(result.values) and out is None:
+                return  # nobody reads the others, and no folder is to keep them
             if result.error:
                 broken.append(result.error)
             else:

@@ -14,7 +14,7 @@ from emaphm.cli.design import design
 from emaphm.cli.doctor import doctor
 from emaphm.cli.init import init
 from emaphm.cli.interruption import exit_code, is_interrupted
-from emaphm.cli.output import say
+from emaphm.cli.output import discard_stdout, say, show
 from emaphm.cli.segment import segment
 from emaphm.cli.split import split
 from emaphm.cli.train import train
@@ -23,6 +23,7 @@ from emaphm.cli.units.limits import limits
 from emaphm.cli.units.prognose import prognose
 from emaphm.cli.units.serve import serve
 from emaphm.cli.units.watch import watch
+from emaphm.cli.wrong_use import wrong_use
 from emaphm.errors import EmaphmError
 
 UNWRITABLE = {
@@ -57,7 +58,7 @@ def completion(
     shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="bash, zsh or fish.")],
 ) -> None:
     """Print what completes the command's verbs and options; for bash: eval "$(emaphm completion bash)"."""
-    print(app.generate_completion(shell=shell))
+    show({}, app.generate_completion(shell=shell), as_json=False)
 
 
 VERBS = (
@@ -99,6 +100,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _interrupted(*said: object) -> int:
+    _flush()
     say(": ".join(["interrupted", *map(str, said)]))
     return exit_code()
 
@@ -111,23 +113,37 @@ def _run(arguments: list[str]) -> int:
             if "\0" in argument:
                 return _complain(f"argument {argument!r} holds a null character; leave it out")
         app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
-        sys.stdout.flush()
     except EmaphmError as error:
         if is_interrupted():  # say, that a worker died: SIGTERM came to all processes
             raise
+        _flush()
         return _complain(str(error))
     except CycloptsError as error:
-        return _complain(f"{' '.join(str(error).split())} See emaphm --help.")
-    except (BrokenPipeError, SystemExit):
-        # The reader of a pipe left early (`emaphm … | head`): nothing more can be said to it. What prints
-        # --help makes a SystemExit of it.
-        _discard_stdout()
+        return _complain(wrong_use(error))
+    except SystemExit:  # what prints --help makes one of a reader that has left
+        discard_stdout()
     except OSError as error:
         if error.errno not in UNWRITABLE or error.filename is not None:
             raise
-        _discard_stdout()
-        return _complain(f"stdout cannot be written: {UNWRITABLE[error.errno]}; write elsewhere")
-    return 0
+        discard_stdout()
+        return _unwritable(error)
+    failure = _flush()
+    return 0 if failure is None else _unwritable(failure)
+
+
+def _flush() -> OSError | None:
+    """Print what is still buffered, and drop it where that fails; return why, None if nobody reads it."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        discard_stdout()
+        return None if isinstance(error, BrokenPipeError) else error
+    return None
+
+
+def _unwritable(error: OSError) -> int:
+    reason = UNWRITABLE.get(error.errno or 0, error.strerror)
+    return _complain(f"stdout cannot be written: {reason}; write elsewhere")
 
 
 def _prepare_streams() -> bool:
@@ -145,11 +161,6 @@ def _prepare_streams() -> bool:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without × or · is no reason to fail
     return has_stdout
-
-
-def _discard_stdout() -> None:
-    """Send what is still buffered nowhere, or the interpreter would fail on it when it exits."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(text: str) -> int:

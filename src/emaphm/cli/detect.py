@@ -51,6 +51,7 @@ def learn(
         tuple[str, ...],
         Parameter(
             negative="",
+            show_default=False,
             help="NAME=FILE, a recording with a known fault, to compare others with; may be repeated.",
         ),
     ] = (),

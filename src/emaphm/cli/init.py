@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from emaphm.cli.options import AsJson, Force, check_output
-from emaphm.cli.output import show
+from emaphm.cli.output import say_plainly, show
 from emaphm.errors import ActuatorError, SignalError
 
 
@@ -32,11 +32,11 @@ def init(
         machine = machine_named(machine)
         described = template(machine)
     else:
-        _say("An empty answer keeps the value in brackets; it can be changed in the file at any time.")
+        say_plainly("An empty answer keeps the value in brackets; it can be changed in the file at any time.")
         for name, (_, meaning) in MACHINES.items():
-            _say(f"  {name:5s} {meaning}")
+            say_plainly(f"  {name:5s} {meaning}")
         machine = _machine()
-        described, answers = interview(template(machine), _ask, _say)
+        described, answers = interview(template(machine), _ask, say_plainly)
     heading = HEADING.format(name=described.name, machine=machine, meaning=MACHINES[machine][1])
     described.to_toml(out, comments=heading, ending=ENDING)
     unit = out.with_name(f"{out.stem}-calibrated.toml")
@@ -59,12 +59,12 @@ def _machine() -> str:
         try:
             return machine_named(_ask("kind of machine", "bldc").strip() or "bldc")
         except ActuatorError as error:
-            _say(str(error))
+            say_plainly(str(error))
 
 
 def _ask(question: str, present: str) -> str:
     """Return the line that answers; the question goes to stderr, where no answer of ours is expected."""
-    print(f"{question} ({present}): ", end="", file=sys.stderr, flush=True)
+    say_plainly(f"{question} ({present}): ", end="")
     line = sys.stdin.readline() if sys.stdin else ""
     if not line:
         raise SignalError(
@@ -72,7 +72,3 @@ def _ask(question: str, present: str) -> str:
             "--from bldc, six-step, pmsm or dc"
         )
     return line
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr)

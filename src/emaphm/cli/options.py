@@ -41,7 +41,10 @@ ActuatorFile = Annotated[
 FaultList = Annotated[
     tuple[str, ...],
     Parameter(
-        name="--fault", negative="", help="NAME=VALUE, from 0 to 1; friction may be less; may be repeated."
+        name="--fault",
+        negative="",
+        show_default=False,
+        help="NAME=VALUE, from 0 to 1; friction may be less; may be repeated.",
     ),
 ]
 RECORDING_KINDS = ".csv, .parquet, .mat, .tdms, .h5, .hdf5 or .mf4"
@@ -65,6 +68,7 @@ KnownList = Annotated[
     Parameter(
         name="--known",
         negative="",
+        show_default=False,
         help="NAME=VALUE that holds for the whole file: a channel in its SI unit, such as temperature_K=300, "
         "or a label, such as serial=A17; may be repeated.",
     ),

@@ -5,7 +5,7 @@ import os
 import sys
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from emaphm.cli.interruption import raise_again
 from emaphm.strict_json import finite
@@ -15,21 +15,58 @@ if TYPE_CHECKING:
 
 
 def show(values: dict[str, Any], text: str, as_json: bool) -> None:
-    """Print the answer, as JSON or as text."""
-    print(_json(values) if as_json else text)
+    """Print the answer, as JSON or as text.
+
+    Where the reader of a pipe has left (`emaphm … | head`), nothing is printed and the verb goes on:
+    the files that were asked for are still to be written, and what failed is still to be said.
+    """
+    _print(_json(values) if as_json else text)
 
 
-def show_line(values: "Mapping[str, Any]") -> None:
-    """Print one object of many as a line of JSON, at once: whoever reads the pipe need not wait for all."""
-    print(_json(values), flush=True)
+def show_line(values: "Mapping[str, Any]") -> bool:
+    """Print one object of many as a line of JSON, at once: whoever reads the pipe need not wait for all.
+
+    Returns
+    -------
+    Whether somebody reads the pipe.
+    """
+    return _print(_json(values), flush=True)
+
+
+def show_at_once(text: str) -> None:
+    """Print a line that somebody waits for while the verb goes on."""
+    _print(text, flush=True)
+
+
+def _print(text: str, *, flush: bool = False) -> bool:
+    try:
+        print(text, flush=flush)
+    except BrokenPipeError:
+        discard_stdout()
+        return False
+    return True
+
+
+def discard_stdout() -> None:
+    """Send what is still buffered nowhere, or the interpreter would fail on it when it exits."""
+    _discard(sys.stdout)
 
 
 def say(line: str) -> None:
     """Print a line for people on stderr, whether or not somebody reads it."""
+    say_plainly(f"emaphm: {line}")
+
+
+def say_plainly(text: str, end: str = "\n") -> None:
+    """Print a text for people on stderr, without the command's name, whether or not somebody reads it."""
     try:
-        print(f"emaphm: {line}", file=sys.stderr, flush=True)
-    except OSError:  # nobody reads it (`2>&1 | true`); the exit code says enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
+        print(text, end=end, file=sys.stderr, flush=True)
+    except OSError:  # nobody reads it (`2>&1 | true`); the exit code and the files say enough
+        _discard(sys.stderr)
+
+
+def _discard(stream: TextIO) -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _json(values: "Mapping[str, Any]") -> str:

@@ -24,7 +24,7 @@ def segment(
     actuator: ActuatorFile = "thesis",
     wanted: Annotated[
         float,
-        Parameter(help="Half-width of a 95 % interval from which a stretch identifies a component."),
+        Parameter(help="Largest half-width of the 95 % interval of a component that a stretch identifies."),
     ] = 0.1,
     longest: Annotated[float, Parameter(help="Longest stretch [s].")] = 60.0,
     out: Annotated[

@@ -28,7 +28,7 @@ app = App(name="study", help="Compare methods of identification over many cases.
 
 @app.command
 def run(
-    plan: Annotated[str, Parameter(help="TOML of the plan, or the name of a built-in one.")],
+    plan: Annotated[str, Parameter(help="TOML of the plan, or the name of one that 'study plans' lists.")],
     *,
     out: Annotated[
         Path, Parameter(name=("--out", "-o"), help="Folder for the results, new or of this plan.")

@@ -1,7 +1,6 @@
 """The verb `train`: it makes a setup, calls the library, and prints how good the estimator is."""
 
 import os
-import sys
 from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,7 +23,7 @@ from emaphm.cli.options import (
     names_in,
     whole_number,
 )
-from emaphm.cli.output import counter, say, show
+from emaphm.cli.output import counter, say, say_plainly, show
 from emaphm.errors import OutputError
 
 if TYPE_CHECKING:
@@ -188,9 +187,7 @@ def _bits(text: str) -> int | None:
 
 def _printed(*, quiet: bool) -> "Callable[[object], None] | None":
     """Return what prints each stage and epoch on stderr, for whoever watches or keeps a log of it."""
-    if quiet:
-        return None
-    return lambda what: print(what, file=sys.stderr, flush=True)  # noqa: T201 - progress
+    return None if quiet else lambda what: say_plainly(str(what))
 
 
 def _values(estimator: "Estimator", out: Path, size: int) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from emaphm.detection.segments import StrokeSegment
 from emaphm.detection.settings import DETECTOR, DetectorSettings
 from emaphm.detection.statistics import HealthyScatter
 from emaphm.errors import MethodError
-from emaphm.input_files import read_bytes
+from emaphm.input_files import is_newer_format, read_bytes
 from emaphm.output_files import written_whole
 from emaphm.version import VERSION
 
@@ -142,6 +142,11 @@ def read_detector(path: Path) -> Detector:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         where = f"'{place}': " if place else ""
+        if place == "format" and is_newer_format(first["input"], FORMAT):
+            raise MethodError(
+                f"{path}: is of the format '{first['input'][:40]}', this emaphm {VERSION} reads '{FORMAT}'; "
+                "update emaphm"
+            ) from None
         raise MethodError(
             f"{path}: no detector ({where}{first['msg']}); write one with 'emaphm detect learn'"
         ) from None

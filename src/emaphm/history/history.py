@@ -12,7 +12,7 @@ from emaphm.history import reading, writing
 from emaphm.history.basis import Basis, bases
 from emaphm.history.events import Event, add_events, read_events, read_open_conditions
 from emaphm.history.fingerprint import description_of
-from emaphm.history.kept_diagnosis import KeptSettings
+from emaphm.history.kept_diagnosis import KeptDiagnosis, KeptSettings
 from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis, read_prognoses
 from emaphm.history.records import Entry, Finding, Mistake, Removal, Withdrawal
 from emaphm.history.storage.address import Address
@@ -164,11 +164,31 @@ class History:
                 for method in methods
             )
 
-    def add(self, entry: Entry, recording: "Recording", diagnosis: "Diagnosis") -> Added:
+    def kept(
+        self,
+        recording: "Recording",
+        actuator: "Actuator",
+        seed: int = 0,
+        methods: Sequence[str] = ("hybrid",),
+    ) -> KeptDiagnosis | None:
+        """Return the last diagnosis of a recording by one of `methods`, with usual settings, None if none."""
+        description = description_of(actuator)[0]
+        settings = [KeptSettings(description, method, seed=seed) for method in methods]
+        with self.database.reading() as connection:
+            return reading.diagnosis(connection, recording_hash(recording), settings)
+
+    def add(
+        self,
+        entry: Entry,
+        recording: "Recording",
+        diagnosis: "Diagnosis",
+        actuator: "Actuator | None" = None,
+    ) -> Added:
         """Add a diagnosis of a recording; nothing changes where it is there already.
 
         A second diagnosis of the same recording, by other settings, is added too; `Unit.diagnoses` then gives
-        the new one.
+        the new one. `actuator` is the description that was given for the diagnosis, under which `missing`
+        looks for it: that of the diagnosis has the laws too that it has found. The same if left out.
 
         Raises
         ------
@@ -176,7 +196,7 @@ class History:
             As `missing`.
         """
         key = recording_hash(recording)
-        digest, toml = description_of(diagnosis.actuator)
+        digest, toml = description_of(actuator or diagnosis.actuator)
         settings = KeptSettings.of(diagnosis, digest)
         with self.writing() as connection:
             new = writing.add_diagnosis(connection, entry, recording, diagnosis, key, settings, toml)

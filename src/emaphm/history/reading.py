@@ -97,21 +97,8 @@ def diagnoses(
         ordered = newest.order_by(FLIGHTS.c.hours.desc(), RECORDINGS.c.id.desc())
         ids = connection.execute(ordered if earlier else ordered.limit(latest)).scalars().all()
         wanted = [*ids[:latest], *_spread(ids[: latest - 1 : -1] if latest else ids[::-1], earlier)]
-    rows = connection.execute(
-        sa.select(
-            DIAGNOSES,
-            FLIGHTS.c.hours,
-            RECORDINGS.c.hash.label("recording_hash"),
-            RECORDINGS.c.name.label("recording_name"),
-            DESCRIPTIONS.c.hash.label("description_hash"),
-        )
-        .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
-        .join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
-        .join(DESCRIPTIONS, DESCRIPTIONS.c.id == DIAGNOSES.c.description_id)
-        .where(DIAGNOSES.c.id.in_(wanted))
-        .order_by(FLIGHTS.c.hours, RECORDINGS.c.id)
-    )
-    return tuple(diagnosis_of(row, of_hours[row.hours]) for row in rows)
+    chosen = _diagnoses().where(DIAGNOSES.c.id.in_(wanted)).order_by(FLIGHTS.c.hours, RECORDINGS.c.id)
+    return tuple(diagnosis_of(row, of_hours[row.hours]) for row in connection.execute(chosen))
 
 
 def _spread(ids: Sequence[int], most: int) -> Sequence[int]:
@@ -153,20 +140,48 @@ def hours_last_added(connection: sa.Connection, unit_id: int, count: int) -> tup
 
 def has_diagnosis(connection: sa.Connection, recording_hash: str, settings: KeptSettings) -> bool:
     """Return whether a recording has a diagnosis of these settings."""
-    query = (
-        sa.select(DIAGNOSES.c.id)
-        .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
-        .join(DESCRIPTIONS, DESCRIPTIONS.c.id == DIAGNOSES.c.description_id)
-        .where(
-            RECORDINGS.c.hash == recording_hash,
-            DESCRIPTIONS.c.hash == settings.description,
-            DIAGNOSES.c.method == settings.method,
-            DIAGNOSES.c.model == settings.model,
-            DIAGNOSES.c.fitness == settings.fitness,
-            DIAGNOSES.c.seed == str(settings.seed),
+    return connection.execute(_diagnoses().where(*_made_by(recording_hash, settings))).first() is not None
+
+
+def diagnosis(
+    connection: sa.Connection, recording_hash: str, settings: Sequence[KeptSettings]
+) -> KeptDiagnosis | None:
+    """Return the last diagnosis of a recording by one of several settings, None where there is none."""
+    by_any = sa.or_(*(sa.and_(*_made_by(recording_hash, one)) for one in settings))
+    query = _diagnoses().add_columns(FLIGHTS.c.unit_id).where(by_any).order_by(DIAGNOSES.c.id.desc())
+    row = connection.execute(query.limit(1)).one_or_none()
+    if row is None:
+        return None
+    flown = {flight.hours: flight for flight in flights(connection, row.unit_id)}
+    return diagnosis_of(row, flown[row.hours])
+
+
+def _diagnoses() -> sa.Select[Any]:
+    """Return the query for all that `diagnosis_of` makes a diagnosis of."""
+    return (
+        sa.select(
+            DIAGNOSES,
+            FLIGHTS.c.hours,
+            RECORDINGS.c.hash.label("recording_hash"),
+            RECORDINGS.c.name.label("recording_name"),
+            DESCRIPTIONS.c.hash.label("description_hash"),
         )
+        .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
+        .join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
+        .join(DESCRIPTIONS, DESCRIPTIONS.c.id == DIAGNOSES.c.description_id)
     )
-    return connection.execute(query).first() is not None
+
+
+def _made_by(recording_hash: str, settings: KeptSettings) -> tuple[sa.ColumnElement[bool], ...]:
+    """Return the conditions of a diagnosis of a recording by these settings."""
+    return (
+        RECORDINGS.c.hash == recording_hash,
+        DESCRIPTIONS.c.hash == settings.description,
+        DIAGNOSES.c.method == settings.method,
+        DIAGNOSES.c.model == settings.model,
+        DIAGNOSES.c.fitness == settings.fitness,
+        DIAGNOSES.c.seed == str(settings.seed),
+    )
 
 
 def description(connection: sa.Connection, unit_id: int) -> str:

@@ -48,9 +48,9 @@ class ByEstimator:
         try:
             return self.settings(seed).diagnosed(recording, actuator)
         except MethodError as error:
-            from emaphm.amortized.estimator import WAY_OUT
+            from emaphm.amortized.applicability.refusals import LEAVE_OUT
 
-            note = f"the estimator was not asked: {str(error).removesuffix(f'; {WAY_OUT}')}"
+            note = f"the estimator was not asked: {str(error).partition(f'; {LEAVE_OUT}')[0]}"
             return search(recording.with_channels(recording.channels, [note]), actuator, seed=seed)
 
     def check(self, actuator: Actuator) -> None:

@@ -135,7 +135,7 @@ class Judge:
             Values that the details of all events have.
         """
         if diagnosis is not None:
-            self.history.add(entry, recording, diagnosis)
+            self.history.add(entry, recording, diagnosis, self.actuator)
         events = self._events(entry, recording_hash(recording), details)
         if events:
             self.history.add_events(*events)

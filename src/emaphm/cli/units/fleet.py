@@ -39,7 +39,8 @@ def simulate(
     ] = False,
     horizon: Annotated[float, Parameter(help="How far is planned: flight hours from now on [h].")] = 1000.0,
     db: Annotated[
-        str | None, Parameter(help="SQLite file or postgresql://USER@HOST:PORT/DATABASE; one in the folder.")
+        str | None,
+        Parameter(help="SQLite file, or postgresql://USER@HOST:PORT/DATABASE; a file in --out if left out."),
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,

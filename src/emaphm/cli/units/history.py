@@ -22,6 +22,7 @@ from emaphm.cli.output import progress, show
 from emaphm.cli.units.unit_text import named, number, unit_text
 
 if TYPE_CHECKING:
+    from emaphm.history.kept_diagnosis import KeptDiagnosis
     from emaphm.history.views import UnitState
 
 app = App(name="history", help="Keep diagnoses of units over their flights, removals and shop findings.")
@@ -80,7 +81,6 @@ def add(
     check_seed(seed)
     check_fast(fast, estimator)
     described = described_actuator(actuator)
-    from emaphm.actuator.faults import degraded_in, health_in
     from emaphm.fleet import DiagnosisSettings
     from emaphm.history import Entry, History
 
@@ -98,23 +98,15 @@ def add(
         added = []
         for recorded in recordings:
             # Asked anew: the same recording may have been given twice.
-            if not history.missing(entry, recorded, described, seed, methods):
-                added.append({"recording": recorded.source, "added": False})
-                continue
-            with progress(f"diagnosing {recorded.source}", as_json) as advance:
-                diagnosis = settings.diagnosed(recorded, described, workers=None, on_progress=advance)
-            outcome, document = history.add(entry, recorded, diagnosis), diagnosis.to_dict()
-            added.append(
-                {
-                    "recording": recorded.source,
-                    "recording_hash": outcome.recording_hash,
-                    "added": outcome.added,
-                    "explained": diagnosis.explained,
-                    "k": diagnosis.faults.vector.tolist(),
-                    "health": health_in(document),
-                    "degraded": list(degraded_in(document)),
-                }
-            )
+            is_added = history.missing(entry, recorded, described, seed, methods)
+            if is_added:
+                with progress(f"diagnosing {recorded.source}", as_json) as advance:
+                    diagnosis = settings.diagnosed(recorded, described, workers=None, on_progress=advance)
+                is_added = history.add(entry, recorded, diagnosis, described).added
+            kept = history.kept(recorded, described, seed, methods)
+            assert kept is not None  # noqa: S101 - it was there, or was added
+            added.append(_recording(recorded.source, kept, added=is_added))
+            cycles = kept.flight.cycles
     similar = [one for one in known if is_new and _letters(one) == _letters(unit)]
     values = {
         "unit": unit,
@@ -129,6 +121,21 @@ def add(
     lines = [f"{one['recording']}: {_outcome(one)}" for one in added]
     where = f"{'new unit' if is_new else 'unit'} {unit} ({entry.part_number}) at {hours:.9g} h"
     show(values, "\n".join([*lines, f"{where}, in {values['db']}", *map(_similar, similar)]), as_json)
+
+
+def _recording(source: str, kept: "KeptDiagnosis", *, added: bool) -> dict[str, Any]:
+    """Return what the history holds of a recording that was to be added."""
+    from emaphm.actuator.faults import degraded_in, health_in
+
+    return {
+        "recording": source,
+        "recording_hash": kept.recording_hash,
+        "added": added,
+        "explained": kept.explained,
+        "k": kept.vector.tolist(),
+        "health": health_in(kept.document),
+        "degraded": list(degraded_in(kept.document)),
+    }
 
 
 @app.command(name="list")

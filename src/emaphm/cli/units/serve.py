@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from emaphm.cli.options import AsJson, whole_number
-from emaphm.cli.output import show, show_line
+from emaphm.cli.output import show, show_at_once, show_line
 from emaphm.cli.units.events import Horizon, Risk, WebhookAddress, prognosis_settings
 from emaphm.cli.units.history import DB, Database
 from emaphm.errors import ServerError
@@ -25,6 +25,7 @@ def serve(
         tuple[str, ...],
         Parameter(
             negative="",
+            show_default=", ".join,
             help="TOML description that uploads may name, or a built-in one; may be repeated.",
         ),
     ] = ("thesis", "pmsm"),
@@ -36,7 +37,10 @@ def serve(
     ] = None,
     work: Annotated[
         Path | None,
-        Parameter(help="Folder for the queue, uploads and reports; next to the history's file if left out."),
+        Parameter(
+            help="Folder for the queue, uploads and reports; next to the history's file if left out. "
+            "Required with PostgreSQL."
+        ),
     ] = None,
     healthy: Annotated[
         Path | None, Parameter(help="Detector that 'detect learn' wrote: uploads are compared with it too.")
@@ -70,7 +74,7 @@ def serve(
     from emaphm.server.settings import SETTINGS
 
     def ready(url: str) -> None:
-        show_line({"url": url}) if as_json else print(f"{url} shows the history; Ctrl-C ends it", flush=True)
+        show_line({"url": url}) if as_json else show_at_once(f"{url} shows the history; Ctrl-C ends it")
 
     run(
         db,

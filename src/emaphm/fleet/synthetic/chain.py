@@ -129,7 +129,7 @@ def _diagnose(chain: Chain, units: list[SyntheticUnit], history: History) -> Non
 
     def keep(task: Task, result: Any) -> None:
         recording, diagnosis = result
-        history.add(_entry(flights[task.index]), recording, diagnosis)
+        history.add(_entry(flights[task.index]), recording, diagnosis, actuator)
 
     by_index = {task.index: task for task in tasks}
     _done(

@@ -66,7 +66,8 @@ def _revision(database: Database, *, create: bool) -> str | None:
     """Return the last step that the database has seen, None where it is empty."""
     shown = database.address.shown
     with database.reading() as connection:
-        tables = set(sa.inspect(connection).get_table_names())
+        inspected = sa.inspect(connection)
+        tables = {*inspected.get_table_names(), *inspected.get_view_names()}
         marks = (
             connection.execute(sa.select(VERSION.c.version_num)).scalars().all()
             if VERSION.name in tables
@@ -76,8 +77,9 @@ def _revision(database: Database, *, create: bool) -> str | None:
         # Besides a history a server may hold what it likes; a file with other tables is somebody else's.
         others = tables - {VERSION.name} if database.is_file else tables & set(METADATA.tables)
         if others:
+            new = "a new name" if database.is_file else "a database or a schema (search_path) of its own"
             raise HistoryError(
-                f"{shown}: is no history, it has a table '{min(others)}'; give a history, or a new name"
+                f"{shown}: is no history, it has a table '{min(others)}'; give a history, or {new}"
             )
         if not create:
             raise HistoryError(f"{shown}: holds no history; {database.address.remedy}")

@@ -11,7 +11,7 @@ What a recording and its answer show is compared with what held-out simulations 
 3. What is left of the recording may look like what no simulation has, a late sensor for instance
    (`emaphm.amortized.error_prediction`).
 
-A fourth is for answers that no search follows: see `emaphm.amortized.delays`.
+A fourth is for answers that no search follows: see `emaphm.amortized.applicability.delays`.
 
 A network answers whatever it is asked; only a comparison with physics shows an answer that is sure and wrong.
 """

@@ -1,0 +1,95 @@
+"""A reader that leaves early (`emaphm … | head`): what was asked for as a file is written all the same."""
+
+import os
+import shutil
+import sqlite3
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from emaphm.cli import main
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX pipe")
+
+QUICK = "--model averaged --nuisance none --no-correction"
+
+
+@pytest.fixture
+def unread(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
+    """Return what makes a stream of this process a pipe that nobody reads; each line fails at once."""
+    pipes = []
+
+    def make(name: str) -> None:
+        reading, writing = os.pipe()
+        os.close(reading)
+        pipes.append(os.fdopen(writing, "w", buffering=1))
+        monkeypatch.setattr(sys, name, pipes[-1])
+
+    yield make
+    for pipe in pipes:
+        pipe.close()
+
+
+@pytest.mark.parametrize("way", ["", " --json"])
+@pytest.mark.parametrize(
+    ("line", "names"),
+    [
+        ("simulate out.csv --model averaged --duration 0.1", ["out.csv"]),
+        (f"diagnose good.csv {QUICK} --report out.html", ["out.html"]),
+        ("replay good.csv --series out.csv --figure out.svg", ["out.csv", "out.svg"]),
+        ("design --candidates 0 --tests 0 -o out.csv --figure out.svg", ["out.csv", "out.svg"]),
+        ("init --from dc -o out.toml", ["out.toml"]),
+    ],
+)
+def test_the_files_asked_for_are_written(
+    desk: Path,
+    unread: Callable[[str], None],
+    monkeypatch: pytest.MonkeyPatch,
+    line: str,
+    names: list[str],
+    way: str,
+) -> None:
+    monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")
+    unread("stdout")
+    assert main((line + way).split()) == 0
+    assert [name for name in names if not (desk / name).stat().st_size] == []
+
+
+def test_a_batch_goes_on_where_a_folder_keeps_it(desk: Path, unread: Callable[[str], None]) -> None:
+    shutil.copy("good.csv", "other.csv")
+    unread("stdout")
+    assert main(f"diagnose good.csv other.csv {QUICK} --workers 1 --json -o kept".split()) == 0
+    with closing(sqlite3.connect(desk / "kept" / "results.sqlite")) as kept:
+        assert kept.execute("SELECT count(*) FROM results").fetchone() == (2,)
+
+
+def test_a_failure_is_said_all_the_same(desk: Path, unread: Callable[[str], None]) -> None:
+    assert desk.is_dir()
+    unread("stdout")
+    assert main(["diagnose", "absent.csv", "none.csv", "--workers", "1"]) == 2
+
+
+def test_nobody_need_read_what_is_said_on_the_way(
+    desk: Path, unread: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # `emaphm train … 2>&1 | head -1` would end the work of hours.
+    with (desk / "answers").open("w", encoding="utf-8") as answers:
+        answers.write("\n" * 20)
+    with (desk / "answers").open(encoding="utf-8") as answers:
+        monkeypatch.setattr(sys, "stdin", answers)
+        unread("stderr")
+        assert main(["init", "-o", "out.toml"]) == 0
+    assert (desk / "out.toml").is_file()
+
+
+def test_a_pipe_broken_elsewhere_is_not_taken_for_it(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise BrokenPipeError
+
+    assert desk.is_dir()
+    monkeypatch.setattr("emaphm.recording.read_recording", broken)  # say, to a worker that died
+    with pytest.raises(BrokenPipeError):
+        main(["replay", "good.csv"])
