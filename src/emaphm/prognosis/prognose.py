@@ -12,7 +12,7 @@ from emaphm.errors import PrognosisError
 from emaphm.prognosis.advice import Advice, Costs, advice, without_new_diagnoses
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
-from emaphm.prognosis.evidence import Evidence, follow
+from emaphm.prognosis.evidence import Evidence, Followed, follow
 from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
 from emaphm.prognosis.notes.failures import failure_notes
 from emaphm.prognosis.notes.hours import hours_notes
@@ -115,7 +115,8 @@ def prognose(
     prior, settings = (prior or Prior()).of(actuator), _reaching(settings or FORECAST, question.horizon)
     requirements = Requirements(actuator)
     requirements.check_new()
-    followed = follow(evidence, prior, seed=seed, past=_shown(evidence) if keep_past else ())
+    kept = _shown(evidence) if keep_past else {len(evidence.used) - 1}
+    followed = follow(evidence, prior, seed=seed, past=kept)
     made, forecast = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
     times = forecast.by_fleet(made.level[0], followed.belief, evidence, question.ahead)
     limit = times.commonest
@@ -132,7 +133,7 @@ def prognose(
         limit=None if limit is None else times.limits[limit],
         advice=_advice(evidence, times.first, question, age=evidence.hours - float(new_at)),
         belief=followed.belief,
-        past=followed.past,
+        past=followed.past if keep_past else (),
         seed=seed,
         ahead=question.ahead,
         notes=(
@@ -141,7 +142,7 @@ def prognose(
             *stress_notes(question.ahead, followed.belief.prior.reference),
             *shared_error_notes(followed.belief, component),
             *level_notes(evidence, made.level[0], prior.least_friction),
-            *newest_notes(evidence, made.level[0]),
+            *newest_notes(evidence, _at_newest(followed, settings)),
             *load_notes(evidence),
             *rate_notes(evidence),
             *hours_notes(evidence),
@@ -149,6 +150,12 @@ def prognose(
         ),
     )
     return result if evidence.unrepaired is None else _as_failed(result, evidence.unrepaired)
+
+
+def _at_newest(followed: Followed, settings: ForecastSettings) -> Array:
+    """Return the levels (n, 8) that may have been at the newest used diagnosis; now, where there is none."""
+    belief = followed.past[-1] if followed.past else followed.belief
+    return drawn_states(belief, settings.paths).level
 
 
 def _advice(evidence: Evidence, rul: Array, question: Question, *, age: float) -> Advice:
