@@ -161,8 +161,8 @@ def _at_newest(followed: Followed, settings: ForecastSettings) -> Array:
 def _advice(evidence: Evidence, rul: Array, question: Question, *, age: float) -> Advice:
     """Return the advice for a sample of the RUL [h], which follows from explained diagnoses alone."""
     given = advice(rul, question.horizon, risk=question.risk, age=age, costs=question.costs)
-    since = evidence.unexplained_since
-    return given if since is None else without_new_diagnoses(given, since, float(np.mean(rul == 0)))
+    newest = evidence.unexplained
+    return given if newest is None else without_new_diagnoses(given, newest, float(np.mean(rul == 0)))
 
 
 def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:

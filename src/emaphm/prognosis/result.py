@@ -155,7 +155,11 @@ class Prognosis(RemainingLife):
             "advice": self.advice.to_dict(evidence.hours),
             "requirements": self.requirements(),
             "levels": self.levels(),
-            "diagnoses": {"used": len(evidence.used), "kept": len(evidence.observations)},
+            "diagnoses": {
+                "used": len(evidence.used),
+                "kept": len(evidence.observations),
+                "newest_explained": evidence.unexplained is None,
+            },
             "stress": stress_dict(self.belief.prior.reference, self.ahead),
             "prior": {"fleet_units": self.belief.prior.units, "fleet_share": self.belief.prior.fleet_share},
             "notes": list(self.notes),

@@ -5,6 +5,7 @@ from pathlib import Path
 from emaphm.output_files import check_writable, written_whole
 from emaphm.plotting.prognosis import draw_fan, draw_health, draw_life
 from emaphm.plotting.svg import plain_style, svg
+from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.keeping.curves import Curves, fan_row
 from emaphm.prognosis.prognose import past_lives
 from emaphm.prognosis.result import Prognosis, advice_text, requirement_row
@@ -44,7 +45,7 @@ def document(prognosis: Prognosis) -> Document:
                 f"Probability of failure within {horizon}": f"{100 * prognosis.probability_of_failure:.1f} %",
                 "Fails first": prognosis.limit.label if prognosis.limit else "nothing in sight",
                 "Component responsible": prognosis.component or "none",
-                "Diagnoses": f"{len(evidence.used)} used of {len(evidence.observations)}",
+                "Diagnoses": _diagnoses(evidence),
                 "Prior": f"{prognosis.belief.prior.units} other units of the part number",
                 "Seed": str(prognosis.seed),
             }
@@ -83,3 +84,8 @@ def document(prognosis: Prognosis) -> Document:
     ]
     subtitle = f"Prognosis of an electromechanical actuator, part number {evidence.part_number}"
     return Document(f"{evidence.unit} at {round(evidence.hours, 2):,.12g} h", subtitle, tuple(blocks))
+
+
+def _diagnoses(evidence: Evidence) -> str:
+    newest = "" if evidence.unexplained is None else "; the newest recording is not explained"
+    return f"{len(evidence.used)} used of {len(evidence.observations)}{newest}"

@@ -36,7 +36,7 @@ def newest_notes(evidence: "Evidence", level: Array) -> list[str]:
             far[columns_of(part)] = False
     if not far.any():
         return []
-    which = "newest" if evidence.unexplained_since is None else "newest explained"
+    which = "newest" if evidence.unexplained is None else "newest explained"
     shown = zip(_in_words(newest.level, far), _in_words(believed, far), strict=True)
     each = ", ".join(f"{name} {seen} ({taken})" for (name, seen), (_, taken) in shown)
     note = (
