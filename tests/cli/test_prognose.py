@@ -197,6 +197,26 @@ def test_all_units_are_as_each_alone(emaphm: Emaphm, fleet: Path) -> None:
     assert all(name in text for name in ("SN-1", "SN-2", "SN-3"))
 
 
+def test_requirements_of_another_actuator_are_refused(fleet: Path, emaphm: Emaphm, refused: Refusal) -> None:
+    text = (fleet / "required.toml").read_text(encoding="utf-8")
+    own = made_up.PART
+    (fleet / "renamed.toml").write_text(text.replace(f'name = "{own}"', 'name = "other"'), encoding="utf-8")
+    said = f"unit 'SN-1' has the part number '{own}', the description is of 'other'"
+    for units in (("--unit", "SN-1"), ("--all",)):
+        message = refused("prognose", *units, "--actuator", "renamed.toml")
+        assert said in message
+        assert f'state name = "{own}" in it' in message
+    # A part number that was given with --part is another name than that of the description.
+    with History.open(fleet / "history.sqlite") as history:
+        entry = replace(made_up.entry("SN-9", 50.0), part_number="P-9")
+        history.add(entry, made_up.recording(900), made_up.diagnosis(900))
+    for described in ("required.toml", "named.toml"):
+        (fleet / "named.toml").write_text(text.replace(f'name = "{own}"', 'name = "P-9"'), encoding="utf-8")
+        asked(emaphm, "prognose", "--unit", "SN-9", "--no-fleet", "--actuator", described)
+    assert "unit 'SN-1'" in refused("prognose", "--all", "--actuator", "named.toml")
+    asked(emaphm, "prognose", "--all", "--part", "P-9", "--no-fleet", "--actuator", "named.toml")
+
+
 def test_the_fleet_can_be_left_out(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
     made = asked(emaphm, "prognose", "--unit", "SN-3", "--no-fleet", "--actuator", "required.toml")

@@ -141,7 +141,7 @@ def _of_one(
     with History.open(db) as history:
         found = history.unit(unit)
         basis = history.basis(unit)
-        evidence, described = Evidence.of(found), actuator or found.actuator
+        evidence, described = Evidence.of(found), found.described_by(actuator)
         prior = learnt_prior(history, found, seed=seed, actuator=described) if fleet else Prior()
     result = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past or keep)
     if keep:
