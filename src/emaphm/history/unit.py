@@ -107,6 +107,6 @@ class Unit:
             return self.actuator if given is None else given
         raise HistoryError(
             f"unit '{self.serial_number}' has the part number '{self.part_number}', the description is of "
-            f"'{given.name}'; check --unit and --actuator (of --all, --part chooses the units), or, where the "
-            f"description is of this unit and only its name is new, state name = \"{self.actuator.name}\" in it"
+            f"'{given.name}'; check --unit and --actuator (of --all, --part chooses the units), or, where "
+            f'only its name is new, state name = "{self.actuator.name}" in it'
         )

@@ -12,21 +12,13 @@ from emaphm.errors import PrognosisError
 from emaphm.prognosis.advice import Advice, Costs, advice, without_new_diagnoses
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
-from emaphm.prognosis.evidence import Evidence, Followed, follow
+from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
-from emaphm.prognosis.notes.failures import failure_notes
-from emaphm.prognosis.notes.hours import hours_notes
-from emaphm.prognosis.notes.levels import level_notes
-from emaphm.prognosis.notes.life import life_notes
-from emaphm.prognosis.notes.loads import load_notes
-from emaphm.prognosis.notes.newest import newest_notes
-from emaphm.prognosis.notes.rates import rate_notes
-from emaphm.prognosis.notes.repairs import repair_notes
-from emaphm.prognosis.notes.shared_error import shared_error_notes
-from emaphm.prognosis.notes.stress import stress_notes
+from emaphm.prognosis.notes.gathering import notes_on
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_times, responsible
+from emaphm.prognosis.requirements.found_failed import found_failed
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FORECAST, ForecastSettings
 from emaphm.prognosis.stress import Stress, ageing_ahead
@@ -136,26 +128,18 @@ def prognose(
         past=followed.past if keep_past else (),
         seed=seed,
         ahead=question.ahead,
-        notes=(
-            *repair_notes(evidence),
-            *life_notes(evidence, requirements, times, prior),
-            *stress_notes(question.ahead, followed.belief.prior.reference),
-            *shared_error_notes(followed.belief, component),
-            *level_notes(evidence, made.level[0], prior.least_friction),
-            *newest_notes(evidence, _at_newest(followed, settings)),
-            *load_notes(evidence),
-            *rate_notes(evidence),
-            *hours_notes(evidence),
-            *(failure_notes(prior.fleet_pace.units, times.limits) if prior.fleet_pace else ()),
+        notes=notes_on(
+            evidence,
+            followed,
+            made.level[0],
+            times,
+            requirements,
+            prior,
+            component=component,
+            ahead=question.ahead,
         ),
     )
     return result if evidence.unrepaired is None else _as_failed(result, evidence.unrepaired)
-
-
-def _at_newest(followed: Followed, settings: ForecastSettings) -> Array:
-    """Return the levels (n, 8) that may have been at the newest used diagnosis; now, where there is none."""
-    belief = followed.past[-1] if followed.past else followed.belief
-    return drawn_states(belief, settings.paths).level
 
 
 def _advice(evidence: Evidence, rul: Array, question: Question, *, age: float) -> Advice:
@@ -170,23 +154,19 @@ def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
 
     Levels and other requirements stay as forecast.
     """
-    times, component, limit = forecast.times, forecast.component, forecast.limit
-    places = [i for i, failing in enumerate(times.limits) if failing.component in failure.components]
-    if places:
-        place = min(places, key=lambda i: float(np.median(times.hours[i])))
-        limit, hours = times.limits[place], times.hours.copy()
-        hours[place] = 0.0
-        times, component = replace(times, hours=hours), limit.component
-    elif failure.components:
-        component = failure.components[0]
+    times, component, limit = found_failed(forecast.times, failure.components)
     since = f"failed at {failure.hours:.9g} h and was neither repaired nor flown since"
+    note = f"the unit {since}: it has no remaining useful life"
+    if component is None:
+        likeliest = f"; the likeliest by its diagnoses: {forecast.cause}" if forecast.cause else ""
+        note += f"; by what, no finding in the history says{likeliest}"
     return replace(
         forecast,
         times=times,
         component=component,
         limit=limit,
         advice=Advice("replace before", 0.0, 1.0, f"it {since}"),
-        notes=(f"the unit {since}: it has no remaining useful life", *forecast.notes),
+        notes=(note, *forecast.notes),
     )
 
 

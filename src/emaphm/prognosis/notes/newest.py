@@ -7,6 +7,7 @@ import numpy as np
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
 from emaphm.prognosis.columns import ECCENTRICITY, columns_of
+from emaphm.prognosis.laws import Mask
 
 if TYPE_CHECKING:
     from emaphm.prognosis.evidence import Evidence
@@ -47,7 +48,7 @@ def newest_notes(evidence: "Evidence", level: Array) -> list[str]:
     return [note]
 
 
-def _in_words(level: Array, where: Array) -> list[tuple[str, str]]:
+def _in_words(level: Array, where: Mask) -> list[tuple[str, str]]:
     """Return the components `where` (8,) and their levels as text, an eccentricity with its direction."""
     words = [(CARTESIAN_NAMES[i], f"{level[i]:.3g}") for i in np.flatnonzero(where) if i not in ECCENTRICITY]
     if where[list(ECCENTRICITY)].any():
