@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emaphm.actuator import NAMES, Actuator, Faults
+from emaphm.actuator import COMPONENTS, NAMES, Actuator, Faults
 from emaphm.actuator.toml import write_toml
 from emaphm.history import Finding, History, Removal
 from emaphm.history.views import read_curves
@@ -128,12 +128,16 @@ def test_a_unit_that_failed_has_no_life_until_it_is_repaired_or_flies(emaphm: Em
     assert made["probability_of_failure"] == 1.0
     assert (made["advice"]["action"], made["advice"]["in_hours"]) == ("replace before", 0.0)
     assert made["notes"][0].startswith("the unit failed at 610 h")
+    # Nobody has found what failed: the forecast's cause is a guess, and said to be one.
+    assert (made["component"], made["requirement"]) == (None, None)
+    assert "no finding in the history says; the likeliest by its diagnoses: friction" in made["notes"][0]
     text = emaphm("prognose", "--unit", "SN-1", *chosen, "--report", "failed.html").out
-    assert "remaining useful life: none, failed at 610 h" in text
+    assert "remaining useful life: none, failed at 610 h, cause not found\n" in text
     assert "none, failed at 610 h" in (fleet / "failed.html").read_text(encoding="utf-8")
     assert "no remaining useful life, failed at 610 h" in emaphm("history", "show", "--unit", "SN-1").out
     (line,) = (one for one in emaphm("prognose", "--all", *chosen).out.splitlines() if "SN-1" in one)
     assert line.endswith("failed at 610 h")
+    assert "not found" in line
 
 
 def test_a_finding_says_what_failed_and_a_repair_ends_it(emaphm: Emaphm, fleet: Path) -> None:
@@ -144,6 +148,9 @@ def test_a_finding_says_what_failed_and_a_repair_ends_it(emaphm: Emaphm, fleet: 
         history.add_finding("SN-1", Finding(610.0, "backlash", "failed"))
         made = asked(emaphm, "prognose", *chosen)
         assert (made["failed_at_hours"], made["component"]) == (610.0, "backlash")
+        # Only the friction has a limit.
+        assert made["requirement"] is None
+        assert "none, failed at 610 h, by backlash\n" in emaphm("prognose", *chosen).out
         history.add_finding("SN-1", Finding(610.0, "gain", "healthy", replaced=True))
         repaired = asked(emaphm, "prognose", *chosen)
         assert repaired["failed_at_hours"] is None
@@ -197,6 +204,39 @@ def test_all_units_are_as_each_alone(emaphm: Emaphm, fleet: Path) -> None:
     assert all(name in text for name in ("SN-1", "SN-2", "SN-3"))
 
 
+def test_the_table_of_all_names_units_to_be_doubted(emaphm: Emaphm, fleet: Path) -> None:
+    with History.open(fleet / "history.sqlite") as history:
+        made = made_up.diagnosis(900, explained=False)
+        history.add(made_up.entry("SN-1", 650.0), made_up.recording(900), made)
+    chosen = ("prognose", "--all", "--no-fleet", "--actuator", "required.toml", "--workers", "1")
+    lines = emaphm(*chosen).out.splitlines()
+    assert "the newest recording is not explained, and the forecast is without it: SN-1" in lines
+    assert "mostly by the prior, with fewer than 3 explained diagnoses: SN-3" in lines
+    noted = asked(emaphm, *chosen)["units"]
+    count = sum(bool(one["notes"]) for one in noted)
+    assert lines[-1].startswith(f"notes on {count} of 3 units; all of a unit: emaphm prognose --unit UNIT")
+
+
+def test_requirements_of_another_actuator_are_refused(fleet: Path, emaphm: Emaphm, refused: Refusal) -> None:
+    text = (fleet / "required.toml").read_text(encoding="utf-8")
+    own = made_up.PART
+    (fleet / "renamed.toml").write_text(text.replace(f'name = "{own}"', 'name = "other"'), encoding="utf-8")
+    said = f"unit 'SN-1' has the part number '{own}', the description is of 'other'"
+    for units in (("--unit", "SN-1"), ("--all",)):
+        message = refused("prognose", *units, "--actuator", "renamed.toml")
+        assert said in message
+        assert f'state name = "{own}" in it' in message
+    # A part number that was given with --part is another name than that of the description.
+    with History.open(fleet / "history.sqlite") as history:
+        entry = replace(made_up.entry("SN-9", 50.0), part_number="P-9")
+        history.add(entry, made_up.recording(900), made_up.diagnosis(900))
+    for described in ("required.toml", "named.toml"):
+        (fleet / "named.toml").write_text(text.replace(f'name = "{own}"', 'name = "P-9"'), encoding="utf-8")
+        asked(emaphm, "prognose", "--unit", "SN-9", "--no-fleet", "--actuator", described)
+    assert "unit 'SN-1'" in refused("prognose", "--all", "--actuator", "named.toml")
+    asked(emaphm, "prognose", "--all", "--part", "P-9", "--no-fleet", "--actuator", "named.toml")
+
+
 def test_the_fleet_can_be_left_out(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
     made = asked(emaphm, "prognose", "--unit", "SN-3", "--no-fleet", "--actuator", "required.toml")
@@ -224,6 +264,8 @@ def test_report_and_figure(emaphm: Emaphm, fleet: Path) -> None:
     page = (fleet / "out.html").read_text(encoding="utf-8")
     assert "SN-2 at 200 h" in page
     assert page.count("data:image/svg+xml") == 3
+    levels = page[page.index("likeliest law") :]
+    assert all(f">{name}<" in levels for name in COMPONENTS)
     assert (fleet / "out.svg").stat().st_size > 1000
 
 

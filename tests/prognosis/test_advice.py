@@ -8,7 +8,7 @@ import pytest
 from emaphm.errors import PrognosisError
 from emaphm.prognosis import Costs, Question
 from emaphm.prognosis.advice import Advice, advice
-from emaphm.prognosis.result import advice_text
+from emaphm.prognosis.wording.sentences import advice_text
 
 
 def test_a_unit_flies_on_while_the_risk_allows() -> None:

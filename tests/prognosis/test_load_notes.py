@@ -49,3 +49,27 @@ def test_nothing_is_said_of_few_of_a_steady_friction_or_of_the_part_before() -> 
     assert load_notes(diagnosed(1.5 * load, None)) == []
     renewed = replace(diagnosed(1.5 * load, load), replacements=((400.0, "friction"),))
     assert load_notes(renewed) == []
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_friction_of_a_tenth_of_the_load_is_said_of_six_diagnoses(seed: int) -> None:
+    """Of a machine with 0.1 N·m of dry friction, which a friction k multiplies by 1 + 2 k."""
+    load = np.random.default_rng(seed).permutation(np.linspace(0, 0.5, 6))
+    coulomb = 0.1
+    assert load_notes(diagnosed(0.1 * load / (2 * coulomb), load, seed)) != []
+
+
+@pytest.mark.parametrize("count", [4, 6, 12])
+@pytest.mark.parametrize("where", [0, -1])
+def test_a_single_diagnosis_under_load_with_wear_is_no_rule(count: int, where: int) -> None:
+    """The loads of the others are those of a free shaft, to the error of their estimates."""
+    for seed in range(50):
+        load = 1e-4 * np.random.default_rng(seed).standard_normal(count)
+        friction = np.zeros(count)
+        load[where], friction[where] = 0.05, 0.06
+        assert load_notes(diagnosed(friction, load, seed)) == []
+
+
+def test_wear_between_two_campaigns_under_different_loads_is_no_rule() -> None:
+    load = np.array([0.0, 0.001, -0.001, 0.1, 0.101, 0.099])
+    assert load_notes(diagnosed(np.array([0.0, 0.0, 0.0, 0.2, 0.2, 0.2]), load)) == []

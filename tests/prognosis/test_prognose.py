@@ -156,13 +156,34 @@ def test_a_unit_whose_newest_recordings_are_not_explained_is_not_advised_to_fly_
     made = prognose(blind, WORN)
     assert prognose(usual, WORN).advice.action == "fly on"
     assert (made.advice.action, made.advice.hours, made.advice.risk) == ("inspect by", 0.0, 0.0)
-    assert "advice: inspect now (no recording since 360 h is explained" in str(made)
+    assert "advice: inspect now (the newest recordings, of 360 h to 390 h, are not explained" in str(made)
+    assert "2 of 9 diagnoses are not explained and not used, the newest among them" in made.notes
+    assert "else replace" not in made.advice.reason
+    assert made.to_dict()["diagnoses"] == {"used": 7, "kept": 9, "newest_explained": False}
     seen = replace(blind, observations=(*blind.observations, observation(395.0)))
     assert prognose(seen, WORN).advice.action == "fly on"
-    assert replace(blind, replacements=((395.0, "friction"),)).unexplained_since is None
+    assert replace(blind, replacements=((395.0, "friction"),)).unexplained is None
     # Of a flight that was cut into several recordings, one that is explained is enough.
     part = replace(blind, observations=(*usual.observations, observation(360.0), odd[0]))
-    assert part.unexplained_since is None
+    assert part.unexplained is None
+
+
+@pytest.mark.usefixtures("few_paths")
+def test_a_worn_unit_whose_newest_recording_is_not_explained_may_fly_no_longer_than_a_healthy_one() -> None:
+    worn = wearing(10, rate=1e-3)
+    usual = prognose(worn, WORN)
+    odd = observation(510.0, friction=0.9, explained=False)
+    made = prognose(replace(worn, observations=(*worn.observations, odd)), WORN)
+    assert usual.advice.action == "replace before"
+    assert usual.advice.hours > 0
+    assert (made.advice.action, made.advice.hours) == ("inspect by", 0.0)
+    assert "the newest recording, of 510 h, is not explained" in made.advice.reason
+    assert f"else replace within {usual.advice.hours:,.0f} h" in made.advice.reason
+    # What has failed already by the diagnoses before is replaced now all the same.
+    gone = wearing(14, rate=1e-3)
+    odd = observation(710.0, explained=False)
+    made = prognose(replace(gone, observations=(*gone.observations, odd)), WORN)
+    assert (made.advice.action, made.advice.hours) == ("replace before", 0.0)
 
 
 @pytest.mark.usefixtures("few_steps")

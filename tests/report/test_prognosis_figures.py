@@ -52,6 +52,24 @@ def test_the_intervals_of_several_forecasts_are_bands() -> None:
         assert (hours.min(), hours.max()) == (100.0, 200.0)
 
 
+WIDE = (100.0, 260.0, 1800.0, 14000.0, 20000.0, 20000.0)
+
+
+@pytest.mark.parametrize(
+    "last", [(800.0, 60.0, 170.0, 325.0, 470.0, 1160.0), (800.0, 0.0, 0.0, 0.0, 15.0, 40.0)]
+)
+def test_the_last_forecast_can_be_read_next_to_a_first_that_knew_nothing(last: tuple[float, ...]) -> None:
+    """Its quantiles are apart by a twentieth of the axis at least, unless they are the same."""
+    figure = draw_fan(curves(WIDE, last))
+    figure.draw_without_rendering()
+    (axis,) = figure.axes
+    assert "logarithmic" in axis.get_title(loc="left")
+    points = axis.transData.transform([(800.0, value) for value in last[1:]])
+    heights = axis.transAxes.inverted().transform(points)[:, 1]
+    assert np.all((np.diff(heights) > 0.05) | (np.diff(last[1:]) == 0))
+    assert np.all((heights >= -1e-9) & (heights <= 1))
+
+
 def marked(axis: Axes) -> list[float]:
     """Return where vertical lines of replacements are."""
     lines = [one for one in axis.get_lines() if one.get_linestyle() == "-." and np.size(one.get_xdata())]

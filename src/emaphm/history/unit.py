@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from emaphm.errors import HistoryError
 from emaphm.history import reading
 from emaphm.history.entries import UnitEntries
 from emaphm.history.kept_diagnosis import KeptDiagnosis
@@ -91,4 +92,21 @@ class Unit:
             toml = reading.description(connection, self.row.id)
         return Actuator.from_dict(
             tomllib.loads(toml), where=f"the description kept of unit '{self.serial_number}'"
+        )
+
+    def described_by(self, given: "Actuator | None") -> "Actuator":
+        """Return the description to take: the `given` one if any, else that of the last diagnosis.
+
+        Raises
+        ------
+        HistoryError
+            The one given has another name than the unit's part number and the description of its last
+            diagnosis have: its requirements are those of another actuator.
+        """
+        if given is None or given.name in (self.part_number, self.actuator.name):
+            return self.actuator if given is None else given
+        raise HistoryError(
+            f"unit '{self.serial_number}' has the part number '{self.part_number}', the description is of "
+            f"'{given.name}'; check --unit and --actuator (of --all, --part chooses the units), or, where "
+            f'only its name is new, state name = "{self.actuator.name}" in it'
         )

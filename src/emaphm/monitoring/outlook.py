@@ -181,10 +181,10 @@ def rul_events(
     newer = [one for one in latest if one.hours > made.evidence.hours]
     last = latest[max(len(latest) - len(newer), 1) - 1]
     low, high = made.to_dict()["rul_hours"]["interval90"]
-    what = f"{made.component} ({made.limit.label})" if made.limit else "nothing in sight"
+    none = "nothing in sight" if made.evidence.unrepaired is None else "a cause that no finding says"
     about = (
         f"{unit} at {made.evidence.hours:.9g} h: probability of failure within {settings.horizon:.9g} h is "
-        f"{100 * risk:.1f} %, by {what}"
+        f"{100 * risk:.1f} %, by {made.cause or none}"
     )
     details = {
         "probability_of_failure": risk,

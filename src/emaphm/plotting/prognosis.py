@@ -5,14 +5,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.actuator import COMPONENTS
+from emaphm.arrays import Array
 from emaphm.plotting.style import (
     BLUE,
     FAINT,
     PAGE_WIDTH,
+    TITLE,
     VERMILION,
     figure_title,
     legend_above,
     legend_beside_title,
+    log_axis,
+    log_axis_from_zero,
     new_figure,
     no_formula,
     plain_numbers,
@@ -36,6 +40,12 @@ MEDIAN = PROBABILITIES.index(0.5)
 
 BAR = 8.0
 """Width [pt] of an interval where there is one forecast only."""
+
+LOW = 0.2
+"""Share of the largest RUL in a fan below which a median could hardly be read along an even axis."""
+
+SHORT = 10.0
+"""RUL [h] down to which its axis is logarithmic in that case; for shorter ones it is even below, to 0."""
 
 LONGEST_NAME = 40
 
@@ -94,11 +104,23 @@ def draw_fan(curves: Curves, *, narrow: bool = False) -> "Figure":
         else:  # a band of one forecast has no width
             axis.vlines(hours, *ends, color=BLUE, alpha=opacity, linewidth=BAR, label=label)
     axis.plot(hours, quantiles[MEDIAN], "o-", color=BLUE, markersize=3, label="median")
-    axis.set_ylim(bottom=0)
     style_axis(axis, "RUL as forecast", "flight hours [h]", f"RUL [h], at most {curves.longest:,.0f}")
+    _rul_axis(axis, np.array(quantiles))
     plain_numbers(axis)
     _legend(figure, axis, narrow=narrow)
     return figure
+
+
+def _rul_axis(axis: "Axes", quantiles: Array) -> None:
+    """Scale the axis of the RUL so that the shortest median of `quantiles` (5, n) can be read along it."""
+    if np.nanmin(quantiles[MEDIAN]) >= LOW * np.nanmax(quantiles):
+        axis.set_ylim(bottom=0)
+        return
+    if np.nanmin(quantiles) > SHORT:
+        log_axis(axis, "y")
+    else:
+        log_axis_from_zero(axis, SHORT)
+    axis.set_title("RUL as forecast, logarithmic", loc="left", fontsize=TITLE)
 
 
 def _replacements(axis: "Axes", hours: "Sequence[float]", *, in_legend: bool) -> None:

@@ -117,6 +117,20 @@ def log_axis(axis: "Axes", directions: str) -> None:
             along.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.9g}"))
 
 
+def log_axis_from_zero(axis: "Axes", start: float) -> None:
+    """Make the vertical axis logarithmic above `start` and even below, down to 0, with plain numbers.
+
+    To be called after the last curve.
+    """
+    from matplotlib.ticker import FuncFormatter, NullFormatter, SymmetricalLogLocator
+
+    axis.set_yscale("symlog", linthresh=start, linscale=0.5)
+    axis.set_ylim(bottom=0)
+    axis.yaxis.set_minor_locator(SymmetricalLogLocator(base=10, linthresh=start, subs=list(range(2, 10))))
+    axis.yaxis.set_minor_formatter(NullFormatter())
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.9g}"))
+
+
 def plain_numbers(axis: "Axes") -> None:
     """Write the numbers along the horizontal axis in full, fewer of them where they are long.
 

@@ -158,16 +158,32 @@ def _until_costs(ordered: Array, age: float, costs: Costs) -> tuple[float, str]:
     return float(ends[best]), why
 
 
-def without_new_diagnoses(given: Advice, since: float, failed: float) -> Advice:
-    """Return the advice where no diagnosis since `since` [h] is explained: to inspect now, or to replace.
+def without_new_diagnoses(given: Advice, unexplained: tuple[float, float], failed: float) -> Advice:
+    """Return the advice where the newest recordings are not explained: to inspect now.
 
-    A forecast from older diagnoses does not know what has changed the unit's recordings meanwhile. `failed`
-    is its probability that the unit has failed already.
+    A forecast from older diagnoses does not know what has changed the unit's recordings meanwhile, so that a
+    replacement later on, which they advise, may come too late: the reason says it for the case that nothing
+    else is found. One that they advise at once stays.
+
+    Parameters
+    ----------
+    given
+        The advice by the older diagnoses.
+    unexplained
+        Flight hours [h] of the first and of the last recording that are not explained.
+    failed
+        The forecast's probability that the unit has failed already.
     """
-    if given.action == "replace before":
+    if given.action == "replace before" and given.hours == 0:
         return given
+    first, last = unexplained
+    which = f"recording, of {last:.9g} h, is"
+    if first < last:
+        which = f"recordings, of {first:.9g} h to {last:.9g} h, are"
     why = (
-        f"no recording since {since:.9g} h is explained, so the forecast does not know what they show; "
-        "record again, and look for the cause where that is not explained either"
+        f"the newest {which} not explained: the forecast, from the diagnoses before, does not know what has "
+        "changed; record again, and look for the cause where that is not explained either"
     )
+    if given.action == "replace before":
+        why += f"; else replace within {given.hours:,.0f} h, as the diagnoses before advise"
     return Advice("inspect by", 0.0, failed, why)

@@ -117,12 +117,16 @@ class Evidence:
         )
 
     @property
-    def unexplained_since(self) -> float | None:
-        """Hours [h] since which no diagnosis is explained; None where the last are, or a part is newer."""
+    def unexplained(self) -> tuple[float, float] | None:
+        """Hours [h] of the first and the last of the newest diagnoses, none of which is explained.
+
+        None where one of the newest hours is explained, or a part is newer.
+        """
         explained = max((one.hours for one in self.used), default=-np.inf)
-        since = min((one.hours for one in self.observations if one.hours > explained), default=None)
-        newest = self.observations[-1].hours if self.observations else 0.0
-        return None if any(hours >= newest for hours, _ in self.replacements) else since
+        hours = [one.hours for one in self.observations if one.hours > explained]
+        if not hours or any(at >= max(hours) for at, _ in self.replacements):
+            return None
+        return min(hours), max(hours)
 
     @property
     def used(self) -> tuple[Observation, ...]:

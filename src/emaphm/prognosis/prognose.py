@@ -14,19 +14,11 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence, follow
 from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
-from emaphm.prognosis.notes.failures import failure_notes
-from emaphm.prognosis.notes.hours import hours_notes
-from emaphm.prognosis.notes.levels import level_notes
-from emaphm.prognosis.notes.life import life_notes
-from emaphm.prognosis.notes.loads import load_notes
-from emaphm.prognosis.notes.newest import newest_notes
-from emaphm.prognosis.notes.rates import rate_notes
-from emaphm.prognosis.notes.repairs import repair_notes
-from emaphm.prognosis.notes.shared_error import shared_error_notes
-from emaphm.prognosis.notes.stress import stress_notes
+from emaphm.prognosis.notes.gathering import notes_on
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_times, responsible
+from emaphm.prognosis.requirements.found_failed import found_failed
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.settings import CONSTANT, FILTER, FORECAST, ForecastSettings
 from emaphm.prognosis.stress import Stress, ageing_ahead
@@ -115,8 +107,9 @@ def prognose(
     prior, settings = (prior or Prior()).of(actuator), _reaching(settings or FORECAST, question.horizon)
     requirements = Requirements(actuator)
     requirements.check_new()
-    past = _shown(evidence) if keep_past else ()
-    followed = follow(evidence, prior, seed=seed, settings=FILTER.for_updates(len(evidence.used)), past=past)
+    kept = _shown(evidence) if keep_past else {len(evidence.used) - 1}
+    filtering = FILTER.for_updates(len(evidence.used))
+    followed = follow(evidence, prior, seed=seed, settings=filtering, past=kept)
     made, forecast = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
     times = forecast.by_fleet(made.level[0], followed.belief, evidence, question.ahead)
     limit = times.commonest
@@ -133,20 +126,18 @@ def prognose(
         limit=None if limit is None else times.limits[limit],
         advice=_advice(evidence, times.first, question, age=evidence.hours - float(new_at)),
         belief=followed.belief,
-        past=followed.past,
+        past=followed.past if keep_past else (),
         seed=seed,
         ahead=question.ahead,
-        notes=(
-            *repair_notes(evidence),
-            *life_notes(evidence, requirements, times, prior),
-            *stress_notes(question.ahead, followed.belief.prior.reference),
-            *shared_error_notes(followed.belief, component),
-            *level_notes(evidence, made.level[0], prior.least_friction),
-            *newest_notes(evidence, made.level[0]),
-            *load_notes(evidence),
-            *rate_notes(evidence),
-            *hours_notes(evidence),
-            *(failure_notes(prior.fleet_pace.units, times.limits) if prior.fleet_pace else ()),
+        notes=notes_on(
+            evidence,
+            followed,
+            made.level[0],
+            times,
+            requirements,
+            prior,
+            component=component,
+            ahead=question.ahead,
         ),
     )
     return result if evidence.unrepaired is None else _as_failed(result, evidence.unrepaired)
@@ -155,8 +146,8 @@ def prognose(
 def _advice(evidence: Evidence, rul: Array, question: Question, *, age: float) -> Advice:
     """Return the advice for a sample of the RUL [h], which follows from explained diagnoses alone."""
     given = advice(rul, question.horizon, risk=question.risk, age=age, costs=question.costs)
-    since = evidence.unexplained_since
-    return given if since is None else without_new_diagnoses(given, since, float(np.mean(rul == 0)))
+    newest = evidence.unexplained
+    return given if newest is None else without_new_diagnoses(given, newest, float(np.mean(rul == 0)))
 
 
 def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
@@ -164,23 +155,19 @@ def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
 
     Levels and other requirements stay as forecast.
     """
-    times, component, limit = forecast.times, forecast.component, forecast.limit
-    places = [i for i, failing in enumerate(times.limits) if failing.component in failure.components]
-    if places:
-        place = min(places, key=lambda i: float(np.median(times.hours[i])))
-        limit, hours = times.limits[place], times.hours.copy()
-        hours[place] = 0.0
-        times, component = replace(times, hours=hours), limit.component
-    elif failure.components:
-        component = failure.components[0]
+    times, component, limit = found_failed(forecast.times, failure.components)
     since = f"failed at {failure.hours:.9g} h and was neither repaired nor flown since"
+    note = f"the unit {since}: it has no remaining useful life"
+    if component is None:
+        likeliest = f"; the likeliest by its diagnoses: {forecast.cause}" if forecast.cause else ""
+        note += f"; by what, no finding in the history says{likeliest}"
     return replace(
         forecast,
         times=times,
         component=component,
         limit=limit,
         advice=Advice("replace before", 0.0, 1.0, f"it {since}"),
-        notes=(f"the unit {since}: it has no remaining useful life", *forecast.notes),
+        notes=(note, *forecast.notes),
     )
 
 

@@ -1,6 +1,5 @@
 """The prognosis of a unit: what was found, as text and as JSON."""
 
-import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from emaphm.actuator import COMPONENTS, NAMES, Actuator
 from emaphm.arrays import Array
-from emaphm.prognosis.advice import Advice, advice_in_words
+from emaphm.prognosis.advice import Advice
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.forecast import Paths
@@ -17,6 +16,8 @@ from emaphm.prognosis.requirements import Limit, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes
 from emaphm.prognosis.settings import LAWS
 from emaphm.prognosis.stress import Stress, stress_dict
+from emaphm.prognosis.wording.sentences import advice_text, hours_text
+from emaphm.prognosis.wording.tables import level_table, requirement_table
 from emaphm.quantiles import sample_quantile
 from emaphm.strict_json import finite
 from emaphm.text_table import format_table
@@ -67,7 +68,7 @@ class Prognosis(RemainingLife):
     paths
         The forecast levels [-]: `paths.level` (m, n, 8), at `paths.hours` (m,) from now on [h].
     component, limit
-        What most likely fails first, None where no path fails.
+        What most likely fails first, None where no path fails; of a unit that has failed, what a shop found.
     advice
         What to do, in how many flight hours from now on [h], and the risk until then.
     belief, past
@@ -155,7 +156,11 @@ class Prognosis(RemainingLife):
             "advice": self.advice.to_dict(evidence.hours),
             "requirements": self.requirements(),
             "levels": self.levels(),
-            "diagnoses": {"used": len(evidence.used), "kept": len(evidence.observations)},
+            "diagnoses": {
+                "used": len(evidence.used),
+                "kept": len(evidence.observations),
+                "newest_explained": evidence.unexplained is None,
+            },
             "stress": stress_dict(self.belief.prior.reference, self.ahead),
             "prior": {"fleet_units": self.belief.prior.units, "fleet_share": self.belief.prior.fleet_share},
             "notes": list(self.notes),
@@ -165,27 +170,18 @@ class Prognosis(RemainingLife):
 
     def __str__(self) -> str:
         evidence = self.evidence
-        rows = [
-            (
-                name,
-                f"{level['median']:.3f}",
-                "{:.3f} to {:.3f}".format(*level["interval90"]),
-                _likeliest(level["laws"]),
-            )
-            for name, level in self.levels().items()
-        ]
-        asked = [requirement_row(name, found) for name, found in self.requirements().items()]
+        tables = level_table(self.levels()), requirement_table(self.requirements(), self.horizon)
         within = f"within {self.horizon:.9g} h"
-        cause = f", by {self.component} ({self.limit.label})" if self.limit else ""
+        cause = f", by {self.cause}" if self.cause else ""
         lines = [
             f"{evidence.unit}, part number {evidence.part_number}, at {evidence.hours:.9g} h",
             f"remaining useful life: {self.rul_text()}{cause}",
             f"probability of failure {within}: {100 * self.probability_of_failure:.1f} %",
             f"advice: {advice_text(self.advice, evidence.hours)}",
             "",
-            format_table(("component", "level", "90 % interval", "likeliest law"), rows),
+            format_table(tables[0].header, tables[0].rows),
             "",
-            format_table(("requirement", "now", "90 % interval", f"fails {within}"), asked),
+            format_table(tables[1].header, tables[1].rows),
             *([""] if self.notes else []),
             *(f"note: {note}" for note in self.notes),
         ]
@@ -194,42 +190,20 @@ class Prognosis(RemainingLife):
     def rul_text(self) -> str:
         """Return the RUL as text, with its 90 % interval."""
         if self.evidence.unrepaired is not None:
-            return f"none, failed at {self.evidence.unrepaired.hours:.9g} h"
+            found = "" if self.cause else ", cause not found"
+            return f"none, failed at {self.evidence.unrepaired.hours:.9g} h{found}"
         low, high = (hours_text(x) for x in self.interval90)
         known = without_rate(len(self.evidence.used))
         return f"{hours_text(self.median)} (90 %: {low} to {high}{known})"
+
+    @property
+    def cause(self) -> str:
+        """What fails first, or has failed as far as a shop found it, in words; empty for nothing."""
+        label = self.limit.label if self.limit else ""
+        return f"{self.component} ({label})" if self.component and label else self.component or label
 
     def plot(self) -> "Figure":
         """Return the figure of health over time and of the RUL; the drawing is `plotting.prognosis`'s."""
         from emaphm.plotting.prognosis import draw_prognosis
 
         return draw_prognosis(self)
-
-
-def hours_text(hours: float) -> str:
-    """Return hours as text, words for `inf`."""
-    return f"{hours:,.0f} h" if math.isfinite(hours) else "no failure in sight"
-
-
-def requirement_row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
-    """Return a requirement as a row of text, as in `Prognosis.requirements`."""
-    value, low, high = (
-        "not reached" if x is None else f"{x:.4g}" for x in (found["value"], *found["interval90"])
-    )
-    unit = "" if found["unit"] == "-" else f" {found['unit']}"
-    return name, f"{value}{unit}", f"{low} to {high}", f"{100 * found['probability_of_failure']:.1f} %"
-
-
-def advice_text(given: Advice, now: float) -> str:
-    """Return advice as a sentence with its risk, `now` being the unit's flight hours [h]."""
-    what = advice_in_words(given.to_dict(now))
-    if given.hours == 0:
-        return f"{what} ({given.reason})"
-    # A risk of one path in many is not none.
-    risk = f"{100 * given.risk:{'.1g' if 0 < given.risk < 1e-3 else '.1f'}} %"
-    return f"{what}, at a risk of {risk} ({given.reason})"
-
-
-def _likeliest(laws: dict[str, float]) -> str:
-    name = max(laws, key=laws.__getitem__)
-    return f"{name} ({100 * laws[name]:.0f} %)"

@@ -5,11 +5,13 @@ from pathlib import Path
 from emaphm.output_files import check_writable, written_whole
 from emaphm.plotting.prognosis import draw_fan, draw_health, draw_life
 from emaphm.plotting.svg import plain_style, svg
+from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.keeping.curves import Curves, fan_row
 from emaphm.prognosis.prognose import past_lives
-from emaphm.prognosis.result import Prognosis, advice_text, requirement_row
+from emaphm.prognosis.result import Prognosis
+from emaphm.prognosis.wording.sentences import advice_text
+from emaphm.prognosis.wording.tables import level_table, requirement_table
 from emaphm.report.document import Block, Document, Facts, Heading, Items, Paragraph, Picture
-from emaphm.text_table import TextTable
 
 
 def write_prognosis(prognosis: Prognosis, path: str | Path, *, force: bool = False) -> None:
@@ -36,15 +38,16 @@ def document(prognosis: Prognosis) -> Document:
         health, life = svg(draw_health(curves)), svg(draw_life(curves))
         fan = svg(draw_fan(curves)) if past else None
     horizon = f"{prognosis.horizon:.9g} h"
+    none = "nothing in sight" if evidence.unrepaired is None else "not found"
     blocks: list[Block] = [
         Paragraph(advice_text(prognosis.advice, evidence.hours), warning=prognosis.advice.action != "fly on"),
         Facts(
             {
                 "Remaining useful life": prognosis.rul_text(),
                 f"Probability of failure within {horizon}": f"{100 * prognosis.probability_of_failure:.1f} %",
-                "Fails first": prognosis.limit.label if prognosis.limit else "nothing in sight",
-                "Component responsible": prognosis.component or "none",
-                "Diagnoses": f"{len(evidence.used)} used of {len(evidence.observations)}",
+                "Fails first": prognosis.limit.label if prognosis.limit else none,
+                "Component responsible": prognosis.component or none,
+                "Diagnoses": _diagnoses(evidence),
                 "Prior": f"{prognosis.belief.prior.units} other units of the part number",
                 "Seed": str(prognosis.seed),
             }
@@ -76,10 +79,14 @@ def document(prognosis: Prognosis) -> Document:
         )
     blocks += [
         Heading(2, "Requirements"),
-        TextTable(
-            ("requirement", "now", "90 % interval", f"fails within {horizon}"),
-            tuple(requirement_row(name, one) for name, one in prognosis.requirements().items()),
-        ),
+        requirement_table(prognosis.requirements(), prognosis.horizon),
+        Heading(2, "Levels"),
+        level_table(prognosis.levels()),
     ]
     subtitle = f"Prognosis of an electromechanical actuator, part number {evidence.part_number}"
     return Document(f"{evidence.unit} at {round(evidence.hours, 2):,.12g} h", subtitle, tuple(blocks))
+
+
+def _diagnoses(evidence: Evidence) -> str:
+    newest = "" if evidence.unexplained is None else "; the newest recording is not explained"
+    return f"{len(evidence.used)} used of {len(evidence.observations)}{newest}"

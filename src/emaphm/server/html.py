@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from emaphm.errors import ServerError, nearest
-from emaphm.prognosis.result import hours_text
+from emaphm.prognosis.wording.sentences import hours_text
 from emaphm.report.wording import LABELS
 from emaphm.server.listing import counted
 

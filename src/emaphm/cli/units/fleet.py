@@ -1,5 +1,6 @@
 """`emaphm fleet …`: many units at once."""
 
+import shlex
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,6 +10,7 @@ from cyclopts import App, Parameter
 from emaphm.cli.interruption import going_on
 from emaphm.cli.options import AsJson, Scheduler, Seed, Workers, check_seed, check_workers, whole_number
 from emaphm.cli.output import counter, show
+from emaphm.cli.units.cautions import cautions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -60,7 +62,8 @@ def simulate(
     with going_on(f"what finished is kept in {out}; the same command goes on"), _steps(as_json) as on_step:
         chain = Chain(plan, folder, workers, scheduler, db, horizon, on_step)
         made = run_chain(chain, simulate_only=simulate_only)
-    _show(folder, made, plan.interval, simulate_only=simulate_only, as_json=as_json)
+    held = db or str(folder.history)
+    _show(folder, made, plan.interval, held, simulate_only=simulate_only, as_json=as_json)
 
 
 @contextmanager
@@ -79,11 +82,13 @@ def _show(
     folder: "FleetFolder",
     units: "list[SyntheticUnit]",
     interval: float,
+    held: str,
     *,
     simulate_only: bool,
     as_json: bool,
 ) -> None:
     from emaphm.fleet.synthetic import prognoses
+    from emaphm.history.storage.address import Address
     from emaphm.text_table import NOTHING, format_table
 
     found = {} if simulate_only else {one["unit"]: one for one in prognoses(folder)}
@@ -114,7 +119,9 @@ def _show(
     ]
     header = ("synthetic unit", "recordings", "true end", "RUL, h", "90 %, h", "by", "advice")
     summary = f"{len(units)} synthetic units, {values['recordings']} recordings, in {folder.path}"
-    show(values, f"{format_table(header, rows)}\n{summary}", as_json)
+    more = f"emaphm prognose --unit UNIT --db {shlex.quote(Address.of(held).shown)}"
+    lines = [format_table(header, rows), *cautions(list(found.values()), more), summary]
+    show(values, "\n".join(lines), as_json)
 
 
 def _life(one: dict[str, Any] | None) -> tuple[str, str, str, str]:

@@ -19,6 +19,7 @@ from emaphm.cli.options import (
     described_actuator,
 )
 from emaphm.cli.output import counter, draw, show
+from emaphm.cli.units.cautions import cautions
 from emaphm.cli.units.history import DB, Database
 from emaphm.errors import PrognosisError
 
@@ -141,7 +142,7 @@ def _of_one(
     with History.open(db) as history:
         found = history.unit(unit)
         basis = history.basis(unit)
-        evidence, described = Evidence.of(found), actuator or found.actuator
+        evidence, described = Evidence.of(found), found.described_by(actuator)
         prior = learnt_prior(history, found, seed=seed, actuator=described) if fleet else Prior()
     result = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past or keep)
     if keep:
@@ -167,7 +168,6 @@ def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> 
     """Print all prognoses, and keep them; what failed is said, and raised where it is all."""
     from emaphm.history import History
     from emaphm.prognosis.keeping import keep_with_curves
-    from emaphm.prognosis.notes.life import ENOUGH, without_rate
     from emaphm.text_table import format_table
 
     good, bad = [one for one in made if not one.error], [one for one in made if one.error]
@@ -180,10 +180,10 @@ def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> 
     rows = [(one.unit, *_row(one.values)) for one in good]
     within = f"fails within {good[0].values['horizon_hours']:.9g} h" if good else ""
     header = ("unit", "hours", "RUL [h]", "90 %", within, "component", "advice")
-    few = [one.unit for one in good if without_rate(one.values["diagnoses"]["used"])]
     lines = [format_table(header, rows) if rows else "no units"]
-    if few:
-        lines.append(f"mostly by the prior, with fewer than {ENOUGH} explained diagnoses: {', '.join(few)}")
+    lines += cautions(
+        [one.values for one in good], "emaphm prognose --unit UNIT, with the other options as here"
+    )
     values = {
         "units": [dict(one.values) for one in good],
         "failed": [{"unit": one.unit, "error": one.error} for one in bad],
@@ -199,6 +199,7 @@ def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> 
 def _row(values: "Mapping[str, Any]") -> tuple[str, ...]:
     """Return a prognosis as a row of the table of all units, but for the unit."""
     from emaphm.prognosis.advice import advice_in_words
+    from emaphm.text_table import NOTHING
 
     rul, advice, failed_at = values["rul_hours"], values["advice"], values["failed_at_hours"]
     interval = " to ".join(_hours(end) for end in rul["interval90"])
@@ -206,7 +207,7 @@ def _row(values: "Mapping[str, Any]") -> tuple[str, ...]:
         f"{values['hours']:.9g}",
         *((_hours(rul["median"]), interval) if failed_at is None else ("failed", "–")),
         f"{100 * values['probability_of_failure']:.1f} %",
-        values["component"] or "–",
+        values["component"] or (NOTHING if failed_at is None else "not found"),
         advice_in_words(advice) if failed_at is None else f"failed at {failed_at:.9g} h",
     )
 

@@ -84,7 +84,7 @@ def prognose_all(
     Raises
     ------
     HistoryError
-        The history cannot be read, or has no unit of the part number.
+        The history cannot be read, has no unit of the part number, or one that `actuator` does not describe.
     ExecutionError
         The workers or the scheduler cannot be used.
     """
@@ -97,6 +97,9 @@ def prognose_all(
         history.check_part_number(part_number)
         lines = history.states(part_number)
         parts = sorted({one.part_number for one in lines})
+        if actuator is not None:
+            for one in lines:
+                history.unit(one.serial_number).described_by(actuator)
         for part in parts if fleet else ():
             of_part = [one for one in lines if one.part_number == part]
             fleets[part] = Fleet.read(history, of_part, seed)
@@ -159,7 +162,7 @@ def _prognoses(
             try:
                 unit, basis = history.unit(name), history.basis(name)
                 evidence = Evidence.of(unit)
-                described = actuator or unit.actuator
+                described = unit.described_by(actuator)
                 prior = None if fleet is None else fleet.prior_of(name, described)
                 made = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=False)
             except EmaphmError as error:

@@ -15,9 +15,10 @@ from emaphm.prognosis.notes.stress import stress_notes
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, pace_ahead
 from emaphm.prognosis.requirements.first_passage import first_passage
-from emaphm.prognosis.result import INTERVAL90, RemainingLife, advice_text, hours_text
+from emaphm.prognosis.result import INTERVAL90, RemainingLife
 from emaphm.prognosis.settings import FORECAST, INDICATOR_FILTER, LAWS, FilterSettings, ForecastSettings
 from emaphm.prognosis.stress import STRESSES, Stress, StressReference, stress_dict
+from emaphm.prognosis.wording.sentences import advice_text, hours_text
 from emaphm.random_streams import stream
 from emaphm.strict_json import finite
 from emaphm.version import VERSION

@@ -33,7 +33,8 @@ def life_notes(
             f"life, risk and advice are mostly what {of_any if prior.fleet is None else fleet}"
         )
     if kept > used:
-        notes.append(f"{kept - used} of {kept} diagnoses are not explained and not used")
+        newest = "" if evidence.unexplained is None else ", the newest among them"
+        notes.append(f"{kept - used} of {kept} diagnoses are not explained and not used{newest}")
     if not requirements.stated:
         notes.append(
             "the actuator states no [[requirements]]: a failure is taken to be a level of 1, the end of scale"

@@ -1,0 +1,54 @@
+"""All notes of a prognosis, in the order in which they are said."""
+
+from typing import TYPE_CHECKING
+
+from emaphm.arrays import Array
+from emaphm.prognosis.forecast import drawn_states
+from emaphm.prognosis.notes.failures import failure_notes
+from emaphm.prognosis.notes.hours import hours_notes
+from emaphm.prognosis.notes.levels import level_notes
+from emaphm.prognosis.notes.life import life_notes
+from emaphm.prognosis.notes.loads import load_notes
+from emaphm.prognosis.notes.newest import newest_notes
+from emaphm.prognosis.notes.rates import rate_notes
+from emaphm.prognosis.notes.repairs import repair_notes
+from emaphm.prognosis.notes.shared_error import shared_error_notes
+from emaphm.prognosis.notes.stress import stress_notes
+
+if TYPE_CHECKING:
+    from emaphm.prognosis.evidence import Evidence, Followed
+    from emaphm.prognosis.prior import Prior
+    from emaphm.prognosis.requirements import Requirements
+    from emaphm.prognosis.requirements.failure_times import FailureTimes
+    from emaphm.prognosis.stress import Stress
+
+
+def notes_on(
+    evidence: "Evidence",
+    followed: "Followed",
+    level: Array,
+    times: "FailureTimes",
+    requirements: "Requirements",
+    prior: "Prior",
+    *,
+    component: str | None,
+    ahead: "Stress | None",
+) -> tuple[str, ...]:
+    """Return the notes of a prognosis.
+
+    `level` are the levels (n, 8) that may be now, `component` what most likely fails first, and `followed`
+    has the belief after the last used diagnosis as its last one.
+    """
+    newest = followed.past[-1] if followed.past else followed.belief
+    return (
+        *repair_notes(evidence),
+        *life_notes(evidence, requirements, times, prior),
+        *stress_notes(ahead, followed.belief.prior.reference),
+        *shared_error_notes(followed.belief, component),
+        *level_notes(evidence, level, prior.least_friction),
+        *newest_notes(evidence, drawn_states(newest, len(level)).level),
+        *load_notes(evidence),
+        *rate_notes(evidence),
+        *hours_notes(evidence),
+        *(failure_notes(prior.fleet_pace.units, times.limits) if prior.fleet_pace else ()),
+    )

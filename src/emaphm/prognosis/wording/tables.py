@@ -1,0 +1,39 @@
+"""Levels and requirements of a prognosis as tables of text."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from emaphm.text_table import TextTable
+
+
+def level_table(levels: Mapping[str, Mapping[str, Any]]) -> TextTable:
+    """Return the levels as `Prognosis.levels` gives them, each with the likeliest law of its degradation."""
+    rows = tuple(
+        (
+            name,
+            f"{level['median']:.3f}",
+            "{:.3f} to {:.3f}".format(*level["interval90"]),
+            _likeliest(level["laws"]),
+        )
+        for name, level in levels.items()
+    )
+    return TextTable(("component", "level", "90 % interval", "likeliest law"), rows)
+
+
+def requirement_table(requirements: Mapping[str, Mapping[str, Any]], horizon: float) -> TextTable:
+    """Return the requirements as `Prognosis.requirements` gives them; `horizon` [h] is theirs."""
+    rows = tuple(_requirement(name, found) for name, found in requirements.items())
+    return TextTable(("requirement", "now", "90 % interval", f"fails within {horizon:.9g} h"), rows)
+
+
+def _requirement(name: str, found: Mapping[str, Any]) -> tuple[str, ...]:
+    value, low, high = (
+        "not reached" if x is None else f"{x:.4g}" for x in (found["value"], *found["interval90"])
+    )
+    unit = "" if found["unit"] == "-" else f" {found['unit']}"
+    return name, f"{value}{unit}", f"{low} to {high}", f"{100 * found['probability_of_failure']:.1f} %"
+
+
+def _likeliest(laws: Mapping[str, float]) -> str:
+    name = max(laws, key=laws.__getitem__)
+    return f"{name} ({100 * laws[name]:.0f} %)"
