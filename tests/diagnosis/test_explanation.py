@@ -21,6 +21,7 @@ from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.reasons import idle_channels, is_drowned, reasons_against, unseen_inertia
 from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
 from emaphm.diagnosis.verdict import estimates
+from emaphm.estimation.discrepancy import Discrepancy
 from emaphm.estimation.global_search.multistart import local_search
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.problem import Problem
@@ -165,6 +166,16 @@ def test_spikes_are_no_noise() -> None:
     current = WHOLE["current_A"].copy()
     current[[100, 400, 700, 900, 1200]] = 22.0
     assert "current_A: the residual" in reasons(at_the_truth({"current_A": current}))
+
+
+def test_switching_that_the_recording_lacks_excuses_no_residual() -> None:
+    result = at_the_truth({"current_A": 1.3 * WHOLE["current_A"]})
+    # A model that is chaotic: half of the current is switching, of which a third is left.
+    switching = float(np.mean(WHOLE["current_A"] ** 2)) / 4
+    none = np.zeros_like(result.correction)
+    chaotic = Discrepancy(none, none, switching, runs=16, slow_variance=switching)
+    assert result.residual_variance < switching
+    assert "current_A: the residual of 23" in reasons(replace(result, discrepancy=chaotic))
 
 
 def test_phase_currents_add_up_to_zero() -> None:

@@ -684,3 +684,14 @@ def test_the_reference_models_laws_are_found(law: str) -> None:
     # Friction through standstill is a rational curve within 2.4 % of the hyperbolic tangent.
     check_values(found.values, LAWS[law], 0.04)
     assert found.at_bound == ()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_gap_that_the_position_does_not_show_contradicts_no_gain(seed: int) -> None:
+    actuator = Actuator.thesis()
+    whole = simulate(actuator, Chirp(amplitude=1e-3), noise=0.05, seed=seed)
+    columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")}
+    recording = Recording(columns, whole.sampling)
+    assert not controller_check(recording, actuator).gains_contradict
+    other = with_lumped_parameters(actuator, {"position_gain": 1.3 * actuator.controller.position_gain})
+    assert controller_check(recording, other).gains_contradict

@@ -31,6 +31,14 @@ SMALLEST_SHARE = 5e-3
 """Residual, relative to the rms of the primary channel, that is always expected: heavy shorts leave 0.2 to
 0.4 % of a noise-free current where the estimate is right to 0.5 to 1.7 %."""
 
+MOST_SWITCHING = 0.1
+"""Share of the primary channel's rms up to which switching excuses a residual that does not show as noise of
+the recording. With heavy shorts the reference model may be chaotic where the estimate is wrong: switching of
+54 % excused 32 % of a current with 0.5 % of noise."""
+
+NOISE_OF_SWITCHING = 2.0
+"""Switching over the noise of the recorded channel, both rms, up to which the recording shows it."""
+
 SLOW_MEAN_S = 2e-3
 """What the residual of motions between rests is averaged over before misfits are compared [s]."""
 
@@ -226,10 +234,24 @@ class SearchResult:
         return float(np.sqrt(max(ratios)))
 
     @property
+    def switching_variance(self) -> float:
+        """The variance of chaotic switching in the primary channel, as far as the recording can have it."""
+        return 0.0 if self.discrepancy is None else self._as_recorded(self.discrepancy.switching_variance)
+
+    @property
+    def slow_variance(self) -> float:
+        """The part of the `switching_variance` that does not pass for noise."""
+        return 0.0 if self.discrepancy is None else self._as_recorded(self.discrepancy.slow_variance)
+
+    def _as_recorded(self, switching: float) -> float:
+        """Return a variance of `switching`: at most the recording's noise, or a share of its signal."""
+        problem = self.objective.problem
+        largest = MOST_SWITCHING**2 * float(np.mean(problem.recorded**2))
+        return min(switching, max(largest, NOISE_OF_SWITCHING**2 * problem.noise**2))
+
+    @property
     def _noise_or_switching(self) -> float:
-        if self.discrepancy is None:
-            return self.noise_level**2
-        return max(self.noise_level**2 + self.discrepancy.slow_variance, self.discrepancy.switching_variance)
+        return max(self.noise_level**2 + self.slow_variance, self.switching_variance)
 
     @property
     def _smallest_share(self) -> float:

@@ -207,13 +207,12 @@ def _primary(result: SearchResult) -> Iterator[str]:
     residual = result.compared_residual
     recorded, noise = problem.compared(problem.primary, problem.recorded), problem.noise
     share = problem.compared_share(problem.primary)
-    switching = 0.0 if result.discrepancy is None else result.discrepancy.switching_variance / share
+    switching = result.switching_variance / share
     usual = robust_noise_level(recorded, 2) ** 2 + rounding_step(recorded) ** 2 / 12 + switching
     if described_noise(problem.primary, problem.actuator) is None:
         # Spikes are no noise, whatever they add to its variance.
         noise = min(noise, EXPLANATION.spikes * usual**0.5)
-    if result.discrepancy is not None:
-        noise = (noise**2 + result.discrepancy.slow_variance) ** 0.5
+    noise = (noise**2 + result.slow_variance) ** 0.5
     largest = share * EXPECTED_RESIDUAL**2 * usual
     exceeds = not result.residual_is_expected and result.residual_variance > largest
     if residual_within_limits(recorded, residual, noise, corrected=corrected) and not (corrected and exceeds):

@@ -143,7 +143,35 @@ def controller_check(recording: Recording, actuator: Actuator) -> ControllerChec
     if gains is None:
         return ControllerCheck(relative_error, None, None, None, described)
     noisier, _ = _regressed(_noisier(recording), actuator, on, cutoff)
-    return ControllerCheck(relative_error, best, *_both_allowing_for(gains, noisier), described)
+    found = _both_allowing_for(gains, noisier)
+    if not {"speed_rad_s", "angle_rad"} & set(recording) and actuator.mechanics.backlash:
+        found = _apart_by(found, _regressed(_with_gap(recording, actuator), actuator, on, cutoff)[0])
+    return ControllerCheck(relative_error, best, *found, described)
+
+
+def _with_gap(recording: Recording, actuator: Actuator) -> Recording:
+    """Return the recording with the motor's angle as it would be at the edge of the backlash it last went to.
+
+    The user's position does not show how the motor crosses the gap, here at once as the user turns.
+    """
+    position, mechanics = recording["position_rad"], actuator.mechanics
+    way = np.sign(_rate(position, recording.interval_s))
+    last = np.maximum.accumulate(np.where(way != 0, np.arange(way.size), 0))
+    angle = position / mechanics.gear_ratio + way[last] * mechanics.backlash / 2
+    columns = {name: recording[name] for name in recording.names}
+    return Recording(columns | {"angle_rad": angle}, recording.sampling, recording.source)
+
+
+def _apart_by(gains: _Estimates, others: _Estimates | None) -> _Estimates:
+    """Return the gains with errors that allow for how far the `others` are from them."""
+
+    def widened(one: ParameterEstimate | None, other: ParameterEstimate | None) -> ParameterEstimate | None:
+        if one is None:
+            return None
+        apart = math.inf if other is None else abs(other.value - one.value)
+        return replace(one, standard_error=math.hypot(one.standard_error, apart))
+
+    return widened(gains[0], others[0] if others else None), widened(gains[1], others[1] if others else None)
 
 
 def _noisier(recording: Recording) -> Recording:
