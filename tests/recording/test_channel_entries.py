@@ -342,3 +342,39 @@ def test_a_file_without_any_foreign_name_is_read_by_schema_names_with_a_note(
     recording = read_recording(save(columns, tmp_path), actuator)
     np.testing.assert_array_equal(recording["current_A"], columns["current_A"])
     assert recording.notes[0].endswith("without load_Nm, the entry of current_A, what [reading] asks for")
+
+
+CHANGED = (
+    {"sign": -1},
+    {"column": "current_A", "scale": 2},
+    {"unit": "rad"},
+    {"delay_s": 1e-3},
+    {"derived": "2 * current_A"},
+)
+
+
+@pytest.mark.parametrize("there", ["current_A", "current_A, position_rad"])
+@pytest.mark.parametrize("changed", CHANGED, ids=str)
+def test_an_entry_of_a_column_that_is_there_is_not_lost_as_another_is_absent(
+    columns: Columns,
+    tmp_path: Path,
+    thesis: Actuator,
+    refusal: Refusal,
+    changed: dict[str, Any],
+    there: str,
+) -> None:
+    # Neither lost nor applied to what emaphm may have written, whose column needs it no more.
+    names = ("time_s", "command_rad", *there.split(", "))
+    path = save({name: columns[name] for name in names}, tmp_path)
+    text = refusal(lambda: read_recording(path, rig(thesis, current_A=changed, position_rad="pos")))
+    for part in ("no column 'pos'", "for position_rad", "if emaphm wrote the file", "current_A"):
+        assert part in text
+
+
+def test_an_entry_that_changes_nothing_or_a_column_that_is_not_there_leaves_a_file_readable(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
+    entries = {"position_rad": "pos", "current_A": "current_A", "voltage_V": {"unit": "mV"}}
+    recording = read_recording(save(columns, tmp_path), rig(thesis, **entries))
+    for name in ("current_A", "position_rad"):
+        np.testing.assert_array_equal(recording[name], columns[name])
