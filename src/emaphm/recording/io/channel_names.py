@@ -30,11 +30,11 @@ def sources_in_file(
     """Return where each schema channel of a file comes from, and whether the file is one of emaphm's own.
 
     A channel is what its entry says, else the column that has its schema name; one that the file lacks is
-    left out. A file without any of the foreign names is read by schema names alone, so that what emaphm wrote
-    for a rig can be read back with that rig's description; not where an entry would then be lost that says
-    how a column with its schema name is converted or delayed (`_converted_in_file`): whether the file still
-    needs that cannot be seen, and it must hold the foreign names. Where the format has times of its own,
-    `time_s` may be absent.
+    left out. A file without any of the foreign names is read by schema names alone and without conversion, so
+    that what emaphm wrote for a rig can be read back with that rig's description. As reading refuses a file
+    without a channel that has a foreign name, emaphm writes all of them: where one is in the file under neither
+    name, an entry that converts or delays a column which is there is not passed over, and the foreign name is
+    missed. Where the format has times of its own, `time_s` may be absent.
 
     Parameters
     ----------
@@ -58,16 +58,17 @@ def sources_in_file(
     foreign = {name: entry for name, entry in entries.items() if _foreign_names(name, entry)}
     taken = {there for name, entry in foreign.items() for there in _foreign_names(name, entry)}
     # What emaphm wrote has schema names and no groups; any other file must hold what the entries say.
-    may_be_own = "time_s" in held and not any(resolved(there, held, source) for there in sorted(taken))
-    is_unclear = bool(foreign) and may_be_own and bool(_converted_in_file(entries, held))
-    is_foreign = is_unclear or not may_be_own
+    is_foreign = (
+        "time_s" not in held
+        or any(resolved(there, held, source) for there in sorted(taken))
+        or (any(name not in held for name in foreign) and bool(_changed_in_file(entries, held)))
+    )
     found: dict[str, Source] = {}
     for name, entry in entries.items():
         own = name if name in held and name not in taken else None
         if name in foreign and is_foreign:
             there = resolved(entry.column, held, source) if entry.column is not None else None
-            where = _own(None if is_unclear else own, OWN_NAME)
-            where = Source(entry, there) if there or entry.derived is not None else where
+            where = Source(entry, there) if there or entry.derived is not None else _own(own, OWN_NAME)
         else:
             if name not in foreign and name not in taken:
                 own = resolved(name, held, source)
@@ -140,19 +141,15 @@ def _foreign_names(name: str, entry: ChannelEntry) -> list[str]:
     return [entry.column] if entry.column not in {None, name} else []
 
 
-def _converted_in_file(entries: Mapping[str, ChannelEntry], held: Collection[str]) -> list[str]:
+def _changed_in_file(entries: Mapping[str, ChannelEntry], held: Collection[str]) -> list[str]:
     """Return the channels in a file under their schema names whose entries change what these columns say."""
-    return [
-        name
-        for name, entry in entries.items()
-        if name in held
-        and (
-            name in Expression.parse(entry.derived).names
-            if entry.derived is not None
-            else entry.column in {None, name} and (entry.converts or entry.delay_s or entry.time is not None)
-        )
-        and entry.value is None
-    ]
+    return [name for name, entry in entries.items() if name in held and _changes_own(name, entry)]
+
+
+def _changes_own(name: str, entry: ChannelEntry) -> bool:
+    if entry.derived is not None:
+        return name in Expression.parse(entry.derived).names
+    return entry.column in {None, name} and entry.value is None and entry != ChannelEntry(column=entry.column)
 
 
 def _check_missing(
@@ -177,8 +174,9 @@ def _check_missing(
     taken = {where.column for where in found.values()}
     hint = missing_name(there, held, [one for one in held if one not in taken])
     if there != name:
-        converted = _converted_in_file(entries, held)
-        own = f"; if emaphm wrote the file, take out that of {' and '.join(converted)} too" if converted else ""
+        of_rig = any(one in found and found[one].entry is not OWN_NAME for one in promised)
+        changed = [] if of_rig else _changed_in_file(entries, held)
+        own = f"; if emaphm wrote the file, take out that of {' and '.join(changed)} too" if changed else ""
         raise RecordingError(
             f"{source}: no column '{there}', which [channels] in the actuator's TOML gives for {name}{hint}; "
             f"correct the name there, or take the line out{own}"

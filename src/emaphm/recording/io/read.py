@@ -19,7 +19,7 @@ from emaphm.recording.checks import check
 from emaphm.recording.conditioning.condition import conditioned
 from emaphm.recording.conditioning.low_pass import low_passed
 from emaphm.recording.conditioning.masks import kept_rows
-from emaphm.recording.conditioning.table import Table, table_of
+from emaphm.recording.conditioning.table import Table, check_units, table_of
 from emaphm.recording.equivalent_current import with_equivalent_current
 from emaphm.recording.io.channel_names import Source, resolved, sources_in_file
 from emaphm.recording.io.csv_file import read_csv
@@ -196,6 +196,8 @@ def _table_in(
     wanted = actuator.reading
     reading = Reading(longest_gap=wanted.longest_gap, outliers=wanted.outliers) if is_own else wanted
     every = [*held.numeric, *held.unusable]
+    if is_own:  # a wrong unit is one also where it is passed over
+        check_units(actuator, (name for name in SCHEMA if name not in passed_by), source)
     passed_over = _passed_over(actuator, reading, sources, constants) if is_own else []
     named = list(columns_in(split or reading.split or ""))
     named += Expression.parse(reading.keep).names if reading.keep else ()
