@@ -377,7 +377,7 @@ def test_what_was_written_for_a_rig_is_not_converted_twice(
 def test_an_entry_that_changes_nothing_or_a_column_that_is_not_there_leaves_a_file_readable(
     columns: Columns, tmp_path: Path, thesis: Actuator
 ) -> None:
-    entries = {"position_rad": "pos", "current_A": "current_A", "voltage_V": {"unit": "mV"}}
+    entries: dict[str, Any] = {"position_rad": "pos", "current_A": "current_A", "voltage_V": {"unit": "mV"}}
     recording = read_recording(save(columns, tmp_path), rig(thesis, **entries))
     for name in ("current_A", "position_rad"):
         np.testing.assert_array_equal(recording[name], columns[name])

@@ -16,8 +16,8 @@ from emaphm.detection.level import Level, judging
 from emaphm.detection.manoeuvre import (
     HealthyAtLoad,
     HealthyManoeuvre,
-    command_difference,
     at_load,
+    command_difference,
     learn_manoeuvre,
     same_load,
 )

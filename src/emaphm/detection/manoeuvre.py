@@ -156,7 +156,7 @@ def learn_manoeuvre(
             load[rows],
             np.nanmean(signals[at == k], axis=0),
             features[at == k].mean(axis=0),
-            any(cycles[place].load_recorded for place in np.flatnonzero(at == k)),
+            any(cycle.load_recorded for cycle, place in zip(cycles, at, strict=True) if place == k),
         )
         for k, load in enumerate(profiles)
     )

@@ -32,9 +32,9 @@ def sources_in_file(
     A channel is what its entry says, else the column that has its schema name; one that the file lacks is
     left out. A file without any of the foreign names is read by schema names alone and without conversion, so
     that what emaphm wrote for a rig can be read back with that rig's description. As reading refuses a file
-    without a channel that has a foreign name, emaphm writes all of them: where one is in the file under neither
-    name, an entry that converts or delays a column which is there is not passed over, and the foreign name is
-    missed. Where the format has times of its own, `time_s` may be absent.
+    without a channel that has a foreign name, what emaphm writes has all of them: where one is in the file
+    under neither name, an entry that converts or delays a column which is there is not passed over, and the
+    foreign name is missed. Where the format has times of its own, `time_s` may be absent.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Sampled
+from emaphm.actuator.argument import check_actuator
 from emaphm.actuator.channels import OWN_NAME
 from emaphm.actuator.columns.expression import Expression
 from emaphm.actuator.reading import Reading
@@ -81,6 +82,8 @@ def read_recording(
     RecordingError
         The file is too large, cannot be read, lacks a column, holds several recordings, or breaks a rule of
         `emaphm.recording.checks.check`.
+    ActuatorError
+        `actuator` is no `Actuator`.
     """
     file = _opened(Path(path), actuator, known, limits)
     if file.reading.split is None:
@@ -181,6 +184,7 @@ class _File:
 def _opened(
     path: Path, actuator: Actuator, known: Known, limits: ReadLimits, split: str | None = None
 ) -> _File:
+    check_actuator(actuator)
     _constants(known, str(path))  # refused before a large file is read
     return _table_in(_columns(path, limits, _asked_for(actuator, split)), path, actuator, known, split)
 
