@@ -11,6 +11,12 @@ import numpy as np
 from emaphm.errors import SignalError
 
 
+def check_seed(seed: int) -> None:
+    """Refuse a seed that is below 0, which no generator takes; `SignalError` says so."""
+    if seed < 0:
+        raise SignalError(f"seed {seed} is negative; give 0 or more")
+
+
 def seed_sequence(seed: int, *name: str | int) -> np.random.SeedSequence:
     """Return the child `name` of the seed sequence of `seed`.
 
@@ -26,8 +32,7 @@ def seed_sequence(seed: int, *name: str | int) -> np.random.SeedSequence:
     SignalError
         The seed is negative.
     """
-    if seed < 0:
-        raise SignalError(f"seed {seed} is negative; give 0 or more")
+    check_seed(seed)
     # A digest has always as many words, so that no name is the beginning of another.
     digest = hashlib.sha256(repr(name).encode()).digest()[:16]
     return np.random.SeedSequence(seed, spawn_key=tuple(np.frombuffer(digest, "<u4").tolist()))

@@ -4,12 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Command, Faults, Load
+from emaphm.actuator.argument import check_actuator
 from emaphm.actuator.channels import Sampling
 from emaphm.actuator.commands import rest_position
 from emaphm.actuator.sensors import IDEAL
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, RecordingError, SignalError
-from emaphm.random_streams import stream
+from emaphm.random_streams import check_seed, stream
 from emaphm.recording import Recording, acquire, full_scales
 from emaphm.recording.acquisition import check_bits
 from emaphm.recording.schema import CURRENTS
@@ -78,11 +79,16 @@ def simulate(
     ------
     FaultError
         The friction is less than the actuator can have (`emaphm.actuator.faults.lower_bounds`).
+    ActuatorError
+        `actuator` is no `Actuator`.
     MethodError, SignalError, RecordingError
-        The model or the sampling is unknown, or the model did not stay finite; a duration, rate or noise is
-        impossible, the command stays where the shaft rests, the recording would be too short, or it would
-        start beyond the end stops.
+        `command` is none; the model or the sampling is unknown, or the model did not stay finite; a duration,
+        rate or noise is impossible, the command stays where the shaft rests, the recording would be too
+        short, or it would start beyond the end stops.
     """
+    check_actuator(actuator)
+    if not callable(command):
+        raise SignalError(f"no command but a {type(command).__name__}; give one such as Chirp()")
     chosen = model_named(model)
     first = rest_position(command, initial_position)
     actuator.mechanics.check_start(first)
@@ -140,8 +146,7 @@ def _check(
     seed: int,
 ) -> None:
     """Refuse what a rig cannot do, before it is set in motion."""
-    if seed < 0:
-        raise SignalError(f"seed {seed} is negative; give 0 or more")
+    check_seed(seed)
     if not (0 < duration < np.inf and 0 < sample_rate < np.inf):
         raise SignalError(f"duration ({duration:g} s) and sample rate ({sample_rate:g} Hz) must be above 0")
     if not 0 <= noise < np.inf:

@@ -272,6 +272,30 @@ def test_the_figure_shows_both_statistics_and_every_segment(detector: Detector) 
     assert {"current_A", "position_rad"} <= labels
 
 
+def test_of_a_load_that_was_not_recorded_no_value_is_said(tmp_path: Path) -> None:
+    def without_load(recordings: list[Recording]) -> list[Recording]:
+        kept = [{name: one[name] for name in one.names if name != "load_Nm"} for one in recordings]
+        return [one.with_channels(channels, []) for one, channels in zip(recordings, kept, strict=True)]
+
+    recordings, groups = runs(HEALTHY, 10, seed=3)
+    known = Detector.learn(without_load(recordings), groups=groups)
+    known.save(tmp_path / "known.json")
+    known = Detector.load(tmp_path / "known.json")
+    assert known.to_dict()["manoeuvres"][0]["loads"] == ["load not recorded"]
+    assert "load 0" not in str(known)
+    # A healthy unit under another load: not like healthy, and what else that may be is said.
+    (loaded,) = without_load(runs(HEALTHY, 1, seed=41, load=600.0)[0])
+    result = known.judge(loaded)
+    assert not result.like_healthy
+    assert "no load was recorded, and another load" in result.sentence
+    assert not result.to_dict()["load_recorded"]
+    assert result.manoeuvre.endswith("load not recorded")
+    (healthy,) = without_load(runs(HEALTHY, 1, seed=42)[0])
+    assert "another load" not in known.judge(healthy).sentence
+    with pytest.raises(RecordingError, match=r"at the load 600 \(known: load not recorded\)"):
+        known.judge(runs(HEALTHY, 1, seed=43, load=600.0)[0])
+
+
 def test_noise_of_a_load_cell_is_no_other_load() -> None:
     recordings, groups = runs(HEALTHY, 10, seed=3)
     random = np.random.default_rng(0)

@@ -178,7 +178,9 @@ def test_the_sensors_of_each_are_checked_and_what_speaks_against_each_is_said() 
     found = joint([first, spoilt])
     assert found.explained
     assert [(one.channel, one.kind) for one in found.sensor_faults] == [("current_A", "frozen")]
-    assert found.sensor_faults[0].sentence.startswith("day 2: current_A is frozen")
+    said = [line for line in found.notes() if "is frozen" in line]
+    assert len(said) == 1
+    assert said[0].startswith("Sensor fault: day 2: current_A is frozen")
     assert found.faults.vector == pytest.approx(FAULTS.vector, abs=0.01)
     # Of another actuator, whichever comes first: its reason is said, with its name.
     inertia = lumped_parameters(IDEAL, ("inertia",))["inertia"]

@@ -71,7 +71,7 @@ def check(found: Diagnosis, channel: str, kind: str, size: float, error: float) 
     (fault,) = found.sensor_faults
     assert (fault.channel, fault.kind) == (channel, kind)
     assert fault.size == pytest.approx(size, abs=error)
-    assert fault.sentence in "\n".join(found.notes())
+    assert [line for line in found.notes() if fault.sentence in line] == [f"Sensor fault: {fault.sentence}"]
     assert json.loads(found.to_json())["sensor_faults"][0]["kind"] == kind
     assert error_percent(TRUTH.vector, found.faults.vector) <= WORST
 

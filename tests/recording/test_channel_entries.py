@@ -342,3 +342,42 @@ def test_a_file_without_any_foreign_name_is_read_by_schema_names_with_a_note(
     recording = read_recording(save(columns, tmp_path), actuator)
     np.testing.assert_array_equal(recording["current_A"], columns["current_A"])
     assert recording.notes[0].endswith("without load_Nm, the entry of current_A, what [reading] asks for")
+
+
+CHANGED = (
+    {"sign": -1},
+    {"column": "current_A", "scale": 2},
+    {"unit": "rad"},
+    {"delay_s": 1e-3},
+    {"derived": "2 * current_A"},
+)
+
+
+@pytest.mark.parametrize("changed", CHANGED, ids=str)
+def test_an_entry_of_a_column_that_is_there_is_not_lost_as_another_is_absent(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal, changed: dict[str, Any]
+) -> None:
+    path = save({name: columns[name] for name in ("time_s", "command_rad", "current_A")}, tmp_path)
+    text = refusal(lambda: read_recording(path, rig(thesis, current_A=changed, position_rad="pos")))
+    for part in ("no column 'pos'", "for position_rad", "if emaphm wrote the file", "current_A"):
+        assert part in text
+
+
+def test_what_was_written_for_a_rig_is_not_converted_twice(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
+) -> None:
+    path = save(columns, tmp_path)
+    found = read_recording(path, rig(thesis, current_A={"sign": -1}, position_rad="pos"))
+    np.testing.assert_array_equal(found["current_A"], columns["current_A"])
+    assert found.notes[0].endswith("without the entry of position_rad, the entry of current_A")
+    wrong = rig(thesis, current_A={"unit": "rad"}, position_rad="pos")
+    assert "rad does not convert into A" in refusal(lambda: read_recording(path, wrong))
+
+
+def test_an_entry_that_changes_nothing_or_a_column_that_is_not_there_leaves_a_file_readable(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
+    entries: dict[str, Any] = {"position_rad": "pos", "current_A": "current_A", "voltage_V": {"unit": "mV"}}
+    recording = read_recording(save(columns, tmp_path), rig(thesis, **entries))
+    for name in ("current_A", "position_rad"):
+        np.testing.assert_array_equal(recording[name], columns[name])

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.argument import check_actuator
 from emaphm.amortized.applicability.delays import found_delay, in_time_and_moved
 from emaphm.amortized.applicability.likeness import Unlikeness, unlikeness
 from emaphm.amortized.drawing import PRIOR, SHORTS
@@ -36,6 +37,7 @@ from emaphm.estimation.starts import Starts
 from emaphm.progress import Progress
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, check_plausible, with_equivalent_current
+from emaphm.recording.argument import check_recording
 from emaphm.recording.sensor_checks import check_sensors
 from emaphm.version import VERSION
 
@@ -91,7 +93,9 @@ def diagnose_by(
     MethodError
         The estimator is for another actuator, manoeuvre, rate or channels; or as for `emaphm.diagnose`.
     RecordingError
-        The recording cannot be of this actuator, by orders of magnitude.
+        `recording` is no `Recording`, or cannot be of this actuator, by orders of magnitude.
+    ActuatorError
+        `actuator` is no `Actuator`.
     """
     began = time.perf_counter()
     asked = _Asked.of(estimator, recording, actuator, seed, alone=fast)
@@ -298,6 +302,8 @@ class _Asked:
         Whether the answer will do, and whether a channel comes a row late, is asked where no search follows,
         `alone`: a search tests for both itself.
         """
+        check_recording(recording)
+        check_actuator(actuator)
         check_plausible(recording, actuator)
         recording = with_equivalent_current(recording, actuator)
         estimator.check(recording, actuator)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.argument import check_actuator
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.actuator.unit.baseline import Baseline
 from emaphm.actuator.unit.model_error import NOT_LEARNED
@@ -121,10 +122,13 @@ def calibrate(
         parameter; what is known of a recording contradicts itself; laws are to be chosen by one recording;
         or measured motion is asked for, and does not show a free parameter.
     RecordingError
-        Values of a recording are orders of magnitude away from this actuator's, or two are the same.
+        One is no `Recording`, values are orders of magnitude away from this actuator's, or two are the same.
+    ActuatorError
+        `actuator` is no `Actuator`.
     """
     began = time.perf_counter()
     rows = campaign_rows(recordings)
+    check_actuator(actuator)
     names = None if free is None else tuple(dict.fromkeys(free))
     bare = actuator.model_copy(update={"baseline": None, "model_error": NOT_LEARNED})
     _check(rows, bare, names, nuisances)

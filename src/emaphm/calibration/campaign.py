@@ -16,6 +16,7 @@ from emaphm.actuator.lumped_parameters import (
 )
 from emaphm.errors import ActuatorError, MethodError, nearest
 from emaphm.recording import Recording
+from emaphm.recording.argument import check_recording
 
 KNOWN_CHANNELS = {"load": "load_Nm", "temperature": "temperature_K"}
 """What may be known of a recording as one number where it was not recorded, and the channel it stands for:
@@ -93,7 +94,10 @@ Recordings: TypeAlias = Recording | CampaignRow | Sequence[Recording | CampaignR
 def campaign_rows(recordings: Recordings) -> tuple[CampaignRow, ...]:
     """Return one row a recording."""
     given = (recordings,) if isinstance(recordings, Recording | CampaignRow) else tuple(recordings)
-    return tuple(one if isinstance(one, CampaignRow) else CampaignRow(one) for one in given)
+    rows = tuple(one if isinstance(one, CampaignRow) else CampaignRow(one) for one in given)
+    for row in rows:
+        check_recording(row.recording)
+    return rows
 
 
 def check_row(row: CampaignRow, actuator: Actuator, shared: Sequence[str]) -> None:

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,8 @@ class Cycle:
         Between rows [s].
     source
         Where it comes from, for messages.
+    load_recorded
+        Whether the load is a recorded one.
     """
 
     signals: Array
@@ -39,6 +41,7 @@ class Cycle:
     load: Array
     interval_s: float
     source: str
+    load_recorded: bool
 
     def along(self, command: Array, most_share: float) -> "Cycle":
         """Return the cycle at the rows of `command` (rows,), with its own command where that one is.
@@ -55,7 +58,7 @@ class Cycle:
         rows = np.arange(command.size) - row_offset(self.command, command, most)
         keep = np.clip(rows, 0, self.command.size - 1)
         signals = np.where((rows == keep)[:, np.newaxis], self.signals[keep], np.nan)
-        return Cycle(signals, self.command[keep], self.load[keep], self.interval_s, self.source)
+        return replace(self, signals=signals, command=self.command[keep], load=self.load[keep])
 
 
 def with_nearest(residuals: Array) -> Array:
@@ -137,9 +140,14 @@ def cycle_of(recording: Recording, channels: Sequence[str], actuator: Actuator |
         )
     modelled = replay(recording, actuator).signals if actuator else {}
     signals = [recording[name] - modelled[name] if name in modelled else recording[name] for name in channels]
-    load = recording["load_Nm"] if "load_Nm" in recording else np.zeros(recording.samples)
+    load_recorded = "load_Nm" in recording
     return Cycle(
-        np.stack(signals, axis=1), recording["command_rad"], load, recording.interval_s, recording.source
+        np.stack(signals, axis=1),
+        recording["command_rad"],
+        recording["load_Nm"] if load_recorded else np.zeros(recording.samples),
+        recording.interval_s,
+        recording.source,
+        load_recorded,
     )
 
 

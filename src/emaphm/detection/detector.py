@@ -16,6 +16,7 @@ from emaphm.detection.level import Level, judging
 from emaphm.detection.manoeuvre import (
     HealthyAtLoad,
     HealthyManoeuvre,
+    at_load,
     command_difference,
     learn_manoeuvre,
     same_load,
@@ -199,6 +200,7 @@ class Detector:
             nearest=nearest_seeded(self.seeded, by, places[0], deviation, self.settings),
             false_alarm_rate=self.settings.false_alarm_rate,
             shown=self.shown(level) + (f"; {drift_note([at])}" if places[0][1] in manoeuvre.drifting else ""),
+            load_recorded=all(one.load_recorded for one in cycles),
         )
 
     def shown_rate(self, level: Level) -> float | None:
@@ -300,9 +302,9 @@ class Detector:
                 if same_load(load, at.load, largest, self.settings):
                     return k, place
         raise RecordingError(
-            f"{cycle.source}: never seen healthy at the load {cycle.load.mean():.4g} (known: "
+            f"{cycle.source}: never seen healthy {at_load(cycle)} (known: "
             f"{', '.join(at.name for k in known for at in self.manoeuvres[k].loads)}); teach the detector "
-            "healthy recordings at it"
+            "healthy recordings like it"
         )
 
     def _contributions(

@@ -52,6 +52,7 @@ class _Load(_Part):
     load: Row
     mean: Matrix
     centre: Row
+    recorded: bool = True  # older files do not say, and called a load that was not recorded 0
 
 
 class _Level(_Part):
@@ -188,7 +189,10 @@ def _manoeuvre(one: _HealthyManoeuvre) -> HealthyManoeuvre:
         tuple(StrokeSegment(s.first, s.stop, s.stroke) for s in one.segments),
         np.array(one.scales),
         tuple(one.drifting),
-        tuple(HealthyAtLoad(np.array(at.load), np.array(at.mean), np.array(at.centre)) for at in one.loads),
+        tuple(
+            HealthyAtLoad(np.array(at.load), np.array(at.mean), np.array(at.centre), at.recorded)
+            for at in one.loads
+        ),
         tuple(
             Level(
                 level.cycles,

@@ -32,20 +32,25 @@ class HealthyAtLoad:
     Attributes
     ----------
     load
-        At each row, (rows,) [N·m or N].
+        At each row, (rows,) [N·m or N]; 0 where none was recorded.
     mean
         The mean cycle, (rows, channels), in the channels' units.
     centre
         Mean features of the residuals of healthy cycles, (features,).
+    recorded
+        Whether one of the cycles at least has a recorded load.
     """
 
     load: Array
     mean: Array
     centre: Array
+    recorded: bool
 
     @property
     def name(self) -> str:
         """The load in words."""
+        if not self.recorded:
+            return "load not recorded"
         low, high = float(self.load.min()), float(self.load.max())
         return (
             f"load {low:.4g}"
@@ -147,12 +152,22 @@ def learn_manoeuvre(
     segments = segments_of(command, settings)
     features = features_of(residuals, segments, scales, settings)
     loads = tuple(
-        HealthyAtLoad(load[rows], np.nanmean(signals[at == k], axis=0), features[at == k].mean(axis=0))
+        HealthyAtLoad(
+            load[rows],
+            np.nanmean(signals[at == k], axis=0),
+            features[at == k].mean(axis=0),
+            any(cycle.load_recorded for cycle, place in zip(cycles, at, strict=True) if place == k),
+        )
         for k, load in enumerate(profiles)
     )
     levels = learn_levels(features, runs, at, settings)
     drifting = drifting_loads(features, runs, at, levels[0].scatter, settings)
     return HealthyManoeuvre(command, first.interval_s, segments, scales, drifting, loads, levels)
+
+
+def at_load(cycle: Cycle) -> str:
+    """Return the load of a cycle in words, for errors."""
+    return f"at the load {cycle.load.mean():.4g}" if cycle.load_recorded else "without a recorded load"
 
 
 def same_load(one: Array, other: Array, largest: float, settings: DetectorSettings) -> bool:
@@ -201,7 +216,7 @@ def _check_runs(cycles: Sequence[Cycle], runs: Groups, at: Groups, settings: Det
         if found < settings.fewest_runs_of_load:
             one = cycles[int(np.flatnonzero(at == load)[0])]
             raise RecordingError(
-                f"{one.source}: {found} healthy runs at the load {one.load.mean():.4g}, at least "
+                f"{one.source}: {found} healthy runs {at_load(one)}, at least "
                 f"{settings.fewest_runs_of_load} are needed for a mean cycle; record more there, or leave "
                 "this load out"
             )

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 MOST_ROWS = 8
 """Contributions in the table, the largest."""
 
+ANOTHER_LOAD = "; no load was recorded, and another load than that of the healthy runs looks like that too"
+"""What a recording that is not like healthy may be where its load is not known."""
+
 
 @dataclass(frozen=True)
 class Contribution:
@@ -59,6 +62,8 @@ class DetectorResult:
         What the thresholds are set for.
     shown
         What of it the healthy runs can show.
+    load_recorded
+        Whether all of the cycles have a recorded load: without, another load is not like healthy either.
     """
 
     recording: str
@@ -74,6 +79,7 @@ class DetectorResult:
     nearest: Nearest | None
     false_alarm_rate: float
     shown: str
+    load_recorded: bool = True
 
     @property
     def like_healthy(self) -> bool:
@@ -112,11 +118,11 @@ class DetectorResult:
         text = (
             f"not like healthy ({size}{self._coarse}), mostly {_short(channel)} {place} ({100 * share:.0f} %)"
         )
-        if self.nearest is None:
-            return text
-        if self.nearest.alike:
-            return f"{text}; nearest seeded fault: {self.nearest.fault} ({100 * self.nearest.share:.0f} %)"
-        return f"{text}; like none of the seeded faults"
+        if self.nearest is not None and self.nearest.alike:
+            text += f"; nearest seeded fault: {self.nearest.fault} ({100 * self.nearest.share:.0f} %)"
+        elif self.nearest is not None:
+            text += "; like none of the seeded faults"
+        return text if self.load_recorded else f"{text}{ANOTHER_LOAD}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `--json` prints under "detector"."""
@@ -126,6 +132,7 @@ class DetectorResult:
             "cycles_alarming": self.cycles_alarming,
             "level_cycles": self.level_cycles,
             "manoeuvre": self.manoeuvre,
+            "load_recorded": self.load_recorded,
             "like_healthy": self.like_healthy,
             "sentence": self.sentence,
             "t2": self.t2,

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.argument import check_actuator
 from emaphm.arrays import Array, rms
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
@@ -26,7 +27,7 @@ from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.residual_share import notes_on_alternatives
 from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
 from emaphm.diagnosis.verdict import VERDICT, Estimate, estimates, undecided_by_model_error, unexplained
-from emaphm.errors import MethodError, RecordingError, nearest
+from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
 from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
@@ -44,6 +45,7 @@ from emaphm.estimation.uncertainty.model_error import HealthyComparison, compare
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, check_plausible
+from emaphm.recording.argument import check_recording
 from emaphm.recording.schema import SCHEMA
 from emaphm.recording.sensor_checks import CheckedRecording, check_sensors
 from emaphm.simulation import Model, model_named
@@ -111,15 +113,15 @@ def diagnose(
     ------
     RecordingError
         `recording` is no `Recording`, or its values are orders of magnitude away from this actuator's.
+    ActuatorError
+        `actuator` is no `Actuator`.
     MethodError
         The recording has no current that the model can be compared in; a name is unknown, or fitness or
         model do not go with the method, or the model not with a posterior.
     """
     began = time.perf_counter()
-    if not isinstance(recording, Recording):
-        raise RecordingError(
-            f"no recording but a {type(recording).__name__}; give what read_recording returns"
-        )
+    check_recording(recording)
+    check_actuator(actuator)
     chosen = method_named(method)
     check_fitness(chosen, fitness)
     if max_corrections < 0:

@@ -256,13 +256,10 @@ class Diagnosis:
 
     def notes(self) -> list[str]:
         """Return what a reader must know with the table, a line each."""
-        of_recording = [f"{self.recording}: {note}." for note in self.recording_notes]
-        # What was found before the diagnosis stands among the recording's notes.
-        of_sensors = [
-            f"Sensor fault: {fault}"
-            for fault in self.sensor_faults
-            if fault.sentence.removesuffix(".") not in self.recording_notes
-        ]
+        # What was found before the diagnosis stands among the recording's notes too.
+        said = {fault.sentence.removesuffix(".") for fault in self.sensor_faults}
+        of_recording = [f"{self.recording}: {note}." for note in self.recording_notes if note not in said]
+        of_sensors = [f"Sensor fault: {fault}" for fault in self.sensor_faults]
         posterior = self.posterior.notes(self.interval) if self.posterior else []
         check = [f"Against healthy recordings: {self.healthy_check.sentence}."] if self.healthy_check else []
         return [*of_recording, *of_sensors, *notes(self), *posterior, *check]

@@ -50,7 +50,7 @@ class SensorFault:
         "bias", "scale", "reversed", "drift", "delay", "frozen", "held", "clipped" or "swapped".
     size, unit
         Bias, drift: in the channel's unit. Scale: relative error. Delay [s], above 0 where the channel is
-        late. Frozen [s], held [rows], clipped: the level.
+        late. Frozen [s], held [rows], clipped: the level. Swapped: how many channels.
     standard_error
         Of the size, None where it was not estimated.
     sentence

@@ -17,6 +17,7 @@ from emaphm.estimation.search import check_fitness
 from emaphm.estimation.space.nuisances import NuisanceSet
 from emaphm.input_files import content_digest
 from emaphm.progress import Progress
+from emaphm.random_streams import check_seed
 from emaphm.recording import Recording
 from emaphm.simulation import model_named
 
@@ -40,6 +41,10 @@ class DiagnosisSettings:
     fast: bool = False
     seed: int = 0
     estimator_digest: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a negative seed; `SignalError`."""
+        check_seed(self.seed)
 
     def check(self, actuator: Actuator) -> None:
         """Refuse what no recording could be diagnosed by; `MethodError` says why."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.argument import check_actuator
 from emaphm.arrays import Array
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.diagnose import conclude
@@ -26,6 +27,7 @@ from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import Recording, check_plausible
+from emaphm.recording.argument import check_recording
 from emaphm.recording.content import check_each_once
 from emaphm.recording.sensor_checks import check_sensors
 from emaphm.simulation import AVERAGED
@@ -69,9 +71,14 @@ def diagnose_joint(
         There is no recording, they are of different units, one has no current, or a nuisance is unknown.
     RecordingError
         A recording cannot be of this actuator, by orders of magnitude, or too little of its current is left;
-        or two are the same.
+        or two are the same, or one is no `Recording`.
+    ActuatorError
+        `actuator` is no `Actuator`.
     """
     began = time.perf_counter()
+    for one in recordings:
+        check_recording(one)
+    check_actuator(actuator)
     _check(recordings, actuator)
     checked = [
         with_channels_exchanged(check_sensors(one, actuator), actuator, AVERAGED) for one in recordings

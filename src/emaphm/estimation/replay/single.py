@@ -7,10 +7,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from emaphm.actuator import Actuator, Faults
+from emaphm.actuator.argument import check_actuator
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.replay.errors import ErrorStatistics, error_table, relative_of, warnings
 from emaphm.recording import Recording, check_plausible, with_equivalent_current
+from emaphm.recording.argument import check_recording
 from emaphm.recording.schema import SCHEMA
 from emaphm.simulation import model_named
 from emaphm.version import VERSION
@@ -121,10 +123,14 @@ def replay(
     FaultError
         The friction is less than the actuator can have (`emaphm.actuator.faults.lower_bounds`).
     RecordingError
-        The recording cannot be meant for this actuator, by orders of magnitude.
+        `recording` is no `Recording`, or cannot be meant for this actuator, by orders of magnitude.
+    ActuatorError
+        `actuator` is no `Actuator`.
     MethodError
         The model is unknown, or has none of the recorded channels.
     """
+    check_recording(recording)
+    check_actuator(actuator)
     check_plausible(recording, actuator)
     recording = with_equivalent_current(recording, actuator)
     problem = Problem.of(recording, actuator, model_named(model))

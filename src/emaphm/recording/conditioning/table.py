@@ -1,6 +1,6 @@
 """The rows of a file as channels: columns on one time base, converted, scaled, and reckoned from others."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, get_args
 
@@ -289,6 +289,18 @@ def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source:
             f"{source}: unit of {name} under [channels] in the actuator's TOML: {error}; correct the "
             f"unit{hint}"
         ) from None
+
+
+def check_units(actuator: Actuator, names: Iterable[str], source: str) -> None:
+    """Refuse a unit in the entries of the channels `names` that is one of another quantity.
+
+    Raises
+    ------
+    RecordingError
+        As `table_of` does where such an entry is applied.
+    """
+    for name in names:
+        _converted(name, Source(actuator.channels.entry(name)), np.zeros(1), actuator, source)
 
 
 def _converts(unit: str, name: str, coordinates: str) -> bool:

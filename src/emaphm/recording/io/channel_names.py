@@ -31,8 +31,10 @@ def sources_in_file(
 
     A channel is what its entry says, else the column that has its schema name; one that the file lacks is
     left out. A file without any of the foreign names is read by schema names alone and without conversion, so
-    that what emaphm wrote for a rig can be read back with that rig's description. Where the format has times
-    of its own, `time_s` may be absent.
+    that what emaphm wrote for a rig can be read back with that rig's description. As reading refuses a file
+    without a channel that has a foreign name, what emaphm writes has all of them: where one is in the file
+    under neither name, an entry that converts or delays a column which is there is not passed over, and the
+    foreign name is missed. Where the format has times of its own, `time_s` may be absent.
 
     Parameters
     ----------
@@ -54,13 +56,13 @@ def sources_in_file(
     held = [*columns.numeric, *columns.unusable]
     entries = {name: channels.entry(name) for name in SCHEMA if name not in known}
     foreign = {name: entry for name, entry in entries.items() if _foreign_names(name, entry)}
-    # What emaphm wrote has schema names and no groups; any other file must hold what the entries say.
-    is_foreign = "time_s" not in held or any(
-        resolved(there, held, source)
-        for name, entry in foreign.items()
-        for there in _foreign_names(name, entry)
-    )
     taken = {there for name, entry in foreign.items() for there in _foreign_names(name, entry)}
+    # What emaphm wrote has schema names and no groups; any other file must hold what the entries say.
+    is_foreign = (
+        "time_s" not in held
+        or any(resolved(there, held, source) for there in sorted(taken))
+        or (any(name not in held for name in foreign) and bool(_changed_in_file(entries, held)))
+    )
     found: dict[str, Source] = {}
     for name, entry in entries.items():
         own = name if name in held and name not in taken else None
@@ -139,6 +141,17 @@ def _foreign_names(name: str, entry: ChannelEntry) -> list[str]:
     return [entry.column] if entry.column not in {None, name} else []
 
 
+def _changed_in_file(entries: Mapping[str, ChannelEntry], held: Collection[str]) -> list[str]:
+    """Return the channels in a file under their schema names whose entries change what these columns say."""
+    return [name for name, entry in entries.items() if name in held and _changes_own(name, entry)]
+
+
+def _changes_own(name: str, entry: ChannelEntry) -> bool:
+    if entry.derived is not None:
+        return name in Expression.parse(entry.derived).names
+    return entry.column in {None, name} and entry.value is None and entry != ChannelEntry(column=entry.column)
+
+
 def _check_missing(
     found: Mapping[str, Source],
     entries: Mapping[str, ChannelEntry],
@@ -161,9 +174,12 @@ def _check_missing(
     taken = {where.column for where in found.values()}
     hint = missing_name(there, held, [one for one in held if one not in taken])
     if there != name:
+        of_rig = any(one in found and found[one].entry is not OWN_NAME for one in promised)
+        changed = [] if of_rig else _changed_in_file(entries, held)
+        own = f"; if emaphm wrote the file, take out that of {' and '.join(changed)} too" if changed else ""
         raise RecordingError(
             f"{source}: no column '{there}', which [channels] in the actuator's TOML gives for {name}{hint}; "
-            "correct the name there, or take the line out"
+            f"correct the name there, or take the line out{own}"
         )
     raise RecordingError(
         f"{source}: no column '{name}'{hint}; if it has another name in the file, put {name} = \"that name\" "

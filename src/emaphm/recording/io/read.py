@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Sampled
+from emaphm.actuator.argument import check_actuator
 from emaphm.actuator.channels import OWN_NAME
 from emaphm.actuator.columns.expression import Expression
 from emaphm.actuator.reading import Reading
@@ -19,7 +20,7 @@ from emaphm.recording.checks import check
 from emaphm.recording.conditioning.condition import conditioned
 from emaphm.recording.conditioning.low_pass import low_passed
 from emaphm.recording.conditioning.masks import kept_rows
-from emaphm.recording.conditioning.table import Table, table_of
+from emaphm.recording.conditioning.table import Table, check_units, table_of
 from emaphm.recording.equivalent_current import with_equivalent_current
 from emaphm.recording.io.channel_names import Source, resolved, sources_in_file
 from emaphm.recording.io.csv_file import read_csv
@@ -81,6 +82,8 @@ def read_recording(
     RecordingError
         The file is too large, cannot be read, lacks a column, holds several recordings, or breaks a rule of
         `emaphm.recording.checks.check`.
+    ActuatorError
+        `actuator` is no `Actuator`.
     """
     file = _opened(Path(path), actuator, known, limits)
     if file.reading.split is None:
@@ -181,6 +184,7 @@ class _File:
 def _opened(
     path: Path, actuator: Actuator, known: Known, limits: ReadLimits, split: str | None = None
 ) -> _File:
+    check_actuator(actuator)
     _constants(known, str(path))  # refused before a large file is read
     return _table_in(_columns(path, limits, _asked_for(actuator, split)), path, actuator, known, split)
 
@@ -196,6 +200,8 @@ def _table_in(
     wanted = actuator.reading
     reading = Reading(longest_gap=wanted.longest_gap, outliers=wanted.outliers) if is_own else wanted
     every = [*held.numeric, *held.unusable]
+    if is_own:  # a wrong unit is one also where it is passed over
+        check_units(actuator, (name for name in SCHEMA if name not in passed_by), source)
     passed_over = _passed_over(actuator, reading, sources, constants) if is_own else []
     named = list(columns_in(split or reading.split or ""))
     named += Expression.parse(reading.keep).names if reading.keep else ()
