@@ -190,9 +190,8 @@ def _with_deviations(
     diagnosis = replace(
         concluded,
         selected=(*selection.nuisances, *suspected_parameters(found)),
-        laws=selection.laws,
         recording_notes=(*concluded.recording_notes, *notes),
-    )
+    ).with_laws(selection.laws)
     if moves and not diagnosis.explained:
         drives = other_drive(searched, found, settings)
         diagnosis = replace(diagnosis, reasons=(*drives, *diagnosis.reasons))
