@@ -41,7 +41,7 @@ def angle_unit_complaint(recording: Recording, actuator: Actuator) -> str | None
         matched = _slope(turns * wrapped / size, motion, delays)
         if matched is not None and 1 / MATCHES <= matched <= MATCHES:
             return (
-                f"angle_rad turns {size:.3g} times as far as the motor does by {name}; it seems to be {unit}: "
+                f"angle_rad turns {size:.3g} times as far as the motor by {name}; it seems to be {unit}: "
                 f"convert it to the motor's mechanical angle in rad{_else(name)}"
             )
     return None
