@@ -86,6 +86,18 @@ def test_the_law_is_named_and_its_parameter_found(found: Diagnosis) -> None:
     assert found.to_dict()["law_parameters"]["stribeck_speed"]["value"] == speed.value
 
 
+def test_no_law_is_proposed_where_it_explains_nothing_or_shows_no_value(found: Diagnosis) -> None:
+    unexplained = replace(found, explained=False).with_laws(found.laws)
+    assert unexplained.laws == ()
+    assert not any("stribeck" in name for name in unexplained.to_dict()["nuisances"])
+    unseen = {name: replace(one, known=False) for name, one in found.nuisances.items()}
+    unknown = replace(found, nuisances=unseen).with_laws(found.laws)
+    for one in (unexplained, unknown):
+        assert one.law_parameters == {}
+        assert "emaphm calibrate --laws" not in str(one)
+    assert found.with_laws(found.laws).laws == found.laws
+
+
 def test_the_faults_are_found_beside_the_law(found: Diagnosis) -> None:
     assert error_percent(TRUTH.vector, found.faults.vector) <= 1.5
     for name in SOUND:

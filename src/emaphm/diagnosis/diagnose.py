@@ -12,6 +12,7 @@ from emaphm.arrays import Array, rms
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
 from emaphm.diagnosis.explanation.cautions import cautions
+from emaphm.diagnosis.explanation.command_speed import notes_on_command
 from emaphm.diagnosis.explanation.moment import notes_on_moment
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
@@ -192,9 +193,8 @@ def _with_deviations(
     diagnosis = replace(
         concluded,
         selected=(*selection.nuisances, *suspected_parameters(found)),
-        laws=selection.laws,
         recording_notes=(*concluded.recording_notes, *notes),
-    )
+    ).with_laws(selection.laws)
     if moves and not diagnosis.explained:
         drives = other_drive(searched, found, settings)
         diagnosis = replace(diagnosis, reasons=(*drives, *diagnosis.reasons))
@@ -304,7 +304,7 @@ def conclude(
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
     if reasons:
         components = unexplained(components, space.fixed)
-        reasons = (*reasons, *notes_on_moment(result))
+        reasons = (*reasons, *notes_on_moment(result), *notes_on_command(problem))
     elif tests:
         components = tested(components, result, jacobians, seed)
     components = undecided_by_model_error(components, known.model_error_share, space)

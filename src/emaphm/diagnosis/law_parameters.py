@@ -1,4 +1,4 @@
-"""The parameters of laws that a diagnosis found, in their own units."""
+"""The laws that a diagnosis found, and their parameters in their own units."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -34,3 +34,23 @@ def law_parameters(
                 estimate = replace(estimate, value=value, standard_error=abs(value) * estimate.standard_error)
             values[name] = replace(estimate, unit=LUMPED_PARAMETERS[name])
     return values
+
+
+def shown_laws(laws: Sequence[str], nuisances: Mapping[str, NuisanceEstimate]) -> tuple[str, ...]:
+    """Return those of `laws` that a recording shows: one of the estimated parameters at least is known.
+
+    A law none of whose parameters was estimated is kept: it was compared at the values it was started with.
+    """
+    estimated = {
+        law: [nuisances[BASELINE + name] for name in LAWS[law].parameters if BASELINE + name in nuisances]
+        for law in laws
+    }
+    return tuple(law for law, values in estimated.items() if not values or any(one.known for one in values))
+
+
+def without_laws(
+    nuisances: Mapping[str, NuisanceEstimate], laws: Sequence[str]
+) -> dict[str, NuisanceEstimate]:
+    """Return the `nuisances` less the parameters that the `laws` bring."""
+    brought = {BASELINE + name for law in laws for name in LAWS[law].parameters}
+    return {name: one for name, one in nuisances.items() if name not in brought}

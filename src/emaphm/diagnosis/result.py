@@ -5,14 +5,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.actuator.lumped_parameters import not_calibrated
 from emaphm.arrays import Array
-from emaphm.diagnosis.law_parameters import law_parameters
+from emaphm.diagnosis.law_parameters import law_parameters, shown_laws, without_laws
 from emaphm.diagnosis.load_estimate import LoadEstimate, estimated_load
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, ROTOR_ZERO
@@ -69,7 +69,8 @@ class Diagnosis:
         Nuisances that were estimated because they deviate significantly, though nobody asked for them;
         "baseline NAME" are parameters of the actuator that the recording contradicts.
     laws
-        Optional laws that explain the recording clearly better, though the description lacks them.
+        Optional laws that explain the recording clearly better, though the description lacks them; none
+        where it is not explained all the same, or shows no value of a law (`with_laws`).
     collinear_sets
         Parameters of which only the combined effect is known.
     moves
@@ -132,6 +133,16 @@ class Diagnosis:
             explained=self.explained,
         )
         return replace(self, sensor_faults=found)
+
+    def with_laws(self, laws: Sequence[str]) -> Self:
+        """Return the diagnosis with those of the `laws` of its search that are worth a calibration.
+
+        What lowers the residual of a recording that stays unexplained need not be what causes it: it then has
+        no values of these laws either.
+        """
+        if self.explained:
+            return replace(self, laws=shown_laws(laws, self.nuisances))
+        return replace(self, laws=(), nuisances=without_laws(self.nuisances, laws))
 
     @property
     def by_estimator(self) -> bool:

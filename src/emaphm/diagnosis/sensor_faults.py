@@ -29,6 +29,9 @@ LIKE_A_HELD_SHAFT = " A shaft that friction held off the command as the recordin
 LIKE_A_CURRENT_SCALE = " A torque constant that is {factor:.3g} times the described one looks alike."
 """Without windings, nothing but the torque of the current shows."""
 
+UNFOLLOWED = "does not follow its quantity: its scale of {factor:.2g} may be 0"
+"""A scale that is no more than `CERTAIN` standard errors from 0 has no size worth a name."""
+
 MEANINGS = {
     "bias": "shows {size:.3g} {unit} at zero",
     "scale": "shows {factor:.4g} times its quantity",
@@ -138,7 +141,8 @@ def _estimated(
     channel = "all channels"
     if quantity != "all":
         channel = next(one for one in SENSOR_CHANNELS[quantity] if one in channels)
-    meaning = MEANINGS[kind].format(
+    follows = abs(1 + estimate.value) > CERTAIN * estimate.standard_error
+    meaning = (MEANINGS[kind] if follows or kind != "scale" else UNFOLLOWED).format(
         size=estimate.value,
         unit=estimate.unit,
         factor=1 + estimate.value,

@@ -11,6 +11,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.quantity import unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
+from emaphm.recording.angle_unit import angle_unit_complaint
 from emaphm.recording.checks import COUNTING
 from emaphm.recording.io.limits import WAY_OUT
 from emaphm.recording.recording import Recording
@@ -86,6 +87,7 @@ def check_plausible(recording: Recording, actuator: Actuator) -> None:
         or _interval(recording)
         or time_unit_complaint(recording, actuator)
         or _motion(recording, actuator)
+        or angle_unit_complaint(recording, actuator)
         or _end_stops(recording, actuator)
         or _no_current(recording)
         or _high_current(recording, actuator)

@@ -10,13 +10,14 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array, rms
 from emaphm.diagnosis.explanation.contradicted_rotor_zero import contradicted_zero
+from emaphm.diagnosis.explanation.followed_channels import unfollowed
 from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem, comparable_channels
 from emaphm.estimation.search_result import EXPECTED_RESIDUAL, SearchResult
-from emaphm.estimation.sensors.sensor_model import described_noise, error_kind, sensor_error
+from emaphm.estimation.sensors.sensor_model import described_noise, error_kind, sensor_error, sensor_of
 from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.space.nuisances import BASELINE, has_stated_prior, unit_of, usual_deviation
 from emaphm.estimation.space.parameter_variation import variation_unit
@@ -114,6 +115,8 @@ def reasons_against(
        (`emaphm.diagnosis.explanation.contradicted_rotor_zero`).
     10. No two sensors have another scale, each by more than `prior_deviations`: faults of sensors are rare,
        and times that are stretched change the scale of everything that moves.
+    11. Of a channel whose sensor has another scale, the model explains more of the variation than of noise
+        (`emaphm.diagnosis.explanation.followed_channels`).
 
     The fifth, sixth and ninth are asked where the reference model has corrected the estimate by its
     switching: of other drives a few percent are left of any machine, whose direction may be that of a
@@ -136,6 +139,7 @@ def reasons_against(
     found = [
         *(_unlike_healthy(primary, healthy) if primary in healthy else _primary(result)),
         *_channels(result, healthy, moves=moves),
+        *_unfollowed(result),
         *_nuisances(result),
         *_unit(result),
         *_scales(result),
@@ -365,14 +369,26 @@ def _deviation(name: str, value: float, actuator: Actuator) -> str:
     return f"{100 * math.expm1(value):+.3g} %"
 
 
-def _scales(result: SearchResult) -> Iterator[str]:
+def _unfollowed(result: SearchResult) -> Iterator[str]:
+    scaled = {name.removesuffix("_scale") for name in _other_scales(result)}
+    yield from unfollowed(
+        result, [one for one in result.objective.problem.channels if sensor_of(one) in scaled]
+    )
+
+
+def _other_scales(result: SearchResult) -> dict[str, float]:
+    """Return the estimated scales of sensors that are farther off than the prior has them, by name."""
     space, actuator = result.objective.space, result.objective.problem.actuator
-    far = {
+    return {
         name: float(values[0])
         for name, values in space.nuisance_values(result.point[np.newaxis]).items()
         if error_kind(name) == "scale"
         and abs(float(values[0])) > EXPLANATION.prior_deviations * usual_deviation(actuator, name)
     }
+
+
+def _scales(result: SearchResult) -> Iterator[str]:
+    far = _other_scales(result)
     if len(far) > 1 and max(far.values()) < -1:
         channels = " and ".join(name.removesuffix("_scale") for name in far)
         yield f"{channels} are reversed; correct their wires, or give them sign = -1 under [channels]"

@@ -112,8 +112,7 @@ def diagnose_joint(
     whole = conclusion(alone, results, single, estimate, known, seed)
     models = [one.objective.problem.runs.of(AVERAGED) for one in results]
     return replace(
-        whole,
-        laws=searches.laws,
+        whole.with_laws(searches.laws),
         evaluations=sum(run for run, _ in models),
         reference_runs=sum(run for _, run in models),
         seconds=time.perf_counter() - began,

@@ -1,0 +1,33 @@
+"""A command that asks for speeds far beyond the motor's: a note on its unit where nothing is explained."""
+
+import numpy as np
+
+from emaphm.actuator.laws import typical_speed
+from emaphm.estimation.problem import Problem
+
+BEYOND = 3.0
+"""Multiple of the motor's largest speed that no command is made for, but for its steps."""
+
+LEAST_SHARE = 0.25
+"""Share of the moving rows that ask for more: of a step it is a row, of degrees most of the motion."""
+
+QUARTERS = 4
+"""`typical_speed` is so great a part of the largest speed."""
+
+
+def notes_on_command(problem: Problem) -> tuple[str, ...]:
+    """Return a sentence on a command that the motor could follow nowhere near, or none."""
+    actuator = problem.actuator
+    if actuator.controller.speed_limit is None and actuator.electrical is None:
+        return ()
+    largest = QUARTERS * typical_speed(actuator)
+    rates = np.abs(np.diff(problem.measured["command_rad"])) / problem.inputs.interval
+    speeds = rates[rates > 0] / actuator.mechanics.gear_ratio
+    if not speeds.size or float(np.mean(speeds > BEYOND * largest)) < LEAST_SHARE:
+        return ()
+    note = (
+        f"command_rad asks the motor for up to {speeds.max():.3g} "
+        f"{'m/s' if actuator.has_linear_motor else 'rad/s'}, and {largest:.3g} are the most that it reaches; "
+        "check the unit of command_rad, as degrees or milliradians for rad, and the gear ratio"
+    )
+    return (note,)

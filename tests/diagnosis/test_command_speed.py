@@ -1,0 +1,29 @@
+"""A command whose unit is wrong asks for speeds that no motor has; a step does so in single rows only."""
+
+import numpy as np
+import pytest
+
+from cases import THESIS
+from emaphm.actuator import Chirp, Command, Ramp, Step
+from emaphm.diagnosis.explanation.command_speed import notes_on_command
+from emaphm.estimation.problem import Problem
+from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
+
+
+@pytest.mark.parametrize("command", [Chirp(), Step(), Ramp()])
+def test_a_command_of_the_actuator_is_not_noted(command: Command) -> None:
+    assert notes_on_command(problem(command, 1.0)) == ()
+
+
+@pytest.mark.parametrize("factor", [180 / np.pi, 1e3])
+def test_a_command_in_a_smaller_unit_is_noted(factor: float) -> None:
+    (note,) = notes_on_command(problem(Chirp(), factor))
+    assert "check the unit of command_rad" in note
+
+
+def problem(command: Command, factor: float) -> Problem:
+    whole = simulate(THESIS, command, model="averaged", duration=0.3)
+    columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
+    columns["command_rad"] = factor * columns["command_rad"]
+    return Problem.of(Recording(columns), THESIS, channels=None)
