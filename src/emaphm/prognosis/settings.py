@@ -85,8 +85,8 @@ class FilterSettings:
     `particles` is the number of banks: with 1,000, an update takes 5 to 8 ms on one core. Of a short history
     there are more, `in_all` of them in all its updates together, up to `most`: few of a thousand draws fit a
     short life. Where a component wore by 0.04 in an hour, with six diagnoses, three of six seeds lost it with
-    1,000, none of ten with 8,000. From seed to seed the median of the RUL of a unit whose wear accelerates,
-    with eight diagnoses, scattered by 18 % with 1,000, by 11 % with 6,250; that of one that wears evenly by
+    1,000, none of ten with 4,000. From seed to seed the median of the RUL of a unit whose wear accelerates,
+    with eight diagnoses, scattered by 18 % with 1,000, by 11 % with 3,125; that of one that wears evenly by
     1 % with 1,000 (`python -m tests.prognosis.calibration --seeds 6`).
     Resampled where fewer than `effective_share` of them carry the weight, the usual half. After it, copies
     differ again by a kernel of Liu and West with `shrinkage`, their usual 0.98, in the logarithms of life
@@ -106,8 +106,8 @@ class FilterSettings:
     """
 
     particles: int = 1000
-    most: int = 8000
-    in_all: int = 50_000
+    most: int = 4000
+    in_all: int = 25_000
     effective_share: float = 0.5
     shrinkage: float = 0.98
     least_spread: float = 0.05
