@@ -36,7 +36,7 @@ def explained_share(recorded: Array, residual: Array) -> float:
 
 
 def is_followed(recorded: Array, residual: Array, parameters: int) -> bool:
-    """Return whether a fit of so many `parameters` explains more of `recorded` (samples,) than of noise.
+    """Return whether a fit of this many `parameters` explains more of `recorded` (samples,) than of noise.
 
     Of white noise of variance σ², d parameters take up σ² times chi-squared of d degrees of freedom at most:
     d σ² on average, with a standard deviation of √(2 d) σ². The residual's variance is taken for σ².

@@ -157,7 +157,7 @@ def _motion_after(problem: "Problem", rest: int) -> tuple[DrivingSignals, int]:
 
 
 def _is_sure_rest(problem: "Problem", rest: int) -> bool:
-    """Return whether so many rows of `rest` are more than a slow beginning of the motion may look like."""
+    """Return whether a `rest` of this many rows is more than a slow beginning of the motion may look like."""
     return rest >= max(HELD_START.sure / problem.inputs.interval, HELD_START.fewest)
 
 
