@@ -94,12 +94,17 @@ class Law:
         return Actuator.from_dict(description, where=actuator.name)
 
 
-def typical_speed(actuator: Actuator) -> float:
-    """Return a motor speed [rad/s] that the actuator reaches in use: a quarter of its largest."""
+def largest_speed(actuator: Actuator) -> float:
+    """Return the largest motor speed [rad/s] by the controller and the supply; infinite for neither."""
     limits = [actuator.controller.speed_limit or math.inf]
     if actuator.electrical is not None:
         limits.append(actuator.electrical.supply / actuator.motor.torque_constant)
-    largest = min(limits)
+    return min(limits)
+
+
+def typical_speed(actuator: Actuator) -> float:
+    """Return a motor speed [rad/s] that the actuator reaches in use: a quarter of its largest."""
+    largest = largest_speed(actuator)
     return largest / 4 if math.isfinite(largest) else 1.0
 
 

@@ -140,7 +140,9 @@ def hours_last_added(connection: sa.Connection, unit_id: int, count: int) -> tup
 
 def has_diagnosis(connection: sa.Connection, recording_hash: str, settings: KeptSettings) -> bool:
     """Return whether a recording has a diagnosis of these settings."""
-    return connection.execute(_diagnoses().where(*_made_by(recording_hash, settings))).first() is not None
+    # Its document is not asked for: a watcher looks up every recording.
+    query = _diagnoses().with_only_columns(DIAGNOSES.c.id).where(*_made_by(recording_hash, settings))
+    return connection.execute(query).first() is not None
 
 
 def diagnosis(

@@ -114,7 +114,7 @@ def log_axis(axis: "Axes", directions: str) -> None:
         along.set_major_locator(LogLocator(subs=tuple(marked)))
         along.set_minor_formatter(NullFormatter())
         if decades < WIDE:
-            along.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.9g}"))
+            along.set_major_formatter(FuncFormatter(_in_full))
 
 
 def log_axis_from_zero(axis: "Axes", start: float) -> None:
@@ -128,7 +128,12 @@ def log_axis_from_zero(axis: "Axes", start: float) -> None:
     axis.set_ylim(bottom=0)
     axis.yaxis.set_minor_locator(SymmetricalLogLocator(base=10, linthresh=start, subs=list(range(2, 10))))
     axis.yaxis.set_minor_formatter(NullFormatter())
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.9g}"))
+    axis.yaxis.set_major_formatter(FuncFormatter(_in_full))
+
+
+def _in_full(value: float, _: object = None) -> str:
+    """Return the text of a number along an axis."""
+    return f"{value:,.9g}"
 
 
 def plain_numbers(axis: "Axes") -> None:
@@ -138,11 +143,8 @@ def plain_numbers(axis: "Axes") -> None:
     """
     from matplotlib.ticker import FuncFormatter
 
-    def text(value: float, _: object = None) -> str:
-        return f"{value:,.9g}"
-
-    axis.xaxis.set_major_formatter(FuncFormatter(text))
-    if max(len(text(round(end))) for end in axis.get_xlim()) > SHORT_NUMBER:
+    axis.xaxis.set_major_formatter(FuncFormatter(_in_full))
+    if max(len(_in_full(round(end))) for end in axis.get_xlim()) > SHORT_NUMBER:
         axis.locator_params(axis="x", nbins=FEW_NUMBERS)
 
 

@@ -86,9 +86,10 @@ def _is_smooth(recording: Recording, name: str) -> bool:
     A jump in the first row or the last has so few differences that it may pass for a smooth signal.
     """
     values = recording[name]
+    if not is_band_limited(values):
+        return False
     jumps = Jumps.of(values, means=recording.sampling == "mean")
-    at_ends = np.any(jumps.before == 0) or np.any(jumps.after == values.size - 1)
-    return is_band_limited(values) and not at_ends
+    return not (np.any(jumps.before == 0) or np.any(jumps.after == values.size - 1))
 
 
 def _spline(recording: Recording, name: str, degree: int) -> Callable[[Array], Array]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from emaphm.actuator.laws import typical_speed
+from emaphm.actuator.laws import largest_speed
 from emaphm.estimation.problem import Problem
 
 BEYOND = 3.0
@@ -11,16 +11,11 @@ BEYOND = 3.0
 LEAST_SHARE = 0.25
 """Share of the moving rows that ask for more: of a step it is a row, of degrees most of the motion."""
 
-QUARTERS = 4
-"""`typical_speed` is so great a part of the largest speed."""
-
 
 def notes_on_command(problem: Problem) -> tuple[str, ...]:
     """Return a sentence on a command that the motor could follow nowhere near, or none."""
     actuator = problem.actuator
-    if actuator.controller.speed_limit is None and actuator.electrical is None:
-        return ()
-    largest = QUARTERS * typical_speed(actuator)
+    largest = largest_speed(actuator)
     rates = np.abs(np.diff(problem.measured["command_rad"])) / problem.inputs.interval
     speeds = rates[rates > 0] / actuator.mechanics.gear_ratio
     if not speeds.size or float(np.mean(speeds > BEYOND * largest)) < LEAST_SHARE:

@@ -136,17 +136,15 @@ def _promising(searched: SearchResult, seed: int) -> list[tuple[tuple[str, ...],
     hinge_share = alone.with_more(hinged, point).share_left
     spline, point = with_nuisances(searched, (), VARYING_LOAD, 1.0)
     curved = alone.with_more(spline, point)
+    is_loud = searched.normalised_residual > VARYING.loud
+    stepping = with_steps(searched, (), alone) if is_loud else []
+    every = with_steps(searched, VARYING_LOAD, curved) if is_loud else []
     loads: list[tuple[tuple[str, ...], MapObjective, float]] = [
         ((HINGE,), hinged, hinge_share),
+        *(((LOAD_STEP,), *one) for one in stepping),
         (VARYING_LOAD, spline, curved.share_left),
+        *((LOADS, *one) for one in every),
     ]
-    if searched.normalised_residual > VARYING.loud:
-        loads = [
-            loads[0],
-            *(((LOAD_STEP,), *one) for one in with_steps(searched, (), alone)),
-            loads[1],
-            *((LOADS, *one) for one in with_steps(searched, VARYING_LOAD, curved)),
-        ]
     most = VARYING.much * max(VARYING.least, min(share for _, _, share in loads))
     left = {names: VARYING.left_by_steps if names == (LOAD_STEP,) else VARYING.left for names, _, _ in loads}
     return [(names, loaded) for names, loaded, share in loads if share <= min(most, left[names])]

@@ -1,6 +1,7 @@
 """Whether the controller that is described is the one that was at work in a recording."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -41,6 +42,11 @@ LIMITED = 0.98
 
 _Estimates: TypeAlias = tuple[ParameterEstimate | None, ParameterEstimate | None]
 """The position and the speed gain."""
+
+_Allowance: TypeAlias = Callable[
+    [ParameterEstimate | None, ParameterEstimate | None], ParameterEstimate | None
+]
+"""From a gain and what else was found of it to the gain with another error."""
 
 
 @dataclass(frozen=True)
@@ -143,9 +149,10 @@ def controller_check(recording: Recording, actuator: Actuator) -> ControllerChec
     if gains is None:
         return ControllerCheck(relative_error, None, None, None, described)
     noisier, _ = _regressed(_noisier(recording), actuator, on, cutoff)
-    found = _both_allowing_for(gains, noisier)
+    found = _both(allowing_for_noise, gains, noisier)
     if not {"speed_rad_s", "angle_rad"} & set(recording) and actuator.mechanics.backlash:
-        found = _apart_by(found, _regressed(_with_gap(recording, actuator), actuator, on, cutoff)[0])
+        crossing, _ = _regressed(_with_gap(recording, actuator), actuator, on, cutoff)
+        found = _both(_allowing_for_gap, found, crossing)
     return ControllerCheck(relative_error, best, *found, described)
 
 
@@ -158,20 +165,7 @@ def _with_gap(recording: Recording, actuator: Actuator) -> Recording:
     way = np.sign(_rate(position, recording.interval_s))
     last = np.maximum.accumulate(np.where(way != 0, np.arange(way.size), 0))
     angle = position / mechanics.gear_ratio + way[last] * mechanics.backlash / 2
-    columns = {name: recording[name] for name in recording.names}
-    return Recording(columns | {"angle_rad": angle}, recording.sampling, recording.source)
-
-
-def _apart_by(gains: _Estimates, others: _Estimates | None) -> _Estimates:
-    """Return the gains with errors that allow for how far the `others` are from them."""
-
-    def widened(one: ParameterEstimate | None, other: ParameterEstimate | None) -> ParameterEstimate | None:
-        if one is None:
-            return None
-        apart = math.inf if other is None else abs(other.value - one.value)
-        return replace(one, standard_error=math.hypot(one.standard_error, apart))
-
-    return widened(gains[0], others[0] if others else None), widened(gains[1], others[1] if others else None)
+    return recording.with_channels({**recording.channels, "angle_rad": angle})
 
 
 def _noisier(recording: Recording) -> Recording:
@@ -179,19 +173,23 @@ def _noisier(recording: Recording) -> Recording:
     position = recording["position_rad"]
     level = max(noise_level(position), rounding_step(position) / 12**0.5)
     noise = stream(0, "noise of a position once more").normal(0.0, level, position.size)
-    columns = {name: recording[name] for name in recording.names}
-    return Recording(columns | {"position_rad": position + noise}, recording.sampling, recording.source)
+    return recording.with_channels({**recording.channels, "position_rad": position + noise})
 
 
-def _both_allowing_for(gains: _Estimates, noisier: _Estimates | None) -> _Estimates:
-    """Return the gains with errors that allow for the position's noise, which lowers them.
+def _both(allowing_for: _Allowance, gains: _Estimates, others: _Estimates | None) -> _Estimates:
+    """Return the gains with errors that allow for what makes the `others` of them."""
+    position, speed = (None, None) if others is None else others
+    return allowing_for(gains[0], position), allowing_for(gains[1], speed)
 
-    Differences of a position in coarse counts may be noise for the most part: a speed gain of 4.7e4 N·s/m was
-    found as 0.9e4 ± 1.0e4.
-    """
-    position, speed = gains
-    others = (None, None) if noisier is None else noisier
-    return allowing_for_noise(position, others[0]), allowing_for_noise(speed, others[1])
+
+def _allowing_for_gap(
+    one: ParameterEstimate | None, crossing: ParameterEstimate | None
+) -> ParameterEstimate | None:
+    """Return a gain, its error with how far it is from that of a motor `crossing` the backlash."""
+    if one is None:
+        return None
+    apart = math.inf if crossing is None else abs(crossing.value - one.value)
+    return replace(one, standard_error=math.hypot(one.standard_error, apart))
 
 
 def allowing_for_noise(
@@ -201,7 +199,8 @@ def allowing_for_noise(
 
     A gain k is found as k / (1 + r), r the noise of its regressor relative to its signal, and as
     k / (1 + 2 r) where there is as much noise once more (simulation and extrapolation, Cook and Stefanski
-    1994).
+    1994). Differences of a position in coarse counts may be noise for the most part: a speed gain of
+    4.7e4 N·s/m was found as 0.9e4 ± 1.0e4.
     """
     if one is None:
         return None

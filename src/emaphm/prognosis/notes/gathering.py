@@ -40,13 +40,15 @@ def notes_on(
     has the belief after the last used diagnosis as its last one.
     """
     newest = followed.past[-1] if followed.past else followed.belief
+    # Where nothing came after it, the levels now are those drawn from the same belief.
+    then = level if newest is followed.belief else drawn_states(newest, len(level)).level
     return (
         *repair_notes(evidence),
         *life_notes(evidence, requirements, times, prior),
         *stress_notes(ahead, followed.belief.prior.reference),
         *shared_error_notes(followed.belief, component),
         *level_notes(evidence, level, prior.least_friction),
-        *newest_notes(evidence, drawn_states(newest, len(level)).level),
+        *newest_notes(evidence, then),
         *load_notes(evidence),
         *rate_notes(evidence),
         *hours_notes(evidence),

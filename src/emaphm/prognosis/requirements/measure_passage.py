@@ -60,8 +60,10 @@ def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: 
     for step in range(EVERY, len(known) - 1, EVERY) if np.isnan(known).any() else ():
         paths = np.flatnonzero(works & (_bracket(known)[1] > step))
         compute(np.full(paths.size, step), paths)
-    for _ in range(SCREENINGS if np.isnan(known).any() else 0):
-        steps = _worth_computing(known, _regression(known, within_bounds(made.level, least_friction=least)))
+    screenings = SCREENINGS if np.isnan(known).any() else 0
+    level = within_bounds(made.level, least_friction=least) if screenings else made.level
+    for _ in range(screenings):
+        steps = _worth_computing(known, _regression(known, level))
         paths = np.flatnonzero(works & (steps > 0))
         compute(steps[paths], paths)
     while True:
