@@ -6,7 +6,7 @@ import pytest
 
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.diagnosis import diagnose, error_percent
-from emaphm.estimation.problem import compared_channels
+from emaphm.estimation.compared_channels import compared_channels
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.study import cases

@@ -14,7 +14,7 @@ from cases import THESIS, drawn, reference_recordings
 from emaphm.errors import SignalError
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.random_streams import child_seed, stream
 
@@ -48,7 +48,7 @@ def test_a_negative_seed_is_refused() -> None:
 
 def test_the_bias_correction_follows_its_seed() -> None:
     truth = drawn(1, seed=7)
-    problem = Problem.of(reference_recordings(truth, noise=0.05, duration=0.25)[0], THESIS)
+    problem = problem_of(reference_recordings(truth, noise=0.05, duration=0.25)[0], THESIS)
     objective = MapObjective.of(problem, ParameterSpace.of(THESIS))
     start = objective.space.points(truth)
     ends = [correct_bias(objective, start, 1, seed).point for seed in (0, 0, 1)]

@@ -11,7 +11,7 @@ from emaphm.amortized.error_prediction import other_explanations as module
 from emaphm.amortized.error_prediction.other_explanations import other_explanations
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording
 
@@ -28,7 +28,7 @@ def explanations(
     whole = on_a_rig(actuator, faults, 0.3)
     current = whole["current_A"] + hum * np.sin(2 * np.pi * 50.0 * whole["time_s"])
     recording = Recording({name: whole[name] for name in whole} | {"current_A": current})
-    problem = Problem.of(recording, THESIS, channels=("current_A", "voltage_V"))
+    problem = problem_of(recording, THESIS, channels=("current_A", "voltage_V"))
     objective = faults_objective(problem, ("load",))
     point = correct_bias(objective, objective.space.points(faults.vector[np.newaxis]), 2, seed=0).point
     point[objective.space.coordinates.index("friction")] += off

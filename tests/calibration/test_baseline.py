@@ -16,7 +16,7 @@ from emaphm.calibration.warnings.earlier import earlier_warnings
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.errors import MethodError
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.space.nuisances import BASELINE, NuisanceSet
 from emaphm.estimation.space.parameter_variation import (
     LEAST_DEVIATION,
@@ -254,7 +254,7 @@ def test_a_deviation_is_an_actuator_of_other_values() -> None:
         with_lumped_parameters(THESIS, {"inertia": 1.06 * 2.5e-5}), Chirp(), faults=TRUTH, model="averaged"
     )
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
-    fit = faults_objective(Problem.of(recording, with_baseline({"inertia": 0.03}), channels=None), ())
+    fit = faults_objective(problem_of(recording, with_baseline({"inertia": 0.03}), channels=None), ())
     point = fit.space.points(TRUTH.vector)
     plain = np.sqrt(np.mean((fit.target - fit.outputs(point[np.newaxis])[0])[:-1] ** 2))
     point[-1] = np.log(1.06) * np.sign(fit.space.nuisances.meaning[0, 0])
@@ -315,7 +315,7 @@ def test_deviations_are_reported_in_text_and_json(diagnosed: Diagnosis) -> None:
 
 def test_naming_no_nuisance_keeps_the_baseline(faulty: Recording, calibrated: Calibration) -> None:
     # The recording's unknowns are the recording's; the baseline belongs to the description.
-    fit = faults_objective(Problem.of(faulty, calibrated.actuator, channels=None), ())
+    fit = faults_objective(problem_of(faulty, calibrated.actuator, channels=None), ())
     assert fit.space.nuisances.quantities == tuple(BASELINE + name for name in FREE)
 
 

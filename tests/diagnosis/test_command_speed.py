@@ -6,6 +6,7 @@ import pytest
 from cases import THESIS
 from emaphm.actuator import Chirp, Command, Ramp, Step
 from emaphm.diagnosis.explanation.command_speed import notes_on_command
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -26,4 +27,4 @@ def problem(command: Command, factor: float) -> Problem:
     whole = simulate(THESIS, command, model="averaged", duration=0.3)
     columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
     columns["command_rad"] = factor * columns["command_rad"]
-    return Problem.of(Recording(columns), THESIS, channels=None)
+    return problem_of(Recording(columns), THESIS, channels=None)

@@ -30,7 +30,7 @@ from emaphm.diagnosis.selection.settings import CURRENT_CONTROL, SELECTION, SENS
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 from emaphm.recording import Recording
@@ -49,7 +49,7 @@ SETTINGS = SearchSettings(method_named("hybrid"), 2, seed=0)
 @cache
 def near_the_truth(unit: Actuator, described: Actuator, duration: float = DURATION) -> SearchResult:
     """Return the estimate of what is `described`, next to the true faults of a `unit`."""
-    problem = Problem.of(on_a_rig(unit, FAULTS, duration), described, channels=("current_A", "voltage_V"))
+    problem = problem_of(on_a_rig(unit, FAULTS, duration), described, channels=("current_A", "voltage_V"))
     objective = faults_objective(problem, ("load",))
     return correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
 
@@ -95,7 +95,7 @@ def test_gains_that_are_off_are_estimated_with_the_faults(
 def test_another_gear_ratio_is_no_speed_gain_where_only_the_current_shows_it() -> None:
     described = altered(THESIS, mechanics={"gear_ratio": 2 * THESIS.mechanics.gear_ratio})
     recording = on_a_rig(THESIS, Faults(0.3), 0.3)
-    objective = faults_objective(Problem.of(recording, described, channels=("current_A",)), ("load",))
+    objective = faults_objective(problem_of(recording, described, channels=("current_A",)), ("load",))
     start = objective.space.points(
         Faults(0.0, short_a=0.5, short_b=0.5, short_c=0.5, gain=0.05).vector[np.newaxis]
     )
@@ -152,7 +152,7 @@ def test_a_command_that_lags_is_no_delay_and_a_delay_no_lag(
         channels = {name: recording[name] for name in recording.channels}
         late = {name: np.roll(channels[name], 5) for name in ("current_A", "voltage_V")}
         recording = Recording(channels | {name: np.r_[np.zeros(5), one[5:]] for name, one in late.items()})
-    problem = Problem.of(recording, THESIS, channels=("current_A", "voltage_V"))
+    problem = problem_of(recording, THESIS, channels=("current_A", "voltage_V"))
     objective = faults_objective(problem, ("load",))
     searched = correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
     selected = select_nuisances(searched, SETTINGS)

@@ -14,7 +14,7 @@ from emaphm.diagnosis.selection.description_errors import SPEED_LOOP, PossibleEr
 from emaphm.diagnosis.selection.settings import MOTOR
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 
 FAULTS = Faults(0.5, 0.95, 0.1, 0.65, 0.2, 0.4, 0.8, 0.4)
@@ -22,7 +22,7 @@ FAULTS = Faults(0.5, 0.95, 0.1, 0.65, 0.2, 0.4, 0.8, 0.4)
 
 def near_the_truth(unit: Actuator, described: Actuator = THESIS) -> SearchResult:
     """Return the estimate of what is `described`, next to the true faults of a `unit`."""
-    problem = Problem.of(on_a_rig(unit, FAULTS, 0.5), described, channels=("current_A", "voltage_V"))
+    problem = problem_of(on_a_rig(unit, FAULTS, 0.5), described, channels=("current_A", "voltage_V"))
     objective = faults_objective(problem, ("load",))
     return correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
 

@@ -18,7 +18,7 @@ from emaphm.estimation import METHODS
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.cost_functions import COST_FUNCTIONS
 from emaphm.estimation.discrepancy import REFERENCE_RUNS
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, Inputs, Model, Plant
@@ -250,7 +250,7 @@ def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
     # A swarm ends with its iterations, wherever it is: components that hardly show may be far off (the thesis
     # has errors up to 100 %), but nine tenths of what no fault at all leaves are explained.
     assert found.faults.friction == pytest.approx(0.5, abs=0.1)
-    problem = Problem.of(recording, THESIS)
+    problem = problem_of(recording, THESIS)
     (healthy,) = COST_FUNCTIONS[fitness](
         problem.recorded, problem.predict_primary(HEALTHY), problem.inputs.interval
     )

@@ -24,7 +24,7 @@ from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.discrepancy import Discrepancy
 from emaphm.estimation.global_search.multistart import local_search
 from emaphm.estimation.objective import MapObjective, faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.nuisances import COPPER, MAGNETS, NuisanceSet, with_wider_priors
 from emaphm.estimation.space.parameter_space import ParameterSpace
@@ -42,7 +42,7 @@ COLUMNS = {name: WHOLE[name] for name in ("time_s", "command_rad", *CHANNELS)}
 def at_the_truth(columns: Mapping[str, Array]) -> SearchResult:
     """Return the healthy estimate of a recording that the averaged model made, as if it were corrected."""
     recording = Recording({**COLUMNS, **columns})
-    objective = faults_objective(Problem.of(recording, THESIS, channels=None), None)
+    objective = faults_objective(problem_of(recording, THESIS, channels=None), None)
     result = SearchResult.at(objective, objective.space.points(HEALTHY))
     # Weighted by its residuals, as a search leaves it.
     result = result.reweighted()
@@ -112,7 +112,7 @@ GREASED = CALIBRATED.model_copy(update={"friction": Friction(load_friction=0.05)
 
 def load_notes(actuator: Actuator, friction: float, load: float) -> Sequence[str]:
     """Return the notes on a friction that the load may make, where both are estimated so."""
-    objective = faults_objective(Problem.of(Recording(COLUMNS), actuator, channels=None), None)
+    objective = faults_objective(problem_of(Recording(COLUMNS), actuator, channels=None), None)
     space = objective.space
     point = space.points(Faults(friction=friction).vector)
     point[space.coordinates.index("load")] = load / space.nuisances.meaning[0, 0]
@@ -155,7 +155,7 @@ def test_a_channel_that_shows_nothing_is_not_ignored_silently() -> None:
 def test_an_inertia_that_nothing_would_show_is_named() -> None:
     def noted(channels: tuple[str, ...], nuisances: tuple[str, ...] | None = None) -> tuple[str, ...]:
         recording = Recording({name: COLUMNS[name] for name in ("time_s", "command_rad", *channels)})
-        return unseen_inertia(faults_objective(Problem.of(recording, THESIS, channels=None), nuisances))
+        return unseen_inertia(faults_objective(problem_of(recording, THESIS, channels=None), nuisances))
 
     (note,) = noted(CHANNELS[:1])
     assert "from current_A alone, one that is 5 % off reads as faults" in note
@@ -216,7 +216,7 @@ def reasons_off_calibration(name: str, far: float) -> str:
     unit = with_lumped_parameters(THESIS, {name: value})
     whole = simulate(unit, Chirp(), model="averaged", noise=0.05, duration=0.3)
     recording = Recording({column: whole[column] for column in ("time_s", "command_rad", *CHANNELS)})
-    objective = faults_objective(Problem.of(recording, calibrated, channels=None), ())
+    objective = faults_objective(problem_of(recording, calibrated, channels=None), ())
     point = objective.space.points(HEALTHY)
     size = sizes(calibrated, (name,))[0]
     point[objective.space.coordinates.index(f"baseline {name}")] = off / size
@@ -243,7 +243,7 @@ def test_one_sensor_may_have_another_scale_and_two_are_too_many(scaled: tuple[st
     columns = {name: 1.1 * COLUMNS[name] for name in scaled}
     names = ("load", "temperature", "voltage_scale", "speed_scale")
     recording = Recording({**COLUMNS, **columns})
-    objective = faults_objective(Problem.of(recording, THESIS, channels=None), names)
+    objective = faults_objective(problem_of(recording, THESIS, channels=None), names)
     start = objective.space.points(HEALTHY)
     point = start.copy()
     # A coordinate has five standard deviations of 1 % to a unit.
@@ -259,7 +259,7 @@ def test_one_sensor_may_have_another_scale_and_two_are_too_many(scaled: tuple[st
 def test_two_reversed_sensors_are_called_reversed() -> None:
     columns = {name: -COLUMNS[name] for name in ("voltage_V", "speed_rad_s")}
     objective = faults_objective(
-        Problem.of(Recording({**COLUMNS, **columns}), THESIS, channels=None), ("voltage_scale", "speed_scale")
+        problem_of(Recording({**COLUMNS, **columns}), THESIS, channels=None), ("voltage_scale", "speed_scale")
     )
     point = objective.space.points(HEALTHY)
     # A coordinate has five standard deviations of 1 % to a unit.
@@ -354,7 +354,7 @@ def test_a_wrong_temperature_is_contradicted_where_a_sensor_is_wrong_too() -> No
     assert THESIS.electrical is not None
     columns["position_rad"] = 1.15 * columns["position_rad"]
     columns["temperature_K"] = np.full(whole.samples, THESIS.electrical.temperature)
-    problem = Problem.of(Recording(columns), THESIS, channels=None)
+    problem = problem_of(Recording(columns), THESIS, channels=None)
     # As where the scale was selected: its prior is wide.
     wide = with_wider_priors(THESIS, {"position_scale": 250.0})
     nuisances = NuisanceSet.of(wide, ("load", "position_scale"), tuple(columns))
@@ -386,7 +386,7 @@ def test_a_current_that_never_changes_is_named() -> None:
 def test_noise_is_no_motion(command: Array, position: Array, moved: bool) -> None:
     columns = {"time_s": np.arange(command.size) / 100, "command_rad": command}
     columns |= {"current_A": np.sin(np.arange(command.size)), "position_rad": position}
-    objective = faults_objective(Problem.of(Recording(columns), THESIS), ())
+    objective = faults_objective(problem_of(Recording(columns), THESIS), ())
     assert moves_at(objective, objective.space.points(HEALTHY)) is moved
 
 

@@ -12,7 +12,7 @@ from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.first_look import FIRST_LOOK, FirstLook, first_look
 from emaphm.estimation.bias_correction import with_discrepancy
 from emaphm.estimation.objective import MapObjective, faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -33,7 +33,7 @@ def seen(present: Actuator, described: Actuator = THESIS) -> FirstLook:
     """Return a first look at the true faults, of a recording of the actuator that is `present`."""
     whole = simulate(present, Chirp(), faults=FAULTS, noise=0.05, adc_bits=12)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
-    objective = faults_objective(Problem.of(recording, described, workers=1), ("load",))
+    objective = faults_objective(problem_of(recording, described, workers=1), ("load",))
     point = objective.space.points(FAULTS.vector)
     result = with_discrepancy(SearchResult.at(objective, point), seed=0)
     return first_look(result, (), either_inertia(result), seed=0)

@@ -11,7 +11,7 @@ from emaphm.diagnosis.explanation.reasons import reasons_against
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.sensor_faults import sensor_faults
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 from emaphm.recording import Recording
@@ -59,7 +59,7 @@ def test_another_scale_under_noise_is_one(factor: float) -> None:
 def scaled_reasons(columns: dict[str, Array], name: str, scale: float, zero: float) -> str:
     """Return the reasons against healthy faults with a scale and a zero of sensor `name`."""
     named = (f"{name}_scale", f"{name}_offset")
-    objective = faults_objective(Problem.of(Recording(columns), THESIS, channels=None), named)
+    objective = faults_objective(problem_of(Recording(columns), THESIS, channels=None), named)
     point = objective.space.points(HEALTHY)
     units = objective.space.nuisance_values(np.ones((1, objective.space.dimensions)))
     for one, value in zip(named, (scale, zero), strict=True):

@@ -20,7 +20,7 @@ from emaphm.diagnosis.selection.selection import Selection
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 from emaphm.recording import Recording
@@ -38,7 +38,7 @@ def with_law(name: str, value: float) -> Actuator:
 
 def near_the_truth(recording: Recording, actuator: Actuator = THESIS) -> SearchResult:
     """Return the estimate of `actuator` next to the true faults."""
-    objective = faults_objective(Problem.of(recording, actuator), ("load",))
+    objective = faults_objective(problem_of(recording, actuator), ("load",))
     return correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
 
 

@@ -7,14 +7,14 @@ from cases import HEALTHY, THESIS, reference_recordings
 from emaphm.arrays import Array
 from emaphm.diagnosis.identifiability import further_information, identifiability
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 
 
 def estimated(*nuisances: str) -> SearchResult:
     """Return the healthy actuator's estimate by its current alone, as it is without a search."""
     recording = reference_recordings([HEALTHY], noise=0.05)[0]
-    objective = faults_objective(Problem.of(recording, THESIS, channels=None), nuisances)
+    objective = faults_objective(problem_of(recording, THESIS, channels=None), nuisances)
     return SearchResult.at(objective, objective.space.points(HEALTHY))
 
 

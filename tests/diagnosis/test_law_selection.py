@@ -25,7 +25,7 @@ from emaphm.diagnosis.verdict import NOT_EXPLAINED
 from emaphm.estimation.bias_correction import with_discrepancy
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 from emaphm.recording import Recording
@@ -128,7 +128,7 @@ def test_without_the_law_nothing_is_called_healthy_or_degraded(recording: Record
 @pytest.fixture(scope="module")
 def at_the_truth() -> SearchResult:
     truth = drawn(1, seed=7)
-    problem = Problem.of(reference_recordings(truth, noise=0.05, duration=0.2)[0], THESIS)
+    problem = problem_of(reference_recordings(truth, noise=0.05, duration=0.2)[0], THESIS)
     objective = faults_objective(problem, ("load",))
     return with_discrepancy(SearchResult.at(objective, objective.space.points(truth[0])), seed=0)
 

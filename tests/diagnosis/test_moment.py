@@ -6,7 +6,7 @@ from cases import HEALTHY, THESIS, on_a_rig
 from emaphm.actuator import Chirp, Faults, Step
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.moment import moment_of
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -20,7 +20,7 @@ def joined(*parts: Recording) -> Recording:
 
 def deviation(recording: Recording) -> Array:
     """Return the squared residual of the current at a healthy actuator."""
-    problem = Problem.of(recording, THESIS)
+    problem = problem_of(recording, THESIS)
     return np.asarray((problem.recorded - problem.predict_primary(HEALTHY)) ** 2).ravel()
 
 

@@ -14,7 +14,7 @@ from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.diagnosis.selection.nuisance_candidates import _gross_starts
 from emaphm.diagnosis.selection.rivals import with_rivals
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.nuisances import NO_NUISANCES
 from emaphm.estimation.space.parameter_space import ParameterSpace
@@ -139,7 +139,7 @@ def test_a_grossly_wrong_scale_is_begun_at_its_size(factor: float, tolerances: d
     healthy = recorded(THESIS, Faults())
     wrong = healthy.with_channels({**healthy.channels, "voltage_V": factor * healthy["voltage_V"]}, [])
     described = Actuator.from_dict(THESIS.model_dump(exclude_none=True) | tolerances)
-    objective = faults_objective(Problem.of(wrong, described, channels=SHOWN[2:]), ("load",))
+    objective = faults_objective(problem_of(wrong, described, channels=SHOWN[2:]), ("load",))
     result = SearchResult.at(objective, objective.space.points(Faults().vector[np.newaxis])[0])
     (_, extended, point) = _gross_starts(result, (), ("voltage_scale",))["voltage_scale"]
     scale = extended.space.nuisance_values(point[np.newaxis])["voltage_scale"].item()

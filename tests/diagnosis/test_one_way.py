@@ -9,7 +9,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.one_way import moves_one_way, undecided_where_one_way
 from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -28,7 +28,7 @@ def there_and_back(times: Array) -> Array:
 def at_the_truth(command: Command, nuisances: tuple[str, ...] = ("load",)) -> SearchResult:
     whole = simulate(THESIS, command, model="averaged", faults=FAULTS, duration=0.2)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
-    objective = faults_objective(Problem.of(recording, THESIS), nuisances)
+    objective = faults_objective(problem_of(recording, THESIS), nuisances)
     return SearchResult.at(objective, objective.space.points(FAULTS.vector))
 
 

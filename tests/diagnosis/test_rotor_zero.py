@@ -20,7 +20,7 @@ from emaphm.diagnosis.selection.laws.law_fit import with_open
 from emaphm.diagnosis.selection.rotor_zero import is_as_described, with_phases_renamed
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.objective import MapObjective, faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.space.parameter_space import SHORTS
 from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at
@@ -52,7 +52,7 @@ def diagnosed(described: Actuator = THESIS) -> Diagnosis:
 
 def contradicted(recording: Recording, faults: Faults) -> tuple[str, ...]:
     """Return what contradicts the zero at the estimate next to the true `faults`."""
-    problem = Problem.of(recording, THESIS, channels=("current_A", "voltage_V"))
+    problem = problem_of(recording, THESIS, channels=("current_A", "voltage_V"))
     objective = faults_objective(problem, ("load",))
     result = correct_bias(objective, objective.space.points(faults.vector[np.newaxis]), 2, seed=0)
     jacobians = jacobians_at(objective, result.point, np.random.default_rng(0))
@@ -175,7 +175,7 @@ def test_other_names_of_the_phases_are_the_same_motor(
 @cache
 def turned_objective() -> MapObjective:
     """Return the objective of a recording, with a zero that may be anywhere."""
-    objective = faults_objective(Problem.of(on_a_rig(THESIS, FAULTY, 0.1), THESIS), ())
+    objective = faults_objective(problem_of(on_a_rig(THESIS, FAULTY, 0.1), THESIS), ())
     opened = ParameterVariation.free(THESIS, ("rotor_zero",))
     wide = replace(opened, widest=np.array([20.0]))
     return with_open(objective, THESIS, wide)
@@ -186,4 +186,4 @@ def test_a_current_that_the_angle_has_made_takes_the_zero_as_described() -> None
     own = ("time_s", "command_rad", "angle_rad")
     for names, as_described in ((("current_A",), True), ((*PHASES, "current_A"), False)):
         recording = Recording({name: whole[name] for name in (*own, *names)})
-        assert is_as_described(faults_objective(Problem.of(recording, THESIS), ())) is as_described
+        assert is_as_described(faults_objective(problem_of(recording, THESIS), ())) is as_described

@@ -3,6 +3,7 @@
 import numpy as np
 
 from cases import THESIS
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.recording import Recording
@@ -11,7 +12,7 @@ from emaphm.recording import Recording
 def problem() -> Problem:
     rng = np.random.default_rng(0)
     columns = {"time_s": np.arange(400) * 2e-4, "command_rad": rng.normal(size=400) * 1e-3}
-    return Problem.of(Recording({**columns, "current_A": rng.normal(size=400)}), THESIS)
+    return problem_of(Recording({**columns, "current_A": rng.normal(size=400)}), THESIS)
 
 
 def test_sizes_and_step_are_those_of_least_squares_of_all() -> None:

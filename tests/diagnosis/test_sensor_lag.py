@@ -16,7 +16,7 @@ from emaphm.diagnosis.selection.laws.sensor_lag import is_lag_suspected, with_se
 from emaphm.estimation.bias_correction import correct_bias, with_discrepancy
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 
@@ -28,7 +28,7 @@ def at_the_truth(lag: float, actuator: Actuator = THESIS, noise: float = 0.05) -
     """Return the true faults as an estimate of `actuator`, of a recording with a `lag` [s] of the current."""
     present = with_lumped_parameters(LAG.added_to(THESIS), {"current_lag": lag}) if lag else THESIS
     recording = on_a_rig(present, FAULTS, 0.2, noise)
-    objective = faults_objective(Problem.of(recording, actuator), ("load",))
+    objective = faults_objective(problem_of(recording, actuator), ("load",))
     point = objective.space.points(FAULTS.vector[np.newaxis])[0]
     return with_discrepancy(SearchResult.at(objective, point), seed=0)
 

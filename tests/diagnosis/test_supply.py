@@ -15,7 +15,7 @@ from emaphm.diagnosis.selection.supply.supply_profile import SUPPLY_SCAN, Supply
 from emaphm.diagnosis.selection.supply.supply_scan import is_scanned
 from emaphm.errors import RecordingError
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.space.nuisances import Located, NuisanceSet
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
@@ -90,7 +90,7 @@ def test_a_recorded_supply_that_is_not_positive_is_refused() -> None:
 def test_a_law_that_is_tried_leaves_the_supply_where_it_was_located() -> None:
     nuisances = NuisanceSet.of(THESIS, ("load", "supply"), (), located={"supply": Located(-0.1, 0.01)})
     objective = MapObjective.of(
-        Problem.of(recorded(-0.1, duration=0.1), THESIS), ParameterSpace.of(THESIS, nuisances)
+        problem_of(recorded(-0.1, duration=0.1), THESIS), ParameterSpace.of(THESIS, nuisances)
     )
     extended = with_law(objective, LAWS["stribeck"])
     assert extended.space.nuisances.located == nuisances.located

@@ -9,7 +9,7 @@ from cases import HEALTHY, THESIS, reference_recordings
 from emaphm.diagnosis.explanation.unexplained import alternatives_covariance, inflation, unexplained_scores
 from emaphm.diagnosis.identifiability import identifiability
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 
 FRICTION, BACKLASH = 0, 1
@@ -21,7 +21,7 @@ def result() -> SearchResult:
     faulty = np.array(HEALTHY)
     faulty[FRICTION] = 0.3
     recording = reference_recordings([faulty], noise=0.05)[0]
-    objective = faults_objective(Problem.of(recording, THESIS, channels=None), ("load",))
+    objective = faults_objective(problem_of(recording, THESIS, channels=None), ("load",))
     return SearchResult.at(objective, objective.space.points(HEALTHY))
 
 

@@ -7,7 +7,7 @@ from cases import THESIS, reference_recordings
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import with_discrepancy
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.parameter_space import ParameterSpace
 
@@ -15,7 +15,7 @@ from emaphm.estimation.space.parameter_space import ParameterSpace
 def objective_of(truth: Array, duration: float = 0.5) -> MapObjective:
     """Return the objective of finding the faults of a noisy recording of the reference model."""
     recording = reference_recordings([truth], noise=0.05, duration=duration)[0]
-    return MapObjective.of(Problem.of(recording, THESIS), ParameterSpace.of(THESIS))
+    return MapObjective.of(problem_of(recording, THESIS), ParameterSpace.of(THESIS))
 
 
 def result_off(objective: MapObjective, truth: ArrayLike, distance: float) -> SearchResult:

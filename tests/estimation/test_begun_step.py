@@ -9,7 +9,7 @@ import pytest
 from cases import INTERVAL, THESIS
 from emaphm.actuator import Faults
 from emaphm.diagnosis import diagnose, error_percent
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import Initial
@@ -41,7 +41,7 @@ def cut(first: int, count: float = COUNT, *names: str) -> Recording:
 
 @pytest.mark.parametrize("later", [1, 3])
 def test_after_the_rows_left_out_the_moment_of_the_step_does_not_matter(later: int) -> None:
-    problem = Problem.of(cut(STEP + later), THESIS, channels=None)
+    problem = problem_of(cut(STEP + later), THESIS, channels=None)
     rows = problem.unknown_start.rows
     position, speed = (whole()[name][STEP + later] for name in ("position_rad", "speed_rad_s"))
     moving = replace(problem, start=Initial(position / THESIS.mechanics.gear_ratio, speed, gap=1.0))
@@ -54,11 +54,11 @@ def test_after_the_rows_left_out_the_moment_of_the_step_does_not_matter(later: i
 
 def test_in_the_row_of_the_step_and_before_every_row_is_compared() -> None:
     for first in (STEP - 100, STEP - 1, STEP):
-        assert Problem.of(cut(first), THESIS, channels=None).unknown_start.rows == 0
+        assert problem_of(cut(first), THESIS, channels=None).unknown_start.rows == 0
 
 
 def test_a_recorded_speed_shows_the_start() -> None:
-    problem = Problem.of(cut(STEP + 20, COUNT, "speed_rad_s"), THESIS, channels=None)
+    problem = problem_of(cut(STEP + 20, COUNT, "speed_rad_s"), THESIS, channels=None)
     assert problem.unknown_start.rows == 0
     assert problem.start.gap == 1.0
 

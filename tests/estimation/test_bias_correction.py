@@ -16,7 +16,7 @@ from emaphm.estimation.bias_correction import (
     with_discrepancy,
 )
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import EXPECTED_RESIDUAL, SearchResult
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
@@ -34,7 +34,7 @@ HEAVY = np.array([0.65, 0.04, 0.51, 0.79, 0.71, 0.22, 0.75, 0.26])
 @pytest.fixture(scope="module", params=[0.0, 0.05], ids=["exact", "noisy"])
 def fits(request: pytest.FixtureRequest) -> list[MapObjective]:
     recordings = reference_recordings(FAULTS, noise=request.param, duration=BRIEF)
-    return [MapObjective.of(Problem.of(one, THESIS), ParameterSpace.of(THESIS)) for one in recordings]
+    return [MapObjective.of(problem_of(one, THESIS), ParameterSpace.of(THESIS)) for one in recordings]
 
 
 def at(fit: MapObjective, faults: Array) -> SearchResult:
@@ -93,7 +93,7 @@ def test_the_scatter_is_that_of_searches_from_other_seeds() -> None:
     ratios = []
     recordings = reference_recordings(FAULTS, noise=0.05, duration=BRIEF)
     for truth, recording in zip(FAULTS, recordings, strict=True):
-        fit = MapObjective.of(Problem.of(recording, THESIS), ParameterSpace.of(THESIS))
+        fit = MapObjective.of(problem_of(recording, THESIS), ParameterSpace.of(THESIS))
         starts = fit.space.project(fit.space.points(truth) + perturbation)
         found = [
             correct_bias(fit, start[np.newaxis], MAX_CORRECTIONS, seed) for seed, start in enumerate(starts)
@@ -154,7 +154,7 @@ def test_on_a_slow_and_steady_motion_the_runs_of_all_phases_have_the_ripple_as_v
 
     whole = simulate(THESIS, triangle, faults=faults, noise=0.05, adc_bits=12, load=-0.14)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "load_Nm")})
-    fit = MapObjective.of(Problem.of(recording, THESIS), ParameterSpace.of(THESIS))
+    fit = MapObjective.of(problem_of(recording, THESIS), ParameterSpace.of(THESIS))
     shared = at(fit, faults.vector)
     assert shared.discrepancy is not None
     assert over_all_phases(shared, seed=0) is shared  # not corrected yet
@@ -169,7 +169,7 @@ def test_on_a_slow_and_steady_motion_the_runs_of_all_phases_have_the_ripple_as_v
 def test_a_drive_without_hysteresis_has_no_other_phases() -> None:
     pmsm = Actuator.pmsm()
     whole = simulate(pmsm, lambda t: 5e-3 * np.sin(20 * t), duration=0.1)
-    problem = Problem.of(Recording({n: whole[n] for n in ("time_s", "command_rad", "current_A")}), pmsm)
+    problem = problem_of(Recording({n: whole[n] for n in ("time_s", "command_rad", "current_A")}), pmsm)
     fit = MapObjective.of(problem, ParameterSpace.of(pmsm))
     there = at(fit, HEALTHY)
     corrected = replace(there, correction=there.outputs_correction)

@@ -8,7 +8,7 @@ from emaphm.actuator import Faults, Sine
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import with_discrepancy
 from emaphm.estimation.objective import MapObjective, faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.sensors.counts import in_counts, scores_of_counts, visible_count
 from emaphm.estimation.uncertainty.local_covariance import rounding_scores
@@ -53,7 +53,7 @@ def test_what_passes_for_noise_or_has_no_counts_shows_none(values: Array) -> Non
 def coarse() -> MapObjective:
     whole = simulate(THESIS, Sine(), faults=FAULTS, duration=0.25, adc_bits=10)
     names = ("time_s", "command_rad", "current_A", "position_rad")
-    problem = Problem.of(Recording({name: whole[name] for name in names}), THESIS, channels=None)
+    problem = problem_of(Recording({name: whole[name] for name in names}), THESIS, channels=None)
     return faults_objective(problem, ("load",))
 
 

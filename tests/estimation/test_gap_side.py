@@ -9,7 +9,7 @@ import pytest
 from cases import INTERVAL, THESIS
 from emaphm.actuator import Faults, Sampled
 from emaphm.diagnosis import diagnose
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.rows.moving_start import command_moves
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -52,7 +52,7 @@ def sides(recording: Recording, faults: Faults) -> np.ndarray:
 def test_the_motor_stands_where_the_last_motion_has_led_it(
     first: int, names: tuple[str, ...], way: int, faults: Faults
 ) -> None:
-    problem = Problem.of(cut(first, *names, way=way, faults=faults), THESIS, channels=None)
+    problem = problem_of(cut(first, *names, way=way, faults=faults), THESIS, channels=None)
     assert problem.start.gap == pytest.approx(sides(whole(way, faults), faults)[first], abs=0.01)
 
 
@@ -60,7 +60,7 @@ def test_the_motor_stands_where_the_last_motion_has_led_it(
 def test_what_depends_on_a_side_that_is_not_known_is_not_compared(names: tuple[str, ...]) -> None:
     faults = Faults(backlash=0.4)
     for first in (REST - 20, REST):
-        problem = Problem.of(cut(first, *names, faults=faults), THESIS, channels=None)
+        problem = problem_of(cut(first, *names, faults=faults), THESIS, channels=None)
         other = replace(problem, start=replace(problem.start, gap=-problem.start.gap))
         known, unknown = (one.predict(faults.vector[np.newaxis])[0, 0] for one in (problem, other))
         rows, apart = problem.unknown_start.rows, np.abs(known - unknown)
@@ -72,22 +72,22 @@ def test_a_turn_leaves_the_side_open() -> None:
     recording = whole()
     # The first row in which the motor crosses the gap, half a cycle into the chirp.
     turn = REST + 300 + int(np.argmax(np.abs(sides(recording, Faults())[REST + 300 :]) < 0.9))
-    problem = Problem.of(cut(turn, *ELECTRICAL, *MOTION), THESIS, channels=None)
+    problem = problem_of(cut(turn, *ELECTRICAL, *MOTION), THESIS, channels=None)
     assert 0 < problem.unknown_start.seconds < 0.05
     assert any("side of the backlash" in note for note in problem.unknown_start.notes())
-    fast = Problem.of(cut(turn + 60, *ELECTRICAL, *MOTION), THESIS, channels=None)
+    fast = problem_of(cut(turn + 60, *ELECTRICAL, *MOTION), THESIS, channels=None)
     assert (fast.unknown_start.rows, fast.start.gap) == (0, np.sign(recording["speed_rad_s"][turn + 60]))
 
 
 def test_before_any_motion_it_stands_in_the_middle() -> None:
     for names in (("current_A",), (*ELECTRICAL, *MOTION)):
-        problem = Problem.of(cut(0, *names, load=0.05), THESIS, channels=None)
+        problem = problem_of(cut(0, *names, load=0.05), THESIS, channels=None)
         assert (problem.start.gap, problem.unknown_start.rows) == (0.0, 0)
 
 
 def test_the_motor_leads_its_user_by_a_share_of_each_gap() -> None:
     faults = np.array([Faults().vector, Faults(backlash=0.5).vector])
-    problem = Problem.of(cut(0, *ELECTRICAL, *MOTION), THESIS, channels=None)
+    problem = problem_of(cut(0, *ELECTRICAL, *MOTION), THESIS, channels=None)
     moves = []
     for gap in (1.0, 0.0, -1.0):
         started = replace(problem, start=Initial(gap=gap))
@@ -110,4 +110,4 @@ def test_a_command_that_stands_before_it_moves_does_not_move_in_the_first_row() 
     for begin, moves in ((0.005, False), (0.0, True)):
         command = 0.05 * np.maximum(time - begin, 0.0)
         recording = Recording({"time_s": time, "command_rad": command, "current_A": np.sin(time)})
-        assert command_moves(Problem.of(recording, THESIS)) is moves
+        assert command_moves(problem_of(recording, THESIS)) is moves

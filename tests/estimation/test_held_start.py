@@ -10,7 +10,7 @@ from cases import INTERVAL, THESIS
 from emaphm.actuator import Faults, Sampled, Step
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.estimation import replay
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import Initial
@@ -42,7 +42,7 @@ def cut(first: int, *names: str, faults: Faults = FAULTS) -> Recording:
 @pytest.mark.parametrize("names", [ELECTRICAL, (*ELECTRICAL, "position_rad", "speed_rad_s")], ids=len)
 @pytest.mark.parametrize("first", [2050, FIRST, 2940, 2990, REST])
 def test_the_rest_and_what_depends_on_it_are_not_compared(first: int, names: tuple[str, ...]) -> None:
-    found = Problem.of(cut(first, *names), THESIS, channels=None)
+    found = problem_of(cut(first, *names), THESIS, channels=None)
     # A position shows where the shaft stands: what it makes of the current depends on faults all the same.
     problem = replace(found, start=Initial(whole()["command_rad"][first] / THESIS.mechanics.gear_ratio))
     rows = problem.unknown_start.rows
@@ -68,7 +68,7 @@ def test_before_any_motion_every_row_is_compared(names: tuple[str, ...], rest_s:
     for faults in (Faults(), FAULTS):
         full = simulate(THESIS, Sampled(time, command), faults=faults, noise=0.05, load=0.05)
         recording = Recording({name: full[name] for name in ("time_s", "command_rad", "load_Nm", *names)})
-        problem = Problem.of(recording, THESIS, channels=None)
+        problem = problem_of(recording, THESIS, channels=None)
         assert (problem.unknown_start.rows, dict(problem.unusable)) == (0, {})
 
 
@@ -105,7 +105,7 @@ def test_a_shaft_that_is_not_there_yet_is_not_held() -> None:
     recording = Recording(
         {name: full[name] for name in ("time_s", "command_rad", "position_rad", *ELECTRICAL)}
     )
-    problem = Problem.of(recording, THESIS, channels=None)
+    problem = problem_of(recording, THESIS, channels=None)
     assert problem.start.angle == pytest.approx(0.0, abs=0.1)
     assert not problem.unknown_start.held
 
@@ -121,14 +121,14 @@ def test_where_only_a_step_follows_all_is_compared_and_a_note_asks_for_caution()
     assert found.components["short_b"].verdict == "degraded"
     assert any("take what is estimated of load" in one for one in found.recording_notes)
     recorded = Recording({name: full[name] for name in ("time_s", "command_rad", "load_Nm", *ELECTRICAL)})
-    assert not Problem.of(recorded, THESIS, channels=None).unknown_start.held
+    assert not problem_of(recorded, THESIS, channels=None).unknown_start.held
 
 
 def test_a_coarse_position_does_not_move_the_start() -> None:
     recording = cut(FIRST, *ELECTRICAL, "position_rad")
     count = 6e-4  # 12 bits over 144 degrees
     coarse = np.round(recording["position_rad"] / count) * count
-    problem = Problem.of(
+    problem = problem_of(
         Recording({name: recording[name] for name in recording} | {"position_rad": coarse}), THESIS
     )
     assert problem.start.angle * THESIS.mechanics.gear_ratio == pytest.approx(recording["command_rad"][0])

@@ -11,7 +11,7 @@ from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.joint.random_effects import random_effects
 from emaphm.estimation.joint.uncertainty import AloneEstimates
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -24,7 +24,7 @@ def test_faults_and_baseline_are_shared_and_nuisances_are_each_recordings_own() 
     for names, duration in ((("load", "temperature"), 0.2), (("supply",), 0.1)):
         whole = simulate(THESIS, Chirp(duration=duration), duration=duration)
         recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
-        objective = faults_objective(Problem.of(recording, known, channels=None), names)
+        objective = faults_objective(problem_of(recording, known, channels=None), names)
         terms.append(RecordingTerm.of(objective, 9))
     unit = terms[0].objective.space.nuisances.unit
     joint = JointObjective(tuple(terms), unit, 2e-3, 1)

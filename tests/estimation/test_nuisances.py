@@ -14,7 +14,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose
 from emaphm.errors import ActuatorError, MethodError
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.space.nuisances import (
     LOAD_VARIATION,
     NAMES,
@@ -184,7 +184,7 @@ def test_a_nuisance_is_an_actuator_of_other_lumped_parameters(
     whole = simulate(with_lumped_parameters(actuator, changed), command, faults=TRUTH, model="averaged")
     kept = ("time_s", "command_rad", "current_A", "voltage_V", "position_rad", "speed_rad_s")
     recording = Recording({channel: whole[channel] for channel in kept})
-    fit = faults_objective(Problem.of(recording, actuator, channels=None), (name,))
+    fit = faults_objective(problem_of(recording, actuator, channels=None), (name,))
     point = fit.space.points(TRUTH.vector)
     plain = fit.outputs(point[np.newaxis])[0, : fit.channel_rows]
     point[-1] = value / fit.space.nuisances.prior_deviations[0] / PRIORS_PER_UNIT
@@ -265,7 +265,7 @@ def test_a_temperature_is_above_the_description_s_own() -> None:
     kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
     recording = Recording(kept | {"temperature_K": np.linspace(310.0, 330.0, whole.samples)})
     for actuator, temperature_rise_K in ((THESIS, 26.85), (warm, 6.85)):
-        fit = faults_objective(Problem.of(recording, actuator, channels=None), None)
+        fit = faults_objective(problem_of(recording, actuator, channels=None), None)
         assert fit.problem.temperature_rise_K == pytest.approx(temperature_rise_K)
         assert fit.space.nuisances.names == ("load",)
 

@@ -10,7 +10,7 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
 from emaphm.errors import MethodError
 from emaphm.estimation.objective import MapObjective, faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.nuisances import COPPER, MAGNETS, NAMES, PRIORS_PER_UNIT, NuisanceSet
 from emaphm.recording import Recording
@@ -42,7 +42,7 @@ def rig(load: float = 0.0, temperature_rise_K: float = 0.0, *channels: str, **mo
 
 
 def fit(nuisances: tuple[str, ...] = ("load", "current_offset", "current_scale")) -> MapObjective:
-    return faults_objective(Problem.of(rig(0.0, 0.0, *CHANNELS), THESIS, channels=None), nuisances)
+    return faults_objective(problem_of(rig(0.0, 0.0, *CHANNELS), THESIS, channels=None), nuisances)
 
 
 def test_channels_and_priors_stand_end_to_end() -> None:
@@ -114,7 +114,7 @@ def test_nuisances_by_default_by_name_and_where_they_are_known() -> None:
 
 def test_an_idle_column_is_not_compared() -> None:
     recording = rig(0.0, 0.0, "current_A", voltage_V=0.0)
-    assert Problem.of(recording, THESIS, channels=None).channels == ("current_A",)
+    assert problem_of(recording, THESIS, channels=None).channels == ("current_A",)
 
 
 @pytest.fixture(scope="module")
@@ -213,7 +213,7 @@ def test_rows_that_are_not_compared_hide_no_residual(share: float) -> None:
     noise = 0.05
     described = THESIS.model_dump() | {"sensors": {"current_A": {"noise": noise}}}
     actuator = Actuator.from_dict(described)
-    problem = Problem.of(simulate(actuator, Chirp(), model="averaged", noise=noise), actuator, channels=())
+    problem = problem_of(simulate(actuator, Chirp(), model="averaged", noise=noise), actuator, channels=())
     objective = faults_objective(problem, ())
     point = objective.space.points(Faults().vector[np.newaxis])[0]
     whole = SearchResult.at(objective, point)

@@ -15,6 +15,7 @@ from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
 from emaphm.estimation import driving_signals
 from emaphm.estimation.initial_state import initial_state
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
@@ -53,7 +54,7 @@ CURVATURE = float(np.abs(np.gradient(np.gradient(CHIRP(FINE), FINE), FINE)).max(
 
 
 def test_the_command_behind_interval_means_is_found_beyond_its_curvature() -> None:
-    problem = Problem.of(recorded(command_rad=interval_means(CHIRP)), THESIS)
+    problem = problem_of(recorded(command_rad=interval_means(CHIRP)), THESIS)
     t = steps_of(problem)
     errors = np.abs(problem.inputs.command - CHIRP(t))
     # A mean differs from its midpoint by h² c''/24, a chord from its curve by h² c''/8: lines through the
@@ -65,7 +66,7 @@ def test_a_jump_of_the_command_is_not_overshot() -> None:
     def jump(t: Array) -> Array:
         return np.asarray(np.where(t < TIME[200], 1e-3, 3e-3))
 
-    problem = Problem.of(recorded(command_rad=jump(TIME)), THESIS)
+    problem = problem_of(recorded(command_rad=jump(TIME)), THESIS)
     t, command = steps_of(problem), problem.inputs.command
     far = np.abs(t - TIME[200]) > 2 * INTERVAL
     np.testing.assert_allclose(command[far], jump(t)[far], rtol=0, atol=1e-12)
@@ -84,7 +85,7 @@ def test_a_ramp_is_found_exactly_whenever_the_clock_started(
         return start + 1e-3 + rate * t
 
     rows = interval_means(ramp) if sampling == "mean" else ramp(TIME)
-    problem = Problem.of(recorded(sampling, time_s=np.asarray(since + TIME), command_rad=rows), THESIS)
+    problem = problem_of(recorded(sampling, time_s=np.asarray(since + TIME), command_rad=rows), THESIS)
     t = steps_of(problem)
     exact = ramp(np.minimum(t, TIME[-1]) if sampling == "instant" else t)
     # Times of some 50 s know an interval of 0.2 ms to 1e-11 of it, and there are 400 of them.
@@ -93,7 +94,7 @@ def test_a_ramp_is_found_exactly_whenever_the_clock_started(
 
 def test_instants_are_met_at_their_rows_and_joined_by_a_curve() -> None:
     rows = CHIRP(TIME)
-    problem = Problem.of(recorded("instant", command_rad=rows), THESIS)
+    problem = problem_of(recorded("instant", command_rad=rows), THESIS)
     by_row = problem.inputs.command.reshape(ROWS, -1)
     np.testing.assert_allclose(by_row[:, 0], rows, rtol=0, atol=1e-12)
     between = CHIRP(TIME[:-1] + INTERVAL / 2)
@@ -104,10 +105,10 @@ def test_a_recorded_load_drives_the_model_as_the_command_does() -> None:
     def load(t: Array) -> Array:
         return 0.05 * np.sin(40 * t)
 
-    problem = Problem.of(recorded(load_Nm=interval_means(load)), THESIS)
+    problem = problem_of(recorded(load_Nm=interval_means(load)), THESIS)
     errors = np.abs(problem.inputs.load - load(steps_of(problem)))
     assert errors.max() < INTERVAL**2 * 0.05 * 40**2 / 6 / 50
-    assert not np.any(Problem.of(recorded(), THESIS).inputs.load)
+    assert not np.any(problem_of(recorded(), THESIS).inputs.load)
 
 
 def test_a_recorded_supply_is_a_smooth_curve_and_a_switch_is_held() -> None:
@@ -115,20 +116,20 @@ def test_a_recorded_supply_is_a_smooth_curve_and_a_switch_is_held() -> None:
         return np.asarray(7.3 - 0.3 * np.sin(20 * t) ** 2)
 
     enabled = np.where(np.arange(ROWS) < 120, 1.0, 0.0)
-    driving = Problem.of(recorded(supply_V=interval_means(supply), enabled=enabled), THESIS).driving
+    driving = problem_of(recorded(supply_V=interval_means(supply), enabled=enabled), THESIS).driving
     assert driving.supply is not None
     assert driving.enabled is not None
-    t = steps_of(Problem.of(recorded(), THESIS))
+    t = steps_of(problem_of(recorded(), THESIS))
     # As for the command: beyond the curvature, 0.3 × 2 × 20² V/s² at most.
     assert np.abs(driving.supply(t) - supply(t)).max() < INTERVAL**2 * 240 / 6 / 10
     np.testing.assert_array_equal(driving.enabled(t), np.repeat(enabled, t.size // ROWS))
-    assert Problem.of(recorded(), THESIS).driving.enabled is None
+    assert problem_of(recorded(), THESIS).driving.enabled is None
 
 
 def test_a_switched_off_drive_has_no_torque() -> None:
     enabled = np.where(np.arange(ROWS) < 120, 1.0, 0.0)
     swing = 5e-3 * np.sin(2 * np.pi * 15 * TIME)
-    problem = Problem.of(recorded("instant", command_rad=swing, enabled=enabled), THESIS)
+    problem = problem_of(recorded("instant", command_rad=swing, enabled=enabled), THESIS)
     torque = problem.signals(HEALTHY)["torque_Nm"]
     assert np.abs(torque[:120]).max() > 0.1
     np.testing.assert_array_equal(torque[120:], 0.0)
@@ -139,32 +140,32 @@ def test_a_switched_off_drive_has_no_torque() -> None:
 
 def test_the_current_is_primary_where_there_is_one() -> None:
     sine = np.sin(30 * TIME)
-    both = Problem.of(recorded(position_rad=1e-3 * sine, voltage_V=sine), THESIS, channels=None)
+    both = problem_of(recorded(position_rad=1e-3 * sine, voltage_V=sine), THESIS, channels=None)
     assert both.channels == ("current_A", "voltage_V", "position_rad")
     assert (both.primary, both.recorded.tolist()) == ("current_A", sine.tolist())
-    assert Problem.of(recorded(position_rad=sine), THESIS).channels == ("current_A",)
+    assert problem_of(recorded(position_rad=sine), THESIS).channels == ("current_A",)
 
 
 def test_else_the_first_channel_that_varies_is() -> None:
     columns = {"time_s": TIME, "command_rad": np.full(ROWS, 1e-3), "position_rad": 1e-3 * np.sin(30 * TIME)}
     idle = Recording(columns | {"voltage_V": np.zeros(ROWS)})
-    problem = Problem.of(idle, THESIS, channels=None)
+    problem = problem_of(idle, THESIS, channels=None)
     assert problem.channels == ("position_rad",)
     np.testing.assert_array_equal(problem.recorded, idle["position_rad"])
     # Without a supply to it a voltage is of no model.
     ideal = THESIS.model_copy(update={"electrical": None})
     moving = Recording(columns | {"voltage_V": np.sin(30 * TIME)})
-    assert Problem.of(moving, THESIS, channels=None).channels == ("voltage_V", "position_rad")
-    assert Problem.of(moving, ideal, channels=None).channels == ("position_rad",)
+    assert problem_of(moving, THESIS, channels=None).channels == ("voltage_V", "position_rad")
+    assert problem_of(moving, ideal, channels=None).channels == ("position_rad",)
     # A jammed actuator has nothing that varies, and is compared all the same.
     jammed = Recording(columns | {"position_rad": np.zeros(ROWS)})
-    assert Problem.of(jammed, THESIS, channels=None).channels == ("position_rad",)
+    assert problem_of(jammed, THESIS, channels=None).channels == ("position_rad",)
 
 
 @pytest.mark.parametrize("name", ["current_A", "voltage_V", "position_rad", "speed_rad_s"])
 def test_the_primary_channel_alone_is_that_of_all(shorted: Recording, name: str) -> None:
-    problem = Problem.of(shorted, THESIS, channels=None)
-    alone = Problem.of(shorted, THESIS, channels=(name,)).predict_primary(SHORT.vector)
+    problem = problem_of(shorted, THESIS, channels=None)
+    alone = problem_of(shorted, THESIS, channels=(name,)).predict_primary(SHORT.vector)
     np.testing.assert_array_equal(alone, problem.predict(SHORT.vector)[:, problem.channels.index(name)])
 
 
@@ -204,10 +205,10 @@ def test_a_zero_error_of_the_position_does_not_start_beyond_an_end_stop() -> Non
     whole = simulate(retracted, out, model="averaged", noise=0.05, adc_bits=14)
     columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
     shown = Recording(columns | {"position_rad": whole["position_rad"] - 1e-3})
-    assert Problem.of(shown, retracted).start.angle == 0
+    assert problem_of(shown, retracted).start.angle == 0
     wrong = Recording(columns | {"position_rad": whole["position_rad"] - 0.05})
     with pytest.raises(MethodError, match=r"starts at -0.0\d+, beyond the actuator's end stops"):
-        Problem.of(wrong, retracted).signals(HEALTHY)
+        problem_of(wrong, retracted).signals(HEALTHY)
 
 
 def test_at_rest_on_the_command() -> None:
@@ -392,7 +393,7 @@ def test_a_recorded_load_is_a_known_input() -> None:
 
 
 def test_a_batch_of_currents_is_what_the_single_runs_record(shorted: Recording) -> None:
-    problem = Problem.of(shorted, THESIS)
+    problem = problem_of(shorted, THESIS)
     faults = np.stack([HEALTHY, SHORT.vector])
     batch = problem.predict_primary(faults)
     assert batch.shape == (2, shorted.samples)
@@ -403,24 +404,24 @@ def test_a_batch_of_currents_is_what_the_single_runs_record(shorted: Recording) 
 
 def test_signals_have_the_angle_as_the_sensor_shows_it() -> None:
     recording = resolver_recording(1.0, SHORT, wrapped=False)
-    angle = Problem.of(recording, THESIS).signals(SHORT.vector)["angle_rad"]
+    angle = problem_of(recording, THESIS).signals(SHORT.vector)["angle_rad"]
     # The models agree on the motion to a hundredth of a turn of the rotor.
     np.testing.assert_allclose(angle, recording["angle_rad"], rtol=0, atol=0.06)
 
 
 def test_a_models_step_divides_the_interval() -> None:
     for model in (AVERAGED, REFERENCE):
-        inputs = Problem.of(recorded(), THESIS, model).inputs
+        inputs = problem_of(recorded(), THESIS, model).inputs
         assert inputs.interval == pytest.approx(INTERVAL)
         assert inputs.step <= model.step * (1 + 1e-9)
         assert inputs.samples == ROWS
 
 
 def test_signals_at_a_models_steps_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = Problem.of(recorded(), THESIS)
+    problem = problem_of(recorded(), THESIS)
     assert problem.by(REFERENCE).inputs is problem.by(REFERENCE).inputs
     monkeypatch.setattr(driving_signals, "MOST_KEPT_STEPS", 0)
-    unkept = Problem.of(recorded(), THESIS)
+    unkept = problem_of(recorded(), THESIS)
     first, second = (unkept.by(REFERENCE).inputs for _ in range(2))
     assert first is not second
     np.testing.assert_array_equal(first.command, second.command)
@@ -429,7 +430,7 @@ def test_signals_at_a_models_steps_are_made_once(monkeypatch: pytest.MonkeyPatch
 def test_signals_of_many_recordings_are_kept_within_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those first kept go first; those of recordings that nobody holds count no longer."""
     monkeypatch.setattr(driving_signals, "_KEPT", WeakKeyDictionary())
-    problems = [Problem.of(recorded(), THESIS) for _ in range(3)]
+    problems = [problem_of(recorded(), THESIS) for _ in range(3)]
     first = problems[0].by(REFERENCE).inputs
     monkeypatch.setattr(driving_signals, "MOST_KEPT_STEPS", 2 * first.command.size)
     for problem in problems[1:]:
@@ -437,7 +438,7 @@ def test_signals_of_many_recordings_are_kept_within_bounds(monkeypatch: pytest.M
     assert problems[2].by(REFERENCE).inputs is problems[2].by(REFERENCE).inputs
     assert problems[0].by(REFERENCE).inputs is not first
     del problems, problem
-    alone = Problem.of(recorded(), THESIS)
+    alone = problem_of(recorded(), THESIS)
     assert alone.by(REFERENCE).inputs is alone.by(REFERENCE).inputs
 
 

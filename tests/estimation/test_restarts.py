@@ -12,7 +12,7 @@ from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
 from emaphm.estimation.global_search import restarts
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.parameter_space import ParameterSpace
@@ -25,7 +25,7 @@ SETTINGS = SearchSettings(method_named("hybrid"), MAX_CORRECTIONS, 5)
 def ends() -> dict[str, SearchResult]:
     """Return where a search may end: at the truth, somewhat off it, or in a false minimum."""
     (recording,) = reference_recordings([TRUTH], noise=0.05)
-    objective = MapObjective.of(Problem.of(recording, THESIS), ParameterSpace.of(THESIS))
+    objective = MapObjective.of(problem_of(recording, THESIS), ParameterSpace.of(THESIS))
     vectors = {"truth": TRUTH, "off": np.clip(TRUTH + 0.1, 0, 1), "false": HEALTHY}
     points = {name: objective.space.points(vector) for name, vector in vectors.items()}
     results = {name: SearchResult.at(objective, point) for name, point in points.items()}

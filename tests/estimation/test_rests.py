@@ -10,7 +10,7 @@ from emaphm.diagnosis.diagnose import conclude
 from emaphm.estimation.discrepancy import reference_problem
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.rests import Rests
 from emaphm.estimation.search import search
 from emaphm.estimation.search_settings import SearchSettings
@@ -73,19 +73,19 @@ def test_what_is_left_out_is_the_chance_s_most_probable_value() -> None:
 
 
 def test_a_chirp_has_no_rest_and_steps_have() -> None:
-    chirp = Problem.of(simulate(THESIS, Chirp()), THESIS)
+    chirp = problem_of(simulate(THESIS, Chirp()), THESIS)
     assert not command_stands(chirp)
     objective = faults_objective(chirp, NUISANCES)
     point = np.zeros(objective.space.dimensions)
     rng = np.random.default_rng(0)
     assert with_rests(objective, point, reference_problem(objective), rng) is objective
-    assert command_stands(Problem.of(recorded(0.0, 0), THESIS))
+    assert command_stands(problem_of(recorded(0.0, 0), THESIS))
 
 
 def test_a_standing_command_from_the_beginning_is_no_rest() -> None:
     """Every run begins alike: nothing there is chance."""
     recording = simulate(THESIS, lambda t: 1e-3 * np.maximum(np.asarray(t) - 0.1, 0.0), duration=0.2)
-    assert not command_stands(Problem.of(recording, THESIS))
+    assert not command_stands(problem_of(recording, THESIS))
 
 
 @pytest.mark.parametrize("count", [1, pytest.param(6, marks=pytest.mark.evidence)])
@@ -94,7 +94,7 @@ def test_a_load_scatters_as_its_error_says_where_the_shaft_rests(count: int) -> 
     for seed in range(count):
         load = 0.02 + 0.002 * seed
         recording = recorded(load, seed)
-        problem = Problem.of(recording, THESIS, channels=CHANNELS)
+        problem = problem_of(recording, THESIS, channels=CHANNELS)
         objective = faults_objective(problem, NUISANCES)
         found = search(objective, SearchSettings(HYBRID, 10, 0), fitness="least_squares")
         diagnosis = conclude(found, recording, "hybrid", "least_squares", 0)
@@ -113,7 +113,7 @@ def test_a_gain_scatters_as_its_error_says_in_slow_motion_between_rests() -> Non
             THESIS, moving_smoothly, duration=1.25, load=0.08, noise=0.05, adc_bits=12, seed=seed
         )
         recording = Recording({name: whole[name] for name in ("time_s", "command_rad", *CHANNELS)})
-        objective = faults_objective(Problem.of(recording, THESIS, channels=CHANNELS), NUISANCES)
+        objective = faults_objective(problem_of(recording, THESIS, channels=CHANNELS), NUISANCES)
         found = search(objective, SearchSettings(HYBRID, 10, seed), fitness="least_squares")
         gain = conclude(found, recording, "hybrid", "least_squares", seed, tests=False).components["gain"]
         scores.append((gain.value - 0.5) / gain.standard_error)

@@ -4,7 +4,7 @@ import numpy as np
 
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.law_sections import Transmission
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.rows.means import masks_of_means, mean_rows, notes_on_means, over_swings
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -22,7 +22,7 @@ def recorded(sampling: str = "mean", duration: float = 0.4101, sample_rate: floa
 
 
 def test_the_model_is_the_same_in_fewer_rows() -> None:
-    every = Problem.of(recorded(), COMPLIANT, AVERAGED, channels=None)
+    every = problem_of(recorded(), COMPLIANT, AVERAGED, channels=None)
     means = over_swings(every)
     assert every.samples == 2050
     assert means.samples == 102
@@ -36,15 +36,15 @@ def test_the_model_is_the_same_in_fewer_rows() -> None:
 
 
 def test_every_row_is_compared_of_a_rigid_shaft_and_of_instants() -> None:
-    rigid = Problem.of(recorded(), RIGID, AVERAGED, channels=None)
+    rigid = problem_of(recorded(), RIGID, AVERAGED, channels=None)
     assert over_swings(rigid) is rigid
     assert not notes_on_means(rigid)
-    instants = Problem.of(recorded("instant"), COMPLIANT, AVERAGED, channels=None)
+    instants = problem_of(recorded("instant"), COMPLIANT, AVERAGED, channels=None)
     assert over_swings(instants) is instants
 
 
 def test_a_mean_of_an_unusable_row_is_unusable() -> None:
-    means = over_swings(Problem.of(recorded(), COMPLIANT, AVERAGED, channels=None))
+    means = over_swings(problem_of(recorded(), COMPLIANT, AVERAGED, channels=None))
     mask = np.zeros(2050, bool)
     mask[[45, 2045]] = True
     np.testing.assert_array_equal(
@@ -54,7 +54,7 @@ def test_a_mean_of_an_unusable_row_is_unusable() -> None:
 
 def test_rows_that_fill_no_mean_move_no_mask() -> None:
     # 150 rows are left over of 25,150, more than there are means: 125 of 200 rows each.
-    means = over_swings(Problem.of(recorded(duration=0.503, sample_rate=50_000.0), COMPLIANT, AVERAGED))
+    means = over_swings(problem_of(recorded(duration=0.503, sample_rate=50_000.0), COMPLIANT, AVERAGED))
     mask = np.arange(25_150) // 200 == 124
     (masked,) = masks_of_means({"current_A": mask}, means).values()
     np.testing.assert_array_equal(np.flatnonzero(masked), [124])

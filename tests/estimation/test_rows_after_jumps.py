@@ -7,6 +7,7 @@ from emaphm.actuator import Actuator, Chirp, Command
 from emaphm.actuator.channels import Sampling
 from emaphm.arrays import Array
 from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.after_jumps import JUMP_ROWS, rows_after_jumps
 from emaphm.recording import Recording
@@ -23,7 +24,7 @@ def problem(actuator: Actuator, command: Command, sampling: Sampling = "mean") -
     begin = float(command(np.zeros(1))[0])
     whole = simulate(actuator, command, duration=0.25, noise=0.05, initial_position=begin)
     columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
-    return Problem.of(Recording(columns, sampling), actuator, channels=None)
+    return problem_of(Recording(columns, sampling), actuator, channels=None)
 
 
 def test_they_follow_the_jumps_of_a_drive_with_pulse_width_modulation() -> None:

@@ -13,7 +13,7 @@ from emaphm.errors import MethodError
 from emaphm.estimation import replay
 from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.objective import faults_objective, faults_only_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.sensors.sensor_model import with_unknown_errors
 from emaphm.recording import Recording
 from emaphm.recording.noise import noise_level
@@ -79,7 +79,7 @@ def test_a_short_is_found_through_a_described_sensor(sensor: Sensor) -> None:
 
 def test_unknown_errors_come_on_top() -> None:
     actuator = rig(current_A=Sensor(offset=1.0, unsigned=True))
-    problem = Problem.of(simulated(actuator), actuator)
+    problem = problem_of(simulated(actuator), actuator)
     objective = faults_objective(problem, ["current_offset", "current_scale"])
     point = objective.space.points(SHORT.vector)
     point[-2:] = 0.3, -0.2
@@ -93,15 +93,15 @@ def test_unknown_errors_come_on_top() -> None:
 
 def test_described_noise_stands_for_the_measured() -> None:
     recording = simulated(THESIS, noise=0.3)
-    assert Problem.of(recording, THESIS).noise == noise_level(recording["current_A"])
-    described = Problem.of(recording, rig(current_A=Sensor(noise=0.3, resolution=0.1)))
+    assert problem_of(recording, THESIS).noise == noise_level(recording["current_A"])
+    described = problem_of(recording, rig(current_A=Sensor(noise=0.3, resolution=0.1)))
     assert described.noise == pytest.approx((0.3**2 + 0.1**2 / 12) ** 0.5)
 
 
 def test_no_residual_counts_for_less_than_its_sensors_noise() -> None:
     recording = simulated(THESIS)
     actuator = rig(current_A=Sensor(noise=0.3))
-    objective = faults_only_objective(Problem.of(recording, actuator))
+    objective = faults_only_objective(problem_of(recording, actuator))
     perfect = objective.reweighted(np.zeros(objective.target.size))
     assert perfect.residual_rms == pytest.approx(0.3)
 
@@ -151,7 +151,7 @@ def test_a_delay_moves_a_channel_either_way(delay: float) -> None:
 
 
 def test_errors_of_the_sensors_need_no_runs_of_their_own() -> None:
-    problem = Problem.of(simulated(THESIS), THESIS)
+    problem = problem_of(simulated(THESIS), THESIS)
     objective = faults_objective(problem, ["current_offset", "delay"])
     points = np.tile(objective.space.points(SHORT.vector), (5, 1))
     points[:, -1] = np.linspace(-0.1, 0.1, 5)
@@ -166,7 +166,7 @@ def test_rows_that_are_given_up_leave_no_residual() -> None:
     recording = simulated(THESIS)
     spoilt = np.zeros(recording.samples, bool)
     spoilt[100:200] = True
-    objective = faults_objective(Problem.of(recording, THESIS), ()).ignoring({"current_A": spoilt})
+    objective = faults_objective(problem_of(recording, THESIS), ()).ignoring({"current_A": spoilt})
     residual = objective.residual(objective.space.points(SHORT.vector))
     assert not residual[:2500][spoilt].any()
     assert residual[:2500][~spoilt].any()

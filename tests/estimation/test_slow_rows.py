@@ -10,7 +10,7 @@ from emaphm.actuator import Chirp, Command, Faults, Step
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.objective import faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.uncertainty.slow_rows import step_by_other_command
 from emaphm.recording import Recording, other_curve, reconstructed
 from emaphm.recording.noise import measured_noise
@@ -57,7 +57,7 @@ def test_claims_shrink_with_the_rate() -> None:
 
 def test_the_model_driven_by_slow_rows_is_right() -> None:
     exact = recorded(100.0, 2.0, Chirp(stop_hz=15.0, duration=2.0), noise=0.0)
-    problem = Problem.of(exact, THESIS, REFERENCE)
+    problem = problem_of(exact, THESIS, REFERENCE)
     off = problem.predict_primary(Faults().vector[np.newaxis])[0] - exact["current_A"]
     # Akima's curve left 8 % and more of the current here; switching and the ends of the spline are left.
     assert np.sqrt(np.mean(off**2)) < 0.02 * np.sqrt(np.mean(exact["current_A"] ** 2))
@@ -126,7 +126,7 @@ def test_a_step_by_another_command_is_that_of_a_fit_under_it() -> None:
     # Under the other command, the outputs at the stepped point are nearer to those of the estimate.
     chirp = Chirp(stop_hz=15.0, duration=1.0)
     whole = simulate(THESIS, chirp, model="averaged", duration=1.0, sample_rate=200.0)
-    objective = faults_objective(Problem.of(Recording({name: whole[name] for name in KEPT}), THESIS), ())
+    objective = faults_objective(problem_of(Recording({name: whole[name] for name in KEPT}), THESIS), ())
     faults = Faults(friction=0.2, backlash=0.3, short_a=0.1, short_b=0.1, short_c=0.1, gain=0.4)
     point = objective.space.points(faults.vector[np.newaxis])[0]
     outputs = objective.outputs(point[np.newaxis])[0]

@@ -10,7 +10,7 @@ from cases import INTERVAL, THESIS, USUAL
 from emaphm.actuator import Chirp, Command, Faults, Ramp, Sine, Step
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.estimation import replay
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.rows.moving_start import MOVING_START
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -34,7 +34,7 @@ def cut(first: int, *names: str, last: int | None = None) -> Recording:
 @pytest.mark.parametrize("first", [300, 550, 700, 900])
 @pytest.mark.parametrize("names", [ELECTRICAL, ("current_A",), ("current_A", "speed_rad_s")], ids=str)
 def test_after_them_the_start_does_not_matter(first: int, names: tuple[str, ...]) -> None:
-    problem = Problem.of(cut(first, *names), THESIS, channels=None)
+    problem = problem_of(cut(first, *names), THESIS, channels=None)
     rows = problem.unknown_start.rows
     assert 50 <= rows <= 450
     known = Initial(whole()["position_rad"][first] / RATIO, whole()["speed_rad_s"][first])
@@ -61,7 +61,7 @@ def test_a_coarse_position_does_not_show_the_start_and_a_fine_one_or_a_speed_doe
     with_speed = cut(first, *ELECTRICAL, "position_rad", "speed_rad_s")
     count = 2.6e-4  # 12 bits over 60 degrees: an eighth of a radian at the motor
     unknown = [
-        Problem.of(one, THESIS, channels=None).unknown_start.seconds
+        problem_of(one, THESIS, channels=None).unknown_start.seconds
         for one in (fine, with_speed, in_counts(with_speed, count), in_counts(fine, count))
     ]
     # At the turn, row 619, the motor crosses the backlash while the user stands.
@@ -74,7 +74,7 @@ def test_the_motion_before_stays_within_the_end_stops() -> None:
     k = np.arange(60)
     columns = {"time_s": k / 100, "command_rad": 0.5 * np.sin(0.63 * k), "current_A": np.sin(k)}
     for position in (0.45 * np.sin(0.63 * k - 0.3), 0.5 * np.cos(k)):
-        problem = Problem.of(Recording(columns | {"position_rad": position}), THESIS, channels=None)
+        problem = problem_of(Recording(columns | {"position_rad": position}), THESIS, channels=None)
         assert 0 <= problem.unknown_start.seconds <= 0.3
 
 
@@ -83,18 +83,18 @@ def test_the_motion_before_stays_within_the_end_stops() -> None:
 def test_from_rest_every_row_is_compared(command: Command, faults: Faults) -> None:
     full = simulate(THESIS, command, faults=faults, model="averaged", noise=0.05)
     recording = Recording({name: full[name] for name in ("time_s", "command_rad", *ELECTRICAL)})
-    problem = Problem.of(recording, THESIS, channels=None)
+    problem = problem_of(recording, THESIS, channels=None)
     assert (problem.unknown_start.seconds, dict(problem.unusable)) == (0.0, {})
 
 
 @pytest.mark.parametrize("motion", [("position_rad",), ("speed_rad_s", "angle_rad")], ids=str)
 def test_with_a_recorded_motion_every_row_is_compared(motion: tuple[str, ...]) -> None:
-    problem = Problem.of(cut(700, *ELECTRICAL, *motion), THESIS, channels=None)
+    problem = problem_of(cut(700, *ELECTRICAL, *motion), THESIS, channels=None)
     assert (problem.unknown_start.seconds, dict(problem.unusable)) == (0.0, {})
 
 
 def test_half_of_a_short_recording_is_compared() -> None:
-    problem = Problem.of(cut(700, *ELECTRICAL, last=800), THESIS, channels=None)
+    problem = problem_of(cut(700, *ELECTRICAL, last=800), THESIS, channels=None)
     assert problem.unknown_start.seconds == pytest.approx(MOVING_START.most * 100 * INTERVAL)
 
 
@@ -109,7 +109,7 @@ def test_a_diagnosis_does_without_them_and_says_so() -> None:
 def test_a_replay_does_without_them_and_says_so() -> None:
     found = replay(cut(700, *ELECTRICAL), THESIS, faults=FAULTS)
     assert found.first_row * INTERVAL == pytest.approx(
-        Problem.of(cut(700, *ELECTRICAL), THESIS).unknown_start.seconds
+        problem_of(cut(700, *ELECTRICAL), THESIS).unknown_start.seconds
     )
     assert "not compared" in found.recording.notes[-1]
     # As of a whole recording (test_replay): 0.08 A between the models and 0.05 A of noise, of 2.4 A.

@@ -29,6 +29,7 @@ from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 from emaphm.estimation.methods import WITH_LEAST_SQUARES
 from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.posterior.samples import Posterior
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
@@ -202,7 +203,7 @@ def _starts(mixture: Mixture, space: ParameterSpace, seed: int) -> Starts:
 
 def _objective(estimator: Estimator, recording: Recording, actuator: Actuator) -> MapObjective:
     """Return the averaged model against the recording, in the coordinates of the estimator."""
-    problem = Problem.of(recording, actuator, workers=1, channels=estimator.setup.channels)
+    problem = problem_of(recording, actuator, workers=1, channels=estimator.setup.channels)
     # A recorded temperature is one of the coordinates here, which the network has estimated.
     return MapObjective.of(replace(problem, temperature_rise_K=0.0), estimator.space)
 

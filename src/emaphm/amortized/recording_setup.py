@@ -13,7 +13,7 @@ from emaphm.actuator import Actuator, Command
 from emaphm.actuator.commands import rest_position
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
-from emaphm.estimation.problem import comparable_channels
+from emaphm.estimation.compared_channels import comparable_channels
 from emaphm.estimation.space.nuisances import NuisanceSet
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording, full_scales

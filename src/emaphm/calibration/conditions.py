@@ -11,10 +11,11 @@ from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.errors import MethodError
+from emaphm.estimation.compared_channels import has_signal
 from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.joint.search import DESCENT
 from emaphm.estimation.objective import healthy_objective
-from emaphm.estimation.problem import Problem, has_signal
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.rows.means import over_swings
 from emaphm.estimation.space.nuisances import MAGNETS, MAGNETS_DEVIATION, PRIORS_PER_UNIT, WIDEST, NuisanceSet
 from emaphm.estimation.space.parameter_variation import ParameterVariation, sizes
@@ -74,7 +75,7 @@ def _term(
     every_row: bool,
 ) -> RecordingTerm:
     described = row.described(actuator, unit.parameters)
-    problem = Problem.of(row.completed(), described, workers=workers, channels=None)
+    problem = problem_of(row.completed(), described, workers=workers, channels=None)
     if not every_row:
         problem = over_swings(problem)
     # Of a known load or supply nothing is unknown.

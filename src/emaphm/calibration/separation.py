@@ -10,10 +10,11 @@ from emaphm.actuator.commands import rest_position
 from emaphm.actuator.quantity import USER_ANGLE, unit_for
 from emaphm.arrays import Array
 from emaphm.calibration.unit_fit import UnitFit
+from emaphm.estimation.compared_channels import comparable_channels
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.joint.objective import JointObjective
-from emaphm.estimation.problem import Problem, comparable_channels
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import DEFAULT_SCATTER
 from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.space.nuisances import BASELINE, KNOWN_BY

@@ -30,9 +30,11 @@ from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
 from emaphm.diagnosis.verdict import VERDICT, Estimate, estimates, undecided_by_model_error, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
+from emaphm.estimation.compared_channels import TORQUE_CURRENTS
 from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
 from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
-from emaphm.estimation.problem import TORQUE_CURRENTS, Problem
+from emaphm.estimation.posing import problem_of
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.after_jumps import rows_after_jumps
 from emaphm.estimation.rows.means import masks_of_means, over_swings
 from emaphm.estimation.search import check_fitness, search
@@ -250,7 +252,7 @@ def objective_for(
         A nuisance is unknown, or needs the electrical description that the actuator lacks; or the method
         estimates none.
     """
-    problem = Problem.of(recording, actuator, model, workers, None if method.least_squares else ())
+    problem = problem_of(recording, actuator, model, workers, None if method.least_squares else ())
     _check_current(problem, recording)
     if method.least_squares:
         problem = over_swings(problem)

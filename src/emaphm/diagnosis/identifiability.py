@@ -7,8 +7,8 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.unexplained import alternatives_covariance, inflation, unexplained_scores
 from emaphm.diagnosis.verdict import VERDICT, Z95
+from emaphm.estimation.compared_channels import comparable_channels
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.problem import comparable_channels
 from emaphm.estimation.search_result import DEFAULT_SCATTER, SearchResult
 from emaphm.estimation.space.nuisances import BASELINE, KNOWN_BY
 from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION

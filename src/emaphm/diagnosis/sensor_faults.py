@@ -6,7 +6,7 @@ from typing import Any
 
 from emaphm.actuator import NAMES, Actuator
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
-from emaphm.estimation.problem import TORQUE_CURRENTS
+from emaphm.estimation.compared_channels import TORQUE_CURRENTS
 from emaphm.estimation.sensors.sensor_model import SENSOR_CHANNELS, sensor_error
 from emaphm.estimation.space.nuisances import usual_deviation
 from emaphm.estimation.uncertainty.collinearity import CollinearSet

@@ -9,30 +9,16 @@ from numpy.typing import ArrayLike
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
-from emaphm.errors import MethodError
 from emaphm.estimation.driving_signals import DrivingSignals
-from emaphm.estimation.initial_state import initial_state, shows_start
-from emaphm.estimation.recorded_supply import with_recorded_supply
 from emaphm.estimation.rests import Rests
-from emaphm.estimation.rows.unknown_start import FROM_REST, UnknownStart, unknown_start
+from emaphm.estimation.rows.unknown_start import FROM_REST, UnknownStart
 from emaphm.estimation.run_counts import RunCounts
-from emaphm.estimation.sensors.counts import ROUNDING, visible_count
+from emaphm.estimation.sensors.counts import ROUNDING
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
-from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.space.nuisances import NO_NUISANCES
-from emaphm.estimation.uncertainty.model_error import row_errors
-from emaphm.recording import Recording, with_equivalent_current
 from emaphm.recording.noise import measured_noise
-from emaphm.recording.schema import RESPONSES
 from emaphm.recording.sensor_checks.resolution import Mask
-from emaphm.simulation import AVERAGED, Initial, Inputs, Model, Plant, observe_batch, run
-from emaphm.simulation.engine.plant import structure_of
-
-SAME_AS = {"current_q_A": "current_A", "voltage_q_V": "voltage_V"}
-"""Channels of a field-oriented drive that are the same line value as another."""
-
-TORQUE_CURRENTS = ("current_A", "current_q_A")
-"""The equivalent current, and its name where a field-oriented drive gives it."""
+from emaphm.simulation import Initial, Inputs, Model, Plant, observe_batch, run
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,60 +76,6 @@ class Problem:
     averaged_rows: int = 1
     rests: Rests | None = None
     unknown_start: UnknownStart = FROM_REST
-
-    @classmethod
-    def of(
-        cls,
-        recording: Recording,
-        actuator: Actuator,
-        model: Model = AVERAGED,
-        workers: int | None = None,
-        channels: tuple[str, ...] | None = (),
-    ) -> Self:
-        """Return the problem of reproducing `recording` by `model` of `actuator`.
-
-        `channels` are compared; where empty, the primary one alone; where None, all that were recorded, vary
-        and that the model has.
-
-        Raises
-        ------
-        MethodError
-            The model has none of the recorded channels.
-        RecordingError
-            A recorded supply is not positive.
-        """
-        recording = with_equivalent_current(recording, actuator)
-        actuator = with_recorded_supply(actuator, recording)
-        driving = DrivingSignals.of(recording)
-        compared = compared_channels(recording, actuator, model)
-        if channels is not None:
-            compared = channels or compared[:1]
-        rise = 0.0
-        if "temperature_K" in recording and actuator.electrical is not None:
-            rise = float(np.mean(recording["temperature_K"])) - actuator.electrical.temperature
-        problem = cls(
-            actuator,
-            model,
-            driving,
-            driving.inputs(model.step_for(actuator)),
-            initial_state(recording, actuator),
-            recording.channels,
-            compared,
-            temperature_rise_K=rise,
-            workers=workers,
-            counts={name: step for name in compared if (step := visible_count(recording[name])) > 0},
-        )
-        every = problem.observing(compared_channels(recording, actuator, model))
-        unknown = unknown_start(every, shown=shows_start(recording, actuator))
-        problem = replace(
-            problem,
-            start=replace(problem.start, gap=unknown.gap),
-            model_error=row_errors(problem),
-            unusable=unknown.masks(every),
-            unknown_start=unknown,
-        )
-        # To begin with, a residual counts in proportion to its channel.
-        return problem.weighted([signal_size(name, recording[name]) for name in problem.channels])
 
     def by(self, model: Model) -> Self:
         """Return the same problem for another model: start, weights and counts are the same."""
@@ -269,44 +201,3 @@ class Problem:
         signals["angle_rad"] += self.start.rotor_offset
         interval = self.inputs.interval
         return {name: as_described(signals[name], name, self.actuator, interval) for name in signals}
-
-
-def comparable_channels(actuator: Actuator, model: Model = AVERAGED) -> tuple[str, ...]:
-    """Return the channels that a model of `actuator` has to compare: no voltage without its windings.
-
-    Raises
-    ------
-    MethodError
-        The model does not know the actuator's drive.
-    """
-    observable = model.form(structure_of(actuator)).observable
-    return tuple(name for name in observable if name != "voltage_V" or actuator.electrical is not None)
-
-
-def compared_channels(recording: Recording, actuator: Actuator, model: Model = AVERAGED) -> tuple[str, ...]:
-    """Return the channels of `recording` that a model of `actuator` is compared in, the primary one first.
-
-    The equivalent current is primary where it was recorded, else the first channel that varies.
-
-    Raises
-    ------
-    MethodError
-        The model has none of the recorded channels, or does not know the actuator's drive.
-    """
-    comparable = comparable_channels(actuator, model)
-    # One measurement by two names would count twice.
-    recorded = [name for name in comparable if name in recording and SAME_AS.get(name, "") not in recording]
-    if not recorded:
-        held = ", ".join(name for name in RESPONSES if name in recording)
-        raise MethodError(
-            f"{recording.source}: of what it holds ({held}) the {model.name} model of actuator "
-            f"'{actuator.name}' has nothing to compare; record one of {', '.join(comparable)}"
-        )
-    varying = [name for name in recorded if name == "current_A" or has_signal(recording, name)]
-    chosen = varying or recorded[:1]
-    return tuple(sorted(chosen, key=lambda name: name not in TORQUE_CURRENTS))
-
-
-def has_signal(recording: Recording, name: str) -> bool:
-    """Return whether a channel was recorded, and is more than an idle column of one value."""
-    return name in recording and float(np.ptp(recording[name])) > 0

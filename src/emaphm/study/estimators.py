@@ -26,7 +26,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis
 from emaphm.diagnosis.error_metric import error_percent
 from emaphm.errors import EmaphmError
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.execution import Task, outcomes
 from emaphm.fleet import DiagnosisSettings
 from emaphm.random_streams import stream
@@ -277,7 +277,7 @@ def speed_table(path: Path) -> str:
     recording = recorded(
         Rig(label="base", channels=estimator.setup.channels), Actuator.thesis(), Manoeuvre(), Faults(), 0
     )
-    inputs = Problem.of(recording, Actuator.thesis(), workers=1).inputs
+    inputs = problem_of(recording, Actuator.thesis(), workers=1).inputs
     table = []
     for count in (1, 16, size):
         repeats = max(1, 200 // count)

@@ -15,8 +15,8 @@ from emaphm.calibration.lack_of_fit import BY_CHANCE, slow_share
 from emaphm.calibration.unit_fit import UnitFit
 from emaphm.calibration.warnings.units_and_signs import UNRESEMBLED
 from emaphm.diagnosis.explanation.reasons import RESIDUAL_LIMITS, residual_within_limits
+from emaphm.estimation.compared_channels import TORQUE_CURRENTS
 from emaphm.estimation.discrepancy import resolves_switching
-from emaphm.estimation.problem import TORQUE_CURRENTS
 
 FEW = 2
 """Manoeuvres of which the scatter says next to nothing."""

@@ -13,9 +13,10 @@ from emaphm.diagnosis.explanation.contradicted_rotor_zero import contradicted_ze
 from emaphm.diagnosis.explanation.followed_channels import unfollowed
 from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.sensor_scores import contradictions
+from emaphm.estimation.compared_channels import comparable_channels
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.objective import MapObjective
-from emaphm.estimation.problem import Problem, comparable_channels
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import EXPECTED_RESIDUAL, SearchResult
 from emaphm.estimation.sensors.sensor_model import described_noise, error_kind, sensor_error, sensor_of
 from emaphm.estimation.signal_size import signal_size

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.argument import check_actuator
 from emaphm.arrays import Array
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.replay.errors import ErrorStatistics, error_table, relative_of, warnings
 from emaphm.recording import Recording, check_plausible, with_equivalent_current
 from emaphm.recording.argument import check_recording
@@ -133,7 +133,7 @@ def replay(
     check_actuator(actuator)
     check_plausible(recording, actuator)
     recording = with_equivalent_current(recording, actuator)
-    problem = Problem.of(recording, actuator, model_named(model))
+    problem = problem_of(recording, actuator, model_named(model))
     signals = problem.signals((faults or Faults()).vector)
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no voltage to speak of

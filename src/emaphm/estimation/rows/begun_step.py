@@ -6,18 +6,15 @@ right but for its moment, until it has settled.
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from emaphm.arrays import Array
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.first_rows import first_rows, likely_faults, rows_apart
 from emaphm.estimation.rows.gap_side import leaves_enough, motion_after
 from emaphm.estimation.rows.held_start import CURRENT
 from emaphm.recording.noise import noise_on_most_rows
-
-if TYPE_CHECKING:
-    from emaphm.estimation.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -39,7 +36,7 @@ class BegunStepSettings:
 BEGUN_STEP = BegunStepSettings()
 
 
-def rows_of_begun_step(problem: "Problem") -> int:
+def rows_of_begun_step(problem: Problem) -> int:
     """Return how many rows depend on when a step was that the shaft still follows, 0 where it begins at rest.
 
     And where the speed was recorded, or too little motion would be left.
@@ -61,12 +58,12 @@ def rows_of_begun_step(problem: "Problem") -> int:
     return rows if leaves_enough(problem, rows) else 0
 
 
-def _is_on_command(problem: "Problem") -> bool:
+def _is_on_command(problem: Problem) -> bool:
     first = float(problem.driving.command(np.zeros(1))[0])
     return bool(np.isclose(problem.start.angle * problem.actuator.mechanics.gear_ratio, first))
 
 
-def _draws(problem: "Problem", currents: Array) -> bool:
+def _draws(problem: Problem, currents: Array) -> bool:
     """Return whether the first rows of the current may be those of n models, (n, rows).
 
     At first it rises a little later than a mean model's. It is ahead of one at rest if the step was before;

@@ -2,20 +2,17 @@
 
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from emaphm.actuator import Faults
 from emaphm.arrays import Array
 from emaphm.estimation.driving_signals import DrivingSignals
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.run_counts import RunCounts
 from emaphm.estimation.signal_size import signal_size
 from emaphm.recording.noise import noise_on_most_rows
 from emaphm.simulation import AVERAGED
-
-if TYPE_CHECKING:
-    from emaphm.estimation.problem import Problem
 
 NOISE = 1.0
 """Difference that counts in a channel, over its noise."""
@@ -27,7 +24,7 @@ FORGOTTEN_S = 20e-3
 """Time without a difference after which a start is forgotten [s]."""
 
 
-def likely_faults(problem: "Problem") -> Array:
+def likely_faults(problem: Problem) -> Array:
     """Return fault vectors (n, 8) that change how the actuator follows, and the size of its channels."""
     shorts = (0.0, 0.2) if problem.actuator.electrical is not None else (0.0,)
     return np.array(
@@ -39,7 +36,7 @@ def likely_faults(problem: "Problem") -> Array:
 
 
 def first_rows(
-    problem: "Problem",
+    problem: Problem,
     driving: DrivingSignals,
     angle: float,
     faults: Array,
@@ -56,7 +53,7 @@ def first_rows(
     return short.predict(faults, channels=channels)
 
 
-def rows_apart(problem: "Problem", outputs: list[Array]) -> int:
+def rows_apart(problem: Problem, outputs: list[Array]) -> int:
     """Return the rows in which `outputs` (n, channels, rows) of several starts differ, 0 where they never do.
 
     By more than the noise of a channel and more than a share of its size, for any of the n faults. Where they
@@ -72,7 +69,7 @@ def rows_apart(problem: "Problem", outputs: list[Array]) -> int:
     return int(differing[forgotten[0]] if forgotten.size else differing[-1]) + 1
 
 
-def least_residual(problem: "Problem", outputs: Array, first: int, count: int) -> float:
+def least_residual(problem: Problem, outputs: Array, first: int, count: int) -> float:
     """Return the least rms residual of n models over `count` rows from the `first` on.
 
     `outputs` are their channels (n, channels, rows), from the `first` row on as well; each channel counts in
@@ -83,12 +80,12 @@ def least_residual(problem: "Problem", outputs: Array, first: int, count: int) -
     return float(np.sqrt(np.mean(residuals**2, axis=(1, 2)).min()))
 
 
-def _sizes(problem: "Problem") -> Array:
+def _sizes(problem: Problem) -> Array:
     """Return the size of each channel, in its unit, (channels,)."""
     return np.array([signal_size(name, problem.measured[name]) for name in problem.channels])
 
 
-def _least_difference(problem: "Problem") -> Array:
+def _least_difference(problem: Problem) -> Array:
     """Return the difference that counts in each channel, in its unit, (channels,)."""
     noise = [
         max(noise_on_most_rows(problem.measured[name]), problem.counts.get(name, 0.0))

@@ -11,17 +11,14 @@ reached the first edge, and its drive has forgotten the way there.
 import math
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from emaphm.actuator import Faults
 from emaphm.arrays import Array
 from emaphm.estimation.driving_signals import DrivingSignals
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.first_rows import first_rows, rows_apart
-
-if TYPE_CHECKING:
-    from emaphm.estimation.problem import Problem
 
 SIDES = (-1.0, 1.0)
 """Shares of half of the gap by which the motor is ahead of the user, at its edges."""
@@ -47,17 +44,17 @@ def side_of(motion: float) -> float:
     return float(np.sign(motion))
 
 
-def at_side(problem: "Problem", side: float) -> "Problem":
+def at_side(problem: Problem, side: float) -> Problem:
     """Return the problem whose models start at a `side` of the gap."""
     return replace(problem, start=replace(problem.start, gap=side))
 
 
-def shows_side(problem: "Problem") -> bool:
+def shows_side(problem: Problem) -> bool:
     """Return whether the current of a rest shows the side: what it does not owe to the load is friction's."""
     return "load_Nm" in problem.measured
 
 
-def has_crossed_gap(problem: "Problem", acceleration: float) -> bool:
+def has_crossed_gap(problem: Problem, acceleration: float) -> bool:
     """Return whether the motor, at its speed, has moved by more than the widest gap since it last turned.
 
     At the command's `acceleration` [rad/s²] it has moved by ω² / (2 α).
@@ -67,21 +64,21 @@ def has_crossed_gap(problem: "Problem", acceleration: float) -> bool:
     return problem.start.speed**2 >= 2 * abs(acceleration) / mechanics.gear_ratio * widest
 
 
-def motion_after(problem: "Problem", rest: int = 0, lead: int = 0) -> DrivingSignals:
+def motion_after(problem: Problem, rest: int = 0, lead: int = 0) -> DrivingSignals:
     """Return the signals of the first motion after the `rest` rows, with `lead` rows of the rest before."""
     interval = problem.inputs.interval
     rows = min(problem.samples - rest, math.ceil(FIRST_MOTION.longest / interval))
     return problem.driving.beginning((rest - lead) * interval, lead + rows)
 
 
-def leaves_enough(problem: "Problem", rows: int) -> bool:
+def leaves_enough(problem: Problem, rows: int) -> bool:
     """Return whether enough motion follows the first `rows` to do without them."""
     command = problem.measured["command_rad"]
     left = float(np.ptp(command[rows:])) if rows < problem.samples else 0.0
     return left > 0 and left >= FIRST_MOTION.left * float(np.ptp(command))
 
 
-def rows_of_unknown_side(problem: "Problem", driving: DrivingSignals) -> int:
+def rows_of_unknown_side(problem: Problem, driving: DrivingSignals) -> int:
     """Return the rows of the `driving` signals in which models differ that start at either edge of the gap.
 
     By the averaged model from where the `problem` starts, for likely widths of the gap.

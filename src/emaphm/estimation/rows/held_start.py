@@ -7,12 +7,12 @@ against that friction. Its mean says nothing of the faults, and nothing of the s
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.driving_signals import DrivingSignals
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.first_rows import first_rows, least_residual, likely_faults, rows_apart
 from emaphm.estimation.rows.gap_side import (
     at_side,
@@ -23,9 +23,6 @@ from emaphm.estimation.rows.gap_side import (
     side_of,
 )
 from emaphm.recording.noise import noise_level, noise_on_most_rows
-
-if TYPE_CHECKING:
-    from emaphm.estimation.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,7 @@ class HeldStart:
     current: float
 
 
-def held_start(problem: "Problem") -> HeldStart | None:
+def held_start(problem: Problem) -> HeldStart | None:
     """Return how friction holds the shaft at the start, None where it does not.
 
     It does where the current of a first rest is none that a model draws which starts on the command. The
@@ -96,13 +93,13 @@ def held_start(problem: "Problem") -> HeldStart | None:
     return HeldStart(rest if alone else 0, current)
 
 
-def _friction_holds(problem: "Problem", current: float) -> bool:
+def _friction_holds(problem: Problem, current: float) -> bool:
     """Return whether healthy static friction holds the shaft against a `current` [A]: else it is a load's."""
     actuator = problem.actuator
     return abs(current) * actuator.motor.torque_constant <= actuator.mechanics.static_friction
 
 
-def current_not_drawn(problem: "Problem") -> tuple[float, bool]:
+def current_not_drawn(problem: Problem) -> tuple[float, bool]:
     """Return by what the mean current at the start is off that of models which start on the command [A].
 
     And whether it is farther off than those of models with likely faults are from each other. 0 where it is
@@ -122,14 +119,14 @@ def current_not_drawn(problem: "Problem") -> tuple[float, bool]:
     return current - float(np.median(means)), outside > float(np.ptp(means))
 
 
-def _fewest_rows(problem: "Problem") -> int:
+def _fewest_rows(problem: Problem) -> int:
     """Return over how many rows a rest is looked at, at least: more than the sensors are late."""
     late = max(problem.actuator.sensors.of(name).delay for name in problem.channels)
     return HELD_START.fewest + math.ceil(late / problem.inputs.interval)
 
 
 def _rows_until_forgotten(
-    problem: "Problem", rest: int, current: float, faults: Array, *, certain: bool
+    problem: Problem, rest: int, current: float, faults: Array, *, certain: bool
 ) -> int | None:
     """Return the rows of a `rest` with a held `current` [A], and of the motion after it that depend on it.
 
@@ -147,7 +144,7 @@ def _rows_until_forgotten(
     return rest + max(apart - lead, 0)
 
 
-def _motion_after(problem: "Problem", rest: int) -> tuple[DrivingSignals, int]:
+def _motion_after(problem: Problem, rest: int) -> tuple[DrivingSignals, int]:
     """Return the signals of the motion after the `rest` rows, and how many rows of the rest they begin with.
 
     From the last rows of the rest on: a model that starts sooner may have crept back to the command.
@@ -156,12 +153,12 @@ def _motion_after(problem: "Problem", rest: int) -> tuple[DrivingSignals, int]:
     return motion_after(problem, rest, lead), lead
 
 
-def _is_sure_rest(problem: "Problem", rest: int) -> bool:
+def _is_sure_rest(problem: Problem, rest: int) -> bool:
     """Return whether a `rest` of this many rows is more than a slow beginning of the motion may look like."""
     return rest >= max(HELD_START.sure / problem.inputs.interval, HELD_START.fewest)
 
 
-def _leaves_its_start(problem: "Problem", driving: DrivingSignals, faults: Array) -> bool:
+def _leaves_its_start(problem: Problem, driving: DrivingSignals, faults: Array) -> bool:
     """Return whether no model that starts where the shaft was recorded stays there.
 
     Then the command had not been reached; the current of a shaft that stays is friction's.
@@ -173,12 +170,12 @@ def _leaves_its_start(problem: "Problem", driving: DrivingSignals, faults: Array
     return bool(np.ptp(positions, axis=2).min() > HELD_START.leaves * off)
 
 
-def _on_command(problem: "Problem", driving: DrivingSignals) -> float:
+def _on_command(problem: Problem, driving: DrivingSignals) -> float:
     """Return the motor's angle on the command at the beginning of the `driving` signals [rad]."""
     return float(driving.command(np.zeros(1))[0]) / problem.actuator.mechanics.gear_ratio
 
 
-def _standing_rows(problem: "Problem") -> int:
+def _standing_rows(problem: Problem) -> int:
     """Return the rows before the command moves, all of them where it never does."""
     command = problem.measured["command_rad"]
     first = command[: max(round(2 * HELD_START.shortest / problem.inputs.interval), 4 * HELD_START.fewest)]
@@ -187,14 +184,14 @@ def _standing_rows(problem: "Problem") -> int:
     return int(np.argmax(moved)) if moved.any() else command.size
 
 
-def _least_current(problem: "Problem", rows: int) -> float:
+def _least_current(problem: Problem, rows: int) -> float:
     """Return by what the mean current of `rows` must be off a model's to be that of a held shaft [A]."""
     current = problem.measured[CURRENT]
     error = max(noise_on_most_rows(current) / math.sqrt(rows), HELD_START.resolved * float(current.std()))
     return max(HELD_START.significant * error, problem.counts.get(CURRENT, 0.0) / 2)
 
 
-def _from_starts(problem: "Problem", driving: DrivingSignals, current: float, faults: Array) -> list[Array]:
+def _from_starts(problem: Problem, driving: DrivingSignals, current: float, faults: Array) -> list[Array]:
     """Return the channels (n, channels, rows) of models that start on the command and off it.
 
     Off by what makes them draw about `current` [A] more, and further.

@@ -8,16 +8,13 @@ faults.
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from emaphm.arrays import Array, rms
 from emaphm.estimation.driving_signals import DrivingSignals
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.first_rows import first_rows, least_residual, likely_faults, rows_apart
-
-if TYPE_CHECKING:
-    from emaphm.estimation.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,7 @@ class MovingStartSettings:
 MOVING_START = MovingStartSettings()
 
 
-def command_moves(problem: "Problem") -> bool:
+def command_moves(problem: Problem) -> bool:
     """Return whether the command moves in the first row already.
 
     A parabola through a command that stands for a while, or begins as smoothly as a cubic, has a rate at the
@@ -65,12 +62,12 @@ def command_moves(problem: "Problem") -> bool:
     return bool(abs(off) < MOVING_START.off * abs(rate) * at_once)
 
 
-def first_motion(problem: "Problem") -> tuple[float, float]:
+def first_motion(problem: Problem) -> tuple[float, float]:
     """Return rate and acceleration of the command at the start [rad/s, rad/s²]."""
     return _parabola(problem)[1:]
 
 
-def rows_of_moving_start(problem: "Problem") -> int:
+def rows_of_moving_start(problem: Problem) -> int:
     """Return how many rows at the start depend on the motion before it, of a command that moves there.
 
     Of a recording that does not show its start: `emaphm.estimation.initial_state.shows_start`.
@@ -91,7 +88,7 @@ def rows_of_moving_start(problem: "Problem") -> int:
     return min(count, int(MOVING_START.most * problem.samples))
 
 
-def _with_motion_before(problem: "Problem", lead: int, rows: int) -> tuple[DrivingSignals, float]:
+def _with_motion_before(problem: Problem, lead: int, rows: int) -> tuple[DrivingSignals, float]:
     """Return the signals with `lead` rows of motion before `rows`, and the motor's angle [rad] there."""
     begin = lead * problem.inputs.interval
     position, rate, acceleration = _parabola(problem)
@@ -108,7 +105,7 @@ def _with_motion_before(problem: "Problem", lead: int, rows: int) -> tuple[Drivi
     return driving, float(np.clip(first, lowest, highest)) / ratio
 
 
-def _parabola(problem: "Problem") -> tuple[float, float, float]:
+def _parabola(problem: Problem) -> tuple[float, float, float]:
     """Return position, rate and acceleration of the command at the start [rad, rad/s, rad/s²]."""
     window = max(MOVING_START.window, 3 * problem.inputs.interval)
     times = np.linspace(0.0, window, 21)

@@ -9,7 +9,7 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array, rms
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.recording.sensor_checks import CheckedRecording, SensorFinding
 from emaphm.simulation import Model
 
@@ -36,7 +36,7 @@ def with_channels_exchanged(checked: CheckedRecording, actuator: Actuator, model
     So are their rows that are not to be compared; findings keep the names that the channels had. Unchanged
     where none do, or where less than two channels can be compared.
     """
-    problem = Problem.of(checked.recording, actuator, model, channels=None)
+    problem = problem_of(checked.recording, actuator, model, channels=None)
     if len(problem.channels) < 2:
         return checked
     modelled = problem.predict(HEALTHY.vector[np.newaxis])[0]

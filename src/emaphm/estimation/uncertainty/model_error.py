@@ -6,7 +6,6 @@ it is evaluated for the manoeuvre of a recording. Without that section, nothing 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,13 +13,11 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.faults import HEALTHY
 from emaphm.actuator.unit.model_error import ChannelError
 from emaphm.arrays import Array
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.sensors.sensor_model import described_noise
 from emaphm.estimation.uncertainty.correlation import white_noise
 from emaphm.quantiles import normal_quantile, student_t_distribution, student_t_quantile
 from emaphm.recording.noise import noise_level
-
-if TYPE_CHECKING:
-    from emaphm.estimation.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,7 @@ class HealthyComparison:
         return self.recordings / (self.recordings + 1)
 
 
-def variance_terms(problem: "Problem") -> Array:
+def variance_terms(problem: Problem) -> Array:
     """Return what the variance of the error is linear in, (4, samples): 1, ω², τ², α² of each row.
 
     Speed and acceleration of the motor are those of the healthy model [rad/s], [rad/s²]: smooth, and the same
@@ -109,7 +106,7 @@ def variance_terms(problem: "Problem") -> Array:
     return np.stack([np.ones_like(speed), speed**2, load**2, acceleration**2])
 
 
-def row_errors(problem: "Problem") -> dict[str, Array]:
+def row_errors(problem: Problem) -> dict[str, Array]:
     """Return the rms error of the model in each row, (samples,) by channel, where one was learned."""
     learned = {name: problem.actuator.model_error.of(name) for name in problem.measured}
     known = {name: one for name, one in learned.items() if one is not None}
@@ -123,7 +120,7 @@ def _coefficients(error: ChannelError) -> Array:
     return np.array([error.floor, error.speed, error.load, error.acceleration]) ** 2
 
 
-def channel_noise(problem: "Problem", channel: str, residual: Array | None = None) -> float:
+def channel_noise(problem: Problem, channel: str, residual: Array | None = None) -> float:
     """Return the rms of the white noise on a channel, in its unit.
 
     As its sensor is described; else from the measured channel, or as the least dense part of the spectrum of
@@ -136,7 +133,7 @@ def channel_noise(problem: "Problem", channel: str, residual: Array | None = Non
     return measured if residual is None else min(measured, white_noise(residual))
 
 
-def expected_residual(problem: "Problem", residuals: Mapping[str, Array] | None = None) -> dict[str, float]:
+def expected_residual(problem: Problem, residuals: Mapping[str, Array] | None = None) -> dict[str, float]:
     """Return the rms residual that a healthy recording would leave of each compared channel, in its unit.
 
     Noise and learned model error add by squares. Channels without a learned error are left out. `residuals`
@@ -152,7 +149,7 @@ def expected_residual(problem: "Problem", residuals: Mapping[str, Array] | None 
     return found
 
 
-def healthy_noise(problem: "Problem", channel: str, noise: float) -> float:
+def healthy_noise(problem: Problem, channel: str, noise: float) -> float:
     """Return the share of a channel's white `noise` (rms) that a healthy recording may have, in its unit."""
     error = problem.actuator.model_error.of(channel)
     known = None if error is None else error.noise
@@ -161,14 +158,14 @@ def healthy_noise(problem: "Problem", channel: str, noise: float) -> float:
     return min(noise, HEALTHY_RESIDUAL.most_noise * known)
 
 
-def error_variance(problem: "Problem", channel: str) -> float:
+def error_variance(problem: Problem, channel: str) -> float:
     """Return the mean square of the learned error of a channel over the recording, 0 without one."""
     rows = problem.model_error.get(channel)
     return 0.0 if rows is None else float(np.mean(rows**2))
 
 
 def compared_with_healthy(
-    problem: "Problem",
+    problem: Problem,
     residuals: Mapping[str, Array],
     *,
     least_share: float = 0.0,
@@ -234,7 +231,7 @@ def apparent_fault_covariance(actuator: Actuator, coordinates: Sequence[str]) ->
     return np.diag(deviations**2)
 
 
-def error_scores(problem: "Problem", jacobian: Array) -> Array | float:
+def error_scores(problem: Problem, jacobian: Array) -> Array | float:
     """Return the covariance (d, d) of `jacobian` (d, channel rows) times the learned error; 0.0 without one.
 
     Σ_c (T_c / Δt) J_c diag(w_c² σ_c²) J_cᵀ, an upper bound over all correlations of integral time T_c: a fit

@@ -14,7 +14,7 @@ from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array, runs
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.objective import MapObjective, faults_objective
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP
@@ -162,7 +162,7 @@ def expected_objective(
     recording: Recording, actuator: Actuator, sizes: dict[str, float], workers: int | None
 ) -> MapObjective:
     """Return what a diagnosis would minimise on a stretch, residuals weighted by their expected `sizes`."""
-    problem = Problem.of(recording, actuator, workers=workers, channels=None)
+    problem = problem_of(recording, actuator, workers=workers, channels=None)
     kept = tuple(name for name in problem.channels if sizes.get(name, 0.0) > 0)
     expected = [sizes[name] for name in kept]
     weighted = problem.observing(kept).weighted(expected)

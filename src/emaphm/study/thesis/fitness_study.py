@@ -16,7 +16,7 @@ import polars as pl
 from emaphm.actuator import NAMES, Actuator, Chirp
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.cost_functions import COST_FUNCTIONS
-from emaphm.estimation.problem import Problem
+from emaphm.estimation.posing import problem_of
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, monitor
 from emaphm.study.task import CURRENTS
@@ -75,7 +75,7 @@ def _rows(actuator: Actuator) -> Iterator[dict[str, Any]]:
         scanned = np.tile(state.faults.vector, (GRID.size, 1))
         scanned[:, component] = GRID
         for model_name, model in MODELS.items():
-            modelled = Problem.of(recording, actuator, model).predict_primary(scanned)
+            modelled = problem_of(recording, actuator, model).predict_primary(scanned)
             for (form, channel), (fitness_name, fitness) in product(CURRENTS.items(), COST_FUNCTIONS.items()):
                 scan = fitness(recording[channel], modelled, recording.interval_s)
                 least, true = int(np.argmin(scan)), int(GRID.searchsorted(truth))

@@ -1,0 +1,74 @@
+"""How a recording becomes a problem: what drives the model, where it starts, and which rows are compared."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from emaphm.actuator import Actuator
+from emaphm.estimation.compared_channels import compared_channels
+from emaphm.estimation.driving_signals import DrivingSignals
+from emaphm.estimation.initial_state import initial_state, shows_start
+from emaphm.estimation.problem import Problem
+from emaphm.estimation.recorded_supply import with_recorded_supply
+from emaphm.estimation.rows.start import unknown_start
+from emaphm.estimation.sensors.counts import visible_count
+from emaphm.estimation.signal_size import signal_size
+from emaphm.estimation.uncertainty.model_error import row_errors
+from emaphm.recording import Recording, with_equivalent_current
+from emaphm.simulation import AVERAGED, Model
+
+
+def problem_of(
+    recording: Recording,
+    actuator: Actuator,
+    model: Model = AVERAGED,
+    workers: int | None = None,
+    channels: tuple[str, ...] | None = (),
+) -> Problem:
+    """Return the problem of reproducing `recording` by `model` of `actuator`.
+
+    `channels` are compared; where empty, the primary one alone; where None, all that were recorded, vary
+    and that the model has.
+
+    Raises
+    ------
+    MethodError
+        The model has none of the recorded channels.
+    RecordingError
+        A recorded supply is not positive.
+    """
+    recording = with_equivalent_current(recording, actuator)
+    actuator = with_recorded_supply(actuator, recording)
+    driving = DrivingSignals.of(recording)
+    comparable = compared_channels(recording, actuator, model)
+    compared = comparable if channels is None else channels or comparable[:1]
+    problem = Problem(
+        actuator,
+        model,
+        driving,
+        driving.inputs(model.step_for(actuator)),
+        initial_state(recording, actuator),
+        recording.channels,
+        compared,
+        temperature_rise_K=_temperature_rise(recording, actuator),
+        workers=workers,
+        counts={name: step for name in compared if (step := visible_count(recording[name])) > 0},
+    )
+    every = problem.observing(comparable)
+    unknown = unknown_start(every, shown=shows_start(recording, actuator))
+    problem = replace(
+        problem,
+        start=replace(problem.start, gap=unknown.gap),
+        model_error=row_errors(problem),
+        unusable=unknown.masks(every.samples, every.channels),
+        unknown_start=unknown,
+    )
+    # To begin with, a residual counts in proportion to its channel.
+    return problem.weighted([signal_size(name, recording[name]) for name in problem.channels])
+
+
+def _temperature_rise(recording: Recording, actuator: Actuator) -> float:
+    """Return how far the recorded temperature is above the nominal one [K], 0 where it was not recorded."""
+    if "temperature_K" not in recording or actuator.electrical is None:
+        return 0.0
+    return float(np.mean(recording["temperature_K"])) - actuator.electrical.temperature
