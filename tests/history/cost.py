@@ -18,7 +18,7 @@ from emaphm.history.fingerprint import description_of
 from emaphm.history.writing import add_diagnosis
 from emaphm.prognosis import Evidence, learnt_prior, prognose
 from emaphm.prognosis.batch import prognose_all
-from emaphm.prognosis.evidence import follow
+from emaphm.prognosis.filter.following import follow
 from emaphm.prognosis.prior import Prior
 from emaphm.recording.content import recording_hash
 

@@ -11,7 +11,7 @@ import pytest
 from emaphm.arrays import Array
 from emaphm.history import History
 from emaphm.prognosis import Evidence, Observation, StressReference, fleet_prior, learnt_prior
-from emaphm.prognosis.evidence import Moment, follow, moments
+from emaphm.prognosis.filter.following import Moment, follow, moments
 from emaphm.prognosis.filter.resampling import apart_again, kinds_of
 from emaphm.prognosis.from_fleet import learning
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint

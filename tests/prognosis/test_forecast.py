@@ -12,7 +12,8 @@ from scipy.stats import invgauss, kstest, norm, truncnorm
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
-from emaphm.prognosis.evidence import Evidence, Observation, follow
+from emaphm.prognosis.evidence import Evidence, Observation
+from emaphm.prognosis.filter.following import follow
 from emaphm.prognosis.forecast import UnitDraws, drawn_states, paths
 from emaphm.prognosis.laws import LARGEST_EXPONENT, noises, transition
 from emaphm.prognosis.prior import NEW, Prior

@@ -14,6 +14,7 @@ from emaphm.arrays import Array
 from emaphm.prognosis import Evidence, Observation, Requirements
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.from_fleet.fleet_pace import FLEET_PACE, FleetPaceModel
+from emaphm.prognosis.from_fleet.forecast_by_fleet import mixed_with_pace
 from emaphm.prognosis.from_fleet.pace_population import (
     PACE_POPULATION,
     PopulationDraws,
@@ -80,14 +81,14 @@ def usual() -> FleetPaceModel:
 def by_pace(by: FleetPaceModel, evidence: Evidence, times: Array, ahead: Stress | None = None) -> Array:
     new_at = np.full(8, max((hours for hours, _ in evidence.replacements), default=0.0))
     belief = replace(Belief.new(Prior()), hours=evidence.hours, new_at=new_at)
-    return by.mixture_with(
-        FailureTimes(LIMITS, times), last_level(evidence, times), belief, evidence, ahead
+    return mixed_with_pace(
+        FailureTimes(LIMITS, times), by, last_level(evidence, times), belief, evidence, ahead
     ).first
 
 
 def passages(by: FleetPaceModel, evidence: Evidence) -> list[list[Passages]]:
     """Return what the lives of a unit show of each limit."""
-    return [[Passages.of(*path) for path in lives] for lives in by._paths_of(evidence, LIMITS)]
+    return [[Passages.of(*path) for path in lives] for lives in by.paths_of(evidence, LIMITS)]
 
 
 def last_level(evidence: Evidence, times: Array) -> Array:
@@ -216,9 +217,9 @@ def test_a_last_diagnosis_that_surprised_the_filter_leaves_the_forecast_to_it() 
     belief = replace(Belief.new(Prior()), hours=one.hours, surprise=0.9 * np.eye(8)[0])
     by = usual()
     level, filtered = last_level(one, times), FailureTimes(LIMITS, times)
-    assert by.mixture_with(filtered, level, belief, one, None).first.tolist() == times[0].tolist()
+    assert mixed_with_pace(filtered, by, level, belief, one, None).first.tolist() == times[0].tolist()
     other = replace(belief, surprise=0.9 * np.eye(8)[1])
-    assert by.mixture_with(filtered, level, other, one, None).first.tolist() != times[0].tolist()
+    assert mixed_with_pace(filtered, by, level, other, one, None).first.tolist() != times[0].tolist()
 
 
 def test_what_is_left_is_by_where_a_component_is_and_not_by_its_last_diagnosis() -> None:
@@ -237,7 +238,7 @@ def test_a_last_diagnosis_beyond_the_limit_fails_only_what_the_filter_says_has_f
     level[:, 0] = LIMIT * np.linspace(0.9, 1.02, 400)
     times = np.where(level[:, 0] < LIMIT, 500.0, 0.0)[np.newaxis]
     belief = replace(Belief.new(Prior()), hours=one.hours)
-    found = usual().mixture_with(FailureTimes(LIMITS, times), level, belief, seen, None).first
+    found = mixed_with_pace(FailureTimes(LIMITS, times), usual(), level, belief, seen, None).first
     assert np.array_equal(found == 0, times[0] == 0)
     # 16 of the 24 units have failed.
     assert np.mean(found[found > 0] != 500.0) == pytest.approx((16 / 24) ** 0.5 * 24 / 32, abs=0.01)
@@ -266,7 +267,7 @@ def test_a_unit_passes_a_wider_limit_after_a_tighter_one_by_the_pace_too() -> No
     requirements = tuple(Requirement(component="friction", at_most=bound) for bound in bounds)
     limits = Requirements(ACTUATOR.model_copy(update={"requirements": requirements})).limits
     times, belief = np.full((2, 400), 2000.0), replace(Belief.new(Prior()), hours=one.hours)
-    hours = by.mixture_with(FailureTimes(limits, times), last_level(one, times), belief, one, None).hours
+    hours = mixed_with_pace(FailureTimes(limits, times), by, last_level(one, times), belief, one, None).hours
     assert np.all(hours[0] >= hours[1])
     alone = by_pace(by, one, times[1:])
     # Medians of samples of another population's draws, of the same fleet.
@@ -331,7 +332,7 @@ def test_a_replacement_after_a_diagnosis_of_the_same_hours_says_nothing_of_then(
     belief = replace(Belief.new(Prior()), hours=then.hours)
     since = replace(then, replacements=((then.hours, "friction"),))
     one, other = (
-        by.mixture_with(FailureTimes(LIMITS, times), last_level(then, times), belief, each, None).first
+        mixed_with_pace(FailureTimes(LIMITS, times), by, last_level(then, times), belief, each, None).first
         for each in (then, since)
     )
     assert np.array_equal(one, other)

@@ -12,7 +12,7 @@ from emaphm.actuator.requirements import Requirement
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis import Evidence, Observation, Question, fleet_prior, prognose
-from emaphm.prognosis.evidence import follow
+from emaphm.prognosis.filter.following import follow
 from emaphm.prognosis.from_fleet import record
 from emaphm.prognosis.from_fleet.recalibration import (
     ForecastSituation,

@@ -19,7 +19,8 @@ from emaphm.prognosis import (
     fleet_prior,
     prognose,
 )
-from emaphm.prognosis.evidence import follow, stress_pieces
+from emaphm.prognosis.evidence import stress_pieces
+from emaphm.prognosis.filter.following import follow
 from emaphm.prognosis.notes.stress import stress_notes
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.prognose import lives

@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.prognosis.evidence import Evidence, Observation, follow
+from emaphm.prognosis.evidence import Evidence, Observation
+from emaphm.prognosis.filter.following import follow
 from emaphm.prognosis.forecast import drawn_states, paths
 from emaphm.prognosis.metrics import crps
 from emaphm.prognosis.prior import Prior

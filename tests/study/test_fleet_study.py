@@ -11,7 +11,7 @@ from emaphm.actuator.faults import HEALTHY, to_cartesian
 from emaphm.actuator.requirements import Requirement
 from emaphm.fleet.synthetic import FleetPlan, drawn_unit
 from emaphm.prognosis import Evidence, Observation
-from emaphm.prognosis.evidence import LEAST_ERROR
+from emaphm.prognosis.filter.following import LEAST_ERROR
 from emaphm.random_streams import stream
 from emaphm.report.fleet_page import fleet_page
 from emaphm.study.fleet import informed as informed_module

@@ -11,7 +11,8 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import emaphm
+ROOT = Path(__file__).parents[1]
+"""The folder of the package."""
 
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "cma", "minionpy", "pymoo")
 """Libraries whose numbers are part of a result."""
@@ -27,10 +28,9 @@ def revision_of(names: tuple[str, ...], left_out: tuple[str, ...]) -> str:
     `names` are rooms and files of the package, `left_out` parts of these that decide no result. Docstrings,
     comments and layout do not count.
     """
-    root = Path(emaphm.__file__).parent
     files = {
-        path.relative_to(root).as_posix(): path.read_text(encoding="utf-8")
-        for path in deciding_files(root, names, left_out)
+        path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+        for path in deciding_files(ROOT, names, left_out)
     }
     # To read what the code means takes seconds, in each process of a study: it is done once for these files.
     sources = _digest([*files.items(), ("", Path(__file__).read_text(encoding="utf-8"))])

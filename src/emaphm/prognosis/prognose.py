@@ -12,8 +12,10 @@ from emaphm.errors import PrognosisError
 from emaphm.prognosis.advice import Advice, Costs, advice, without_new_diagnoses
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
-from emaphm.prognosis.evidence import Evidence, follow
+from emaphm.prognosis.evidence import Evidence
+from emaphm.prognosis.filter.following import follow
 from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
+from emaphm.prognosis.from_fleet.forecast_by_fleet import by_fleet
 from emaphm.prognosis.notes.gathering import notes_on
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
@@ -111,7 +113,7 @@ def prognose(
     filtering = FILTER.for_updates(len(evidence.used))
     followed = follow(evidence, prior, seed=seed, settings=filtering, past=kept)
     made, forecast = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
-    times = forecast.by_fleet(made.level[0], followed.belief, evidence, question.ahead)
+    times = by_fleet(forecast, made.level[0], followed.belief, evidence, question.ahead)
     limit = times.commonest
     component = None if limit is None else responsible(made, forecast, limit, requirements)
     new_at = followed.belief.new_at[columns_of(component)[0]] if component else 0.0
@@ -208,7 +210,7 @@ def lives(
     found = []
     for belief in beliefs:
         made, times = _forecast(belief, evidence, requirements, settings, ahead)
-        found.append((belief.hours, times.by_fleet(made.level[0], belief, evidence, ahead).first))
+        found.append((belief.hours, by_fleet(times, made.level[0], belief, evidence, ahead).first))
     return found
 
 

@@ -2,15 +2,13 @@
 
 import hashlib
 from dataclasses import fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from emaphm.prognosis.evidence import Evidence
+from emaphm.prognosis.evidence import Evidence
 
 
-def fingerprint(evidence: "Evidence", *others: object) -> str:
+def fingerprint(evidence: Evidence, *others: object) -> str:
     """Return what identifies all fields of a unit's evidence, and `others` by their `repr`."""
     names = [one.name for one in fields(evidence) if one.name != "observations"]
     digest = hashlib.sha256(repr([getattr(evidence, name) for name in names]).encode())

@@ -9,7 +9,8 @@ from emaphm.arrays import Array
 from emaphm.memory import Memory
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import ECCENTRICITY
-from emaphm.prognosis.evidence import Evidence, moments
+from emaphm.prognosis.evidence import Evidence
+from emaphm.prognosis.filter.following import moments
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.fleet_pace import FleetPaceModel

@@ -7,7 +7,8 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.memory import Memory
-from emaphm.prognosis.evidence import Evidence, follow
+from emaphm.prognosis.evidence import Evidence
+from emaphm.prognosis.filter.following import follow
 from emaphm.prognosis.from_fleet.failures import passed_at
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.recalibration import (

@@ -7,7 +7,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.advice import Advice, advice
-from emaphm.prognosis.evidence import follow
+from emaphm.prognosis.filter.following import follow
 from emaphm.prognosis.forecast import drawn_states, paths
 from emaphm.prognosis.indicator.readings import FAILING, Indicator
 from emaphm.prognosis.notes.life import ENOUGH

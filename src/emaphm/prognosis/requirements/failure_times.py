@@ -1,8 +1,7 @@
 """When each path of a forecast fails each requirement, and which component is responsible."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,11 +14,6 @@ from emaphm.prognosis.requirements.first_passage import first_passage
 from emaphm.prognosis.requirements.margins import Limit, Requirements, vectors_of
 from emaphm.prognosis.requirements.measure_passage import measure_passage
 from emaphm.random_streams import stream
-
-if TYPE_CHECKING:
-    from emaphm.prognosis.belief import Belief
-    from emaphm.prognosis.evidence import Evidence
-    from emaphm.prognosis.stress import Stress
 
 MOST_ATTRIBUTED = 200
 """Failures of a measure that are looked at for the component responsible: the commonest is what is asked."""
@@ -47,21 +41,6 @@ class FailureTimes:
         """The limit that most paths fail first; None where none fails."""
         failed = self.hours.argmin(axis=0)[np.isfinite(self.first)]
         return int(np.bincount(failed).argmax()) if failed.size else None
-
-    def by_fleet(
-        self, level: Array, belief: "Belief", evidence: "Evidence", ahead: "Stress | None"
-    ) -> "FailureTimes":
-        """Return those of a forecast from `belief` as the fleet changes them.
-
-        They are corrected by how its past predictions turned out, and are then a mixture with those by the
-        pace of its units (`FleetPaceModel.mixture_with`). `level` (n, 8) is where the paths begin, `evidence`
-        is of the unit, `ahead` the stress to come.
-        """
-        recalibration, pace = belief.prior.recalibration, belief.prior.fleet_pace
-        times = self
-        if recalibration is not None:
-            times = replace(self, hours=recalibration.corrected(self.hours, belief.age))
-        return times if pace is None else pace.mixture_with(times, level, belief, evidence, ahead)
 
 
 def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:

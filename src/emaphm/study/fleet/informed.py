@@ -25,7 +25,7 @@ from emaphm.fleet.synthetic.population import Population, StressModel, Wear
 from emaphm.fleet.synthetic.unit import FALLING
 from emaphm.prognosis import Evidence, Observation
 from emaphm.prognosis.columns import columns_of, level_of
-from emaphm.prognosis.evidence import LEAST_ERROR
+from emaphm.prognosis.filter.following import LEAST_ERROR
 from emaphm.random_streams import stream
 
 Rows = NDArray[np.int_]

@@ -10,7 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.fleet.synthetic import FleetPlan, SyntheticUnit
 from emaphm.prognosis import Evidence, Prior
-from emaphm.prognosis.evidence import follow
+from emaphm.prognosis.filter.following import follow
 from emaphm.prognosis.metrics import (
     Prediction,
     alpha_lambda,
