@@ -25,36 +25,42 @@ def tree_of(name: str) -> ast.Module:
     return ast.parse(MODULES[name].read_text(encoding="utf-8"))
 
 
-def import_statements(tree: ast.AST, *, when_called: bool) -> Iterator[ast.Import | ast.ImportFrom]:
+def import_statements(
+    tree: ast.AST, *, when_called: bool, for_types: bool = False
+) -> Iterator[ast.Import | ast.ImportFrom]:
     """Yield the imports of `tree` as it is loaded, or also when it is called.
 
-    Imports for type checkers alone are left out: they are no dependency of the running program.
+    Imports for type checkers alone are no dependency of the running program: they are left out but
+    `for_types`.
     """
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.expr):  # holds no import, and most of the nodes
             continue
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test) and not for_types:
             continue
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not when_called:
             continue
         if isinstance(node, ast.Import | ast.ImportFrom):
             yield node
         else:
-            yield from import_statements(node, when_called=when_called)
+            yield from import_statements(node, when_called=when_called, for_types=for_types)
 
 
-def imported_names(tree: ast.AST, *, when_called: bool) -> Iterator[tuple[str, str]]:
+def imported_names(tree: ast.AST, *, when_called: bool, for_types: bool = False) -> Iterator[tuple[str, str]]:
     """Yield the names that `tree` imports from modules of the package: the module and the name, or ""."""
-    for node in import_statements(tree, when_called=when_called):
+    for node in import_statements(tree, when_called=when_called, for_types=for_types):
         if isinstance(node, ast.Import):
             yield from ((alias.name, "") for alias in node.names if alias.name in MODULES)
         elif node.module and node.module.startswith("emaphm"):
             yield from ((node.module, alias.name) for alias in node.names)
 
 
-def imported(tree: ast.AST, *, when_called: bool) -> Iterator[str]:
-    """Yield the modules of the package that `tree` imports as it is loaded, or also when it is called."""
-    for module, name in imported_names(tree, when_called=when_called):
+def imported(tree: ast.AST, *, when_called: bool, for_types: bool = False) -> Iterator[str]:
+    """Yield the modules of the package that `tree` imports as it is loaded, or also when it is called.
+
+    Those for type checkers alone are left out but `for_types`.
+    """
+    for module, name in imported_names(tree, when_called=when_called, for_types=for_types):
         below = f"{module}.{name}"
         yield below if below in MODULES else module
 

@@ -47,11 +47,8 @@ ORDER = (
 
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
 
-READS_BACK = {
-    ("emaphm.amortized.estimator", "emaphm.amortized.estimator_file"),
-    ("emaphm.detection.detector", "emaphm.detection.detector_file"),
-}
-"""Results whose `save` and `load` import, when called, the file that writes them and makes them anew."""
+CARRIES = {("emaphm.diagnosis.result", "emaphm.detection.result")}
+"""A result that carries one of a higher room, which it knows by its type alone."""
 
 MOST_LINES = 2500
 """Of a sub-package."""
@@ -83,6 +80,12 @@ def test_the_table_of_rooms_has_the_order() -> None:
     assert sorted(found) == sorted((level + 1, name) for name, level in LEVEL.items())
 
 
+@cache
+def named(name: str) -> set[str]:
+    """Return the modules that one imports as it is loaded or called, or for its types alone."""
+    return set(imported(tree_of(name), when_called=True, for_types=True)) - {name}
+
+
 def points_up(name: str, other: str) -> bool:
     """Return whether `other` stands above the module `name`, or beside it in another room."""
     own, level = LEVEL[room(name)], LEVEL.get(room(other), -1)
@@ -91,9 +94,15 @@ def points_up(name: str, other: str) -> bool:
 
 
 def test_imports_point_one_way() -> None:
-    named = [name for name in MODULES if room(name)]
-    wrong = {name: {other for other in loaded(name) if points_up(name, other)} for name in named}
-    assert {name: others for name, others in wrong.items() if others} == {}
+    in_rooms = [name for name in MODULES if room(name)]
+    wrong = {(name, other) for name in in_rooms for other in loaded(name) if points_up(name, other)}
+    assert wrong == set()
+
+
+def test_types_point_one_way() -> None:
+    in_rooms = [name for name in MODULES if room(name)]
+    types = {(name, other) for name in in_rooms for other in named(name) - called(name)}
+    assert {(name, other) for name, other in types if points_up(name, other)} == CARRIES
 
 
 def test_when_called_a_result_may_reach_down_to_its_drawer_only() -> None:
@@ -104,12 +113,8 @@ def test_when_called_a_result_may_reach_down_to_its_drawer_only() -> None:
 
 
 def followed(name: str) -> set[str]:
-    """Return what a module imports, loaded or called, but its drawer and what `READS_BACK` excepts."""
-    return {
-        other
-        for other in called(name)
-        if (name, other) not in READS_BACK and (room(other) != "plotting" or room(name) == "plotting")
-    }
+    """Return what a module imports, loaded, called or for types, but its drawer."""
+    return {other for other in named(name) if room(other) != "plotting" or room(name) == "plotting"}
 
 
 def test_no_circles() -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from amortized.toys import CHIRP, constant_estimator, short_setup
 from emaphm.amortized import Estimator
-from emaphm.amortized.estimator_file import HEADER
+from emaphm.amortized.storage.estimator_file import HEADER
 from emaphm.errors import MethodError, OutputError
 from emaphm.simulation import AVERAGED
 

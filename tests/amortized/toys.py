@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.actuator import Actuator, Chirp
+from emaphm.amortized.content import Limits
 from emaphm.amortized.error_prediction.comparison import predictor_feature_count
 from emaphm.amortized.error_prediction.predictor import ErrorPredictor
-from emaphm.amortized.estimator import Estimator, Limits
+from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.model_update import UPDATE, ModelUpdate, Whitening, feature_count
 from emaphm.amortized.networks.network import Block, Dense, Network, Normalisation, Single, output_width
 from emaphm.amortized.networks.projection import Projection

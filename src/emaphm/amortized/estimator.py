@@ -1,59 +1,28 @@
 """An estimator: a network, trained on an actuator's own simulations, that names a recording's faults."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from emaphm.actuator import Actuator
 from emaphm.amortized.applicability.refusals import check_actuator, check_recording
+from emaphm.amortized.content import EstimatorContent
 from emaphm.amortized.error_prediction.comparison import Comparison
-from emaphm.amortized.error_prediction.predictor import ErrorPredictor
 from emaphm.amortized.model_update import ModelUpdate
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Network, Single
-from emaphm.amortized.networks.projection import Projection
-from emaphm.amortized.recording_setup import RecordingSetup, actuator_hash, rows_of
+from emaphm.amortized.recording_setup import RecordingSetup, rows_of
 from emaphm.amortized.simulating import block_of, in_blocks
+from emaphm.amortized.storage.estimator_file import read_estimator, write_estimator
 from emaphm.arrays import Array
 from emaphm.blas_threads import one_blas_thread
-from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.recording import Recording
 from emaphm.simulation import Inputs
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
-    """What most held-out draws do not exceed, see `emaphm.amortized.applicability.likeness`.
-
-    `distances` (2,) are those of `Projection.distances`, `ratios` (channels,) those of the comparison with
-    the averaged model, `predicted_error` that of `ErrorPredictor`.
-    """
-
-    distances: Array
-    ratios: Array
-    predicted_error: float
-
-
-@dataclass(frozen=True, eq=False)
-class Estimator:
-    """What a file of `emaphm train` holds.
-
-    `network` answers from rows alone, read through `projection`; `update` improves its answers by the
-    averaged model. `temperature` (d,) multiplies the standard deviations; `error_predictor` predicts the
-    error of an answer, and `limits` say when none is believed. `facts` are those of its training, for people
-    to read. All else is in the setup.
-    """
-
-    setup: RecordingSetup
-    projection: Projection
-    network: Network
-    update: ModelUpdate
-    temperature: Array
-    error_predictor: ErrorPredictor
-    limits: Limits
-    facts: Mapping[str, Any] = field(default_factory=dict)
+class Estimator(EstimatorContent):
+    """A trained estimator: its content, and what it makes of recordings."""
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -64,26 +33,11 @@ class Estimator:
         MethodError
             The file is absent, too large, damaged, of another version, or no estimator.
         """
-        from emaphm.amortized.estimator_file import read_estimator
-
-        found: Self = read_estimator(Path(path), cls)
-        return found
+        return read_estimator(Path(path), cls)
 
     def save(self, path: str | Path) -> None:
         """Write one file, as a whole; `OutputError` where it cannot be written."""
-        from emaphm.amortized.estimator_file import write_estimator
-
         write_estimator(self, path)
-
-    @cached_property
-    def space(self) -> ParameterSpace:
-        """The coordinates of the answers."""
-        return self.setup.space
-
-    @cached_property
-    def actuator_hash(self) -> str:
-        """What identifies the actuator that it was trained for."""
-        return actuator_hash(self.setup.actuator)
 
     def check_actuator(self, actuator: Actuator) -> None:
         """Refuse another description than the one that it was trained for, `MethodError`."""

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,9 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
+from emaphm.detection.content import DetectorContent
 from emaphm.detection.cycle import Cycle, check_each_once, common_channels, cycle_of
+from emaphm.detection.detector_file import read_detector, write_detector
 from emaphm.detection.features import feature_names
 from emaphm.detection.level import Level, judging
 from emaphm.detection.manoeuvre import (
@@ -30,26 +32,8 @@ from emaphm.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)
-class Detector:
-    """Knows what healthy cycles look like, and says of others how far from that they are.
-
-    Attributes
-    ----------
-    channels
-        What it looks at.
-    manoeuvres
-        Those that it has healthy cycles of.
-    actuator
-        Whose model explains what it can of a recording before; None where channels are taken as measured.
-    seeded
-        Deviations of recordings with known faults.
-    """
-
-    channels: tuple[str, ...]
-    manoeuvres: tuple[HealthyManoeuvre, ...]
-    actuator: Actuator | None = None
-    seeded: tuple[Seeded, ...] = ()
-    settings: DetectorSettings = field(default=DETECTOR)
+class Detector(DetectorContent):
+    """Knows what healthy cycles look like, and says of others how far from that they are."""
 
     @classmethod
     def learn(
@@ -233,16 +217,12 @@ class Detector:
 
     def save(self, path: str | Path) -> None:
         """Write the detector to one JSON file; `OutputError` where it cannot be written."""
-        from emaphm.detection.detector_file import write_detector
-
         write_detector(self, path)
 
     @classmethod
     def load(cls, path: str | Path) -> "Detector":
         """Read a detector that `save` wrote; `MethodError` where it is none."""
-        from emaphm.detection.detector_file import read_detector
-
-        return read_detector(Path(path))
+        return read_detector(Path(path), cls)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `emaphm detect learn --json` prints."""

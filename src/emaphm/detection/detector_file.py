@@ -4,13 +4,13 @@ import json
 from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from emaphm.actuator import Actuator
-from emaphm.detection.detector import Detector
+from emaphm.detection.content import DetectorContent
 from emaphm.detection.features import feature_names
 from emaphm.detection.level import Level
 from emaphm.detection.manoeuvre import HealthyAtLoad, HealthyManoeuvre
@@ -23,9 +23,7 @@ from emaphm.input_files import is_newer_format, read_bytes
 from emaphm.output_files import written_whole
 from emaphm.version import VERSION
 
-if TYPE_CHECKING:
-    from typing import Self
-
+Content = TypeVar("Content", bound=DetectorContent)
 
 FORMAT = "emaphm detector 1"
 
@@ -96,7 +94,7 @@ class _DetectorFile(_Part):
     seeded: list[_Seeded]
 
     @model_validator(mode="after")
-    def _sizes_agree(self) -> "Self":
+    def _sizes_agree(self) -> Self:
         for one in self.manoeuvres:
             _check_sizes(
                 one, len(self.channels), _count_features(one, self.channels, _settings(self.settings))
@@ -110,7 +108,7 @@ class _DetectorFile(_Part):
         return self
 
 
-def write_detector(detector: Detector, path: str | Path) -> None:
+def write_detector(detector: DetectorContent, path: str | Path) -> None:
     """Write a detector as JSON; `OutputError` where it cannot be written."""
     content = {
         "format": FORMAT,
@@ -128,8 +126,8 @@ def write_detector(detector: Detector, path: str | Path) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def read_detector(path: Path) -> Detector:
-    """Return the detector in a JSON file.
+def read_detector(path: Path, kind: type[Content]) -> Content:
+    """Return the detector in a JSON file, of a `kind` of content.
 
     Raises
     ------
@@ -152,7 +150,7 @@ def read_detector(path: Path) -> Detector:
             f"{path}: no detector ({where}{first['msg']}); write one with 'emaphm detect learn'"
         ) from None
     actuator = None if held.actuator is None else Actuator.from_dict(held.actuator, where=str(path))
-    return Detector(
+    return kind(
         tuple(held.channels),
         tuple(_manoeuvre(one) for one in held.manoeuvres),
         actuator,

@@ -1,7 +1,7 @@
 """The result of a diagnosis: the faults, how well each is known, and how it was computed."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +17,17 @@ from emaphm.diagnosis.load_estimate import LoadEstimate, estimated_load
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, ROTOR_ZERO
 from emaphm.diagnosis.sensor_faults import SensorFault, sensor_faults
-from emaphm.diagnosis.text import fault_rows, notes
+from emaphm.diagnosis.text import (
+    fault_rows,
+    on_calibration,
+    on_fit,
+    on_known,
+    on_laws,
+    on_load,
+    on_selected,
+    on_unit,
+    on_unknown,
+)
 from emaphm.diagnosis.verdict import VERDICT, Z95, Estimate
 from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.space.parameter_space import SHORTS
@@ -273,7 +283,19 @@ class Diagnosis:
         of_sensors = [f"Sensor fault: {fault}" for fault in self.sensor_faults]
         posterior = self.posterior.notes(self.interval) if self.posterior else []
         check = [f"Against healthy recordings: {self.healthy_check.sentence}."] if self.healthy_check else []
-        return [*of_recording, *of_sensors, *notes(self), *posterior, *check]
+        return [*of_recording, *of_sensors, *self._notes_on_estimate(), *posterior, *check]
+
+    def _notes_on_estimate(self) -> Iterator[str]:
+        """Yield lines on motion, residual, nuisances, collinear sets and the unit's deviations."""
+        yield from on_fit(self.reasons, moves=self.moves, explained=self.explained)
+        yield from (f"Residual of {name}: {one}" for name, one in self.model_error.items())
+        yield from on_known(self.nuisances, self.load)
+        yield from on_load(self.load)
+        yield from on_laws(self.laws, self.law_parameters)
+        yield from on_selected(self.selected)
+        yield from on_unknown(self.nuisances, self.load, self.collinear_sets, self.channels)
+        yield from on_unit(self.nuisances, self.law_parameters, self.subject)
+        yield from on_calibration(self.actuator)
 
     @property
     def subject(self) -> str:

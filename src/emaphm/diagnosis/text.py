@@ -1,15 +1,14 @@
 """A diagnosis in words: the rows of its table, and the notes that go with it."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from emaphm.actuator import Actuator, Faults
-from emaphm.actuator.laws import LAWS, Law
+from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import not_calibrated
 from emaphm.actuator.unit.baseline import PARTS, SIGNED
-from emaphm.diagnosis.load_estimate import is_of_load
+from emaphm.diagnosis.load_estimate import LoadEstimate, is_of_load
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate, of_unit
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.selection.varying_load import LOADS
@@ -17,9 +16,7 @@ from emaphm.diagnosis.verdict import Estimate
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.sensors.sensor_model import sensor_error
 from emaphm.estimation.space.nuisances import BASELINE
-
-if TYPE_CHECKING:
-    from emaphm.diagnosis.result import Diagnosis
+from emaphm.estimation.uncertainty.collinearity import CollinearSet
 
 STANDS_STILL = (
     "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched "
@@ -53,8 +50,68 @@ def fault_rows(
     return rows
 
 
-def _on_laws(laws: Sequence[Law], values: Mapping[str, NuisanceEstimate]) -> str:
-    """Return what to do about the laws that the description lacks, with the `values` of their parameters."""
+def on_fit(reasons: Sequence[str], *, moves: bool, explained: bool) -> Iterator[str]:
+    """Yield that the actuator stands still, and why the recording is not explained."""
+    if not moves:
+        yield STANDS_STILL
+    if not explained:
+        yield NOT_EXPLAINED
+        yield from (f"Not explained: {reason}." for reason in reasons)
+
+
+def on_known(nuisances: Mapping[str, NuisanceEstimate], load: LoadEstimate | None) -> Iterator[str]:
+    """Yield what was estimated with the faults, and is known; of a `load` that varies see `on_load`."""
+    own = _of_recording(nuisances, load)
+    if known := ", ".join(f"{name} {estimate}" for name, estimate in own.items() if estimate.known):
+        yield f"Estimated with the faults: {known}."
+
+
+def on_unknown(
+    nuisances: Mapping[str, NuisanceEstimate],
+    load: LoadEstimate | None,
+    collinear_sets: Sequence[CollinearSet],
+    channels: Sequence[str],
+) -> Iterator[str]:
+    """Yield what is known only in combination, and what the `channels` do not show at all."""
+    yield from (f"Known only in combination: {one}" for one in collinear_sets)
+    collinear = {name for one in collinear_sets for name in one.members}
+    own = _of_recording(nuisances, load)
+    if unknown := [name for name, one in own.items() if not one.known and name not in collinear]:
+        yield (
+            f"Not identifiable from {', '.join(channels)}: {', '.join(unknown)}. The intervals "
+            "include the prior uncertainty. Record more channels, or the quantity itself."
+        )
+
+
+def _of_recording(
+    nuisances: Mapping[str, NuisanceEstimate], load: LoadEstimate | None
+) -> dict[str, NuisanceEstimate]:
+    """Return the nuisances that are neither parameters of the unit nor parts of a `load` that varies."""
+    unit = of_unit(nuisances)
+    return {
+        name: one for name, one in nuisances.items() if name not in unit and not (load and is_of_load(name))
+    }
+
+
+def on_load(load: LoadEstimate | None) -> Iterator[str]:
+    """Yield what was estimated of a load that varies, and what it may be in truth."""
+    if not load:
+        return
+    yield (
+        f"The load {load}; it was estimated with the faults. Recorded as load_Nm, it is known, and the "
+        "faults better."
+    )
+    if load.is_constant:
+        yield "That is more than expected: state by 'load' under [nuisances] how large it may be."
+    elif not load.steps:
+        yield "Other viscous friction than described, as of cold grease, may look like this load."
+
+
+def on_laws(names: Sequence[str], values: Mapping[str, NuisanceEstimate]) -> Iterator[str]:
+    """Yield what to do about the laws that the description lacks, with the `values` of their parameters."""
+    if not names:
+        return
+    laws = [LAWS[name] for name in names]
     text = (
         f"Explained best by laws that the description lacks: {', '.join(law.name for law in laws)}; without, "
         "they would read as faults."
@@ -72,59 +129,10 @@ def _on_laws(laws: Sequence[Law], values: Mapping[str, NuisanceEstimate]) -> str
                 f" No calibration finds {law.name}; if this persists, give {', '.join(law.parameters)} in "
                 f"[{section}] of the actuator's file."
             )
-    return text
+    yield text
 
 
-def notes(diagnosis: "Diagnosis") -> list[str]:
-    """Return lines on motion, residual, nuisances, collinear sets and the unit's deviations."""
-    nuisances, load = diagnosis.nuisances, diagnosis.load
-    of_laws, collinear_sets = diagnosis.law_parameters, diagnosis.collinear_sets
-    unit = of_unit(nuisances)
-    over_time = {name for name in nuisances if load and is_of_load(name)}
-    known = {
-        name: estimate
-        for name, estimate in nuisances.items()
-        if estimate.known and name not in unit and name not in over_time
-    }
-    collinear = {name for one in collinear_sets for name in one.members}
-    unknown = [name for name in nuisances if name not in known.keys() | unit.keys() | collinear | over_time]
-    lines = [] if diagnosis.moves else [STANDS_STILL]
-    if not diagnosis.explained:
-        lines += [NOT_EXPLAINED, *(f"Not explained: {reason}." for reason in diagnosis.reasons)]
-    lines += [f"Residual of {name}: {one}" for name, one in diagnosis.model_error.items()]
-    if known:
-        values = ", ".join(f"{name} {estimate}" for name, estimate in known.items())
-        lines.append(f"Estimated with the faults: {values}.")
-    if load:
-        lines.append(
-            f"The load {load}; it was estimated with the faults. Recorded as load_Nm, it is known, and the "
-            "faults better."
-        )
-        if load.is_constant:
-            lines.append("That is more than expected: state by 'load' under [nuisances] how large it may be.")
-        elif not load.steps:
-            lines.append("Other viscous friction than described, as of cold grease, may look like this load.")
-    if diagnosis.laws:
-        lines.append(_on_laws([LAWS[name] for name in diagnosis.laws], of_laws))
-    lines += _on_selected(diagnosis.selected)
-    lines += [f"Known only in combination: {one}" for one in collinear_sets]
-    if unknown:
-        lines.append(
-            f"Not identifiable from {', '.join(diagnosis.channels)}: {', '.join(unknown)}. The intervals "
-            "include the prior uncertainty. Record more channels, or the quantity itself."
-        )
-    described = {name.removeprefix(BASELINE): one for name, one in unit.items()}
-    described = {name: one for name, one in described.items() if name not in of_laws}
-    lines += _on_unit(described, diagnosis.subject)
-    if kept := not_calibrated(diagnosis.actuator):
-        lines.append(
-            f"The calibration has not measured {', '.join(kept)}: taken as described; a unit that differs "
-            "there reads as faults."
-        )
-    return lines
-
-
-def _on_selected(selected: Sequence[str]) -> Iterator[str]:
+def on_selected(selected: Sequence[str]) -> Iterator[str]:
     """Yield what to do about the parameters that were estimated although nobody asked to."""
     of_recording = [
         name for name in selected if not (sensor_error(name) or name.startswith(BASELINE) or name in LOADS)
@@ -152,12 +160,28 @@ def _on_selected(selected: Sequence[str]) -> Iterator[str]:
         )
 
 
-def _on_unit(described: Mapping[str, NuisanceEstimate], subject: str) -> Iterator[str]:
-    """Yield what `subject` shows of the parameters of the unit, and which it does not show."""
+def on_unit(
+    nuisances: Mapping[str, NuisanceEstimate], law_parameters: Container[str], subject: str
+) -> Iterator[str]:
+    """Yield what `subject` shows of the parameters of the unit, and which it does not show.
+
+    But those of laws that the description lacks (`on_laws`).
+    """
+    unit = {name.removeprefix(BASELINE): one for name, one in of_unit(nuisances).items()}
+    described = {name: one for name, one in unit.items() if name not in law_parameters}
     if shown := [_deviation(name, one) for name, one in described.items() if one.known]:
         yield f"Deviation of the unit from its description: {', '.join(shown)}."
     if unseen := [name for name, one in described.items() if not one.known]:
         yield f"Known no better than before {subject}: {', '.join(unseen)} of the unit."
+
+
+def on_calibration(actuator: Actuator) -> Iterator[str]:
+    """Yield which parameters a calibration of the unit has not measured."""
+    if kept := not_calibrated(actuator):
+        yield (
+            f"The calibration has not measured {', '.join(kept)}: taken as described; a unit that differs "
+            "there reads as faults."
+        )
 
 
 def _deviation(name: str, estimate: NuisanceEstimate) -> str:

@@ -20,8 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from emaphm.amortized.content import Limits
 from emaphm.amortized.error_prediction.comparison import Comparison
-from emaphm.amortized.estimator import Estimator, Limits
+from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import noise_rms
 from emaphm.arrays import Array
