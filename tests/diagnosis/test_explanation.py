@@ -18,8 +18,11 @@ from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.explanation.known_values import contradicted_values
 from emaphm.diagnosis.explanation.load_friction import load_may_be_friction
 from emaphm.diagnosis.explanation.motion import moves_at
-from emaphm.diagnosis.explanation.reasons import idle_channels, is_drowned, reasons_against, unseen_inertia
+from emaphm.diagnosis.explanation.one_value import idle_channels
+from emaphm.diagnosis.explanation.reasons import reasons_against
+from emaphm.diagnosis.explanation.residuals import is_drowned
 from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
+from emaphm.diagnosis.explanation.unseen_inertia import unseen_inertia
 from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.discrepancy import Discrepancy
 from emaphm.estimation.global_search.multistart import local_search

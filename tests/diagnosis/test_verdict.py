@@ -12,7 +12,7 @@ from cases import HEALTHY, THESIS
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Estimate
-from emaphm.diagnosis.explanation.reasons import residual_within_limits
+from emaphm.diagnosis.explanation.residuals import residual_within_limits
 from emaphm.diagnosis.verdict import NOT_EXPLAINED, estimates, unexplained
 from emaphm.diagnosis.wording import physical_text
 from emaphm.estimation.space.parameter_space import PRIOR_DEVIATION, ParameterSpace

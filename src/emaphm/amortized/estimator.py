@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Self
 
 from emaphm.actuator import Actuator
-from emaphm.amortized.applicability.refusals import check_actuator, check_recording
+from emaphm.amortized.applicability.refusals import check_recording, check_trained_for
 from emaphm.amortized.content import EstimatorContent
 from emaphm.amortized.error_prediction.comparison import Comparison
 from emaphm.amortized.model_update import ModelUpdate
@@ -39,13 +39,13 @@ class Estimator(EstimatorContent):
         """Write one file, as a whole; `OutputError` where it cannot be written."""
         write_estimator(self, path)
 
-    def check_actuator(self, actuator: Actuator) -> None:
+    def check_trained_for(self, actuator: Actuator) -> None:
         """Refuse another description than the one that it was trained for, `MethodError`."""
-        check_actuator(self.setup, actuator)
+        check_trained_for(self.setup, actuator)
 
     def check(self, recording: Recording, actuator: Actuator) -> None:
         """Refuse a recording that the estimator cannot be asked about; `MethodError` gives the way out."""
-        check_actuator(self.setup, actuator)
+        check_trained_for(self.setup, actuator)
         check_recording(self.setup, recording)
 
     def rows(self, recording: Recording) -> Single:

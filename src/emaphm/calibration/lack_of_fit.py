@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array, rms
-from emaphm.diagnosis.explanation.reasons import RESIDUAL_LIMITS
+from emaphm.diagnosis.explanation.settings import RESIDUAL_LIMITS
 from emaphm.diagnosis.explanation.unexplained import unexplained_scores
 from emaphm.estimation.discrepancy import resolves_switching
 from emaphm.estimation.joint.correction import JointEstimate

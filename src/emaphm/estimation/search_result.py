@@ -1,6 +1,7 @@
 """Where a search ended: one type for all methods."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -137,9 +138,13 @@ class SearchResult:
     @property
     def residual_by_channel(self) -> dict[str, Array]:
         """The `residual` of each channel in its own unit, (samples,)."""
+        return self.by_channel(self.residual[: self.objective.channel_rows])
+
+    def by_channel(self, residual: Array) -> dict[str, Array]:
+        """Return a weighted `residual` (channel rows,) by channel, in its own unit, (samples,)."""
         problem = self.objective.problem
-        rows = self.residual[: self.objective.channel_rows].reshape(len(problem.channels), -1)
-        return dict(zip(problem.channels, rows / problem.weights[:, np.newaxis], strict=True))
+        rows = residual.reshape(len(problem.channels), -1) / problem.weights[:, np.newaxis]
+        return dict(zip(problem.channels, rows, strict=True))
 
     @property
     def switching_variances(self) -> dict[str, float]:
@@ -222,16 +227,22 @@ class SearchResult:
 
     @property
     def residual_over_switching(self) -> float:
-        """The largest rms residual of a channel over that of noise or switching, whichever is larger.
+        """The largest of the `ratios_to_switching` of the `residual`."""
+        return max(self.ratios_to_switching(self.residual_by_channel).values())
 
-        No share of the signal is expected: 1 or so at the truth, if the reference model is right.
+    def ratios_to_switching(self, residuals: Mapping[str, Array]) -> dict[str, float]:
+        """Return by channel the rms residual over that of noise or switching, whichever is larger.
+
+        Of `residuals` (samples,) by channel, in its unit. No share of the signal is expected: 1 or so at the
+        truth, if the reference model is right.
         """
         switching = self.switching_variances
-        ratios = [
-            float(np.mean(residual**2)) / max(noise_level(residual) ** 2, switching.get(name, 0.0), TINY)
-            for name, residual in self.residual_by_channel.items()
-        ]
-        return float(np.sqrt(max(ratios)))
+        return {
+            name: math.sqrt(
+                float(np.mean(residual**2)) / max(noise_level(residual) ** 2, switching.get(name, 0.0), TINY)
+            )
+            for name, residual in residuals.items()
+        }
 
     @property
     def switching_variance(self) -> float:

@@ -58,7 +58,7 @@ class ByEstimator:
         from emaphm.fleet.settings import estimator_at
 
         self.settings(0).check_estimator()
-        estimator_at(self.file).check_actuator(actuator)
+        estimator_at(self.file).check_trained_for(actuator)
 
     def settings(self, seed: int) -> "DiagnosisSettings":
         """Return what it asks of `emaphm.fleet`."""

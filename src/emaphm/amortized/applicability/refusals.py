@@ -22,7 +22,7 @@ LEAVE_OUT = "leave out --estimator"
 OR_TRAIN = f"{LEAVE_OUT}, or train one for it with 'emaphm train'"
 
 
-def check_actuator(setup: RecordingSetup, actuator: Actuator) -> None:
+def check_trained_for(setup: RecordingSetup, actuator: Actuator) -> None:
     """Refuse another description than the one that an estimator was trained for, `MethodError`."""
     if not actuator.three_phases:
         raise MethodError(

@@ -5,7 +5,6 @@ noise and switching for a residual there. Neither holds of most recordings of an
 averaged model, with its known error, may explain all the same.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -13,7 +12,6 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.search_result import SearchResult
-from emaphm.recording.noise import noise_level
 
 FARTHEST = 3.5
 """Standard deviations of the answer from which on a step from it is not believed. Of 48 recordings as in the
@@ -51,8 +49,9 @@ class CorrectedStep:
         prior = np.linalg.inv(covariance / np.outer(deviations, deviations))
         step = np.linalg.solve(scaled @ scaled.T / variance + prior, scaled @ residual / variance)
         farthest = int(np.abs(step).argmax())
-        channel, left = _largest(result, residual - scaled.T @ step)
-        return cls(objective.space.coordinates[farthest], float(abs(step[farthest])), channel, left)
+        left = result.ratios_to_switching(result.by_channel(residual - scaled.T @ step))
+        channel = max(left, key=left.__getitem__)
+        return cls(objective.space.coordinates[farthest], float(abs(step[farthest])), channel, left[channel])
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -69,16 +68,3 @@ class CorrectedStep:
                 "where the reference model moves it to"
             )
         return tuple(reasons)
-
-
-def _largest(result: SearchResult, residual: Array) -> tuple[str, float]:
-    """Return the channel of the largest `residual` over noise and switching, and that ratio."""
-    problem, switching = result.objective.problem, result.switching_variances
-    rows = residual.reshape(len(problem.channels), -1) / problem.weights[:, np.newaxis]
-    ratios = {}
-    for name, one in zip(problem.channels, rows, strict=True):
-        compared = problem.compared(name, one)
-        expected = max(noise_level(one) ** 2, switching.get(name, 0.0))
-        ratios[name] = math.sqrt(float(np.mean(compared**2)) / expected) if expected else 0.0
-    channel = max(ratios, key=ratios.__getitem__)
-    return channel, ratios[channel]

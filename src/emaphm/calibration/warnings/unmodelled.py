@@ -14,7 +14,8 @@ from emaphm.actuator.unit.model_error import ModelError
 from emaphm.calibration.lack_of_fit import BY_CHANCE, slow_share
 from emaphm.calibration.unit_fit import UnitFit
 from emaphm.calibration.warnings.units_and_signs import UNRESEMBLED
-from emaphm.diagnosis.explanation.reasons import RESIDUAL_LIMITS, residual_within_limits
+from emaphm.diagnosis.explanation.residuals import residual_within_limits
+from emaphm.diagnosis.explanation.settings import RESIDUAL_LIMITS
 from emaphm.estimation.compared_channels import TORQUE_CURRENTS
 from emaphm.estimation.discrepancy import resolves_switching
 

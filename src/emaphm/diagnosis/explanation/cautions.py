@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 
 from emaphm.diagnosis.explanation.load_friction import load_may_be_friction
+from emaphm.diagnosis.explanation.one_value import idle_channels
 from emaphm.diagnosis.explanation.open_phases import phases_as_described
-from emaphm.diagnosis.explanation.reasons import idle_channels, unseen_inertia
+from emaphm.diagnosis.explanation.unseen_inertia import unseen_inertia
 from emaphm.diagnosis.verdict import Estimate
 from emaphm.estimation.rows.means import notes_on_means
 from emaphm.estimation.search_result import SearchResult
