@@ -207,10 +207,11 @@ def test_a_second_network_that_loses_is_noted() -> None:
 
 @pytest.fixture
 def small_shards(monkeypatch: pytest.MonkeyPatch) -> None:
-    from emaphm.amortized import train as module
+    from emaphm.amortized import train
+    from emaphm.amortized.stages import answering_networks, error_predictor
 
-    monkeypatch.setattr(simulating, "SHARD_DRAWS", 64)
-    monkeypatch.setattr(module, "SHARD_DRAWS", 64)
+    for module in (simulating, train, answering_networks, error_predictor):
+        monkeypatch.setattr(module, "SHARD_DRAWS", 64)
 
 
 @pytest.mark.usefixtures("small_shards")

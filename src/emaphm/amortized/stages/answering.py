@@ -1,0 +1,70 @@
+"""Trained networks, before their error can be predicted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from emaphm.amortized.applicability.likeness import predictive_ratios
+from emaphm.amortized.error_prediction.comparison import Comparison
+from emaphm.amortized.estimator import calibrated_answers
+from emaphm.amortized.judging import temperature_of
+from emaphm.amortized.model_update import UPDATE, ModelUpdate
+from emaphm.amortized.networks.mixture import Mixture
+from emaphm.amortized.networks.network import Single
+from emaphm.amortized.networks.training import Trained, with_noise
+from emaphm.amortized.recording_setup import RecordingSetup
+from emaphm.amortized.simulating import TrainingSet, noise_rms
+from emaphm.arrays import Array
+from emaphm.random_streams import stream
+from emaphm.simulation import Inputs
+
+
+@dataclass(frozen=True, eq=False)
+class Answering:
+    """What answers, before its error can be predicted; fields as those of `Estimator`."""
+
+    setup: RecordingSetup
+    inputs: Inputs
+    first: Trained
+    update: ModelUpdate
+    temperature: Array
+
+    @classmethod
+    def of(
+        cls,
+        setup: RecordingSetup,
+        inputs: Inputs,
+        first: Trained,
+        update: ModelUpdate,
+        validation: TrainingSet,
+        seed: int,
+    ) -> Self:
+        """Return the trained networks with the temperature that `validation` asks for."""
+        as_learned = cls(setup, inputs, first, update, np.ones(setup.space.dimensions))
+        rows = with_noise(validation, noise_rms(setup), stream(seed, "noise of the calibration"))
+        found = temperature_of(as_learned.answers(rows), validation.points.astype(float))
+        return replace(as_learned, temperature=found)
+
+    def answers(self, rows: Single) -> list[Mixture]:
+        """Return what both networks make of rows (n, channels, blocks)."""
+        return calibrated_answers(
+            self.setup, self.first.network, self.update, self.temperature, rows, self.inputs
+        )
+
+    def distances(self, rows: Single) -> Array:
+        """Return how unlike the training set rows (n, channels, blocks) are, (n, 2)."""
+        return self.first.projection.distances(rows, self.first.network.features(rows))
+
+    def compared(
+        self, rows: Single, answers: Sequence[Mixture], rng: np.random.Generator
+    ) -> tuple[Single, Array]:
+        """Return what the error predictor reads of answers (n, k), and their ratios (n, channels)."""
+        features, ratios = [], []
+        for i in range(0, len(rows), UPDATE.at_once):
+            part = slice(i, i + UPDATE.at_once)
+            one = Comparison.of(self.setup, self.inputs, rows[part], answers[part], rng)
+            features.append(one.features(self.setup, self.update.whitening, self.distances(rows[part])))
+            ratios.append(predictive_ratios(self.setup, one))
+        return np.concatenate(features), np.concatenate(ratios)
