@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-import emaphm
 from emaphm.diagnosis import deciding_code as diagnosis
 from emaphm.execution import revision as module
 from emaphm.execution.revision import deciding_files, meaning
@@ -181,7 +180,7 @@ def test_libraries_count(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
 def test_it_is_kept_for_the_files_that_it_is_of(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("EMAPHM_CACHE_DIR", str(tmp_path / "kept"))
     (tmp_path / "law.py").write_text(SOURCE)
-    monkeypatch.setattr(emaphm, "__file__", str(tmp_path / "__init__.py"))
+    monkeypatch.setattr(module, "ROOT", tmp_path)
     read: list[str] = []
 
     def counted(source: str) -> str:
