@@ -16,7 +16,8 @@ from emaphm.prognosis.notes.shared_error import shared_error_notes
 from emaphm.prognosis.notes.stress import stress_notes
 
 if TYPE_CHECKING:
-    from emaphm.prognosis.evidence import Evidence, Followed
+    from emaphm.prognosis.evidence import Evidence
+    from emaphm.prognosis.filter.following import Followed
     from emaphm.prognosis.prior import Prior
     from emaphm.prognosis.requirements import Requirements
     from emaphm.prognosis.requirements.failure_times import FailureTimes
