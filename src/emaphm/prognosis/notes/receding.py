@@ -34,8 +34,8 @@ def receding_notes(indicator: Indicator) -> list[str]:
         return []
     share = -100 * mean / FAILING
     note = (
-        f"the newest {NEWEST} readings are beyond healthy, away from the limit, by {share:.0f} % of the way to "
-        "it: the forecast takes them as healthy and says nothing of what moves them; see whether the healthy "
-        "value and the side of the limit are right"
+        f"the newest {NEWEST} readings are beyond healthy, away from the limit, by {share:.0f} % of the way "
+        "to it: the forecast takes them as healthy and says nothing of what moves them; see whether the "
+        "healthy value and the side of the limit are right"
     )
     return [note]
