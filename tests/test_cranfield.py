@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -181,6 +182,70 @@ def test_what_would_be_judged_wrongly_without_a_word_is_refused(
     code, out, err = ask(example, capsys, "--healthy", turned, "--judge", turned, "--json")
     assert (code, out) == (2, "")
     assert "set_point and load have opposite signs" in err
+
+
+def rig_file(
+    path: Path, *, runs: int, profiles: dict[str, int], friction: float = 1.0, seed: int = 0
+) -> Path:
+    """Write a file of a made-up rig: three cycles a run, of each profile with that number of rows."""
+    rng = np.random.default_rng(seed)
+    frames = []
+    for profile, rows in profiles.items():
+        time = 0.04 * np.arange(rows)
+        command = 80 - 60 * np.cos(2 * np.pi * time / time[-1])  # [mm]
+        speed = np.gradient(command, 0.04)
+        # Friction with a viscous part: a faster motion takes more current.
+        torque = friction * (0.7 + 0.01 * np.abs(speed)) * np.tanh(speed) - 0.11
+        frames += [
+            pl.DataFrame(
+                {
+                    "set_point": command,
+                    "position_error": 0.04 * speed + 0.1 * rng.standard_normal(rows),
+                    "current": np.abs(torque) + 0.3 + 0.05 * rng.standard_normal(rows),
+                    "profile": [profile] * rows,
+                    "load": [20] * rows,
+                    "run": [run] * rows,
+                    "time": time,
+                }
+            )
+            for run in range(runs)
+            for _ in range(3)
+        ]
+    pl.concat(frames).write_parquet(path)
+    return path
+
+
+def test_each_profile_is_judged_by_its_own_healthy_runs(
+    example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    healthy = rig_file(tmp_path / "normal.parquet", runs=6, profiles={"slow": 160, "fast": 100})
+    later = rig_file(tmp_path / "later.parquet", runs=3, profiles={"fast": 100}, seed=1)
+    dry = rig_file(
+        tmp_path / "dry.parquet", runs=3, profiles={"fast": 100, "slow": 160}, friction=1.2, seed=2
+    )
+    code, out, err = ask(example, capsys, "--healthy", healthy, "--judge", later, dry, "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert found["false_alarms"]["of"] == 12
+    sets = found["sets"]
+    assert sets["normal"]["conditions"] == ["profile 'fast' at 20 kgf", "profile 'slow' at 20 kgf"]
+    # The friction of the slow motion, which is less, says nothing of the fast one.
+    assert sets["later"]["friction"] == pytest.approx(sets["normal"]["friction"][:1], rel=0.02)
+    assert (sets["later"]["runs_detected"], sets["later"]["degraded"]) == (0.0, [])
+    assert (sets["dry"]["runs_detected"], sets["dry"]["degraded"]) == (1.0, ["friction"])
+
+
+def test_a_set_in_another_unit_is_refused_in_a_few_lines(
+    example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    healthy = rig_file(tmp_path / "normal.parquet", runs=7, profiles={"slow": 200})
+    other = tmp_path / "milliamperes.parquet"
+    pl.read_parquet(healthy).with_columns(pl.col("current") * 1000).write_parquet(other)
+    code, out, err = ask(example, capsys, "--healthy", healthy, "--judge", other, "--json")
+    assert (code, out) == (2, "")
+    assert "current_A has the shape of the healthy one, but seems to be in" in err
+    assert "milliamperes: 16 further cycles" in err
+    assert len(err.splitlines()) == 7
 
 
 def test_a_damaged_cycle_is_left_out_and_named(

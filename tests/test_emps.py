@@ -6,11 +6,13 @@ Identification Benchmarks, 2019: mass 95.1089 kg, viscous friction 203.5034 N·s
 unequal friction 166.71 / 240.42 N·s/m and 20.144 / 20.628 N, 3.112 % by inverse dynamics.
 """
 
+import importlib.util
 import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from emaphm.actuator import NAMES, Actuator
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
@@ -211,3 +213,44 @@ def test_what_the_description_lacks_is_named(diagnosed: Diagnosis) -> None:
 @pytest.mark.evidence
 def test_the_guess_is_not_taken_for_a_healthy_unit(quarter: Recording, guess: Actuator) -> None:
     assert not diagnose(quarter, guess).explained
+
+
+def axis_with_pulses(sign: float) -> dict[str, np.ndarray]:
+    """Return 2 s of an axis with the published values, under pulses of 40 N against (1) or with the motor."""
+    time = 1e-3 * np.arange(2000)
+    command = 0.05 * (1 - np.cos(2 * np.pi * time / 2))
+    pulses = np.where((time % 1.0 > 0.4) & (time % 1.0 < 0.6), 40.0, 0.0)
+    position, voltage = np.zeros((2, time.size))
+    x = speed = 0.0
+    for k in range(time.size):
+        position[k] = x
+        measured = (x - position[k - 2]) / 2e-3 if k > 1 else 0.0
+        voltage[k] = np.clip(243.45 * (160.18 * (command[k] - x) - measured), -10, 10)
+        for _ in range(10):
+            friction = 203.5 * speed + 20.4 * np.tanh(speed / 1e-3)
+            speed += 1e-4 * (35.15065188 * voltage[k] - sign * pulses[k] - friction) / 95.1
+            x += 1e-4 * speed
+    return {"t": time, "qg": command, "qm": position, "vir": voltage, "pulses_N": pulses}
+
+
+@pytest.mark.parametrize("sign", [-1.0, 0.0])
+def test_the_motion_says_which_way_the_pulses_of_a_file_act(
+    guess: Actuator, tmp_path: Path, capsys: pytest.CaptureFixture[str], sign: float
+) -> None:
+    spec = importlib.util.spec_from_file_location("emps", ROOT / "examples" / "emps" / "emps.py")
+    assert spec is not None
+    assert spec.loader is not None
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    columns = axis_with_pulses(sign)
+    path = tmp_path / "another name.mat"
+    savemat(path, {name: values[:, np.newaxis] for name, values in columns.items()})
+    read = example.read(path, guess)
+    said = "taken as a force with the motor" if sign else "left out"
+    assert f"pulses_N {said}" in capsys.readouterr().out
+    if sign:
+        np.testing.assert_allclose(read["load_Nm"], sign * columns["pulses_N"])
+    assert ("load_Nm" in read) == bool(sign)
+    found = inverse_dynamics(read, guess, SYMMETRIC).parameters
+    assert found["inertia"].value == pytest.approx(95.1, rel=0.01)
+    assert found["coulomb"].value == pytest.approx(20.4, rel=0.03)

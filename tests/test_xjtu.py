@@ -34,7 +34,7 @@ def found(example: ModuleType) -> dict[str, Any]:
         pytest.skip(f"the XJTU data are not at {folder}; set EMAPHM_DATA to the folder that holds them")
     vars(example)["EVERY"] = 20  # fewer forecasts a screw are enough here, and quicker
     hours, torques = example.read(path)
-    screws = [example.judge(name, hours, torques[name], 0.75, 0) for name in example.SCREWS]
+    screws = [example.judge(name, hours, torques[name], 0.75, 0) for name in torques]
     return {one.name: json.loads(json.dumps(one.to_dict(), allow_nan=False)) for one in screws}
 
 
@@ -75,7 +75,7 @@ def test_what_is_no_such_table_is_refused(
     for content, message in (
         (before, "hours from -70; count them from 0"),
         (minutes, "30 readings at 30 speeds, less than two a speed"),
-        ("hours,friction_torque_upper\n0,1\n", "no column friction_torque_lower"),
+        ("hours,torque\n0,1\n", "no column friction_torque_… (the file has: hours, torque)"),
         ("hours,friction_torque_upper,friction_torque_lower\n0,1,1\n", "give more than 8 rows"),
         ("hours,friction_torque_upper,friction_torque_lower\n0,x,1\n", "cannot be read"),
     ):
@@ -100,3 +100,20 @@ def test_a_table_that_begins_later_is_judged_with_a_note(
     assert hours[0] == 35.0
     assert torques["lower"].size == 29
     assert "hours begin at 35; the speeds follow from hours since new" in capsys.readouterr().err
+
+
+def test_a_table_of_one_screw_by_another_name_whose_friction_rises(
+    example: ModuleType, tmp_path: Path
+) -> None:
+    random = np.random.default_rng(1)
+    path = tmp_path / "another.csv"
+    rows = [f"{35 * k},{0.3 + 0.006 * k + 0.002 * random.standard_normal()}" for k in range(20)]
+    path.write_text("hours,friction_torque_third\n" + "\n".join(rows) + "\n")
+    hours, torques = example.read(path)
+    assert list(torques) == ["third"]
+    vars(example)["EVERY"] = 20
+    screw = example.judge("third", hours, torques["third"], 1.25, 0)
+    assert screw.plain.verdict == "rises"
+    # 0.375 N·m is passed after 0.075 / 0.006 = 12.5 readings, the first forecast being after nine.
+    assert 35 * 11 <= screw.crossed[0] <= screw.crossed[1] <= 35 * 14
+    assert screw.holds(screw.forecasts[0])

@@ -40,23 +40,29 @@ CYCLE = ("profile", "load", "run", "cycle")
 MOST_ROWS_OFF = 0.01
 """Largest relative difference in rows between cycles of a file."""
 
+MOST_LINES = 5
+"""Cycles left out of a file that are named one by one."""
+
+Condition = tuple[str, float]
+"""Profile and load [N]: friction differs between motions as well."""
+
 Run = tuple[str, float, int]
 """Profile, load [N] and number of a run."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A set of runs: the detector's results, and the friction at each load.
+    """A set of runs: the detector's results, and the friction in each motion and at each load.
 
-    `friction` [N] and `change` (value and half-width of the 95 % interval, relative to healthy) are by load
-    [N]; `degraded` holds the fault components that are called so.
+    `friction` [N] and `change` (value and half-width of the 95 % interval, relative to healthy) are by
+    condition; `degraded` holds the fault components that are called so.
     """
 
     runs: list[DetectorResult]
     cycles: list[DetectorResult]
-    friction: dict[float, float]
-    change: dict[float, tuple[float, float]]
-    load_share: dict[float, float]
+    friction: dict[Condition, float]
+    change: dict[Condition, tuple[float, float]]
+    load_share: dict[Condition, float]
     degraded: list[str]
 
     def summary(self) -> dict[str, Any]:
@@ -64,7 +70,8 @@ class Judged:
         return {
             "runs_detected": detected(self.runs),
             "cycles_detected": detected(self.cycles),
-            "friction": [self.friction[load] for load in sorted(self.friction)],
+            "conditions": [named(at) for at in sorted(self.friction)],
+            "friction": [self.friction[at] for at in sorted(self.friction)],
             "degraded": self.degraded,
         }
 
@@ -113,22 +120,32 @@ def read(path: Path) -> dict[Run, list[Recording]]:
         frame = frame.with_columns(profile=pl.lit("one"))
     frame = frame.with_columns(pl.col("load").cast(pl.Float64), cycle=cycle_numbers(frame))
     runs: dict[Run, list[Recording]] = {}
-    lengths = frame.group_by("cycle").len()["len"].to_numpy()
-    usual = int(np.bincount(lengths).argmax())
+    usual = usual_rows(frame)
+    left_out = []
     for (profile, load, run, cycle), rows in frame.group_by(CYCLE, maintain_order=True):
         source = f"{path.name}, load {load:g} kgf, run {run}, cycle {cycle}"
         try:
             recording = recording_of(rows, load * KGF, source)
         except RecordingError as error:
-            say(f"{error}; left out")
+            left_out.append(f"{error}; left out")
             continue
-        if abs(recording.samples - usual) > MOST_ROWS_OFF * usual:
-            say(f"{source}: {recording.samples} rows, others have {usual}; left out")
+        others = usual[str(profile)]
+        if abs(recording.samples - others) > MOST_ROWS_OFF * others:
+            left_out.append(f"{source}: {recording.samples} rows, others have {others}; left out")
             continue
         runs.setdefault((str(profile), load * KGF, int(run)), []).append(recording)
+    say_left_out(path.name, left_out)
     if not runs:
         raise RecordingError(f"{path}: no cycle of it can be read; see what is said of each")
     return runs
+
+
+def usual_rows(frame: pl.DataFrame) -> dict[str, int]:
+    """Return how many rows most cycles of each profile have."""
+    return {
+        str(profile): int(np.bincount(rows.group_by("cycle").len()["len"].to_numpy()).argmax())
+        for (profile,), rows in frame.group_by("profile")
+    }
 
 
 def cycle_numbers(frame: pl.DataFrame) -> pl.Expr:
@@ -158,6 +175,19 @@ def say(text: str) -> None:
     print(f"cranfield: {text}", file=sys.stderr)
 
 
+def say_left_out(name: str, lines: list[str]) -> None:
+    """Name the first cycles that were left out of a file, and count the others."""
+    for line in lines[:MOST_LINES]:
+        say(line)
+    if len(lines) > MOST_LINES:
+        say(f"{name}: {len(lines) - MOST_LINES} further cycles, for such reasons; left out")
+
+
+def named(at: Condition) -> str:
+    """Return a profile and a load in words."""
+    return f"profile '{at[0]}' at {at[1] / KGF:g} kgf"
+
+
 def judge_all(
     healthy_name: str, healthy: dict[Run, list[Recording]], sets: dict[str, dict[Run, list[Recording]]]
 ) -> tuple[dict[str, Judged], list[LeftOut]]:
@@ -183,10 +213,7 @@ def check_healthy(name: str, healthy: dict[Run, list[Recording]]) -> None:
         They are so.
     """
     at_loads, of_profiles = Counter(run[:2] for run in healthy), Counter(run[0] for run in healthy)
-    counts = [
-        (f"profile '{profile}' at {load / KGF:g} kgf", found, DETECTOR.fewest_runs_of_load)
-        for (profile, load), found in at_loads.items()
-    ]
+    counts = [(named(at), found, DETECTOR.fewest_runs_of_load) for at, found in at_loads.items()]
     counts += [(f"profile '{one}'", found, DETECTOR.fewest_runs) for one, found in of_profiles.items()]
     for what, found, fewest in counts:
         if found <= fewest:
@@ -208,7 +235,7 @@ def judge_healthy(healthy: dict[Run, list[Recording]], left_out: list[LeftOut]) 
     called = False
     for run, cycles in currents.items():
         others = {other: ones for other, ones in currents.items() if other != run}
-        reference = reference_friction(others)[run[1]]
+        reference = reference_friction(others)[run[:2]]
         estimates = [reference.judge(one.friction_A, single_cycle=True) for one in cycles]
         estimates.append(reference.judge(float(np.mean([one.friction_A for one in cycles]))))
         called = called or any(one.verdict == "degraded" for one in estimates)
@@ -230,14 +257,14 @@ def judge_set(
     currents = stroke_currents(runs)
     reference = reference_friction(healthy)
     change, share, degraded = {}, {}, False
-    for load in sorted({run[1] for run in runs}):
-        ones = [one for run, cycles in currents.items() if run[1] == load for one in cycles]
-        estimate = reference[load].judge(float(np.mean([one.friction_A for one in ones])))
+    for at in sorted({run[:2] for run in runs}):
+        ones = [one for run, cycles in currents.items() if run[:2] == at for one in cycles]
+        estimate = reference[at].judge(float(np.mean([one.friction_A for one in ones])))
         degraded = degraded or estimate.verdict == "degraded"
         scale = FaultScales().friction  # friction × (1 + scale × k)
-        change[load] = (scale * estimate.value, scale * (estimate.interval95[1] - estimate.value))
-        before = [one.load_A for run, cycles in healthy.items() if run[1] == load for one in cycles]
-        share[load] = float(np.mean([one.load_A for one in ones]) / np.mean(before)) if load else np.nan
+        change[at] = (scale * estimate.value, scale * (estimate.interval95[1] - estimate.value))
+        before = [one.load_A for run, cycles in healthy.items() if run[:2] == at for one in cycles]
+        share[at] = float(np.mean([one.load_A for one in ones]) / np.mean(before)) if at[1] else np.nan
     return Judged(
         [detector.judge(cycles) for cycles in runs.values()],
         [detector.judge(one) for cycles in runs.values() for one in cycles],
@@ -254,20 +281,23 @@ def known_runs(
     """Return the runs whose profile, load and command were recorded healthy; say which others there are."""
     known = {run[:2] for run in healthy}
     foreign = sorted({run[:2] for run in runs} - known)
-    for profile, load in foreign:
-        say(f"{name}: profile '{profile}' at {load / KGF:g} kgf was never recorded healthy; left out")
+    for at in foreign:
+        say(f"{name}: {named(at)} was never recorded healthy; left out")
     rest: dict[Run, list[Recording]] = {}
+    left_out = []
     for run, cycles in runs.items():
         for cycle in cycles if run[:2] in known else ():
             try:
                 detector.judge(cycle)
             except RecordingError as error:
-                say(f"{error}; left out")
+                left_out.append(f"{error}; left out")
             else:
                 rest.setdefault(run, []).append(cycle)
+    say_left_out(name, left_out)
     if not rest:
         raise RecordingError(
-            f"{name}: none of its manoeuvres and loads was recorded healthy; give a healthy file with them"
+            f"{name}: none of its manoeuvres and loads was recorded healthy, in these units; give a healthy "
+            "file with them"
         )
     return rest
 
@@ -277,29 +307,29 @@ def stroke_currents(runs: dict[Run, list[Recording]]) -> dict[Run, list[StrokeCu
     return {run: [StrokeCurrent.of(one) for one in cycles] for run, cycles in runs.items()}
 
 
-def reference_friction(healthy: dict[Run, list[StrokeCurrent]]) -> dict[float, HealthyFriction]:
-    """Return the friction of healthy runs by load [N]."""
+def reference_friction(healthy: dict[Run, list[StrokeCurrent]]) -> dict[Condition, HealthyFriction]:
+    """Return the friction of healthy runs by profile and load."""
     return {
-        load: HealthyFriction.learn([cycles for run, cycles in healthy.items() if run[1] == load])
-        for load in sorted({run[1] for run in healthy})
+        at: HealthyFriction.learn([cycles for run, cycles in healthy.items() if run[:2] == at])
+        for at in sorted({run[:2] for run in healthy})
     }
 
 
 def in_newtons(
     currents: dict[Run, list[StrokeCurrent]], healthy: dict[Run, list[StrokeCurrent]]
-) -> dict[float, float]:
-    """Return the friction force [N] by load [N]: the known loads say how much current a newton takes.
+) -> dict[Condition, float]:
+    """Return the friction force [N] by condition: the known loads say how much current a newton takes.
 
     Where all loads are 0, nothing says it: the friction is in amperes then.
     """
     pairs = [(one, run[1]) for run, cycles in healthy.items() for one in cycles]
     per_newton = current_per_load([one for one, _ in pairs], [load for _, load in pairs])
     return {
-        load: float(
-            np.mean([one.friction_A for run, ones in currents.items() if run[1] == load for one in ones])
+        at: float(
+            np.mean([one.friction_A for run, ones in currents.items() if run[:2] == at for one in ones])
             / (per_newton if np.isfinite(per_newton) else 1.0)
         )
-        for load in sorted({run[1] for run in currents})
+        for at in sorted({run[:2] for run in currents})
     }
 
 
@@ -320,28 +350,30 @@ def table(judged: dict[str, Judged], left_out: list[LeftOut], healthy_name: str)
     """Return the figures as text, with what they rest on."""
     rows = []
     for name, one in judged.items():
-        for k, load in enumerate(sorted(one.friction)):
-            change, half = one.change[load]
+        for k, at in enumerate(sorted(one.friction)):
+            change, half = one.change[at]
             rows.append(
                 (
                     name if k == 0 else "",
                     f"{100 * detected(one.runs):.0f} %" if k == 0 else "",
                     f"{100 * detected(one.cycles):.0f} %" if k == 0 else "",
-                    f"{load / KGF:g}",
-                    f"{one.friction[load]:.0f}",
+                    at[0],
+                    f"{at[1] / KGF:g}",
+                    f"{one.friction[at]:.0f}",
                     "-" if name == healthy_name else f"{100 * change:+.1f} ± {100 * half:.1f} %",
-                    "-" if name == healthy_name else f"{100 * one.load_share[load]:.0f} %",
+                    "-" if name == healthy_name else f"{100 * one.load_share[at]:.0f} %",
                     (", ".join(one.degraded) or "none") if k == 0 else "",
                 )
             )
-    header = ("set", "runs", "cycles", "load [kgf]", "friction [N]", "change", "load's current", "degraded")
+    names = ("set", "runs", "cycles", "profile", "load [kgf]")
+    header = (*names, "friction [N]", "change", "load's current", "degraded")
     lines = [format_table(header, rows), "", shown(left_out)]
     lines += [f"{name}: {one.runs[0].sentence}." for name, one in judged.items() if name != healthy_name]
     lines += [
-        account(name, load, one)
+        account(name, at, one)
         for name, one in judged.items()
         if name != healthy_name and one.degraded
-        for load, (change, half) in one.change.items()
+        for at, (change, half) in one.change.items()
         if abs(change) <= half
     ]
     return "\n".join(lines)
@@ -358,13 +390,13 @@ def shown(left_out: list[LeftOut]) -> str:
     )
 
 
-def account(name: str, load: float, one: Judged) -> str:
+def account(name: str, at: Condition, one: Judged) -> str:
     """Return why friction at a load is not called changed, although it is at another."""
-    change, half = one.change[load]
+    change, half = one.change[at]
     return (
-        f"{name}, {load / KGF:g} kgf: the friction current is that of the healthy runs within "
+        f"{name}, {named(at)}: the friction current is that of the healthy runs within "
         f"{100 * max(abs(change + half), abs(change - half)):.1f} %, while the load takes "
-        f"{100 * one.load_share[load]:.0f} % of its healthy current: the current shows torque there as "
+        f"{100 * one.load_share[at]:.0f} % of its healthy current: the current shows torque there as "
         "before, but no more friction."
     )
 

@@ -53,8 +53,8 @@ MOST_PERIODS = 1.5
 FALSE_ALARM = 0.01
 """Probability that an ordinary test alarms."""
 
-DRY_FROM = date(2017, 10, 2)
-"""First test without lubricant."""
+DRY = "no_lubricant"
+"""Conditions of tests without lubricant begin so."""
 
 DEAD_SENSOR = (date(2017, 9, 11), date(2017, 9, 25))
 """Phase A was not measured on these days and between them: their features are of phases B and C."""
@@ -104,9 +104,9 @@ class Judged:
         return prognose_indicator(self.indicator, QUESTION, seed=self.seed)
 
     @property
-    def to_jam(self) -> float:
-        """Days from the test to the day after which the actuator jammed."""
-        return float((JAM - self.test.day).days)
+    def to_jam(self) -> float | None:
+        """Days from the test to the day after which the actuator jammed; None for a test after that."""
+        return float((JAM - self.test.day).days) if self.test.day <= JAM else None
 
     @property
     def interval90(self) -> tuple[float, float] | None:
@@ -119,7 +119,7 @@ class Judged:
     @property
     def holds_jam(self) -> bool | None:
         """Whether the jam's day is in the 90 % interval."""
-        if self.interval90 is None:
+        if self.interval90 is None or self.to_jam is None:
             return None
         return self.interval90[0] <= self.to_jam <= self.interval90[1]
 
@@ -139,14 +139,23 @@ class Run:
         return tuple(one for one in self.judged if one.bound is not None)
 
     @property
+    def dry_from(self) -> date | None:
+        """The day of the first test without lubricant, None where there is none."""
+        return next((one.test.day for one in self.judged if one.test.condition.startswith(DRY)), None)
+
+    def dry(self, one: Judged) -> bool:
+        """Whether a test is of the first day without lubricant, or later."""
+        return self.dry_from is not None and one.test.day >= self.dry_from
+
+    @property
     def false_alarms(self) -> int:
         """Alarms before the lubricant was gone."""
-        return sum(one.alarm for one in self.monitored if one.test.day < DRY_FROM)
+        return sum(one.alarm for one in self.monitored if not self.dry(one))
 
     @property
     def first_alarm(self) -> date | None:
         """The day of the first alarm without lubricant."""
-        return next((one.test.day for one in self.monitored if one.alarm and one.test.day >= DRY_FROM), None)
+        return next((one.test.day for one in self.monitored if one.alarm and self.dry(one)), None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what --json prints."""
@@ -156,7 +165,7 @@ class Run:
             "fails_at_A": self.fails_at,
             "first_alarm": None if self.first_alarm is None else self.first_alarm.isoformat(),
             "false_alarms": self.false_alarms,
-            "monitored_before_dry": sum(one.test.day < DRY_FROM for one in self.monitored),
+            "monitored_before_dry": sum(not self.dry(one) for one in self.monitored),
             "jam_after": JAM.isoformat(),
             "tests": [_test_dict(one) for one in self.judged],
         }
@@ -351,18 +360,20 @@ def text(run: Run) -> str:
                 "ALARM" if one.alarm else "",
                 "" if one.prognosis is None else _days(one.prognosis.median / DAY),
                 "" if interval is None else f"{_days(interval[0])} to {_days(interval[1])}",
-                f"{one.to_jam:.0f}",
+                "" if one.to_jam is None else f"{one.to_jam:.0f}",
                 {None: "", True: "yes", False: "no"}[one.holds_jam],
             )
         )
-    before = sum(one.test.day < DRY_FROM for one in run.monitored)
+    before = sum(not run.dry(one) for one in run.monitored)
+    jam = f"; the actuator jammed after {JAM}" if run.judged[-1].to_jam is not None else ""
+    dry = "no test without lubricant" if run.dry_from is None else str(run.first_alarm)
     header = ("day", "lubricant", "RMS [A]", "bound [A]", "", "RUL [days]", "90 %", "to 13 Oct", "held")
     return "\n".join(
         [
             format_table(header, rows),
             "",
-            f"healthy {run.healthy:.2f} A, fails at {run.fails_at:.2f} A; the actuator jammed after {JAM}.",
-            f"First alarm without lubricant: {run.first_alarm}; before: {run.false_alarms} of {before}.",
+            f"healthy {run.healthy:.2f} A, fails at {run.fails_at:.2f} A{jam}.",
+            f"First alarm without lubricant: {dry}; before: {run.false_alarms} of {before}.",
         ]
     )
 
@@ -414,7 +425,7 @@ def draw(run: Run) -> "Figure":
         )
         median = min(one.prognosis.median / DAY, top)
         rul.plot(k, median, "o", color=BLUE, markersize=4, label="median" if k == first else "")
-    truth = [min(one.to_jam, top) for one in run.judged]
+    truth = [np.nan if one.to_jam is None else min(one.to_jam, top) for one in run.judged]
     rul.plot(x, truth, "k_", markersize=14, label="days to 13 October, after which it jammed")
     rul.set_ylim(-1, top * 1.03)
     style_axis(rul, "RUL, from the past alone", "", f"days, at most {top:.0f}")
@@ -422,7 +433,7 @@ def draw(run: Run) -> "Figure":
     for axis in (current, rul):
         axis.set_xticks(x, [one.test.day.strftime("%d %b") for one in run.judged], rotation=45, ha="right")
         axis.set_xlim(-0.5, len(x) - 0.5)
-        dry = next((k for k, one in zip(x, run.judged, strict=True) if one.test.day >= DRY_FROM), None)
+        dry = next((k for k, one in zip(x, run.judged, strict=True) if run.dry(one)), None)
         if dry is not None:
             axis.axvspan(dry - 0.5, len(x) - 0.5, color="0.94", zorder=0)
     return figure

@@ -1,11 +1,11 @@
-"""Two ball screws whose friction falls as their preload wears off: the trend, and when it will be too low.
+"""Ball screws whose friction falls as their preload wears off: the trend, and when it will be too low.
 
     python examples/xjtu/xjtu.py [FILE] [--json] [--figure FILE] [--share 0.75] [--seed N]
 
 The data set is public: XJTU Ball Screw Degradation Dataset, Xi'an Jiaotong University. FILE is a table with
-the columns `hours`, `friction_torque_upper` and `friction_torque_lower` [N·m]. Without FILE, the folder
-named by the environment variable EMAPHM_DATA is searched, else `../shared/data` next to the project. See
-README.md.
+the column `hours` and one `friction_torque_…` [N·m] for each screw, such as `friction_torque_upper`. Without
+FILE, the folder named by the environment variable EMAPHM_DATA is searched, else `../shared/data` next to the
+project. A share above 1 is a limit above the first torque, for friction that rises. See README.md.
 """
 
 import argparse
@@ -33,7 +33,8 @@ HERE = Path(__file__).resolve().parent
 DATA = Path(os.environ.get("EMAPHM_DATA", HERE.parents[2] / "shared" / "data"))
 FILE = DATA / "xjtu" / "friction_torque.csv"
 
-SCREWS = ("upper", "lower")
+COLUMN = "friction_torque_"
+"""A screw's column begins so, and ends with its name."""
 
 FIRST_SPEED, SPEED_STEP, HOURS_A_SPEED = 300.0, 200.0, 140.0
 """Speed at first, its rise [rev/min], and after how many hours [h], as published."""
@@ -58,6 +59,11 @@ class Trend:
     def falls(self) -> bool:
         """Whether the whole interval is below 0."""
         return self.slope + self.half < 0
+
+    @property
+    def verdict(self) -> str:
+        """What the interval says, in words."""
+        return "falls" if self.falls else "rises" if self.slope - self.half > 0 else "cannot tell"
 
 
 @dataclass(frozen=True)
@@ -115,10 +121,14 @@ def main() -> int:
     try:
         if arguments.figure:
             check_writable(arguments.figure, force=True, endings=(".svg", ".png", ".pdf"))
-        if not 0 < arguments.share < 1:
-            raise RecordingError(f"a share of {arguments.share:g}: give one between 0 and 1")
+        if not 0 < arguments.share < np.inf or arguments.share == 1:
+            raise RecordingError(
+                f"a share of {arguments.share:g}: give one between 0 and 1, or above 1 for a rise"
+            )
         hours, torques = read(arguments.file)
-        screws = [judge(name, hours, torques[name], arguments.share, arguments.seed) for name in SCREWS]
+        screws = [
+            judge(name, hours, torque, arguments.share, arguments.seed) for name, torque in torques.items()
+        ]
     except EmaphmError as error:
         print(f"xjtu: {error}", file=sys.stderr)
         return 2
@@ -129,14 +139,16 @@ def main() -> int:
 
 
 def read(path: Path) -> tuple[Array, dict[str, Array]]:
-    """Return hours and torques [N·m] of both screws; `RecordingError` where the file is no such table."""
-    columns = [f"friction_torque_{name}" for name in SCREWS]
+    """Return hours and torques [N·m] by screw; `RecordingError` where the file is no such table."""
     try:
         frame = pl.read_csv(path)
-        missing = [name for name in ("hours", *columns) if name not in frame.columns]
+        columns = [name for name in frame.columns if name.startswith(COLUMN) and name != COLUMN]
+        missing = [] if "hours" in frame.columns else ["hours"]
+        missing += [] if columns else [f"{COLUMN}…"]
         if missing:
             raise RecordingError(
-                f"{path}: no column {', '.join(missing)}; give the table of friction torques"
+                f"{path}: no column {', '.join(missing)} (the file has: {', '.join(frame.columns)}); give "
+                "the table of friction torques"
             )
         table = frame.select(["hours", *columns]).cast(pl.Float64).to_numpy()
     except (OSError, pl.exceptions.PolarsError) as error:
@@ -157,7 +169,7 @@ def read(path: Path) -> tuple[Array, dict[str, Array]]:
             f"{path}: {len(hours)} readings at {speeds} speeds, less than two a speed; give hours: a speed "
             f"lasts {HOURS_A_SPEED:g} of them"
         )
-    return hours, {name: table[:, i + 1] for i, name in enumerate(SCREWS)}
+    return hours, {name.removeprefix(COLUMN): table[:, i + 1] for i, name in enumerate(columns)}
 
 
 def speed_number(hours: Array) -> Array:
@@ -207,7 +219,7 @@ def judge(name: str, hours: Array, torque: Array, share: float, seed: int) -> Sc
         within_speeds=trend(hours, torque, speed_number(hours)),
         by_revolutions=trend(revolutions(hours), torque, alike),
         limit=limit,
-        crossed=crossing(hours, torque, limit),
+        crossed=crossing(hours, torque, limit) if share < 1 else crossing(hours, -torque, -limit),
         forecasts=tuple(forecast(name, hours[: i + 1], torque[: i + 1], limit, seed) for i in ends),
     )
 
@@ -224,7 +236,7 @@ def crossing(hours: Array, torque: Array, limit: float) -> tuple[float, float] |
 
 
 def forecast(name: str, hours: Array, torque: Array, limit: float, seed: int) -> IndicatorPrognosis:
-    """Return when the torque falls to the limit, from these readings alone, at the speed of the last one.
+    """Return when the torque comes to the limit, from these readings alone, at the speed of the last one.
 
     The error of a reading is the scatter about a straight line through them; speeds are the stress.
     """
@@ -262,7 +274,7 @@ def text(screws: list[Screw]) -> str:
             f"{one.name} screw: {one.torque[0]:.3f} N·m new, {one.torque[-1]:.3f} after {one.hours[-1]:g} h"
         )
         rows = [
-            (what, f"{found.slope:+.3f} ± {found.half:.3f}", "falls" if found.falls else "cannot tell")
+            (what, f"{found.slope:+.3f} ± {found.half:.3f}", found.verdict)
             for what, found in (
                 ("over hours", one.plain),
                 ("over hours, an offset for each speed", one.within_speeds),
@@ -275,7 +287,8 @@ def text(screws: list[Screw]) -> str:
         )
         lines.append(f"limit {one.limit:.3f} N·m: {passed}")
         header = ("at [h]", "passes it at [h]", "90 %", "held", "likeliest law", "exponent of the speed")
-        lines += [format_table(header, [_row(one, made) for made in one.forecasts]), ""]
+        lines.append(format_table(header, [_row(one, made) for made in one.forecasts]))
+        lines += [*(f"note: {note}" for note in one.forecasts[-1].notes), ""]
     return "\n".join(lines).rstrip()
 
 
@@ -311,7 +324,7 @@ def draw(screws: list[Screw]) -> "Figure":
     )
 
     figure = new_figure(PAGE_WIDTH, 6.4)
-    axes = figure.subplots(2, 2, height_ratios=(1.2, 1), sharex=True)
+    axes = figure.subplots(2, len(screws), height_ratios=(1.2, 1), sharex=True, squeeze=False)
     for column, one in zip(axes.T, screws, strict=True):
         above, below = column
         above.plot(one.hours, one.torque, "o", color=BLUE, markersize=3.5, label="reading")

@@ -55,6 +55,28 @@ def test_a_healthy_run_is_like_healthy(detector: Detector) -> None:
     assert all(detector.judge(one).like_healthy for one in recordings)
 
 
+def with_channel(recording: Recording, name: str, factor: float) -> Recording:
+    channels = {one: recording[one] for one in recording}
+    return Recording(channels | {name: factor * recording[name]})
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_a_current_in_another_unit_is_no_fault(detector: Detector, factor: float) -> None:
+    recordings, _ = runs(HEALTHY, 1, seed=6, cycles=3)
+    other = [with_channel(one, "current_A", factor) for one in recordings]
+    for given in (other, other[0]):
+        with pytest.raises(RecordingError, match=r"current_A .*thousand.* times as large; convert"):
+            detector.judge(given)
+    # Ten times as much may be a jam.
+    assert not detector.judge(runs(Rig(friction=10.0), 1, seed=7)[0][0]).like_healthy
+
+
+def test_an_angle_in_degrees_is_no_fault(detector: Detector) -> None:
+    one = runs(HEALTHY, 1, seed=6)[0][0]
+    with pytest.raises(RecordingError, match=r"position_rad .* degrees: it is 57\.3"):
+        detector.judge(with_channel(one, "position_rad", 180 / math.pi))
+
+
 def test_a_channel_that_never_varies_is_not_looked_at() -> None:
     healthy, _ = runs(HEALTHY, 12, seed=0)
     noisy = [one["current_A"] for one in healthy]
@@ -157,7 +179,9 @@ def test_left_out_runs_are_judged_without_themselves() -> None:
 
 def test_too_few_runs_to_leave_one_out_are_counted_as_they_are() -> None:
     recordings, _ = runs(HEALTHY, 5, seed=27)
-    with pytest.raises(RecordingError, match=r"4 healthy runs .*counted without run a, which is left out"):
+    with pytest.raises(
+        RecordingError, match=r"4 healthy runs .*counted without the run of .*, which is left out"
+    ):
         list(judged_left_out(recordings, "abcde"))
 
 

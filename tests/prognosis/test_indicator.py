@@ -10,6 +10,7 @@ from scipy.stats import invgauss, kstest, norm
 from emaphm.errors import PrognosisError
 from emaphm.prognosis import Question
 from emaphm.prognosis.indicator import Indicator, Reading, prognose_indicator
+from emaphm.prognosis.notes.receding import receding_notes
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.settings import DegradationSettings, FilterSettings, ForecastSettings
 
@@ -138,3 +139,28 @@ def _passed(t: np.ndarray, a: float, v: float, q2: float) -> np.ndarray:
 def test_what_is_impossible_is_refused(wrong: object) -> None:
     with pytest.raises(PrognosisError):
         wrong()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_readings_that_go_the_other_way_are_noted(sign: float) -> None:
+    """A line that ends 2.3 A beyond healthy, where the limit is 4 A on the other side."""
+    away = Indicator("A", 2.0, 2.0 - 4 * sign, readings(2e-3 * sign), 1160.0)
+    assert [note for note in _notes(away) if "beyond healthy, away from the limit, by 5" in note]
+    towards = Indicator("A", 2.0, 2.0 + 4 * sign, readings(2e-3 * sign), 1160.0)
+    assert not [note for note in _notes(towards) if "beyond healthy" in note]
+
+
+def test_readings_about_healthy_are_not_beyond_it() -> None:
+    random = np.random.default_rng(0)
+    found = 0
+    for _ in range(200):
+        level = 2.0 + 0.5 * random.standard_normal(20)
+        still = Indicator(
+            "A", 2.0, 4.0, tuple(Reading(10.0 * i, x, 0.25) for i, x in enumerate(level)), 200.0
+        )
+        found += len(receding_notes(still))
+    assert found == 0  # four standard errors: 0.003 % of 200
+
+
+def _notes(indicator: Indicator) -> tuple[str, ...]:
+    return prognose_indicator(indicator, filter_settings=FEWER).notes

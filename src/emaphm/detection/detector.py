@@ -23,6 +23,7 @@ from emaphm.detection.manoeuvre import (
     learn_manoeuvre,
     same_load,
 )
+from emaphm.detection.other_unit import check_units
 from emaphm.detection.result import Contribution, DetectorResult
 from emaphm.detection.seeded import Seeded, nearest_seeded
 from emaphm.detection.settings import DETECTOR, DetectorSettings
@@ -148,7 +149,7 @@ class Detector(DetectorContent):
         ------
         RecordingError
             The manoeuvre or the load was never seen healthy, cycles differ in them, one is given twice, or a
-            channel is missing.
+            channel is missing or in another unit.
         """
         given = [recordings] if isinstance(recordings, Recording) else list(recordings)
         return self.judge_cycles([cycle_of(one, self.channels, self.actuator) for one in given])
@@ -167,6 +168,10 @@ class Detector(DetectorContent):
                 )
         manoeuvre = self.manoeuvres[places[0][0]]
         at = manoeuvre.loads[places[0][1]]
+        if self.actuator is None:
+            tolerance = self.settings.rows_tolerance
+            measured = [one.along(manoeuvre.command, tolerance).signals for one in cycles]
+            check_units(cycles[0].source, measured, at.mean, self.channels)
         each = manoeuvre.deviations(cycles, at, self.settings)
         deviation = each.mean(axis=0, keepdims=True)
         level, by = judging(manoeuvre.levels, deviation, len(cycles))

@@ -4,7 +4,7 @@ from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 
 from emaphm.actuator import Actuator
-from emaphm.detection.cycle import common_channels, cycle_of
+from emaphm.detection.cycle import check_each_once, common_channels, cycle_of
 from emaphm.detection.detector import Detector
 from emaphm.detection.result import DetectorResult
 from emaphm.detection.settings import DETECTOR, DetectorSettings
@@ -46,6 +46,7 @@ def judged_left_out(
     """
     channels = common_channels(recordings)
     cycles = [cycle_of(one, channels, actuator) for one in recordings]
+    check_each_once(cycles)
     for group in dict.fromkeys(groups):
         inside = [k for k, one in enumerate(groups) if one == group]
         others = [k for k, one in enumerate(groups) if one != group]
@@ -54,7 +55,8 @@ def judged_left_out(
                 [cycles[k] for k in others], [groups[k] for k in others], channels, actuator, settings
             )
         except RecordingError as error:
-            raise RecordingError(f"{error} (counted without run {group}, which is left out)") from None
+            run = cycles[inside[0]].source
+            raise RecordingError(f"{error} (counted without the run of {run}, which is left out)") from None
         yield LeftOut(
             group,
             tuple(detector.judge_cycles([cycles[k]]) for k in inside),

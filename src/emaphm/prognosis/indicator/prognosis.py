@@ -11,6 +11,7 @@ from emaphm.prognosis.filter.following import follow
 from emaphm.prognosis.forecast import drawn_states, paths
 from emaphm.prognosis.indicator.readings import FAILING, Indicator
 from emaphm.prognosis.notes.life import ENOUGH
+from emaphm.prognosis.notes.receding import receding_notes
 from emaphm.prognosis.notes.stress import stress_notes
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, pace_ahead
@@ -161,7 +162,7 @@ def prognose_indicator(
     sample = first_passage(
         made.hours, FAILING - level, made.noise[:, :, 0], stream(seed, "forecast", "first passage")
     )
-    notes = stress_notes(question.ahead, belief.prior.reference)
+    notes = [*stress_notes(question.ahead, belief.prior.reference), *receding_notes(indicator)]
     if len(indicator.readings) < ENOUGH:
         notes.append(
             f"readings: {len(indicator.readings)}; {ENOUGH} are needed to see a rate, until then the "
