@@ -35,7 +35,7 @@ def regressed(
 def answered_sizes(
     result: SearchResult, fitted: tuple[Array, Array], answered: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Return the sizes (p,) of p more parameters that the residual of an estimate shows, and their covariance.
+    """Return the sizes (p,) of p more parameters that an estimate's residual shows, and their covariance.
 
     `fitted` are the derivatives of the fitted model by what is estimated, (d, channel rows), and by the p
     others, (p, channel rows); `answered` are those of the reference model. The recording answers by these,
@@ -43,8 +43,8 @@ def answered_sizes(
 
         x = (Z Dᵀ + P)⁻¹ (Z r - P θ),
 
-    in which the chance of the reference model's switching, which the instruments have not, makes no bias. P is
-    the weight of the priors, about which θ scatters as they say. The covariance is (p, p).
+    in which the chance of the reference model's switching, which the instruments have not, makes no bias. P
+    is the weight of the priors, about which θ scatters as they say. The covariance is (p, p).
     """
     objective, more = result.objective, len(fitted[1])
     residual = result.residual[: objective.channel_rows]

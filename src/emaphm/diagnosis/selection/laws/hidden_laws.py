@@ -92,8 +92,8 @@ ENDS = {True: (-0.1, 0.1), False: (-3.0, 0.0)}
 tenth of its size either way of none; from a twentieth of a usual value to that."""
 
 WIDER = 5.0
-"""How many times as far apart the ends of a parameter of either sign are for the reference model: what a tenth
-of its size does is less than the ripple, which is another in each run."""
+"""How many times as far apart the ends of a parameter of either sign are for the reference model: what a
+tenth of its size does is less than the ripple, which is another in each run."""
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ def _derivatives(
     extended = result.objective
     for law in laws:
         extended = with_free_law(extended, LAWS[law.name], LAWS[law.name].parameters)
-    space, unit = extended.space, extended.space.nuisances.unit
+    unit = extended.space.nuisances.unit
     names = unit.parameters[len(result.objective.space.nuisances.unit.parameters) :]
     count = len(names)
     signed = np.array([name in SIGNED for name in names])
@@ -229,9 +229,7 @@ def _derivatives(
     columns = np.arange(count)
     points[:, 0, columns, columns - count], points[:, 1, columns, columns - count] = ends.T
     answering = extended if scatter is None else by_reference(extended)
-    rows = [
-        answering.outputs(sides.reshape(2 * count, -1))[:, : extended.channel_rows] for sides in points
-    ]
+    rows = [answering.outputs(sides.reshape(2 * count, -1))[:, : extended.channel_rows] for sides in points]
     low, high = np.mean(rows, axis=0).reshape(2, count, -1)
     actuator, units = extended.problem.actuator, np.diag(unit.axes[-count:, -count:])
     values = [
@@ -246,7 +244,7 @@ def _derivatives(
 
 
 def _neutral(extended: MapObjective, result: SearchResult, point: Array, signed: Array, ends: Array) -> Array:
-    """Return a `point` (d,) of `result` in the space of an objective that has laws too, as good as neutral."""
+    """Return a `point` (d,) of `result` in the space of an objective that has laws too, all but neutral."""
     neutral = extended.space.carried_over(point, result.objective.space)
     neutral[-len(signed) :] = np.where(signed, 0.0, ends[:, 0])
     return neutral
