@@ -15,6 +15,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
+from emaphm.diagnosis.selection.laws.law_fit import without_law
 from emaphm.diagnosis.selection.nuisance_candidates import worthwhile_candidates
 from emaphm.diagnosis.selection.profile import PROFILED
 from emaphm.diagnosis.selection.residual_share import hopeless_next_to, share_of_residual
@@ -33,9 +34,11 @@ from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, error_kind, sensor_error
 from emaphm.estimation.space.nuisances import usual_deviation
+from emaphm.estimation.uncertainty.correlation import integral_time
 from emaphm.estimation.uncertainty.local_covariance import (
     jacobians_at,
     local_covariance,
+    reference_response,
 )
 from emaphm.random_streams import child_seed, stream
 from emaphm.threads import in_threads
@@ -135,7 +138,9 @@ def _best(
         )
         if candidate.name == SUPPLY:
             tried = with_supply(tried, names, child)
-        if _significant(tried, result, candidate.name, child.seed):
+        if _significant(tried, result, candidate.name, child.seed) and _confirmed(
+            tried, result, candidate.name, child
+        ):
             kept.append((candidate.name, tried))
     if not kept:
         return None
@@ -171,13 +176,32 @@ def _improbability(tried: SearchResult, before: SearchResult, name: str, share: 
     return float(rows * np.log(share) + prior)
 
 
-def _significant(tried: SearchResult, before: SearchResult, name: str, seed: int) -> bool:
-    """Return whether the estimate of `name` in `tried` is kept."""
+def _confirmed(tried: SearchResult, before: SearchResult, name: str, settings: SearchSettings) -> bool:
+    """Return whether a significant estimate of `name` in `tried` is so by the reference model too.
+
+    Its standard error is then that of a recording that answers by the reference model's derivatives: on slow
+    motions those of the fitted model are too large by factors. And it leaves less than the search without the
+    nuisance from where `tried` ended: the nuisance may only have led it out of a place where it was held.
+    """
+    if name in tried.objective.space.nuisances.located:
+        return True
+    response = reference_response(tried, stream(settings.seed, "response of the selected nuisance"))
+    if response is not None and not _significant(tried, before, name, settings.seed, response):
+        return False
+    back = without_law(tried, before, settings)
+    better = share_of_residual(back, before) < 1 / SELECTION.equal_share
+    return not better or _significant(tried, back, name, settings.seed, response)
+
+
+def _significant(
+    tried: SearchResult, before: SearchResult, name: str, seed: int, response: Array | None = None
+) -> bool:
+    """Return whether the estimate of `name` in `tried` is kept; `response` as in `_score`."""
     if abs(_deviation(tried, name)) <= SELECTION.least_deviation:
         return False
     if name in tried.objective.space.nuisances.located:
         return is_off(tried) and ripple_share(tried, before, seed) < SELECTION.likely_share
-    share, score = share_of_residual(tried, before), _score(tried, name, seed)
+    share, score = share_of_residual(tried, before), _score(tried, name, seed, response)
     equal = 1.0 if sensor_error(name) else SELECTION.equal_share
     significant = (score >= SELECTION.certain_score and share < equal) or (
         (score >= SELECTION.likely_score or name in PROFILED) and share < SELECTION.likely_share
@@ -197,17 +221,30 @@ def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:
     objective = tried.objective
     if not tried.residual_is_expected and share >= SENSOR_SELECTION.excess_share:
         return False
-    if share >= 1 - SENSOR_SELECTION.chance / objective.compared_rows:
+    if share >= 1 - SENSOR_SELECTION.chance * _rows_together(tried) / objective.compared_rows:
         return False
     value = float(objective.space.nuisance_values(tried.point[np.newaxis])[name][0])
     least = SENSOR_SELECTION.least_rows * objective.problem.inputs.interval
     return error_kind(name) != "delay" or abs(value) > least
 
 
-def _score(result: SearchResult, name: str, seed: int) -> float:
-    """Return how many standard errors the estimate of `name` is off nominal."""
+def _rows_together(result: SearchResult) -> float:
+    """Return over how many rows a residual is correlated, at most: of the channel that remembers longest."""
+    residuals = result.residual_by_channel.values()
+    return max((integral_time([one], [1.0]) for one in residuals if one.any()), default=1.0)
+
+
+def _score(result: SearchResult, name: str, seed: int, response: Array | None = None) -> float:
+    """Return how many standard errors the estimate of `name` is off nominal.
+
+    With the `response` (d, channel rows) of the reference model, the error includes the step that remains by
+    it.
+    """
     objective, i = result.objective, result.objective.space.coordinates.index(name)
     jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the selected nuisance"))
     residual = result.residual[: objective.channel_rows]
-    local = local_covariance(objective, result.point, residual, jacobians)
-    return float(abs(result.point[i]) / (local.covariance + result.scatter)[i, i] ** 0.5)
+    local = local_covariance(objective, result.point, residual, jacobians, response=response)
+    variance = float((local.covariance + result.scatter)[i, i])
+    if response is not None:
+        variance += float(objective.space.project(result.point + local.step)[i] - result.point[i]) ** 2
+    return float(abs(result.point[i]) / variance**0.5)

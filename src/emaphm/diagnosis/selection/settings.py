@@ -77,7 +77,8 @@ class SensorSelectionSettings:
     after its own correction is kept: errors of one channel look like those of another. One whose residual
     still exceeds what is expected has to leave less than `excess_share` of that before.
 
-    A parameter that is not needed removes χ² / rows of the mean squared residual, with one degree of freedom.
+    A parameter that is not needed removes χ² / rows of the mean squared residual, with one degree of freedom,
+    the rows over which the residual is correlated counting as one.
     Of the seventeen errors, none exceeds `chance` in 99 of 100 recordings. A delay is also more than
     `least_rows` of a row: of slow rows, how a signal runs between them is known no better.
     """

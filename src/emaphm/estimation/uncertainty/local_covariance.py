@@ -48,18 +48,22 @@ def jacobians_at(objective: MapObjective, point: Array, rng: np.random.Generator
 def response_of(result: SearchResult, rng: np.random.Generator) -> Array | None:
     """Return the derivatives (d, channel rows) of the reference model at an estimate whose shaft rests.
 
-    None of others: near enough to the fitted model's. Between rests motion is slow, and the ripple of the
-    current, which the fitted model lacks, takes the edge off dry friction: a gain does some 0.6 times what
-    the fitted model says.
+    None of others: near enough to the fitted model's for an interval. Between rests motion is slow, and the
+    ripple of the current, which the fitted model lacks, takes the edge off dry friction: a gain does some 0.6
+    times what the fitted model says.
     """
+    return None if result.objective.problem.rests is None else reference_response(result, rng)
+
+
+def reference_response(result: SearchResult, rng: np.random.Generator) -> Array | None:
+    """Return the derivatives (d, channel rows) of the reference model at an estimate, None without one."""
     objective = result.objective
-    if objective.problem.rests is None or not has_reference(objective.problem):
+    if not has_reference(objective.problem):
         return None
-    rows, reference = objective.channel_rows, reference_problem(objective)
-    weighted = replace(objective, problem=reference.like(objective.problem))
+    answering = by_reference(objective)
     return np.asarray(
         replicated_jacobians(
-            lambda points: weighted.outputs(points)[:, :rows],
+            lambda points: answering.outputs(points)[:, : objective.channel_rows],
             result.point,
             objective.space,
             RESPONSE_STEP,
@@ -67,6 +71,11 @@ def response_of(result: SearchResult, rng: np.random.Generator) -> Array | None:
             rng,
         ).mean(axis=0)
     )
+
+
+def by_reference(objective: MapObjective) -> MapObjective:
+    """Return an objective whose outputs are those of the reference model, weighted as before."""
+    return replace(objective, problem=reference_problem(objective).like(objective.problem))
 
 
 def jacobians_of(result: SearchResult, rng: np.random.Generator) -> Array:

@@ -32,6 +32,39 @@ def regressed(
     return -(shares @ sizes), sizes, inverse @ scatter @ inverse
 
 
+def answered_sizes(
+    result: SearchResult, fitted: tuple[Array, Array], answered: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return the sizes (p,) of p more parameters that an estimate's residual shows, and their covariance.
+
+    `fitted` are the derivatives of the fitted model by what is estimated, (d, channel rows), and by the p
+    others, (p, channel rows); `answered` are those of the reference model. The recording answers by these,
+    while the estimate follows the others: a regression by instrumental variables Z (Sargan 1958),
+
+        x = (Z Dᵀ + P)⁻¹ (Z r - P θ),
+
+    in which the chance of the reference model's switching, which the instruments have not, makes no bias. P
+    is the weight of the priors, about which θ scatters as they say. The covariance is (p, p).
+    """
+    objective, more = result.objective, len(fitted[1])
+    residual = result.residual[: objective.channel_rows]
+    instruments, answers = np.vstack(fitted), np.vstack(answered)
+    deviations, own = objective.space.prior_deviations, np.arange(objective.space.dimensions)
+    weights = float(np.mean(residual**2)) * objective.rows_of_priors / deviations**2
+    # A fault is drawn to where it is: it has no mean beforehand.
+    drawn = weights * np.where(own < len(objective.space.columns), 0.0, result.point)
+    normal = instruments @ answers.T
+    normal[own, own] += weights
+    inverse = np.linalg.inv(normal + float(np.finfo(float).tiny) * np.eye(len(normal)))
+    sizes = inverse @ (instruments @ residual - np.append(drawn, np.zeros(more)))
+    scores = instruments * (residual - sizes @ answers)
+    scatter = long_run_covariance(scores, len(objective.problem.channels))
+    scatter = scatter + rounding_scores(objective.problem, instruments)
+    scatter[own, own] += (weights * deviations) ** 2
+    covariance = inverse @ scatter @ inverse.T
+    return sizes[-more:], covariance[-more:, -more:]
+
+
 def size_of_one(result: SearchResult, jacobians: Array, derivative: Array) -> tuple[float, float]:
     """Return the size of one more parameter that the residual of an estimate shows, and its standard error.
 

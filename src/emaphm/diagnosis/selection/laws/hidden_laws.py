@@ -8,7 +8,7 @@ shows, the whole search is repeated with the law.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,11 +18,18 @@ from emaphm.actuator.laws import LAWS, typical_dry_friction, typical_speed
 from emaphm.actuator.unit.baseline import SIGNED
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.laws.law_fit import with_free_law
+from emaphm.estimation.discrepancy import has_reference
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.parameter_variation import varied
-from emaphm.estimation.uncertainty.local_covariance import jacobians_of
-from emaphm.estimation.uncertainty.partial_regression import regressed
+from emaphm.estimation.uncertainty.local_covariance import (
+    RESPONSE_REPLICATES,
+    RESPONSE_STEP,
+    by_reference,
+    jacobians_of,
+    reference_response,
+)
+from emaphm.estimation.uncertainty.partial_regression import answered_sizes, regressed
 from emaphm.quantiles import chi_squared_quantile
 from emaphm.random_streams import stream
 
@@ -84,6 +91,10 @@ ENDS = {True: (-0.1, 0.1), False: (-3.0, 0.0)}
 """Between which coordinates a derivative is taken, of a parameter of either sign and of a positive one: a
 tenth of its size either way of none; from a twentieth of a usual value to that."""
 
+WIDER = 5.0
+"""How many times as far apart the ends of a parameter of either sign are for the reference model: what a
+tenth of its size does is less than the ripple, which is another in each run."""
+
 
 @dataclass(frozen=True)
 class HiddenLawSettings:
@@ -136,19 +147,27 @@ class Score:
 def suspected_laws(result: SearchResult, seed: int) -> dict[str, Score]:
     """Return the scores of the hidden laws that the residual of an estimate without them shows.
 
+    By the derivatives of the fitted model and, of those that it shows, by those of the reference model too:
+    on slow motions these differ by factors, and what the estimate is off passes for a law.
+
     None of a unit whose model error was learned: what is left of its recordings has directions of its own.
     """
     scores = hidden_scores(result, seed)
-    return {
-        law.name: scores[law.name]
-        for law in HIDDEN
-        if law.name in scores and _is_suspected(law, scores[law.name])
-    }
+    shown = [law for law in HIDDEN if law.name in scores and _is_determined(law, scores[law.name])]
+    shown = [law for law in shown if _is_suspected(law, scores[law.name])]
+    if shown and has_reference(result.objective.problem):
+        scores = answered_scores(result, shown, seed)
+        shown = [law for law in shown if _is_suspected(law, scores[law.name])]
+    return {law.name: scores[law.name] for law in shown}
+
+
+def _is_determined(law: HiddenLaw, score: Score) -> bool:
+    return score.error <= HIDDEN_LAWS.informative * law.least
 
 
 def _is_suspected(law: HiddenLaw, score: Score) -> bool:
     signed = LAWS[law.name].parameters[0] in SIGNED
-    if score.error > HIDDEN_LAWS.informative * law.least or not (signed or score.values.min() > 0):
+    if not (signed or score.values.min() > 0):
         return False
     return score.size > law.least and score.is_beyond(HIDDEN_LAWS.score)
 
@@ -162,40 +181,70 @@ def hidden_scores(result: SearchResult, seed: int) -> dict[str, Score]:
     laws = [law for law in HIDDEN if LAWS[law.name].is_possible(problem.actuator)]
     if not laws or any(problem.actuator.model_error.of(name) for name in problem.channels):
         return {}
-    extended = objective
-    for law in laws:
-        extended = with_free_law(extended, LAWS[law.name], LAWS[law.name].parameters)
-    names, derivatives = _derivatives(extended, result)
+    by_law = _derivatives(result, laws)
     jacobians = jacobians_of(result, stream(seed, "Jacobians of the hidden laws"))
     mean, residual = jacobians.mean(axis=0), result.residual[: objective.channel_rows]
     scores = {}
-    for law in laws:
-        own = [i for i, name in enumerate(names) if name in LAWS[law.name].parameters]
-        scaled = derivatives[own] * np.reshape(law.scale(problem.actuator), (-1, 1))
-        _, values, covariance = regressed(mean, scaled, residual, problem)
-        scores[law.name] = Score(values, covariance)
+    for name, derivatives in by_law.items():
+        _, values, covariance = regressed(mean, derivatives, residual, problem)
+        scores[name] = Score(values, covariance)
     return scores
 
 
-def _derivatives(extended: MapObjective, result: SearchResult) -> tuple[tuple[str, ...], Array]:
-    """Return what parameters `extended` has more than an estimate, and derivatives (p, channel rows).
+def answered_scores(result: SearchResult, laws: Sequence[HiddenLaw], seed: int) -> dict[str, Score]:
+    """Return the scores of hidden `laws` by what the reference model answers to them (`answered_sizes`)."""
+    response = reference_response(result, stream(seed, "Jacobians of the response"))
+    assert response is not None  # noqa: S101 - asked for only where there is a reference model
+    scatter = stream(seed, "responses to the hidden laws").normal(
+        0.0, RESPONSE_STEP, (RESPONSE_REPLICATES, result.point.size)
+    )
+    fitted, answered = _derivatives(result, laws), _derivatives(result, laws, scatter)
+    mean = jacobians_of(result, stream(seed, "Jacobians of the hidden laws")).mean(axis=0)
+    return {
+        name: Score(*answered_sizes(result, (mean, fitted[name]), (response, answered[name])))
+        for name in fitted
+    }
 
-    They are the last of its unit's parameters, each a coordinate of its own.
+
+def _derivatives(
+    result: SearchResult, laws: Sequence[HiddenLaw], scatter: Array | None = None
+) -> dict[str, Array]:
+    """Return the derivatives (p, channel rows) by the parameters of each law, relative to their scale.
+
+    At the estimate, by the fitted model; by the reference model where a `scatter` (n, d) about it is given:
+    their mean over as many points, which its switching needs.
     """
-    space, unit = extended.space, extended.space.nuisances.unit
+    extended = result.objective
+    for law in laws:
+        extended = with_free_law(extended, LAWS[law.name], LAWS[law.name].parameters)
+    unit = extended.space.nuisances.unit
     names = unit.parameters[len(result.objective.space.nuisances.unit.parameters) :]
     count = len(names)
     signed = np.array([name in SIGNED for name in names])
     ends = np.array([ENDS[bool(one)] for one in signed])
-    neutral = space.carried_over(result.point, result.objective.space)
-    neutral[-count:] = np.where(signed, 0.0, ends[:, 0])
-    points = np.tile(neutral, (2, count, 1))
+    ends[signed] *= 1.0 if scatter is None else WIDER
+    centres = result.objective.space.project(result.point + (0.0 if scatter is None else scatter))
+    points = np.stack([_neutral(extended, result, one, signed, ends) for one in np.atleast_2d(centres)])
+    points = np.tile(points[:, np.newaxis, np.newaxis], (1, 2, count, 1))
     columns = np.arange(count)
-    points[0, columns, columns - count], points[1, columns, columns - count] = ends.T
-    outputs = extended.outputs(points.reshape(2 * count, -1))[:, : extended.channel_rows]
-    low, high = outputs.reshape(2, count, -1)
+    points[:, 0, columns, columns - count], points[:, 1, columns, columns - count] = ends.T
+    answering = extended if scatter is None else by_reference(extended)
+    rows = [answering.outputs(sides.reshape(2 * count, -1))[:, : extended.channel_rows] for sides in points]
+    low, high = np.mean(rows, axis=0).reshape(2, count, -1)
     actuator, units = extended.problem.actuator, np.diag(unit.axes[-count:, -count:])
     values = [
         varied(actuator, name, one) for name, one in zip(names, units[:, np.newaxis] * ends, strict=True)
     ]
-    return names, np.asarray((high - low) / np.diff(values))
+    derivatives = np.asarray((high - low) / np.diff(values))
+    own = {law: [i for i, name in enumerate(names) if name in LAWS[law.name].parameters] for law in laws}
+    return {
+        law.name: derivatives[own[law]] * np.reshape(law.scale(result.objective.problem.actuator), (-1, 1))
+        for law in laws
+    }
+
+
+def _neutral(extended: MapObjective, result: SearchResult, point: Array, signed: Array, ends: Array) -> Array:
+    """Return a `point` (d,) of `result` in the space of an objective that has laws too, all but neutral."""
+    neutral = extended.space.carried_over(point, result.objective.space)
+    neutral[-len(signed) :] = np.where(signed, 0.0, ends[:, 0])
+    return neutral
