@@ -25,6 +25,11 @@ STANDS_STILL = (
     "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched "
     "off. A recording at rest has almost no information on its faults."
 )
+SHOWN_STILL = (
+    "The recorded position shows no motion, or only noise: the command is constant, the actuator is jammed, "
+    "too weak or switched off, or position_rad has no signal. A recording at rest has almost no information "
+    "on the faults."
+)
 NOT_EXPLAINED = (
     "The recording is not explained: either something else than these faults acts, a channel or the "
     "description is wrong, or the search failed. No component is therefore called healthy or degraded. "
@@ -88,7 +93,9 @@ def notes(diagnosis: "Diagnosis") -> list[str]:
     }
     collinear = {name for one in collinear_sets for name in one.members}
     unknown = [name for name in nuisances if name not in known.keys() | unit.keys() | collinear | over_time]
-    lines = [] if diagnosis.moves else [STANDS_STILL]
+    lines = []
+    if not diagnosis.moves:
+        lines.append(SHOWN_STILL if "position_rad" in diagnosis.channels else STANDS_STILL)
     if not diagnosis.explained:
         lines += [NOT_EXPLAINED, *(f"Not explained: {reason}." for reason in diagnosis.reasons)]
     lines += [f"Residual of {name}: {one}" for name, one in diagnosis.model_error.items()]
