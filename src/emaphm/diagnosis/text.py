@@ -47,8 +47,8 @@ def fault_rows(
         low, high = estimate.interval95
         row = [
             name,
-            f"{estimate.value:.4f}" if estimate.identifiable else "-",
-            "-" if estimate.unconstrained else f"{low:.4f} to {high:.4f}",
+            f"{estimate.value:z.4f}" if estimate.identifiable else "-",
+            "-" if estimate.unconstrained else f"{low:z.4f} to {high:z.4f}",
             estimate.verdict,
             estimate.reason or meanings[name],
         ]
