@@ -31,7 +31,7 @@ def problem(command: Command, factor: float) -> Problem:
 
 def test_a_command_that_no_motor_can_follow_leaves_no_hint_on_another_sensor() -> None:
     residual = "current_A: the residual of 298 % is more than noise accounts for"
-    hints = (residual, "voltage_V: the residual of 128 % is more than noise accounts for; its unit may be wrong")
+    hints = (residual, "voltage_V: the residual of 128 % is too large; its unit may be wrong")
     off = problem(Chirp(), 180 / np.pi)
     assert with_command(hints, off) == (*notes_on_command(off), residual)
     assert with_command(hints, problem(Chirp(), 1.0)) == hints

@@ -111,7 +111,8 @@ class DetectorResult:
         """The verdict in one sentence, without a full stop."""
         t2, q = self.t2 / self.t2_threshold, self.q / self.q_threshold
         if self.like_healthy:
-            return f"like healthy (T² {with_digits(t2)}, Q {with_digits(q)} × threshold{self._coarse}){self._contradicted}"
+            sizes = f"T² {with_digits(t2)}, Q {with_digits(q)} × threshold"
+            return f"like healthy ({sizes}{self._coarse}){self._contradicted}"
         size = f"Q {with_digits(q)} × threshold" if q >= t2 else f"T² {with_digits(t2)} × threshold"
         channel, stroke, share = self._most()
         place = f"in the {stroke}" if stroke == "hold" else f"on the {stroke}"

@@ -121,7 +121,7 @@ def _ratios(axis: "Axes", result: DetectorResult) -> None:
 
 
 def _contributions(axis: "Axes", result: DetectorResult, channels: Sequence[str]) -> None:
-    """Draw the shares in the statistic that exceeds its threshold most: a map, or bars of a single channel."""
+    """Draw the shares in the statistic that exceeds its threshold most: a map, or bars of one channel."""
     segments = list(result.by_segment)
     by_q = result.q / result.q_threshold >= result.t2 / result.t2_threshold
     shares = np.zeros((len(segments), len(channels)))

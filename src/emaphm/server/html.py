@@ -6,8 +6,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from emaphm.errors import ServerError, nearest
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.errors import ServerError, nearest
 from emaphm.prognosis.wording.sentences import hours_text
 from emaphm.prognosis.wording.tables import value_and_interval
 from emaphm.report.wording import LABELS

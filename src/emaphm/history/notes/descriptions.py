@@ -54,15 +54,17 @@ def unlike_others(toml: str, others: Sequence[str]) -> tuple[str, ...]:
     for name, value in own.items():
         values = [one[name] for one in known if name in one]
         if values and not min(values) / FACTOR <= value <= max(values) * FACTOR:
-            found.append(f"{name} {value:.3g} instead of {_range(values)} {LUMPED_PARAMETERS[name]}".strip(" -"))
+            unit = LUMPED_PARAMETERS[name].replace("-", "")
+            found.append(f"{name} {value:.3g} instead of {_range(values)} {unit}".rstrip())
     if not found:
         return ()
     more = f", and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
-    return (
+    note = (
         "its description is unlike those of other units of the part number: "
-        f"{', '.join(found[:MOST_NAMED])}{more}; check whose description that is (--actuator): of another "
-        "actuator's, 'emaphm history withdraw' takes the recordings out",
+        f"{', '.join(found[:MOST_NAMED])}{more}; check whose description that is (--actuator); if it is "
+        "another actuator's, 'emaphm history withdraw' takes the recordings out"
     )
+    return (note,)
 
 
 @lru_cache(maxsize=256)
