@@ -6,6 +6,9 @@ from dataclasses import dataclass
 NOTHING = "–"
 """Stands in a cell that has no value."""
 
+LARGE = 1e6
+"""Size from which on a number is written with a power of ten."""
+
 
 @dataclass(frozen=True)
 class TextTable:
@@ -29,3 +32,9 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], *, word
     """Return a Markdown table: `words` in the first columns, numbers to the right in the others."""
     rule = ["---"] * words + ["---:"] * (len(header) - words)
     return "\n".join(f"| {' | '.join(row)} |" for row in [header, rule, *rows])
+
+
+def with_digits(value: float, digits: int = 2) -> str:
+    """Return `value` with so many significant digits, in full below a million: 2000 instead of 2e+03."""
+    shortest = f"{value:.{digits}g}"
+    return f"{float(shortest):.0f}" if "e+" in shortest and abs(value) < LARGE else shortest

@@ -292,7 +292,9 @@ def test_a_file_whose_sizes_do_not_agree_is_refused(detector: Detector, tmp_path
 def test_the_figure_shows_both_statistics_and_every_segment(detector: Detector) -> None:
     result = detector.judge(runs(STIFF_UP, 1, seed=26)[0])
     figure = result.plot()
-    labels = {text.get_text() for axis in figure.axes for text in axis.get_yticklabels()}
+    labels = {
+        text.get_text() for axis in figure.axes for text in (*axis.get_xticklabels(), *axis.get_yticklabels())
+    }
     assert {"current_A", "position_rad"} <= labels
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from cases import THESIS
 from emaphm.actuator import Chirp, Command, Ramp, Step
-from emaphm.diagnosis.explanation.command_speed import notes_on_command
+from emaphm.diagnosis.explanation.command_speed import notes_on_command, with_command
 from emaphm.estimation.posing import problem_of
 from emaphm.estimation.problem import Problem
 from emaphm.recording import Recording
@@ -28,3 +28,11 @@ def problem(command: Command, factor: float) -> Problem:
     columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
     columns["command_rad"] = factor * columns["command_rad"]
     return problem_of(Recording(columns), THESIS, channels=None)
+
+
+def test_a_command_that_no_motor_can_follow_leaves_no_hint_on_another_sensor() -> None:
+    residual = "current_A: the residual of 298 % is more than noise accounts for"
+    hints = (residual, "voltage_V: the residual of 128 % is too large; its unit may be wrong")
+    off = problem(Chirp(), 180 / np.pi)
+    assert with_command(hints, off) == (*notes_on_command(off), residual)
+    assert with_command(hints, problem(Chirp(), 1.0)) == hints

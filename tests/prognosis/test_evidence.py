@@ -43,6 +43,7 @@ OF_UNIT: dict[str, Any] = {
     "not_replaced": (Failure(400.0, ("friction",)),),
     "open_removal": OpenRemoval(400.0, ("gain",)),
     "contradictions": ("friction was found healthy",),
+    "description_notes": ("its inertia is unlike that of other units",),
 }
 """Another value of each field."""
 

@@ -88,7 +88,7 @@ def test_faults_stand_in_their_rows_with_healthy_and_true_values(faulty: Diagnos
     healthy = {name: float(name == "gain") / 2 for name in NAMES if name != "eccentricity_phase"}
     assert _points(axis, "|") == healthy
     assert _points(axis, "D") == {name: getattr(truth, name) for name in NAMES}
-    assert axis.texts[0].get_text() == "0.250  (0.230 to 0.270)"
+    assert axis.texts[0].get_text() == "0.2500  (0.2300 to 0.2700)"
 
 
 def test_without_truth_nothing_is_marked_as_true(faulty: Diagnosis) -> None:
@@ -118,7 +118,7 @@ def test_what_is_not_identifiable_is_greyed_and_called_so(linear: Diagnosis) -> 
 def test_an_interval_is_written_although_the_value_in_it_is_unknown(faulty: Diagnosis) -> None:
     unknown = replace(faulty.components["friction"], interval95=(0.2, 0.8), identifiable=False)
     axis = draw_faults(replace(faulty, components=dict(faulty.components) | {"friction": unknown})).axes[0]
-    assert axis.texts[0].get_text() == "–  (0.200 to 0.800)"
+    assert axis.texts[0].get_text() == "–  (0.2000 to 0.8000)"
     assert "friction" not in _points(axis, "s")
 
 

@@ -1,16 +1,37 @@
 """Figures on pages: whatever has a place in the legend or a number of results is drawn."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 from matplotlib.colors import to_hex
 
-from emaphm.detection.result import DetectorResult
-from emaphm.plotting.detection import draw_detected_sets
+from emaphm.detection.result import Contribution, DetectorResult
+from emaphm.plotting.detection import draw_detected_sets, draw_detection
 from emaphm.plotting.limits import draw_limits
 from emaphm.study.analysis.limits import SettingRates
 from emaphm.study.plan import PageRow, PageSection
+from emaphm.text_table import with_digits
+
+RESULT = DetectorResult(
+    recording="today.csv",
+    cycles=1,
+    cycles_alarming=1,
+    level_cycles=1,
+    manoeuvre="ramp",
+    t2=3.0,
+    q=1.0,
+    t2_threshold=1.0,
+    q_threshold=1.0,
+    contributions=(
+        Contribution("current_A", "up, 0 to 1 s", "up", "mean", 2.0, 0.5),
+        Contribution("current_A", "down, 1 to 2 s", "down", "mean", 1.0, 0.5),
+    ),
+    nearest=None,
+    false_alarm_rate=0.01,
+    shown="",
+)
 
 
 def _result(q: float, t2: float) -> DetectorResult:
@@ -27,6 +48,20 @@ def test_results_of_zero_are_drawn_below_all_others_and_the_axis_says_so() -> No
     assert axis.get_ylabel() == "T² / threshold, 0 at 0.2"
     (axis,) = draw_detected_sets({"moved": [_result(1.0, 2.0)]}).axes
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("Q / threshold", "T² / threshold")
+
+
+def test_the_threshold_is_inside_the_figure_of_a_recording_however_far_that_is() -> None:
+    for t2, q in ((2000.0, 0.0), (0.8, 0.02)):
+        result = replace(RESULT, t2=t2, q=q)
+        axis = draw_detection(result).axes[0]
+        (threshold,) = (line for line in axis.get_lines() if line.get_linestyle() == "--")
+        low, high = axis.get_ylim()
+        assert low < np.asarray(threshold.get_ydata())[0] < high
+        assert {text.get_text() for text in axis.texts} == {with_digits(t2), f"{q:g}"}
+    # Each segment is named in full where it stands, also of a single channel.
+    assert {"up, 0 to 1 s", "down, 1 to 2 s"} == {
+        text.get_text() for text in draw_detection(RESULT).axes[1].get_yticklabels()
+    }
 
 
 def test_every_method_of_a_section_is_drawn_and_no_two_alike() -> None:

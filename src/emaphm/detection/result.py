@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from emaphm.detection.level import level_name
 from emaphm.recording.schema import SCHEMA
-from emaphm.text_table import format_table
+from emaphm.text_table import format_table, with_digits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -111,8 +111,9 @@ class DetectorResult:
         """The verdict in one sentence, without a full stop."""
         t2, q = self.t2 / self.t2_threshold, self.q / self.q_threshold
         if self.like_healthy:
-            return f"like healthy (T² {t2:.2g}, Q {q:.2g} × threshold{self._coarse}){self._contradicted}"
-        size = f"Q {q:.2g} × threshold" if q >= t2 else f"T² {t2:.2g} × threshold"
+            sizes = f"T² {with_digits(t2)}, Q {with_digits(q)} × threshold"
+            return f"like healthy ({sizes}{self._coarse}){self._contradicted}"
+        size = f"Q {with_digits(q)} × threshold" if q >= t2 else f"T² {with_digits(t2)} × threshold"
         channel, stroke, share = self._most()
         place = f"in the {stroke}" if stroke == "hold" else f"on the {stroke}"
         text = (

@@ -12,7 +12,7 @@ from emaphm.arrays import Array, rms
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis.explanation.alternatives import with_alternatives
 from emaphm.diagnosis.explanation.cautions import cautions
-from emaphm.diagnosis.explanation.command_speed import notes_on_command
+from emaphm.diagnosis.explanation.command_speed import with_command
 from emaphm.diagnosis.explanation.moment import notes_on_moment
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
@@ -306,7 +306,7 @@ def conclude(
     components = estimates(space, result.point, known.covariance, known.collinear_sets)
     if reasons:
         components = unexplained(components, space.fixed)
-        reasons = (*reasons, *notes_on_moment(result), *notes_on_command(problem))
+        reasons = with_command((*reasons, *notes_on_moment(result)), problem)
     elif tests:
         components = tested(components, result, jacobians, seed)
     components = undecided_by_model_error(components, known.model_error_share, space)

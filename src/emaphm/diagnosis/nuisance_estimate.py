@@ -28,7 +28,7 @@ class NuisanceEstimate:
         unit = "" if self.unit == "-" else f" {self.unit}"
         # Both to the second digit of the error.
         digits = max(0, 1 - math.floor(math.log10(max(self.standard_error, 1e-12))))
-        return f"{self.value:+.{digits}f} ± {self.standard_error:.{digits}f}{unit}"
+        return f"{self.value:+z.{digits}f} ± {self.standard_error:.{digits}f}{unit}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the estimate, ready for `json.dumps`."""

@@ -287,7 +287,7 @@ class Diagnosis:
 
     def _notes_on_estimate(self) -> Iterator[str]:
         """Yield lines on motion, residual, nuisances, collinear sets and the unit's deviations."""
-        yield from on_fit(self.reasons, moves=self.moves, explained=self.explained)
+        yield from on_fit(self.reasons, self.channels, moves=self.moves, explained=self.explained)
         yield from (f"Residual of {name}: {one}" for name, one in self.model_error.items())
         yield from on_known(self.nuisances, self.load)
         yield from on_load(self.load)

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from emaphm.actuator import NAMES, Actuator
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.estimation.compared_channels import TORQUE_CURRENTS
@@ -151,7 +153,8 @@ def _estimated(
     )
     if quantity == "all" and estimate.value < 0:
         meaning = meaning.replace("come late", "come early")
-    digits = f" (± {estimate.standard_error:.2g} {estimate.unit})".replace(" -)", ")")
+    spread = np.format_float_positional(estimate.standard_error, 2, fractional=False, trim="-")
+    digits = f" (± {spread} {estimate.unit})".replace(" -)", ")")
     others = [
         other for one in collinear_sets if name in one.members for other in one.members if other != name
     ]

@@ -22,6 +22,11 @@ STANDS_STILL = (
     "The actuator does NOT move: the command is constant, or the actuator is jammed, too weak or switched "
     "off. A recording at rest has almost no information on its faults."
 )
+SHOWN_STILL = (
+    "The recorded position shows no motion, or only noise: the command is constant, the actuator is jammed, "
+    "too weak or switched off, or position_rad has no signal. A recording at rest has almost no information "
+    "on the faults."
+)
 NOT_EXPLAINED = (
     "The recording is not explained: either something else than these faults acts, a channel or the "
     "description is wrong, or the search failed. No component is therefore called healthy or degraded. "
@@ -39,8 +44,8 @@ def fault_rows(
         low, high = estimate.interval95
         row = [
             name,
-            f"{estimate.value:.4f}" if estimate.identifiable else "-",
-            "-" if estimate.unconstrained else f"{low:.4f} to {high:.4f}",
+            f"{estimate.value:z.4f}" if estimate.identifiable else "-",
+            "-" if estimate.unconstrained else f"{low:z.4f} to {high:z.4f}",
             estimate.verdict,
             estimate.reason or meanings[name],
         ]
@@ -50,10 +55,10 @@ def fault_rows(
     return rows
 
 
-def on_fit(reasons: Sequence[str], *, moves: bool, explained: bool) -> Iterator[str]:
+def on_fit(reasons: Sequence[str], channels: Sequence[str], *, moves: bool, explained: bool) -> Iterator[str]:
     """Yield that the actuator stands still, and why the recording is not explained."""
     if not moves:
-        yield STANDS_STILL
+        yield SHOWN_STILL if "position_rad" in channels else STANDS_STILL
     if not explained:
         yield NOT_EXPLAINED
         yield from (f"Not explained: {reason}." for reason in reasons)

@@ -14,6 +14,7 @@ from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.kept_prognosis import KeptPrognosis, read_prognosis
 from emaphm.history.lives import latest_hours
 from emaphm.history.notes.contradictions import contradictions
+from emaphm.history.notes.descriptions import description_notes
 from emaphm.history.records import FINDABLE
 from emaphm.history.storage.tables import UNITS
 from emaphm.history.unit import Unit
@@ -67,6 +68,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
         diagnoses = reading.diagnoses(connection, unit.row.id)
         kept = read_prognosis(connection, unit.row.id)
         basis = bases(connection, UNITS.c.id == unit.row.id)[unit.row.id]
+        described = description_notes(connection, unit.row)
     last = entries.flights[-1]
     is_removed = any(one.hours >= last.hours for one in entries.removals)
     return {
@@ -82,7 +84,7 @@ def unit_blocks(unit: Unit) -> dict[str, Any]:
         "replacements": [
             {"hours": one.hours, "component": one.component} for one in entries.findings if one.replaced
         ],
-        "notes": list(contradictions(diagnoses, entries.findings)),
+        "notes": [*contradictions(diagnoses, entries.findings), *described],
         "lives": {name: [one.to_dict() for one in entries.lives(name)] for name in FINDABLE},
         **(
             {"prognostic_assessment": None, "advisory_generation": None}

@@ -186,8 +186,8 @@ def _made_by(recording_hash: str, settings: KeptSettings) -> tuple[sa.ColumnElem
     )
 
 
-def description(connection: sa.Connection, unit_id: int) -> str:
-    """Return the actuator TOML of a unit's last diagnosis."""
+def description(connection: sa.Connection, unit_id: int) -> str | None:
+    """Return the actuator TOML of a unit's last diagnosis, None where it has none."""
     query = (
         sa.select(DESCRIPTIONS.c.toml)
         .join(DIAGNOSES, DIAGNOSES.c.description_id == DESCRIPTIONS.c.id)
@@ -197,7 +197,7 @@ def description(connection: sa.Connection, unit_id: int) -> str:
         .order_by(FLIGHTS.c.hours.desc(), DIAGNOSES.c.id.desc())
         .limit(1)
     )
-    return str(connection.execute(query).scalar_one())
+    return connection.execute(query).scalar()
 
 
 def removals(connection: sa.Connection, unit_id: int) -> tuple[Removal, ...]:

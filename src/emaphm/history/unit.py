@@ -9,6 +9,7 @@ from emaphm.history import reading
 from emaphm.history.entries import UnitEntries
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.lives import Life
+from emaphm.history.notes.descriptions import description_notes
 from emaphm.history.records import Finding, Flight, Removal, Replacement, Withdrawal
 from emaphm.history.storage.database import Database
 from emaphm.history.withdrawing import read_withdrawals
@@ -81,6 +82,11 @@ class Unit:
         with self.database.reading() as connection:
             return UnitEntries.read(connection, self.row.id, self.serial_number).lives(component)
 
+    def description_notes(self) -> tuple[str, ...]:
+        """Return a note where its description is unlike those of other units of the part number, or none."""
+        with self.database.reading() as connection:
+            return description_notes(connection, self.row)
+
     @cached_property
     def actuator(self) -> "Actuator":
         """The description that its last diagnosis was made with."""
@@ -90,6 +96,7 @@ class Unit:
 
         with self.database.reading() as connection:
             toml = reading.description(connection, self.row.id)
+        assert toml is not None  # noqa: S101 - a unit is in the history by its diagnoses
         return Actuator.from_dict(
             tomllib.loads(toml), where=f"the description kept of unit '{self.serial_number}'"
         )

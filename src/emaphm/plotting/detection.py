@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
+from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,6 @@ from emaphm.detection.result import DetectorResult
 from emaphm.plotting.style import (
     BLUE,
     DARK,
-    FAINT,
     MARKERS,
     PAGE_WIDTH,
     SERIES,
@@ -23,6 +23,7 @@ from emaphm.plotting.style import (
     shortened,
     style_axis,
 )
+from emaphm.text_table import with_digits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,11 +32,17 @@ if TYPE_CHECKING:
 LONGEST_NAME = 60
 """Letters of a recording's name in a title."""
 
+MOST_SEGMENTS = 30
+"""Segments along the axis that are named; of more, every second, third and so on"""
+
+LOWEST_RATIO = 0.3
+"""Ratio to the threshold down to which the axis goes at least, so that the threshold is inside of it."""
+
 
 def draw_detection(result: DetectorResult) -> "Figure":
     """Draw T² and Q relative to their thresholds, and the contributions by channel and segment."""
     channels = list(result.by_channel)
-    figure = new_figure(PAGE_WIDTH, 2.6 + 0.35 * len(channels))
+    figure = new_figure(PAGE_WIDTH, 2.0 + 0.16 * min(len(result.by_segment), MOST_SEGMENTS))
     ratios, map_axis = figure.subplots(1, 2, width_ratios=(1, 3))
     _ratios(ratios, result)
     _contributions(map_axis, result, channels)
@@ -86,27 +93,54 @@ def _floor(ratios: Sequence[float]) -> float:
 
 
 def _ratios(axis: "Axes", result: DetectorResult) -> None:
+    """Draw each ratio by its distance from the threshold, on a scale where both are visible however far."""
     ratios = {"T²": result.t2 / result.t2_threshold, "Q": result.q / result.q_threshold}
-    colours = [VERMILION if ratio > 1 else BLUE for ratio in ratios.values()]
-    axis.bar(list(ratios), list(ratios.values()), color=colours, width=0.6)
-    axis.axhline(1, color=DARK, linewidth=1, linestyle="--")
+    floor = min([LOWEST_RATIO, *(ratio / 2 for ratio in ratios.values() if ratio > 0)])
     for place, ratio in enumerate(ratios.values()):
-        axis.annotate(f"{ratio:.2g}", (place, ratio), ha="center", va="bottom", fontsize=TEXT, color=DARK)
-    style_axis(axis, "", "", "× threshold")
+        colour, marker, side = (VERMILION, "s", 1) if ratio > 1 else (BLUE, "o", -1)
+        height = max(ratio, floor)
+        axis.plot([place, place], [1, height], color=colour, linewidth=3, alpha=0.5, solid_capstyle="butt")
+        axis.plot(place, height, marker, color=colour, markersize=6)
+        axis.annotate(
+            with_digits(ratio),
+            (place, height),
+            xytext=(0, 5 * side),
+            textcoords="offset points",
+            ha="center",
+            va="bottom" if side > 0 else "top",
+            fontsize=TEXT,
+            color=DARK,
+        )
+    axis.axhline(1, color=DARK, linewidth=1, linestyle="--")
+    axis.set_xlim(-0.6, len(ratios) - 0.4)
+    axis.set_ylim(floor, 3 * max(1.0, *ratios.values()))
+    log_axis(axis, "y")
+    axis.set_xticks(range(len(ratios)), list(ratios))
+    style_axis(axis, "", "", "ratio to the threshold (dashed)")
+    axis.grid(visible=False, axis="x")
 
 
 def _contributions(axis: "Axes", result: DetectorResult, channels: Sequence[str]) -> None:
+    """Draw the shares in the statistic that exceeds its threshold most: a map, or bars of one channel."""
     segments = list(result.by_segment)
     by_q = result.q / result.q_threshold >= result.t2 / result.t2_threshold
-    shares = np.zeros((len(channels), len(segments)))
+    shares = np.zeros((len(segments), len(channels)))
     for one in result.contributions:
-        shares[channels.index(one.channel), segments.index(one.segment)] += one.q if by_q else one.t2
-    total = shares.sum() or 1.0
-    image = axis.imshow(100 * shares / total, aspect="auto", cmap="Blues", vmin=0)
-    axis.figure.colorbar(image, ax=axis, label=f"share of {'Q' if by_q else 'T²'} [%]")
-    style_axis(axis)
-    axis.grid(visible=False)
-    axis.set_yticks(range(len(channels)), channels)
-    step = max(1, len(segments) // 12)
-    places = range(0, len(segments), step)
-    axis.set_xticks(places, [segments[k] for k in places], rotation=40, ha="right", color=FAINT)
+        shares[segments.index(one.segment), channels.index(one.channel)] += one.q if by_q else one.t2
+    shares *= 100 / (shares.sum() or 1.0)
+    label = f"share of {'Q' if by_q else 'T²'} [%]"
+    if len(channels) == 1:
+        axis.barh(range(len(segments)), shares[:, 0], color=BLUE, height=0.7)
+        axis.set_ylim(len(segments) - 0.5, -0.5)
+        style_axis(axis, f"{channels[0]}, by segment", label)
+        axis.grid(visible=False, axis="y")
+    else:
+        image = axis.imshow(shares, aspect="auto", cmap="Blues", vmin=0)
+        style_axis(axis, "By segment and channel")
+        axis.grid(visible=False)
+        axis.set_xticks(range(len(channels)), channels, rotation=20, ha="right", rotation_mode="anchor")
+        bar = axis.figure.colorbar(image, ax=axis)
+        bar.set_label(label, fontsize=TEXT)
+        bar.ax.tick_params(labelsize=TEXT)
+    places = range(0, len(segments), ceil(len(segments) / MOST_SEGMENTS))
+    axis.set_yticks(places, [segments[k] for k in places])

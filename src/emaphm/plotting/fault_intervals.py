@@ -85,10 +85,10 @@ def _component(axis: "Axes", row: int, estimate: "Estimate") -> None:
         ends = np.clip([low + turn, high + turn], least, most)
         if ends[0] < ends[1]:
             axis.plot(ends, [row, row], color=colour, linewidth=3, alpha=0.5, solid_capstyle="butt")
-    ends_text = f"({low:.3f} to {high:.3f})"
+    ends_text = f"({low:z.4f} to {high:z.4f})"
     text = "not identifiable" if estimate.unconstrained else f"{NOTHING}  {ends_text}"
     if estimate.identifiable:
-        text = f"{estimate.value:.3f}  {ends_text}"
+        text = f"{estimate.value:z.4f}  {ends_text}"
         axis.plot(estimate.value, row, marker, color=colour, markersize=5)
     shade = BLACK if estimate.identifiable else FAINT
     axis.text(1.02, row, text, transform=axis.get_yaxis_transform(), va="center", fontsize=TEXT, color=shade)

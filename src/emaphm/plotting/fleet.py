@@ -10,6 +10,7 @@ from emaphm.plotting.style import (
     BLUE,
     FAINT,
     LEGEND,
+    MARKERS,
     PAGE_WIDTH,
     SERIES,
     new_figure,
@@ -45,6 +46,9 @@ COLOURS = dict(
 ACTED = {LIVES if way == MEAN else way: colour for way, colour in COLOURS.items()}
 """Colours of the ways that units are removed by: the lives of the fleet in place of their mean."""
 
+MARKS = dict(zip(ACTED, MARKERS, strict=False)) | dict(zip(SHOWN, MARKERS, strict=False))
+"""Markers of the ways: in grey print, and for colour-blind readers, colour is not enough."""
+
 MOST_TRACKS = 6
 """Units whose predictions over life are drawn."""
 
@@ -66,19 +70,26 @@ def draw_scores(units: Sequence[Mapping[str, Any]]) -> "Figure":
             places + shift,
             value,
             np.abs(ends - value),
-            fmt="o-",
+            fmt=f"{MARKS[way]}-",
             color=COLOURS[way],
             markersize=4,
             linewidth=1,
             label=way,
         )
-        error.plot(places, [one.crps for one in found], "o-", color=COLOURS[way], markersize=4, linewidth=1)
+        error.plot(
+            places,
+            [one.crps for one in found],
+            f"{MARKS[way]}-",
+            color=COLOURS[way],
+            markersize=4,
+            linewidth=1,
+        )
     for axis in (good, error):
         axis.set_xticks(places, [f"{share:g}" for share in SHARES])
     good.set_ylim(-0.02, 1.02)
     error.set_yscale("log")
     style_axis(good, "alpha-lambda, with 90 % interval", "share of life λ", "share of synthetic units")
-    style_axis(error, "CRPS [h]: lower is better", "share of life λ")
+    style_axis(error, "CRPS: lower is better", "share of life λ", "CRPS [h]")
     handles, labels = good.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3, **LEGEND)
     return figure
@@ -117,7 +128,9 @@ def draw_acting(units: Sequence[Mapping[str, Any]]) -> "Figure":
     for axis, (rule, title) in zip(axes, panels.items(), strict=True):
         for way, colour in ACTED.items():
             found = acted(units, way, rule)
-            axis.plot(100 * found.failed, 100 * found.wasted, "o", color=colour, markersize=6, label=way)
+            axis.plot(
+                100 * found.failed, 100 * found.wasted, MARKS[way], color=colour, markersize=6, label=way
+            )
         style_axis(axis, title, "fail in service [%]", "life wasted [%]" if rule == BY_RISK else "")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3, **LEGEND)

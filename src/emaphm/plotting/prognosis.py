@@ -177,7 +177,7 @@ def _health(axis: "Axes", name: str, curves: Curves) -> None:
             curves.times, levels[low], levels[high], color=BLUE, alpha=opacity, linewidth=0, label=label
         )
     axis.plot(curves.times, levels[MEDIAN], color=BLUE, linewidth=1, label="forecast, median")
-    axis.axvline(curves.now, color=FAINT, linewidth=0.8, linestyle=":")
+    axis.axvline(curves.now, color=FAINT, linewidth=0.8, linestyle=":", label="now")
     own = [hours for hours, part in curves.replacements if part in {name, "unit"}]
     _replacements(axis, own, in_legend=bool(curves.replacements))
     for component, bound in curves.limits:
@@ -199,7 +199,7 @@ def _distribution(axis: "Axes", curves: Curves) -> None:
         axis.plot(curves.risk_times, curves.first_risk, color=VERMILION, linestyle="--", label=label)
     axis.axvline(curves.now + curves.horizon, color=FAINT, linestyle=":", label="horizon")
     axis.set_ylim(0, 1.02)
-    style_axis(axis, "probability of failure", "flight hours [h]")
+    style_axis(axis, "Risk of failure", "flight hours [h]", "probability")
     plain_numbers(axis)
 
 

@@ -35,8 +35,8 @@ def draw_replay(
     relative_error
         rms(recorded - model) / rms(recorded) by channel, as a fraction.
     """
-    figure = new_figure(PAGE_WIDTH, 0.6 + 2.9 * len(relative_error))
-    heights = (2.2, 1) * len(relative_error)
+    figure = new_figure(PAGE_WIDTH, 0.6 + 3.1 * len(relative_error))
+    heights = (2, 1.2) * len(relative_error)
     axes = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
     time = recording["time_s"]
     for (name, error), above, below in zip(relative_error.items(), axes[::2], axes[1::2], strict=True):

@@ -47,7 +47,7 @@ class Evidence:
     for which it is out of service now, None where it is in service. `not_replaced` are failures of components
     of which no replacement is known, and `open_removal` is one as failed of which a shop has named only what
     has not failed: the unit counts as in service all the same. `contradictions` are notes on findings that
-    its diagnoses contradict.
+    its diagnoses contradict, `description_notes` on a description unlike other units'.
     """
 
     unit: str
@@ -62,6 +62,7 @@ class Evidence:
     not_replaced: "tuple[Failure, ...]" = ()
     open_removal: "OpenRemoval | None" = None
     contradictions: tuple[str, ...] = ()
+    description_notes: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, unit: "Unit", most: int | None = None) -> "Evidence":
@@ -102,6 +103,7 @@ class Evidence:
             not_replaced=() if failure else not_replaced(findings),
             open_removal=None if failure else open_removal(flights, removals, findings),
             contradictions=contradictions(diagnoses, findings),
+            description_notes=unit.description_notes(),
         )
 
     @property

@@ -158,7 +158,7 @@ def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
     Levels and other requirements stay as forecast.
     """
     times, component, limit = found_failed(forecast.times, failure.components)
-    since = f"failed at {failure.hours:.9g} h and was neither repaired nor flown since"
+    since = f"failed at {failure.hours:,.9g} h and was neither repaired nor flown since"
     note = f"the unit {since}: it has no remaining useful life"
     if component is None:
         likeliest = f"; the likeliest by its diagnoses: {forecast.cause}" if forecast.cause else ""

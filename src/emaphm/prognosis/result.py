@@ -191,7 +191,7 @@ class Prognosis(RemainingLife):
         """Return the RUL as text, with its 90 % interval."""
         if self.evidence.unrepaired is not None:
             found = "" if self.cause else ", cause not found"
-            return f"none, failed at {self.evidence.unrepaired.hours:.9g} h{found}"
+            return f"none, failed at {self.evidence.unrepaired.hours:,.9g} h{found}"
         low, high = (hours_text(x) for x in self.interval90)
         known = without_rate(len(self.evidence.used))
         return f"{hours_text(self.median)} (90 %: {low} to {high}{known})"

@@ -38,9 +38,10 @@ def document(prognosis: Prognosis) -> Document:
         health, life = svg(draw_health(curves)), svg(draw_life(curves))
         fan = svg(draw_fan(curves)) if past else None
     horizon = f"{prognosis.horizon:.9g} h"
+    advice = advice_text(prognosis.advice, evidence.hours)
     none = "nothing in sight" if evidence.unrepaired is None else "not found"
     blocks: list[Block] = [
-        Paragraph(advice_text(prognosis.advice, evidence.hours), warning=prognosis.advice.action != "fly on"),
+        Paragraph(_sentence(advice), warning=prognosis.advice.action != "fly on"),
         Facts(
             {
                 "Remaining useful life": prognosis.rul_text(),
@@ -52,7 +53,7 @@ def document(prognosis: Prognosis) -> Document:
                 "Seed": str(prognosis.seed),
             }
         ),
-        *([Items(prognosis.notes)] if prognosis.notes else []),
+        *([Items(tuple(map(_sentence, prognosis.notes)))] if prognosis.notes else []),
         Heading(2, "Health over time"),
         Picture(
             "health.svg",
@@ -85,6 +86,10 @@ def document(prognosis: Prognosis) -> Document:
     ]
     subtitle = f"Prognosis of an electromechanical actuator, part number {evidence.part_number}"
     return Document(f"{evidence.unit} at {round(evidence.hours, 2):,.12g} h", subtitle, tuple(blocks))
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
 
 
 def _diagnoses(evidence: Evidence) -> str:

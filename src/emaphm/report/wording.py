@@ -41,13 +41,14 @@ def headline(diagnosis: Diagnosis) -> Headline:
         f"{100 * share:.1f} % of {'another' if i else 'one winding'}"
         for i, share in enumerate(diagnosis.shorts_of_open_phases)
     ]
+    sensors = [fault.sentence for fault in diagnosis.sensor_faults]
     findings = (
         _sentence("Size of the faults", [_size(name, diagnosis) for name in degraded]),
         _sentence("Shorted turns, their phases open", shorts),
         _sentence("Healthy", [LABELS[name] for name in healthy]),
         _sentence("Inconclusive", [LABELS[name] for name in undecided]),
     )
-    sentences = tuple(sentence for sentence in findings if sentence)
+    sentences = (*sensors, *(sentence for sentence in findings if sentence))
     explanation = _explanation(diagnosis)
     if not diagnosis.explained:
         words = "Not reliable: the model does not explain this recording."
@@ -55,10 +56,14 @@ def headline(diagnosis: Diagnosis) -> Headline:
     if degraded or shorts:
         open_phases = ["windings (phases open)"] if shorts else []
         words = _sentence("Degraded", [LABELS[name] for name in degraded] + open_phases)
+        if sensors:
+            words += " A sensor has a fault too."
         return Headline(words, (*sentences, explanation), "degraded")
-    words = (
-        "No fault found, but some components are inconclusive." if undecided else "Healthy: no fault found."
-    )
+    found = "No fault of the actuator found, but of a sensor" if sensors else "No fault found"
+    if undecided:
+        words = f"{found}{'; some' if sensors else ', but some'} components are inconclusive."
+    else:
+        words = f"{found}." if sensors else "Healthy: no fault found."
     return Headline(words, (*sentences, explanation), "healthy")
 
 
@@ -80,8 +85,9 @@ def _explanation(diagnosis: Diagnosis) -> str:
     size = f"Residual of the {diagnosis.model} model: {diagnosis.residual_rms_A:.3g} A rms, {share}."
     if diagnosis.explained:
         return f"Model explains the recording: yes. {size}"
+    reasons = "; ".join(diagnosis.reasons)
     return (
-        f"Model explains the recording: no. {size} No combination of these faults reproduces the recording. "
+        f"Model explains the recording: no. {size} Why: {reasons}. "
         "Do not rely on the values and intervals below. Check the actuator's parameters, the units of the "
         "recording, and the load."
     )
@@ -93,7 +99,7 @@ def component_table(diagnosis: Diagnosis, truth: Faults | None) -> TextTable:
     components, posterior = diagnosis.components, diagnosis.posterior
     columns: dict[str, list[str]] = {
         "Component": [LABELS[name] for name in components],
-        "Estimate": [f"{e.value:.4f}" if e.identifiable else NOTHING for e in components.values()],
+        "Estimate": [f"{e.value:z.4f}" if e.identifiable else NOTHING for e in components.values()],
         "95\u00a0% interval": [_interval(e.interval95, e.limits) for e in components.values()],
     }
     if posterior:
@@ -110,7 +116,7 @@ def component_table(diagnosis: Diagnosis, truth: Faults | None) -> TextTable:
 def _interval(ends: tuple[float, float], limits: tuple[float, float]) -> str:
     """Return an interval as text; one that is all of the component's range says nothing."""
     low, high = ends
-    return NOTHING if ends == limits else f"{low:.4f} to {high:.4f}"
+    return NOTHING if ends == limits else f"{low:z.4f} to {high:z.4f}"
 
 
 def _true(name: str, truth: Faults) -> str:

@@ -133,7 +133,7 @@ class _Bounded:
 
     @property
     def reason(self) -> str:
-        return f"more than {self._most / 2**20:.3g} MiB; cut one manoeuvre out of the recording"
+        return f"more than {self._most // 2**20} MiB; cut one manoeuvre out of the recording"
 
     async def __call__(self) -> "Message":
         try:

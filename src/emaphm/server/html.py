@@ -6,8 +6,10 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.errors import ServerError, nearest
 from emaphm.prognosis.wording.sentences import hours_text
+from emaphm.prognosis.wording.tables import value_and_interval
 from emaphm.report.wording import LABELS
 from emaphm.server.listing import counted
 
@@ -101,6 +103,8 @@ def _environment(folder: Path | None) -> "Environment":
         "percent": lambda value: "–" if value is None else f"{100 * value:.1f} %",
         "label": lambda name: LABELS.get(name, name),
         "digits": lambda value: "–" if value is None else f"{value:.4g}",
+        "value_and_interval": value_and_interval,
+        "with_error": lambda one: str(NuisanceEstimate(**one)),
         "slug": lambda text: (text or "none").replace(" ", "-"),
         "kind": lambda name: name.replace("_", " ").replace("rul", "RUL"),
         "file": lambda name: re.split(r"[/\\]", name)[-1] or name,

@@ -59,7 +59,7 @@ def chosen_loop(
         unclear = [source for source, check in checks if check.contradicts]
         if unclear:
             return LoopChoice(
-                "closed", f"the controller's gains cannot be distinguished from {listed(unclear, 'and')}"
+                "closed", f"the controller's gains do not show clearly in {listed(unclear, 'and')}"
             )
         return LoopChoice("closed", "the described controller agrees with what was recorded")
     found = f"the described controller contradicts what was recorded: {', '.join(against)}"

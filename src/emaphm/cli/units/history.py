@@ -107,6 +107,7 @@ def add(
             assert kept is not None  # noqa: S101 - it was there, or was added
             added.append(_recording(recorded.source, kept, added=is_added))
             cycles = kept.flight.cycles
+        notes = history.unit(unit).description_notes()
     similar = [one for one in known if is_new and _letters(one) == _letters(unit)]
     values = {
         "unit": unit,
@@ -117,8 +118,9 @@ def add(
         "cycles": cycles,
         "db": history.database.address.shown,
         "recordings": added,
+        "notes": list(notes),
     }
-    lines = [f"{one['recording']}: {_outcome(one)}" for one in added]
+    lines = [*(f"{one['recording']}: {_outcome(one)}" for one in added), *(f"note: {one}" for one in notes)]
     where = f"{'new unit' if is_new else 'unit'} {unit} ({entry.part_number}) at {hours:.9g} h"
     show(values, "\n".join([*lines, f"{where}, in {values['db']}", *map(_similar, similar)]), as_json)
 

@@ -208,7 +208,7 @@ def _row(values: "Mapping[str, Any]") -> tuple[str, ...]:
         *((_hours(rul["median"]), interval) if failed_at is None else ("failed", "–")),
         f"{100 * values['probability_of_failure']:.1f} %",
         values["component"] or (NOTHING if failed_at is None else "not found"),
-        advice_in_words(advice) if failed_at is None else f"failed at {failed_at:.9g} h",
+        advice_in_words(advice) if failed_at is None else f"failed at {failed_at:,.9g} h",
     )
 
 

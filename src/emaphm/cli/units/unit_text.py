@@ -96,7 +96,7 @@ def _assessed(values: dict[str, Any]) -> str:
     lasts = "no failure in sight" if median is None else f"remaining useful life {median:,.0f} h"
     lasts += without_rate(made["diagnoses"]["used"])
     if made.get("failed_at_hours") is not None:
-        lasts = f"no remaining useful life, failed at {made['failed_at_hours']:.9g} h"
+        lasts = f"no remaining useful life, failed at {made['failed_at_hours']:,.9g} h"
     old = ", out of date" if made["out_of_date"] else ""
     what = advice_in_words(advised)
     return f"prognosis of {made['made_at']} at {made['hours']:.9g} h{old}: {lasts}; {what}"

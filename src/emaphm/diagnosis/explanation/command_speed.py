@@ -26,3 +26,15 @@ def notes_on_command(problem: Problem) -> tuple[str, ...]:
         "check the unit of command_rad, as degrees or milliradians for rad, and the gear ratio"
     )
     return (note,)
+
+
+def with_command(reasons: tuple[str, ...], problem: Problem) -> tuple[str, ...]:
+    """Return the `reasons` that a recording is not explained, next to a command that no motor could follow.
+
+    Such a command leaves every channel unlike the model. What a reason says of another sensor is therefore
+    left out; the size of the primary channel's residual stays.
+    """
+    notes = notes_on_command(problem)
+    if not notes:
+        return reasons
+    return (*notes, *(one for one in reasons if one.startswith(f"{problem.primary}: the residual")))

@@ -44,6 +44,7 @@ def notes_on(
     # Where nothing came after it, the levels now are those drawn from the same belief.
     then = level if newest is followed.belief else drawn_states(newest, len(level)).level
     return (
+        *evidence.description_notes,
         *repair_notes(evidence),
         *life_notes(evidence, requirements, times, prior),
         *stress_notes(ahead, followed.belief.prior.reference),

@@ -1,5 +1,6 @@
 """Levels and requirements of a prognosis as tables of text."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -27,11 +28,25 @@ def requirement_table(requirements: Mapping[str, Mapping[str, Any]], horizon: fl
 
 
 def _requirement(name: str, found: Mapping[str, Any]) -> tuple[str, ...]:
+    value, interval = value_and_interval(found)
+    return name, value, interval, f"{100 * found['probability_of_failure']:.1f} %"
+
+
+def value_and_interval(found: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the "value" with its "unit" and the "interval90" of a requirement as text.
+
+    All are written to the second digit of the interval's width; None, a value that is not reached, as words.
+    """
+    numbers = (found["value"], *found["interval90"])
+    reached = [x for x in numbers if x is not None]
+    width = max(reached, default=0.0) - min(reached, default=0.0)
+    decimals = max(0, 1 - math.floor(math.log10(width))) if width > 0 else None
     value, low, high = (
-        "not reached" if x is None else f"{x:.4g}" for x in (found["value"], *found["interval90"])
+        "not reached" if x is None else f"{x:.4g}" if decimals is None else f"{x:z.{decimals}f}"
+        for x in numbers
     )
     unit = "" if found["unit"] == "-" else f" {found['unit']}"
-    return name, f"{value}{unit}", f"{low} to {high}", f"{100 * found['probability_of_failure']:.1f} %"
+    return f"{value}{unit}", f"{low} to {high}"
 
 
 def _likeliest(laws: Mapping[str, float]) -> str:

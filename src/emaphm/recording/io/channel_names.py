@@ -183,5 +183,6 @@ def _check_missing(
         )
     raise RecordingError(
         f"{source}: no column '{name}'{hint}; if it has another name in the file, put {name} = \"that name\" "
-        f"under [channels] in the actuator's TOML (a recording needs {NEEDED})"
+        f'under [channels] in the actuator\'s TOML, or {{ column = "that name", unit = "its unit" }} where '
+        f"that is another (a recording needs {NEEDED})"
     )

@@ -2,6 +2,7 @@
 "use strict";
 
 const BLUE = "#0067a0", VERMILION = "#d55e00", GREY = "#5f6368";
+const LOW = 0.2, SHORT = 10;  // Of `emaphm.plotting.prognosis`: share of the largest RUL; RUL [h].
 const SMALL = 700;  // Width of a window [px] below which panels stand one below the other.
 
 function band(times, low, high, opacity, axes, name, shown) {
@@ -91,8 +92,11 @@ function fan(curves) {
     return [{ ...median, error_y: { type: "data", symmetric: false, array: [high], arrayminus: [low], width: 4 }, name: "median, 90 %" }];
   });
   if (breaks.length) traces.push(REPLACED);
+  // As the drawn figure: logarithmic where the shortest median could hardly be read along an even axis.
+  const all = curves.fan.flatMap((row) => row.slice(1)), medians = curves.fan.map((row) => row[3]);
+  const scale = Math.min(...all) > SHORT && Math.min(...medians) < LOW * Math.max(...all) ? { type: "log", dtick: 1 } : { rangemode: "tozero" };
   return [traces, { shapes: replacedLines(breaks, { yref: "paper" }), xaxis: { title: { text: "flight hours [h]" } },
-    yaxis: { rangemode: "tozero", title: { text: `RUL [h], at most ${curves.longest.toLocaleString("en")}` } }, legend: { orientation: "h", y: 1.15 } }];
+    yaxis: { ...scale, title: { text: `RUL [h], at most ${curves.longest.toLocaleString("en")}` } }, legend: { orientation: "h", y: 1.15 } }];
 }
 
 async function zoom() {
