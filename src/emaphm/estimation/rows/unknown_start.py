@@ -1,7 +1,7 @@
 """Rows at the start of a recording that depend on a motion before it, which nothing recorded shows."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from emaphm.estimation.rows.gap_side import (
     rows_of_unknown_side,
     side_of,
 )
-from emaphm.estimation.rows.held_start import current_not_drawn, held_start
+from emaphm.estimation.rows.held_start import command_stands, current_not_drawn, held_start
 from emaphm.estimation.rows.moving_start import command_moves, first_motion, rows_of_moving_start
 from emaphm.recording.sensor_checks.resolution import Mask
 
@@ -21,24 +21,29 @@ if TYPE_CHECKING:
     from emaphm.estimation.problem import Problem
 
 
+Start: TypeAlias = Literal["held", "current", "motion", "step", "seen", "side"]
+"""What is not known of a start."""
+
+
 @dataclass(frozen=True)
 class UnknownStart:
     """The first `rows` of a recording, `seconds` long, which are not compared, and what is not known there.
 
-    Friction `held` the shaft off the command, it was in `motion`, it follows a `step` from before, or the
-    motor may be at either `side` of the backlash. Models start at the share `gap` of half of the backlash,
-    where the last motion has led the motor.
+    Friction `held` the shaft off the command, or that or a motion makes its `current`; the command was in
+    `motion`, the shaft follows a `step` from before or is in a motion that is not `seen`, or the motor may be
+    at either `side` of the backlash. Models start at the share `gap` of half of the backlash, where the last
+    motion has led the motor.
     """
 
     rows: int = 0
     seconds: float = 0.0
-    what: Literal["held", "motion", "step", "side"] = "motion"
+    what: Start = "motion"
     gap: float = 0.0
 
     @property
     def held(self) -> bool:
         """Whether friction may hold the shaft off the command."""
-        return self.what == "held"
+        return self.what in ("held", "current")
 
     def masks(self, problem: "Problem") -> dict[str, Mask]:
         """Return by compared channel of the `problem` which rows are not compared, (samples,)."""
@@ -51,24 +56,25 @@ class UnknownStart:
             left_out = (
                 f"the first {self.seconds:.3g} s are not compared"
                 if self.rows
-                else "too little motion follows to do without the rest, so take what is estimated of load, "
+                else "too little motion follows to do without them, so take what is estimated of load, "
                 "friction and zeros with caution, or begin before that motion"
             )
-            return (f"{NOT_THE_MODELS}: {left_out}",)
+            return (f"{NOTES[self.what]}: {left_out}",)
         if not self.rows:
             return ()
         return (NOTES[self.what].format(f"the first {1e3 * self.seconds:.3g} ms"),)
 
 
-NOT_THE_MODELS = (
-    "the recording begins at a rest with a current that is not the model's, by a load that was not recorded, "
-    "by the sensor's zero, or by friction that holds the shaft off the command since a motion before"
-)
-
-NOTES = {
+NOTES: dict[Start, str] = {
+    "held": "the recording begins at a rest with a current that is not the model's, by a load that was not "
+    "recorded, by the sensor's zero, or by friction that holds the shaft off the command since a motion before",
+    "current": "the current in the first rows is not the model's, by a load that was not recorded, by the "
+    "sensor's zero, by a motion before, or by friction that holds the shaft off the command since then",
     "motion": "the command moves already in the first row, and how the shaft moves there is not known: {} "
     "depend on the motion before and are not compared. They are if the recording starts at rest, or has "
     "position_rad and speed_rad_s",
+    "seen": "how the shaft moves in the first row is not known: {} depend on the motion before and are not "
+    "compared. They are if the recording starts at rest, or has position_rad and speed_rad_s",
     "step": "in the first row the shaft is on its way to a command that stands, and how fast is not known: "
     "{} depend on it and are not compared. They are if the recording starts at rest, or has speed_rad_s",
     "side": "at which side of the backlash the motor stands in the first row is not known: {} depend on it "
@@ -85,16 +91,19 @@ def unknown_start(problem: "Problem", *, shown: bool) -> UnknownStart:
     """
     interval, moves = problem.inputs.interval, command_moves(problem)
     if moves and not shown:
-        rows = rows_of_moving_start(problem)
+        rows, side = rows_of_moving_start(problem)
         if rows:
-            return UnknownStart(rows, rows * interval, gap=side_of(first_motion(problem)[0]))
-    if moves and shown:
-        return _shown_motion(problem)
-    held = held_start(problem)
+            return UnknownStart(rows, rows * interval, "motion", side)
+    known = shown and (moves or problem.start.speed != 0.0)
+    held = None if known else held_start(problem)
     if held is not None:
-        return UnknownStart(held.rows, held.rows * interval, "held", side_of(held.current))
-    rows = rows_of_begun_step(problem)
-    return UnknownStart(rows, rows * interval, "step", side_of(problem.start.speed))
+        what: Start = "held" if held.stands else "current"
+        return UnknownStart(held.rows, held.rows * interval, what, side_of(held.current))
+    rows = 0 if shown and moves else rows_of_begun_step(problem)
+    if known and not rows:
+        return _shown_motion(problem)
+    what = "step" if command_stands(problem) else "seen"
+    return UnknownStart(rows, rows * interval, what, side_of(problem.start.speed))
 
 
 def _shown_motion(problem: "Problem") -> UnknownStart:
