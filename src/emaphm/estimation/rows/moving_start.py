@@ -34,9 +34,9 @@ class MovingStartSettings:
 
     The motion before the recording is simulated over `lead` [s] of the command, extended backwards by a
     parabola through the first `window`, and by lines: at the rate of the first row, and at the opposite one,
-    as it may just have turned. Where it does not move, at the shares `stopped` of the rms of its rate. From
-    rest, the model must leave less than `rest` times the rms residual that it leaves with any motion before,
-    if the recording is to start at rest.
+    as it may just have turned. Where it does not move, at the shares `stopped` of the rms of its rate. Where
+    it moves, models from rest must leave less than `rest` times the rms residual that they leave with any
+    motion before, if the recording is to start at rest; where it does not, the other way round.
 
     Rows are left out while they differ, up to `most` of all rows. They are compared over `longest` [s] at
     most.
@@ -98,8 +98,11 @@ def rows_of_moving_start(problem: "Problem") -> tuple[int, float]:
     """Return how many rows at the start depend on the motion before it, and at which side of the gap it was.
 
     0 rows where the recording starts from rest. Of one that does not show its start
-    (`emaphm.estimation.initial_state.shows_start`), and whose command moves there.
+    (`emaphm.estimation.initial_state.shows_start`). Where the command does not move there, models in motion
+    must be nearer by `MOVING_START.rest`; where it moves, those from rest.
     """
+    if not any(rate for rate, _ in motions_before(problem)):
+        return 0, 0.0
     rows = min(problem.samples, max(1, math.ceil(MOVING_START.longest / problem.inputs.interval)))
     faults = likely_faults(problem)
     at_rest = first_rows(problem, problem.driving.beginning(0.0, rows), problem.start.angle, faults)
@@ -109,7 +112,8 @@ def rows_of_moving_start(problem: "Problem") -> tuple[int, float]:
     if not count:
         return 0, 0.0
     left = [least_residual(problem, one, 0, count) for one in moving]
-    if least_residual(problem, at_rest, 0, count) < MOVING_START.rest * min(left):
+    share = MOVING_START.rest if command_moves(problem) else 1 / MOVING_START.rest
+    if least_residual(problem, at_rest, 0, count) < share * min(left):
         return 0, 0.0
     side = side_of(motions[int(np.argmin(left))][0])
     return min(count, int(MOVING_START.most * problem.samples)), side

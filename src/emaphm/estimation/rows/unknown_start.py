@@ -94,7 +94,9 @@ def unknown_start(problem: "Problem", *, shown: bool) -> UnknownStart:
         rows, side = rows_of_moving_start(problem)
         if rows:
             return UnknownStart(rows, rows * interval, "motion", side)
-    known = shown and (moves or problem.start.speed != 0.0)
+    # Where the command stands friction stops the shaft, by chance: that it moves at first shows too little.
+    stands = command_stands(problem)
+    known = shown and (moves or (problem.start.speed != 0.0 and not stands))
     held = None if known else held_start(problem)
     if held is not None:
         what: Start = "held" if held.stands else "current"
@@ -102,8 +104,14 @@ def unknown_start(problem: "Problem", *, shown: bool) -> UnknownStart:
     rows = 0 if shown and moves else rows_of_begun_step(problem)
     if known and not rows:
         return _shown_motion(problem)
-    what = "step" if command_stands(problem) else "seen"
-    return UnknownStart(rows, rows * interval, what, side_of(problem.start.speed))
+    if rows:
+        what = "step" if stands else "seen"
+        return UnknownStart(rows, rows * interval, what, side_of(problem.start.speed))
+    if not moves:
+        rows, side = rows_of_moving_start(problem)
+        if rows:
+            return UnknownStart(rows, rows * interval, "seen", side)
+    return UnknownStart(gap=side_of(problem.start.speed))
 
 
 def _shown_motion(problem: "Problem") -> UnknownStart:
