@@ -36,7 +36,9 @@ class MovingStartSettings:
     parabola through the first `window`, and by lines: at the rate of the first row, and at the opposite one,
     as it may just have turned. Where it does not move, at the shares `stopped` of the rms of its rate. Where
     it moves, models from rest must leave less than `rest` times the rms residual that they leave with any
-    motion before, if the recording is to start at rest; where it does not, the other way round.
+    motion before, if the recording is to start at rest; where it does not, the other way round. Residuals are
+    those of the first rows, over `shows` [s]: later ones show less of the start, and more of other faults than
+    these models have.
 
     Rows are left out while they differ, up to `most` of all rows. They are compared over `longest` [s] at
     most.
@@ -49,6 +51,7 @@ class MovingStartSettings:
     stopped: tuple[float, ...] = (0.5, 1.0, 1.5)
     lead: float = 0.03
     rest: float = 0.75
+    shows: float = 20e-3
     most: float = 0.5
     longest: float = 1.0
 
@@ -111,9 +114,10 @@ def rows_of_moving_start(problem: "Problem") -> tuple[int, float]:
     count = rows_apart(problem, [at_rest, *moving])
     if not count:
         return 0, 0.0
-    left = [least_residual(problem, one, 0, count) for one in moving]
+    shown = min(count, max(1, math.ceil(MOVING_START.shows / problem.inputs.interval)))
+    left = [least_residual(problem, one, 0, shown) for one in moving]
     share = MOVING_START.rest if command_moves(problem) else 1 / MOVING_START.rest
-    if least_residual(problem, at_rest, 0, count) < share * min(left):
+    if least_residual(problem, at_rest, 0, shown) < share * min(left):
         return 0, 0.0
     side = side_of(motions[int(np.argmin(left))][0])
     return min(count, int(MOVING_START.most * problem.samples)), side
