@@ -25,7 +25,7 @@ FIRST_ROWS = (10, 20, 40, 80)
 """Rows that the starting speed is estimated from: the most of which a parabola leaves no more than noise."""
 
 AT_ONCE = 4
-"""Rows in which a speed must show by itself; where a converter's counts are visible, the first of `FIRST_ROWS`."""
+"""Rows in which a speed must show by itself; the first of `FIRST_ROWS` where counts are visible."""
 
 STEEPER = (70 / 6) ** 0.5
 """What `noise_level` has of second differences, over that of the rows: the root of 70 / 6 of fourth ones."""

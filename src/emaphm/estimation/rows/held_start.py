@@ -94,7 +94,7 @@ def held_start(problem: "Problem") -> HeldStart | None:
     count = _rows_until_forgotten(problem, rest, current, faults, certain=certain)
     if count is None:
         return None
-    stands = _stands(problem, rest, current, faults)
+    stands = _stands(problem, current, faults)
     if leaves_enough(problem, count):
         return HeldStart(count, current, stands)
     # After a step friction may hold the shaft elsewhere again, and the start is never forgotten.
@@ -102,10 +102,10 @@ def held_start(problem: "Problem") -> HeldStart | None:
     return HeldStart(rest if alone else 0, current, stands)
 
 
-def _stands(problem: "Problem", rest: int, current: float, faults: Array) -> bool:
-    """Return whether models held by friction, or by a load of this `current` [A], are nearer than moving ones.
+def _stands(problem: "Problem", current: float, faults: Array) -> bool:
+    """Return whether models held by friction, or by a load of this `current` [A], are nearer than others.
 
-    Over the first rows, in which a shaft that moved before would come to rest.
+    Than those that have moved, over the first rows, in which such a shaft would come to rest.
     """
     if problem.start.speed and "speed_rad_s" in problem.measured:
         return False

@@ -1,8 +1,8 @@
 """Rows at the start of a recording that was cut within a motion, whose beginning nothing recorded shows.
 
 Without a position a model starts on the command, and without a speed at rest; a coarse position shows no
-speed. Where the command moves in the first row already, or has just turned or stopped, the shaft does not rest
-on it: it moves, and lags behind. The loop forgets that within some tens of milliseconds; until then the model
+speed. Where the command moves in the first row already, or has just turned or stopped, the shaft does not
+rest on it: it moves, and lags behind. The loop forgets that within some tens of milliseconds; until then the model
 is wrong whatever the faults.
 """
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 class MovingStartSettings:
     """When a recording starts within a motion, and which rows are then not compared.
 
-    The command moves in the first row if its rate there is above `moving` times the rms of its rate, and above
-    `significant` standard errors. That is the rate at the start of a parabola through three blocks of rows,
+    The command moves in the first row if its rate there is above `moving` times the rms of its rate, and
+    above `significant` standard errors. That is the rate at the start of a parabola through three blocks of rows,
     as many as the noise asks for, up to `window` [s]; from the first block to the second the command must
     move by `alike` times as much as this rate says, or it stands at first, and moves then.
 
@@ -37,8 +37,8 @@ class MovingStartSettings:
     as it may just have turned. Where it does not move, at the shares `stopped` of the rms of its rate. Where
     it moves, models from rest must leave less than `rest` times the rms residual that they leave with any
     motion before, if the recording is to start at rest; where it does not, the other way round. Residuals are
-    those of the first rows, over `shows` [s]: later ones show less of the start, and more of other faults than
-    these models have.
+    those of the first rows, over `shows` [s]: later ones show less of the start, and more of other faults
+    than these models have.
 
     Rows are left out while they differ, up to `most` of all rows. They are compared over `longest` [s] at
     most.
@@ -143,7 +143,7 @@ def motions_before(problem: "Problem") -> list[tuple[float, float]]:
 
 
 def _after_motion(problem: "Problem", motion: tuple[float, float], rows: int, faults: Array) -> Array:
-    """Return the channels (n, channels, rows) of models with a `motion` of the command before the first row."""
+    """Return the channels (n, channels, rows) of models with a `motion` of the command before them."""
     lead = math.ceil(MOVING_START.lead / problem.inputs.interval)
     driving, angle = _with_motion_before(problem, motion, lead, rows)
     return first_rows(problem, driving, angle, faults)[:, :, lead:]
@@ -166,4 +166,3 @@ def _with_motion_before(
     ratio = problem.actuator.mechanics.gear_ratio
     first = problem.start.angle * ratio + float(command(np.zeros(1))[0]) - position
     return driving, float(np.clip(first, lowest, highest)) / ratio
-

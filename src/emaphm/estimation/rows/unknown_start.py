@@ -56,7 +56,7 @@ class UnknownStart:
             left_out = (
                 f"the first {self.seconds:.3g} s are not compared"
                 if self.rows
-                else "too little motion follows to do without them, so take what is estimated of load, "
+                else "too little motion follows to do without the first rows, so take what is estimated of load, "
                 "friction and zeros with caution, or begin before that motion"
             )
             return (f"{NOTES[self.what]}: {left_out}",)
@@ -67,7 +67,8 @@ class UnknownStart:
 
 NOTES: dict[Start, str] = {
     "held": "the recording begins at a rest with a current that is not the model's, by a load that was not "
-    "recorded, by the sensor's zero, or by friction that holds the shaft off the command since a motion before",
+    "recorded, by the sensor's zero, or by friction that holds the shaft off the command since a motion "
+    "before",
     "current": "the current in the first rows is not the model's, by a load that was not recorded, by the "
     "sensor's zero, by a motion before, or by friction that holds the shaft off the command since then",
     "motion": "the command moves already in the first row, and how the shaft moves there is not known: {} "
