@@ -105,7 +105,7 @@ def triangle() -> Recording:
     angles = 4e-3 * np.array([0, 0, 1, -1, 0.5, -1, 1, 0])
 
     def command(time: np.ndarray) -> np.ndarray:
-        return np.interp(time, corners, angles)
+        return np.asarray(np.interp(time, corners, angles))
 
     return simulate(THESIS, command, faults=FAULTS, duration=0.4, noise=0.05, load=0.02)
 

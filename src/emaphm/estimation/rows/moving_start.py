@@ -2,8 +2,8 @@
 
 Without a position a model starts on the command, and without a speed at rest; a coarse position shows no
 speed. Where the command moves in the first row already, or has just turned or stopped, the shaft does not
-rest on it: it moves, and lags behind. The loop forgets that within some tens of milliseconds; until then the model
-is wrong whatever the faults.
+rest on it: it moves, and lags behind. The loop forgets that within some tens of milliseconds; until then the
+model is wrong whatever the faults.
 """
 
 import math
@@ -28,9 +28,9 @@ class MovingStartSettings:
     """When a recording starts within a motion, and which rows are then not compared.
 
     The command moves in the first row if its rate there is above `moving` times the rms of its rate, and
-    above `significant` standard errors. That is the rate at the start of a parabola through three blocks of rows,
-    as many as the noise asks for, up to `window` [s]; from the first block to the second the command must
-    move by `alike` times as much as this rate says, or it stands at first, and moves then.
+    above `significant` standard errors. That is the rate at the start of a parabola through three blocks of
+    rows, as many as the noise asks for, up to `window` [s]; from the first block to the second the command
+    must move by `alike` times as much as this rate says, or it stands at first, and moves then.
 
     The motion before the recording is simulated over `lead` [s] of the command, extended backwards by a
     parabola through the first `window`, and by lines: at the rate of the first row, and at the opposite one,

@@ -56,8 +56,8 @@ class UnknownStart:
             left_out = (
                 f"the first {self.seconds:.3g} s are not compared"
                 if self.rows
-                else "too little motion follows to do without the first rows, so take what is estimated of load, "
-                "friction and zeros with caution, or begin before that motion"
+                else "too little motion follows to do without the first rows, so take what is estimated of "
+                "load, friction and zeros with caution, or begin before that motion"
             )
             return (f"{NOTES[self.what]}: {left_out}",)
         if not self.rows:
