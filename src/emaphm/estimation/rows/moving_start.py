@@ -17,6 +17,7 @@ from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.rows.first_rows import first_rows, least_residual, likely_faults, rows_apart
 from emaphm.estimation.rows.gap_side import side_of
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
+from emaphm.recording.jumps import Jumps
 from emaphm.recording.noise import noise_on_most_rows
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def command_moves(problem: "Problem") -> bool:
 def first_rate(problem: "Problem") -> float:
     """Return the rate of the command from the first row on [rad/s], 0 where it does not move there."""
     command, interval = problem.measured["command_rad"], problem.inputs.interval
-    least = MOVING_START.moving * rms(np.diff(command)) / interval
+    least = MOVING_START.moving * _usual_rate(problem)
     noise = max(noise_on_most_rows(command), visible_count(command) / ROUNDING)
     most = max(1, min(round(MOVING_START.window / interval), command.size) // 3)
     for rows in range(1, most + 1):
@@ -81,10 +82,27 @@ def first_rate(problem: "Problem") -> float:
     first, second, third = command[: 3 * rows].reshape(3, rows).mean(axis=1)
     begins = (4 * second - third - 3 * first) / (2 * rows * interval)
     rate = (second - first) / (rows * interval)
-    if abs(begins) <= max(least, error):
+    if abs(begins) <= max(least, error) or _jumps_at_once(problem):
         return 0.0
     low, high = MOVING_START.alike
     return float(rate) if low <= rate / begins <= high else 0.0
+
+
+def _jumps_at_once(problem: "Problem") -> bool:
+    """Return whether the command jumps in the first row: then it shows what the shaft follows."""
+    return bool(np.any(_jumps_of(problem).before == 0))
+
+
+def _jumps_of(problem: "Problem") -> Jumps:
+    return Jumps.of(problem.measured["command_rad"], means=problem.driving.sampling == "mean")
+
+
+def _usual_rate(problem: "Problem") -> float:
+    """Return the rms of the command's rate where it does not jump [rad/s]."""
+    rates, jumps = np.diff(problem.measured["command_rad"]) / problem.inputs.interval, _jumps_of(problem)
+    for before, after in zip(jumps.before, jumps.after, strict=True):
+        rates[before:after] = 0.0
+    return rms(rates)
 
 
 def first_motion(problem: "Problem") -> tuple[float, float]:
@@ -104,7 +122,7 @@ def rows_of_moving_start(problem: "Problem") -> tuple[int, float]:
     (`emaphm.estimation.initial_state.shows_start`). Where the command does not move there, models in motion
     must be nearer by `MOVING_START.rest`; where it moves, those from rest.
     """
-    if not any(rate for rate, _ in motions_before(problem)):
+    if _jumps_at_once(problem) or not any(rate for rate, _ in motions_before(problem)):
         return 0, 0.0
     rows = min(problem.samples, max(1, math.ceil(MOVING_START.longest / problem.inputs.interval)))
     faults = likely_faults(problem)
@@ -117,7 +135,7 @@ def rows_of_moving_start(problem: "Problem") -> tuple[int, float]:
     shown = min(count, max(1, math.ceil(MOVING_START.shows / problem.inputs.interval)))
     left = [least_residual(problem, one, 0, shown) for one in moving]
     share = MOVING_START.rest if command_moves(problem) else 1 / MOVING_START.rest
-    if least_residual(problem, at_rest, 0, shown) < share * min(left):
+    if least_residual(problem, at_rest, 0, shown) <= share * min(left):
         return 0, 0.0
     side = side_of(motions[int(np.argmin(left))][0])
     return min(count, int(MOVING_START.most * problem.samples)), side
@@ -137,8 +155,7 @@ def motions_before(problem: "Problem") -> list[tuple[float, float]]:
     rate = first_rate(problem)
     rates = [rate]
     if not rate:
-        usual = rms(np.diff(problem.measured["command_rad"])) / problem.inputs.interval
-        rates = [share * usual for share in MOVING_START.stopped]
+        rates = [share * _usual_rate(problem) for share in MOVING_START.stopped]
     return [first_motion(problem), *((way * one, 0.0) for one in rates for way in (1.0, -1.0))]
 
 
