@@ -15,7 +15,7 @@ import numpy as np
 from emaphm.arrays import Array, rms
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.rows.first_rows import first_rows, least_residual, likely_faults, rows_apart
-from emaphm.estimation.rows.gap_side import side_of
+from emaphm.estimation.rows.gap_side import FIRST_MOTION, side_of
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.recording.jumps import Jumps
 from emaphm.recording.noise import noise_on_most_rows
@@ -42,7 +42,7 @@ class MovingStartSettings:
     than these models have.
 
     Rows are left out while they differ, up to `most` of all rows. They are compared over `longest` [s] at
-    most.
+    most, and where the command does not move over `FIRST_MOTION.longest`.
     """
 
     window: float = 0.01
@@ -124,18 +124,23 @@ def rows_of_moving_start(problem: "Problem") -> tuple[int, float]:
     """
     if _jumps_at_once(problem) or not any(rate for rate, _ in motions_before(problem)):
         return 0, 0.0
-    rows = min(problem.samples, max(1, math.ceil(MOVING_START.longest / problem.inputs.interval)))
-    faults = likely_faults(problem)
-    at_rest = first_rows(problem, problem.driving.beginning(0.0, rows), problem.start.angle, faults)
+    moves, faults = command_moves(problem), likely_faults(problem)
+    longest = MOVING_START.longest if moves else FIRST_MOTION.longest
+    rows = min(problem.samples, max(1, math.ceil(longest / problem.inputs.interval)))
+    driving = problem.driving.beginning(0.0, rows)
+    on_command = float(driving.command(np.zeros(1))[0]) / problem.actuator.mechanics.gear_ratio
+    # A position may show the zero error of its sensor, and the shaft rest on the command all the same.
+    angles = {problem.start.angle, on_command}
+    at_rest = [first_rows(problem, driving, angle, faults) for angle in angles]
     motions = motions_before(problem)
     moving = [_after_motion(problem, motion, rows, faults) for motion in motions]
-    count = rows_apart(problem, [at_rest, *moving])
+    count = rows_apart(problem, [*at_rest, *moving])
     if not count:
         return 0, 0.0
     shown = min(count, max(1, math.ceil(MOVING_START.shows / problem.inputs.interval)))
     left = [least_residual(problem, one, 0, shown) for one in moving]
-    share = MOVING_START.rest if command_moves(problem) else 1 / MOVING_START.rest
-    if least_residual(problem, at_rest, 0, shown) <= share * min(left):
+    share = MOVING_START.rest if moves else 1 / MOVING_START.rest
+    if min(least_residual(problem, one, 0, shown) for one in at_rest) <= share * min(left):
         return 0, 0.0
     side = side_of(motions[int(np.argmin(left))][0])
     return min(count, int(MOVING_START.most * problem.samples)), side
