@@ -86,7 +86,7 @@ def test_a_command_that_begins_slowly_in_the_first_row_does_not_hide_the_rest() 
     assert found.explained
     assert error_percent(FAULTS.vector, found.faults.vector) <= 1.5
     assert (found.sensor_faults, abs(found.nuisances["load"].value) < 0.001) == ((), True)
-    assert any("begins at a rest" in one for one in found.recording_notes)
+    assert any("friction that holds the shaft" in one for one in found.recording_notes)
 
 
 def test_the_zero_of_a_sensor_is_found_in_the_motion() -> None:

@@ -11,6 +11,7 @@ from emaphm.actuator import Chirp, Command, Faults, Ramp, Sine, Step
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.estimation import replay
 from emaphm.estimation.posing import problem_of
+from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.moving_start import MOVING_START
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -96,6 +97,39 @@ def test_with_a_recorded_motion_every_row_is_compared(motion: tuple[str, ...]) -
 def test_half_of_a_short_recording_is_compared() -> None:
     problem = problem_of(cut(700, *ELECTRICAL, last=800), THESIS, channels=None)
     assert problem.unknown_start.seconds == pytest.approx(MOVING_START.most * 100 * INTERVAL)
+
+
+@cache
+def triangle() -> Recording:
+    """Return a triangle that begins after 20 ms and turns at 60, 140 and 200 ms, a third into a row."""
+    corners = np.array([0.0, 0.02, 0.06, 0.14, 0.2, 0.28, 0.36, 0.4]) + INTERVAL / 3
+    angles = 4e-3 * np.array([0, 0, 1, -1, 0.5, -1, 1, 0])
+
+    def command(time: np.ndarray) -> np.ndarray:
+        return np.asarray(np.interp(time, corners, angles))
+
+    return simulate(THESIS, command, faults=FAULTS, duration=0.4, noise=0.05, load=0.02)
+
+
+def of_triangle(first: int, *names: str) -> Problem:
+    columns = {name: triangle()[name][first:] for name in ("time_s", "command_rad", *names)}
+    return problem_of(Recording(columns), THESIS, channels=None)
+
+
+@pytest.mark.parametrize("first", range(697, 704))
+@pytest.mark.parametrize("names", [("current_A",), ("current_A", "load_Nm")], ids=str)
+def test_a_cut_about_a_turn_is_no_start_from_rest(first: int, names: tuple[str, ...]) -> None:
+    found = of_triangle(first, *names).unknown_start
+    assert 50 <= found.rows <= 400
+    assert not any("at a rest" in note for note in found.notes())
+
+
+@pytest.mark.parametrize("first", [0, 96, 98, 99, 100])
+@pytest.mark.parametrize(
+    "names", [("current_A", "load_Nm"), ("current_A", "load_Nm", "speed_rad_s")], ids=str
+)
+def test_every_row_before_a_corner_from_rest_is_compared(first: int, names: tuple[str, ...]) -> None:
+    assert of_triangle(first, *names).unknown_start.rows == 0
 
 
 def test_a_diagnosis_does_without_them_and_says_so() -> None:

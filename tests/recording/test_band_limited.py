@@ -79,3 +79,25 @@ def test_a_jump_in_the_first_row_or_the_last_does_not_ring(sampling: str) -> Non
         curve = reconstructed(recording, "command_rad")(np.linspace(0.0, 0.4, 40001))
         assert curve.min() >= values.min() - 1e-6
         assert curve.max() <= values.max() + 1e-6
+
+
+@pytest.mark.parametrize("within", [0.0, 0.3, 0.5, 0.8])
+@pytest.mark.parametrize("sampling", ["mean", "instant"])
+def test_a_bend_anywhere_within_a_row_does_not_ring(within: float, sampling: str) -> None:
+    # A sine that begins after a rest; of means, those of 100 instants each.
+    fine = np.arange(100 * 2000) / 100 - 6 - within
+    instants = np.where(fine > 0, np.sin(0.02 * fine), 0.0)
+    values = instants.reshape(-1, 100).mean(axis=1) if sampling == "mean" else instants[::100]
+    assert not is_band_limited(values)
+    columns = {"time_s": np.arange(2000) * 1.0, "command_rad": values, "current_A": values}
+    curve = reconstructed(Recording(columns, sampling), "command_rad")  # type: ignore[arg-type]
+    # In the row of the bend a curve cannot be right; before it the command stands.
+    np.testing.assert_allclose(curve(np.linspace(0.0, 4.0, 50)), 0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("rows_a_cycle", [4.5, 6.0, 8.0, 16.0, 27.0])
+def test_no_part_of_a_smooth_burst_is_a_bend(rows_a_cycle: float) -> None:
+    rows = np.arange(ROWS)
+    for phase in np.linspace(0, 2 * np.pi, 40):
+        burst = np.exp(-(((rows - 100) / 20) ** 2)) * np.sin(2 * np.pi * rows / rows_a_cycle + phase)
+        assert is_band_limited(burst)

@@ -25,7 +25,7 @@ FIRST_ROWS = (10, 20, 40, 80)
 """Rows that the starting speed is estimated from: the most of which a parabola leaves no more than noise."""
 
 AT_ONCE = 4
-"""Rows in which a speed must show by itself."""
+"""Rows in which a speed must show by itself; the first of `FIRST_ROWS` where counts are visible."""
 
 STEEPER = (70 / 6) ** 0.5
 """What `noise_level` has of second differences, over that of the rows: the root of 70 / 6 of fourth ones."""
@@ -122,7 +122,7 @@ def _starting_speed(recording: Recording, actuator: Actuator) -> float:
 def _speeds(recording: Recording, actuator: Actuator) -> tuple[Speed, Speed, Speed]:
     """Return the motor's speed [rad/s] at the start and its standard error, in three ways.
 
-    By a parabola, by a cubic, and by `AT_ONCE` rows alone. Infinite errors where nothing shows it. A
+    By a parabola, by a cubic, and by a few rows alone (`AT_ONCE`). Infinite errors where nothing shows it. A
     coarse converter shows a speed over many rows only, in which the acceleration must not change.
     """
     if "speed_rad_s" in recording and not actuator.sensors.speed_rad_s.unsigned:
@@ -132,7 +132,8 @@ def _speeds(recording: Recording, actuator: Actuator) -> tuple[Speed, Speed, Spe
     else:
         return (0.0, math.inf), (0.0, math.inf), (0.0, math.inf)
     column = true_values(recording[name], name, actuator)
-    noise = max(noise_level(np.diff(column, 2)) / STEEPER, visible_count(column) / ROUNDING)
+    count = visible_count(column)
+    noise = max(noise_level(np.diff(column, 2)) / STEEPER, count / ROUNDING)
     time = recording["time_s"] - recording["time_s"][0] + _first_time(recording)
 
     def fitted(rows: int, degree: int) -> tuple[Speed, float]:
@@ -146,6 +147,7 @@ def _speeds(recording: Recording, actuator: Actuator) -> tuple[Speed, Speed, Spe
         if rows > column.size or fitted(rows, 2)[1] > BY_CHANCE * noise:
             break
         chosen = rows
-    slope, covariance = np.polyfit(time[:AT_ONCE], column[:AT_ONCE], order, cov="unscaled")
+    few = FIRST_ROWS[0] if count else AT_ONCE
+    slope, covariance = np.polyfit(time[:few], column[:few], order, cov="unscaled")
     at_once = (scale * float(slope[0]), scale * noise * float(covariance[0, 0] ** 0.5))
     return fitted(chosen, 2)[0], fitted(chosen, 3)[0], at_once

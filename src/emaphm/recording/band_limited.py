@@ -17,12 +17,15 @@ class SmoothnessSettings:
 
     Of a sine of angular frequency w in rows h apart, fourth differences are q = (2 sin(w h / 2))² times the
     second ones. `fewest` is 28 rows a cycle: with more, Akima's curve is right to 1e-4 of the signal. `most`
-    is four rows a cycle. Behind a jump q is 3.2, behind a bend or white noise 2.4 or more: a spline rings
-    there, Akima's curve does not.
+    is four rows a cycle. Behind a jump q is 3.2, behind white noise 2.9: a spline rings there, Akima's curve
+    does not. Behind a bend of the slope q is 1.4 to 2.5, by where in its row it lies: a signal bends where
+    the curvature of three rows is `bend` times as large as that of two rows before and two after them, and as
+    three times the median one.
     """
 
     fewest: float = 0.05
     most: float = 2.0
+    bend: float = 10.0
 
 
 SMOOTHNESS = SmoothnessSettings()
@@ -30,12 +33,27 @@ SMOOTHNESS = SmoothnessSettings()
 
 def is_band_limited(values: Array) -> bool:
     """Return whether `values` (n,) are few rows a cycle of a smooth signal, by `SMOOTHNESS`."""
-    return values.size >= 2 * DEGREE and SMOOTHNESS.fewest <= _ratio(values) <= SMOOTHNESS.most
+    if values.size < 2 * DEGREE or not SMOOTHNESS.fewest <= _ratio(values) <= SMOOTHNESS.most:
+        return False
+    return not _bends(values)
 
 
 def is_well_sampled(values: Array) -> bool:
     """Return whether `values` (n,) are more rows a cycle of a smooth signal than any curve needs."""
     return _ratio(values) < SMOOTHNESS.fewest
+
+
+def _bends(values: Array) -> bool:
+    """Return whether the slope of `values` (n,) jumps, as where a ramp or a sine begins after a rest.
+
+    Means over intervals have a bend in three second differences, instants in two.
+    """
+    curvature = np.abs(np.diff(values, 2))
+    sums = np.cumsum(np.pad(curvature, (3, 2)))
+    bend, around = sums[5:-2] - sums[2:-5], sums[7:] - sums[:-7]
+    around = around - bend
+    least = SMOOTHNESS.bend * np.maximum(around, 3 * float(np.median(curvature)))
+    return bool(np.any(bend > least))
 
 
 def _ratio(values: Array) -> float:

@@ -22,6 +22,7 @@ from emaphm.estimation.rows.gap_side import (
     shows_side,
     side_of,
 )
+from emaphm.estimation.rows.moving_start import residual_after_motion
 from emaphm.recording.noise import noise_level, noise_on_most_rows
 
 
@@ -64,10 +65,14 @@ CURRENT = "current_A"
 
 @dataclass(frozen=True)
 class HeldStart:
-    """The first `rows` depend on where friction holds the shaft, by a `current` [A] that no model draws."""
+    """The first `rows` depend on where friction holds the shaft, by a `current` [A] that no model draws.
+
+    The shaft `stands` there if that explains the first rows better than a motion before does.
+    """
 
     rows: int
     current: float
+    stands: bool
 
 
 def held_start(problem: Problem) -> HeldStart | None:
@@ -86,17 +91,38 @@ def held_start(problem: Problem) -> HeldStart | None:
     count = _rows_until_forgotten(problem, rest, current, faults, certain=certain)
     if count is None:
         return None
+    stands = _stands(problem, current, faults)
     if leaves_enough(problem, count):
-        return HeldStart(count, current)
+        return HeldStart(count, current, stands)
     # After a step friction may hold the shaft elsewhere again, and the start is never forgotten.
     alone = _friction_holds(problem, current) and leaves_enough(problem, rest - 1)
-    return HeldStart(rest if alone else 0, current)
+    return HeldStart(rest if alone else 0, current, stands)
+
+
+def _stands(problem: Problem, current: float, faults: Array) -> bool:
+    """Return whether models held by friction, or by a load of this `current` [A], are nearer than others.
+
+    Than those that have moved, over the first rows, in which such a shaft would come to rest.
+    """
+    if problem.start.speed and "speed_rad_s" in problem.measured:
+        return False
+    rows = min(problem.samples, max(math.ceil(HELD_START.shortest / problem.inputs.interval), 1))
+    standing = problem.driving.beginning(0.0, rows)
+    held = min(
+        least_residual(problem, one, 0, rows) for one in _from_starts(problem, standing, current, faults)
+    )
+    return held <= HELD_START.better * residual_after_motion(problem, rows)
 
 
 def _friction_holds(problem: Problem, current: float) -> bool:
     """Return whether healthy static friction holds the shaft against a `current` [A]: else it is a load's."""
     actuator = problem.actuator
     return abs(current) * actuator.motor.torque_constant <= actuator.mechanics.static_friction
+
+
+def command_stands(problem: Problem) -> bool:
+    """Return whether the command stands at first, for longer than one that begins slowly may seem to."""
+    return _is_sure_rest(problem, _standing_rows(problem))
 
 
 def current_not_drawn(problem: Problem) -> tuple[float, bool]:

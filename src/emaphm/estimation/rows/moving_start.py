@@ -1,9 +1,9 @@
 """Rows at the start of a recording that was cut within a motion, whose beginning nothing recorded shows.
 
 Without a position a model starts on the command, and without a speed at rest; a coarse position shows no
-speed. Where the command moves in the first row already, the shaft does not rest there: it moves, and lags
-behind. The loop forgets that within some tens of milliseconds; until then the model is wrong whatever the
-faults.
+speed. Where the command moves in the first row already, or has just turned or stopped, the shaft does not
+rest on it: it moves, and lags behind. The loop forgets that within some tens of milliseconds; until then the
+model is wrong whatever the faults.
 """
 
 import math
@@ -15,30 +15,41 @@ from emaphm.arrays import Array, rms
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.first_rows import first_rows, least_residual, likely_faults, rows_apart
+from emaphm.estimation.rows.gap_side import FIRST_MOTION, side_of
+from emaphm.estimation.sensors.counts import ROUNDING, visible_count
+from emaphm.recording.jumps import Jumps
+from emaphm.recording.noise import noise_on_most_rows
 
 
 @dataclass(frozen=True)
 class MovingStartSettings:
     """When a recording starts within a motion, and which rows are then not compared.
 
-    The command moves if its rate over the first `window` [s] is above `moving` times the rms of its rate, and
-    the parabola through that window is right `at_once` [s] later, to the share `off` of the way by its rate.
-    The motion before the recording is simulated over `lead` [s] of the command, extended backwards by that
-    parabola. From rest, the model must leave less than `rest` times the rms residual that it leaves with the
-    motion before, if the recording is to start at rest. Of 12 chirps with random faults, by a simulator that
-    is not part of the project, none passes for a cut one, and of 228 recordings cut out of them none for one
-    from rest; from the current alone 4, begun near a turn of the command.
+    The command moves in the first row if its rate there is above `moving` times the rms of its rate, and
+    above `significant` standard errors. That is the rate at the start of a parabola through three blocks of
+    rows, as many as the noise asks for, up to `window` [s]; from the first block to the second the command
+    must move by `alike` times as much as this rate says, or it stands at first, and moves then.
 
-    Rows are left out while both differ, up to `most` of all rows. They are compared over `longest` [s] at
-    most.
+    The motion before the recording is simulated over `lead` [s] of the command, extended backwards by a
+    parabola through the first `window`, and by lines: at the rate of the first row, and at the opposite one,
+    as it may just have turned. Where it does not move, at the shares `stopped` of the rms of its rate. Where
+    it moves, models from rest must leave less than `rest` times the rms residual that they leave with any
+    motion before, if the recording is to start at rest; where it does not, the other way round. Residuals are
+    those of the first rows, over `shows` [s]: later ones show less of the start, and more of other faults
+    than these models have.
+
+    Rows are left out while they differ, up to `most` of all rows. They are compared over `longest` [s] at
+    most, and where the command does not move over `FIRST_MOTION.longest`.
     """
 
     window: float = 0.01
     moving: float = 0.01
-    at_once: float = 2e-3
-    off: float = 0.25
+    significant: float = 3.0
+    alike: tuple[float, float] = (0.5, 1.5)
+    stopped: tuple[float, ...] = (0.5, 1.0, 1.5)
     lead: float = 0.03
     rest: float = 0.75
+    shows: float = 20e-3
     most: float = 0.5
     longest: float = 1.0
 
@@ -49,49 +60,120 @@ MOVING_START = MovingStartSettings()
 def command_moves(problem: Problem) -> bool:
     """Return whether the command moves in the first row already.
 
-    A parabola through a command that stands for a while, or begins as smoothly as a cubic, has a rate at the
-    start that the command has not: it must not be off the parabola by half of the way that this rate makes.
+    One that stands for a row and then moves does not, nor one that begins as smoothly as a square.
     """
-    rate, acceleration = first_motion(problem)
-    rates = np.diff(problem.measured["command_rad"]) / problem.inputs.interval
-    if abs(rate) <= MOVING_START.moving * rms(rates):
-        return False
-    at_once = max(MOVING_START.at_once, problem.inputs.interval)
-    begin, end = problem.driving.command(np.array([0.0, at_once]))
-    off = end - begin - rate * at_once - acceleration * at_once**2 / 2
-    return bool(abs(off) < MOVING_START.off * abs(rate) * at_once)
+    return first_rate(problem) != 0.0
+
+
+def first_rate(problem: Problem) -> float:
+    """Return the rate of the command from the first row on [rad/s], 0 where it does not move there."""
+    command, interval = problem.measured["command_rad"], problem.inputs.interval
+    least = MOVING_START.moving * _usual_rate(problem)
+    noise = max(noise_on_most_rows(command), visible_count(command) / ROUNDING)
+    most = max(1, min(round(MOVING_START.window / interval), command.size) // 3)
+    for rows in range(1, most + 1):
+        # Of a block, a mean over its rows; the rate at the start is (-3, 4, -1) / 2 times the blocks.
+        error = MOVING_START.significant * noise * (26 / rows) ** 0.5 / (2 * rows * interval)
+        if error <= least or rows == most:
+            break
+    first, second, third = command[: 3 * rows].reshape(3, rows).mean(axis=1)
+    begins = (4 * second - third - 3 * first) / (2 * rows * interval)
+    rate = (second - first) / (rows * interval)
+    if abs(begins) <= max(least, error) or _jumps_at_once(problem):
+        return 0.0
+    low, high = MOVING_START.alike
+    return float(rate) if low <= rate / begins <= high else 0.0
+
+
+def _jumps_at_once(problem: Problem) -> bool:
+    """Return whether the command jumps in the first row: then it shows what the shaft follows."""
+    return bool(np.any(_jumps_of(problem).before == 0))
+
+
+def _jumps_of(problem: Problem) -> Jumps:
+    return Jumps.of(problem.measured["command_rad"], means=problem.driving.sampling == "mean")
+
+
+def _usual_rate(problem: Problem) -> float:
+    """Return the rms of the command's rate where it does not jump [rad/s]."""
+    rates, jumps = np.diff(problem.measured["command_rad"]) / problem.inputs.interval, _jumps_of(problem)
+    for before, after in zip(jumps.before, jumps.after, strict=True):
+        rates[before:after] = 0.0
+    return rms(rates)
 
 
 def first_motion(problem: Problem) -> tuple[float, float]:
     """Return rate and acceleration of the command at the start [rad/s, rad/s²]."""
-    return _parabola(problem)[1:]
+    window = max(MOVING_START.window, 3 * problem.inputs.interval)
+    times = np.linspace(0.0, window, 21)
+    values = problem.driving.command(times)
+    terms = np.stack([times, times**2 / 2], axis=1)
+    (rate, acceleration), *_ = np.linalg.lstsq(terms, values - values[0], rcond=None)
+    return float(rate), float(acceleration)
 
 
-def rows_of_moving_start(problem: Problem) -> int:
-    """Return how many rows at the start depend on the motion before it, of a command that moves there.
+def rows_of_moving_start(problem: Problem) -> tuple[int, float]:
+    """Return how many rows at the start depend on the motion before it, and at which side of the gap it was.
 
-    Of a recording that does not show its start: `emaphm.estimation.initial_state.shows_start`.
+    0 rows where the recording starts from rest. Of one that does not show its start
+    (`emaphm.estimation.initial_state.shows_start`). Where the command does not move there, models in motion
+    must be nearer by `MOVING_START.rest`; where it moves, those from rest.
     """
-    driving, interval = problem.driving, problem.inputs.interval
-    rows = min(problem.samples, max(1, math.ceil(MOVING_START.longest / interval)))
-    lead = math.ceil(MOVING_START.lead / interval)
-    faults = likely_faults(problem)
-    at_rest = first_rows(problem, driving.beginning(0.0, rows), problem.start.angle, faults)
-    before, angle = _with_motion_before(problem, lead, rows)
-    moving = first_rows(problem, before, angle, faults)[:, :, lead:]
-    count = rows_apart(problem, [at_rest, moving])
+    if _jumps_at_once(problem) or not any(rate for rate, _ in motions_before(problem)):
+        return 0, 0.0
+    moves, faults = command_moves(problem), likely_faults(problem)
+    longest = MOVING_START.longest if moves else FIRST_MOTION.longest
+    rows = min(problem.samples, max(1, math.ceil(longest / problem.inputs.interval)))
+    driving = problem.driving.beginning(0.0, rows)
+    on_command = float(driving.command(np.zeros(1))[0]) / problem.actuator.mechanics.gear_ratio
+    # A position may show the zero error of its sensor, and the shaft rest on the command all the same.
+    angles = {problem.start.angle, on_command}
+    at_rest = [first_rows(problem, driving, angle, faults) for angle in angles]
+    motions = motions_before(problem)
+    moving = [_after_motion(problem, motion, rows, faults) for motion in motions]
+    count = rows_apart(problem, [*at_rest, *moving])
     if not count:
-        return 0
-    left = [least_residual(problem, one, 0, count) for one in (at_rest, moving)]
-    if left[0] < MOVING_START.rest * left[1]:
-        return 0
-    return min(count, int(MOVING_START.most * problem.samples))
+        return 0, 0.0
+    shown = min(count, max(1, math.ceil(MOVING_START.shows / problem.inputs.interval)))
+    left = [least_residual(problem, one, 0, shown) for one in moving]
+    share = MOVING_START.rest if moves else 1 / MOVING_START.rest
+    if min(least_residual(problem, one, 0, shown) for one in at_rest) <= share * min(left):
+        return 0, 0.0
+    side = side_of(motions[int(np.argmin(left))][0])
+    return min(count, int(MOVING_START.most * problem.samples)), side
 
 
-def _with_motion_before(problem: Problem, lead: int, rows: int) -> tuple[DrivingSignals, float]:
-    """Return the signals with `lead` rows of motion before `rows`, and the motor's angle [rad] there."""
+def residual_after_motion(problem: Problem, rows: int) -> float:
+    """Return the least rms residual over the first `rows` of models that have moved before the recording."""
+    faults = likely_faults(problem)
+    return min(
+        least_residual(problem, _after_motion(problem, motion, rows, faults), 0, rows)
+        for motion in motions_before(problem)
+    )
+
+
+def motions_before(problem: Problem) -> list[tuple[float, float]]:
+    """Return rates [rad/s] and accelerations [rad/s²] that the command may have had before the recording."""
+    rate = first_rate(problem)
+    rates = [rate]
+    if not rate:
+        rates = [share * _usual_rate(problem) for share in MOVING_START.stopped]
+    return [first_motion(problem), *((way * one, 0.0) for one in rates for way in (1.0, -1.0))]
+
+
+def _after_motion(problem: Problem, motion: tuple[float, float], rows: int, faults: Array) -> Array:
+    """Return the channels (n, channels, rows) of models with a `motion` of the command before them."""
+    lead = math.ceil(MOVING_START.lead / problem.inputs.interval)
+    driving, angle = _with_motion_before(problem, motion, lead, rows)
+    return first_rows(problem, driving, angle, faults)[:, :, lead:]
+
+
+def _with_motion_before(
+    problem: Problem, motion: tuple[float, float], lead: int, rows: int
+) -> tuple[DrivingSignals, float]:
+    """Return the signals with `lead` rows of a `motion` before `rows`, and the motor's angle [rad] there."""
     begin = lead * problem.inputs.interval
-    position, rate, acceleration = _parabola(problem)
+    position, (rate, acceleration) = float(problem.driving.command(np.zeros(1))[0]), motion
     lowest, highest = problem.actuator.mechanics.end_stops or (-np.inf, np.inf)
 
     def command(times: Array) -> Array:
@@ -103,13 +185,3 @@ def _with_motion_before(problem: Problem, lead: int, rows: int) -> tuple[Driving
     ratio = problem.actuator.mechanics.gear_ratio
     first = problem.start.angle * ratio + float(command(np.zeros(1))[0]) - position
     return driving, float(np.clip(first, lowest, highest)) / ratio
-
-
-def _parabola(problem: Problem) -> tuple[float, float, float]:
-    """Return position, rate and acceleration of the command at the start [rad, rad/s, rad/s²]."""
-    window = max(MOVING_START.window, 3 * problem.inputs.interval)
-    times = np.linspace(0.0, window, 21)
-    values = problem.driving.command(times)
-    terms = np.stack([times, times**2 / 2], axis=1)
-    (rate, acceleration), *_ = np.linalg.lstsq(terms, values - values[0], rcond=None)
-    return float(values[0]), float(rate), float(acceleration)

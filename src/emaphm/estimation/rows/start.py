@@ -9,9 +9,9 @@ from emaphm.estimation.rows.gap_side import (
     rows_of_unknown_side,
     side_of,
 )
-from emaphm.estimation.rows.held_start import current_not_drawn, held_start
+from emaphm.estimation.rows.held_start import command_stands, current_not_drawn, held_start
 from emaphm.estimation.rows.moving_start import command_moves, first_motion, rows_of_moving_start
-from emaphm.estimation.rows.unknown_start import FROM_REST, UnknownStart
+from emaphm.estimation.rows.unknown_start import FROM_REST, Start, UnknownStart
 
 
 def unknown_start(problem: Problem, *, shown: bool) -> UnknownStart:
@@ -21,16 +21,27 @@ def unknown_start(problem: Problem, *, shown: bool) -> UnknownStart:
     """
     interval, moves = problem.inputs.interval, command_moves(problem)
     if moves and not shown:
-        rows = rows_of_moving_start(problem)
+        rows, side = rows_of_moving_start(problem)
         if rows:
-            return UnknownStart(rows, rows * interval, gap=side_of(first_motion(problem)[0]))
-    if moves and shown:
-        return _shown_motion(problem)
-    held = held_start(problem)
+            return UnknownStart(rows, rows * interval, "motion", side)
+    # Where the command stands friction stops the shaft, by chance: that it moves at first shows too little.
+    stands = command_stands(problem)
+    known = shown and (moves or (problem.start.speed != 0.0 and not stands))
+    held = None if known else held_start(problem)
     if held is not None:
-        return UnknownStart(held.rows, held.rows * interval, "held", side_of(held.current))
-    rows = rows_of_begun_step(problem)
-    return UnknownStart(rows, rows * interval, "step", side_of(problem.start.speed))
+        what: Start = "held" if held.stands else "current"
+        return UnknownStart(held.rows, held.rows * interval, what, side_of(held.current))
+    rows = 0 if shown and moves else rows_of_begun_step(problem)
+    if known and not rows:
+        return _shown_motion(problem)
+    if rows:
+        what = "step" if stands else "seen"
+        return UnknownStart(rows, rows * interval, what, side_of(problem.start.speed))
+    if not moves:
+        rows, side = rows_of_moving_start(problem)
+        if rows:
+            return UnknownStart(rows, rows * interval, "seen", side)
+    return UnknownStart(gap=side_of(problem.start.speed))
 
 
 def _shown_motion(problem: Problem) -> UnknownStart:
