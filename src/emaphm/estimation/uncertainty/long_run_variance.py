@@ -26,7 +26,7 @@ def long_run_covariance(scores: Array, channels: int = 1) -> Array:
 
 
 def inflation(count: int) -> float:
-    """Return the ratio of the 95 % quantiles of Student's t with `count` degrees of freedom and of a normal."""
+    """Return by how much Student's t with `count` degrees of freedom is wider than a normal, at 95 %."""
     return student_t_quantile(count, 0.975) / float(normal_quantile(0.975))
 
 
