@@ -8,7 +8,7 @@ covariance is known without them, up to a factor.
 
 import numpy as np
 
-from emaphm.arrays import Array
+from emaphm.arrays import Array, rms
 from emaphm.estimation.uncertainty.long_run_variance import (
     cosine_transforms,
     inflation,
@@ -53,16 +53,18 @@ def _shrunk(values: Array, by_chance: float, count: int) -> Array:
     m = values.size
     edge = (1 + (by_chance / m) ** 0.5) ** 2
     n = next((n for n in range(m, 1, -1) if values[n - 1] <= edge * values[:n].mean()), 1)
-    mean = max(float(values[:n].mean()), TINY)
-    expected = by_chance * n * (n + 1) / (m * (m + 1))
-    share = expected / max(expected, float(np.sum((values[:n] / mean - 1) ** 2)))
+    mean = max(float(np.mean(values[:n])), TINY)
+    expected = float(by_chance * n * (n + 1) / (m * (m + 1)))
+    distance = float(np.sum((values[:n] / mean - 1) ** 2))
+    share = expected / max(expected, distance)
     steadier = (inflation(count * n) / inflation(count)) ** 2
     return np.concatenate([share * steadier * mean + (1 - share) * values[:n], values[n:]])
 
 
 def _size(residual: Array) -> float:
     """Return the rms of a `residual` (rows,) in the rows that are compared: in others it is 0."""
-    return max(float(np.sqrt(np.sum(residual**2) / max(np.count_nonzero(residual), 1))), TINY)
+    compared = residual[residual != 0]
+    return max(rms(compared), TINY) if compared.size else TINY
 
 
 def _under_whiteness(derivatives: Array) -> tuple[int, float, float]:
