@@ -204,6 +204,21 @@ def test_what_an_actuator_cannot_show_has_a_reason() -> None:
     assert [found[name].verdict for name in ("friction", "backlash", "gain")] == ["healthy"] * 3
 
 
+@pytest.mark.parametrize("errors", [(0.05, 0.05), (0.08, 0.01)])
+def test_a_centred_rotor_is_outside_its_interval_in_one_recording_of_twenty(
+    errors: tuple[float, float],
+) -> None:
+    draws, centred = 500, SPACE.points(HEALTHY)
+    outside = 0
+    for drawn in np.random.default_rng(3).normal(0.0, errors, (draws, 2)):
+        point = centred.copy()
+        point[5:7] = drawn
+        covariance = np.diag(np.array([0.01] * 5 + [*errors, 0.01]) ** 2)
+        outside += estimates(SPACE, point, covariance)["eccentricity"].interval95[0] > 0
+    # Three standard deviations of a share of 5 %.
+    assert outside / draws == pytest.approx(0.05, abs=3 * np.sqrt(0.05 * 0.95 / draws))
+
+
 def test_without_eccentricity_its_direction_has_no_meaning() -> None:
     found = judged(0.01, eccentricity=0.0)
     assert (found["eccentricity"].value, found["eccentricity"].verdict) == (0.0, "healthy")
