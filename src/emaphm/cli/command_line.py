@@ -11,6 +11,7 @@ from cyclopts import App, CycloptsError, Parameter
 from emaphm.cli import detect, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
+from emaphm.cli.diagnose import diagnose
 from emaphm.cli.doctor import doctor
 from emaphm.cli.init import init
 from emaphm.cli.interruption import exit_code, is_interrupted
@@ -65,7 +66,7 @@ VERBS = (
     verbs.demo,
     init,
     verbs.simulate,
-    verbs.diagnose,
+    diagnose,
     calibrate,
     verbs.replay,
     design,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from emaphm.cli.options import signal_in
+from emaphm.cli.options.values import signal_in
 from emaphm.errors import SignalError
 
 if TYPE_CHECKING:
