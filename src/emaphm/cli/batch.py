@@ -103,7 +103,7 @@ def _diagnose_each(
             if not as_json:
                 rows.append(result.row)
             elif not show_line(result.values) and out is None:
-                return  # nobody reads the others, and no folder is to keep them
+                return  # the others could not be read either, and no folder is to keep them
             if result.error:
                 broken.append(result.error)
             else:

@@ -62,8 +62,15 @@ class Asked:
     temperature: Annotated[float | None, Parameter(help="Mean temperature to come [K].")] = None
     cycles_per_hour: Annotated[float | None, Parameter(help="Cycles an hour to come [1/h].")] = None
 
-    def costs(self) -> "Costs | None":
-        """Return the costs, None where none are given; `PrognosisError` where there is one only."""
+    def question(self) -> "Question":
+        """Return the question; `PrognosisError` where there can be none."""
+        from emaphm.prognosis import Question, Stress
+
+        given = (self.load, self.temperature, self.cycles_per_hour)
+        ahead = None if all(x is None for x in given) else Stress(*given)
+        return Question(self.horizon, self.risk, self._costs(), ahead)
+
+    def _costs(self) -> "Costs | None":
         if self.failure_cost is None and self.replacement_cost is None:
             return None
         if self.failure_cost is None or self.replacement_cost is None:
@@ -73,14 +80,6 @@ class Asked:
         from emaphm.prognosis import Costs
 
         return Costs(self.failure_cost, self.replacement_cost)
-
-    def question(self, costs: "Costs | None") -> "Question":
-        """Return the question; `PrognosisError` where there can be none."""
-        from emaphm.prognosis import Question, Stress
-
-        given = (self.load, self.temperature, self.cycles_per_hour)
-        ahead = None if all(x is None for x in given) else Stress(*given)
-        return Question(self.horizon, self.risk, costs, ahead)
 
 
 @Parameter(name="*")
@@ -119,26 +118,10 @@ def prognose(
     execution.check()
     if execution.is_given and not which.every:
         raise PrognosisError("--workers and --scheduler are for --all; leave them out with --unit")
-    costs = asked.costs()
+    question = asked.question()
     described = described_actuator(actuator) if actuator is not None else None
-    question = asked.question(costs)
     if which.unit is None:
-        from emaphm.prognosis.batch import prognose_all
-
-        with counter("prognosing", common.as_json and sys.stdout.isatty()) as count:
-            made = list(
-                prognose_all(
-                    db,
-                    question,
-                    part_number=which.part,
-                    actuator=described,
-                    fleet=fleet,
-                    seed=common.seed,
-                    workers=execution.workers,
-                    scheduler=execution.scheduler,
-                    on_unit=count,
-                )
-            )
+        made = _of_all(db, which.part, described, question, execution, common, fleet=fleet)
         _show_all(made, db if written.keep else None, common.as_json)
         return
     result = _of_one(db, which.unit, described, question, common.seed, written, fleet=fleet)
@@ -178,6 +161,34 @@ def _of_one(
         with History.open(db) as history:
             keep_with_curves(history, found, kept, Curves.of(result), lambda: earlier_rows(result))
     return result
+
+
+def _of_all(
+    db: str,
+    part: str | None,
+    actuator: "Actuator | None",
+    question: "Question",
+    execution: Execution,
+    common: Common,
+    *,
+    fleet: bool,
+) -> "list[UnitOutcome]":
+    from emaphm.prognosis.batch import prognose_all
+
+    with counter("prognosing", common.as_json and sys.stdout.isatty()) as count:
+        return list(
+            prognose_all(
+                db,
+                question,
+                part_number=part,
+                actuator=actuator,
+                fleet=fleet,
+                seed=common.seed,
+                workers=execution.workers,
+                scheduler=execution.scheduler,
+                on_unit=count,
+            )
+        )
 
 
 def _check_choice(which: Which, written: Written) -> None:

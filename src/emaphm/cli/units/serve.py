@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from emaphm.cli.options import AsJson, whole_number
-from emaphm.cli.output import show, show_at_once, show_line
+from emaphm.cli.output import say, show, show_at_once, show_line
 from emaphm.cli.units.events import FailureEvents, WebhookAddress
 from emaphm.cli.units.history_options import DB, Database
 from emaphm.errors import ServerError
@@ -82,7 +82,9 @@ def serve(
     from emaphm.server.settings import SETTINGS
 
     def ready(url: str) -> None:
-        show_line({"url": url}) if as_json else show_at_once(f"{url} shows the history; Ctrl-C ends it")
+        line = f"{url} shows the history; Ctrl-C ends it"
+        if not (show_line({"url": url}) if as_json else show_at_once(line)):
+            say(line)
 
     run(
         db,
