@@ -9,19 +9,23 @@ from cyclopts import Parameter
 from emaphm.cli.options import (
     FIGURES,
     ActuatorFile,
+    AsJson,
     Common,
     FaultList,
     FigureFile,
+    Force,
     KnownList,
     Manoeuvre,
     RecordingFile,
+    check_output,
+    check_seed,
     described_actuator,
     fault_vector,
     load_named,
     recording_of,
     whole_number,
 )
-from emaphm.cli.output import draw, progress, say
+from emaphm.cli.output import draw, progress, say, show
 from emaphm.errors import SignalError
 
 if TYPE_CHECKING:
@@ -134,17 +138,27 @@ def replay(
         Path | None, Parameter(help="Write time and each channel, measured and modelled: .csv or .parquet.")
     ] = None,
     figure: FigureFile = None,
-    common: Common = Common(),  # noqa: B008 - frozen
+    seed: Annotated[
+        int,
+        Parameter(
+            converter=whole_number,
+            help="Taken as by the verbs that draw numbers; a replay draws none, so it changes nothing.",
+        ),
+    ] = 0,
+    force: Force = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run a model on the command and load of recordings, and compare it channel by channel."""
-    common.check((series, (".csv", ".parquet")), (figure, FIGURES))
+    check_seed(seed)
+    check_output(series, (".csv", ".parquet"), force=force)
+    check_output(figure, FIGURES, force=force)
     described, faults = described_actuator(actuator), fault_vector(fault)
     recorded = [recording_of(path, described, known) for path in (recording, *further)]
     from emaphm.estimation.replay import replay_all, write_series
 
     result = replay_all(recorded, described, faults=faults, model=model)
     if series:
-        write_series(result.replays, series, force=common.force)
+        write_series(result.replays, series, force=force)
     text = str(result) + (f"\nSignals written to {series}" if series else "")
-    common.show(result.to_dict(), text)
+    show(result.to_dict(), text, as_json)
     draw(result, figure)

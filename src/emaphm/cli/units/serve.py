@@ -6,7 +6,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from emaphm.cli.options import AsJson, whole_number
+from emaphm.cli.options import (
+    AsJson,
+    Seed,
+    check_seed,
+    whole_number,
+)
 from emaphm.cli.output import say, show, show_at_once, show_line
 from emaphm.cli.units.events import FailureEvents, WebhookAddress
 from emaphm.cli.units.history_options import DB, Database
@@ -70,12 +75,14 @@ def serve(
     workers: Annotated[
         int, Parameter(converter=whole_number, help="Processes that diagnose uploads, one upload each.")
     ] = 2,
+    seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
     """Show the fleet, its units and diagnoses as web pages, and take uploads, until interrupted."""
     if access.add_token is not None:
         _add_token(access.tokens, access.add_token, as_json)
         return
+    check_seed(seed)
     if workers < 1:
         raise ServerError(f"--workers {workers}: give 1 or more")
     from emaphm.server.run import serve as run
@@ -98,6 +105,7 @@ def serve(
         templates=templates,
         prognosis=failure_events.settings(),
         settings=replace(SETTINGS, workers=workers),
+        seed=seed,
         on_ready=ready,
     )
 

@@ -184,12 +184,16 @@ def watch(
 def _run(task: "WatchTask", actuator: "Actuator", db: str, settings: "WatchSettings") -> None:
     """Judge what arrives until the source ends or a signal comes; print the events."""
     from emaphm.history import History
+    from emaphm.history.storage.address import Address
     from emaphm.monitoring import watch as run
 
+    file = Address.of(db).file
+    is_new = file is not None and not file.exists()
     with going_on("what is judged is in the history; start it again, and it goes on"):
         with History.open(db, create=True) as history, _stopped_by_signal() as stop:
             where = task.source if isinstance(task.source, Path) else "standard input"
-            say(f"watching {where}, the history is {history.database.address.shown}")
+            what = "a new history is made in" if is_new else "the history is"
+            say(f"watching {where}, {what} {history.database.address.shown}")
             with counter("judging", quiet=False) as count:
                 printing = replace(task, lines=sys.stdout.fileno())
                 done = run(printing, history, actuator, settings=settings, stop=stop, say=say, on_count=count)
