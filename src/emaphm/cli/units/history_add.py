@@ -92,6 +92,7 @@ def add(
     recordings = [recording_of(path, described) for path in (recording, *further)]
     asked = None if estimator is None else str(estimator)
     settings = DiagnosisSettings(seed=seed, estimator=asked, fast=fast)
+    settings.check_estimator()  # before a history is made
     with History.open(db, create=True) as history:
         known = [one.serial_number for one in history.units()]
         kept = _added(history, entry, recordings, described, settings, quiet=as_json)
