@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from emaphm.actuator.actuator import Actuator
 from emaphm.actuator.quantity import unit_for
-from emaphm.errors import ActuatorError, nearest
+from emaphm.errors import ActuatorError, closest, nearest
 
 MACHINES: dict[str, tuple[str, str]] = {
     "bldc": ("thesis", "three-phase brushless motor, trapezoidal back-EMF, hysteresis current control"),
@@ -91,7 +91,8 @@ def machine_named(name: str) -> str:
     names = {preset: machine for machine, (preset, _) in MACHINES.items()} | {one: one for one in MACHINES}
     if name not in names:
         known = ", ".join(MACHINES)
-        raise ActuatorError(f"unknown machine '{name}'{nearest(name, names)}; give one of {known}")
+        meant = "" if closest(name, names) is None else nearest(name, names)
+        raise ActuatorError(f"unknown machine '{name}'{meant}; give one of {known}")
     return names[name]
 
 

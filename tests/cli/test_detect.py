@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Chirp, Faults
+from emaphm.cli.command_line import app
 from emaphm.recording import write_recording
 from emaphm.simulated_recording import simulate
 
@@ -112,6 +113,9 @@ def test_what_it_cannot_do_is_refused_in_one_line(folder: Path, refused: Refusal
     assert not Path("new.json").exists()
 
 
+AS_MEASURED = "--no-subtract-model"
+
+
 def test_files_of_a_folder_are_one_run(emaphm: Emaphm, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     paths = []
@@ -124,9 +128,15 @@ def test_files_of_a_folder_are_one_run(emaphm: Emaphm, tmp_path: Path) -> None:
             path.write_bytes(csv(noisy))
             paths.append(path)
     out = tmp_path / "detector.json"
-    learned = emaphm("detect", "learn", *paths, "-o", out, "--group", "folder", "--no-model", "--json")
+    learned = emaphm("detect", "learn", *paths, "-o", out, "--group", "folder", AS_MEASURED, "--json")
     assert learned.code == 0, learned.err
     levels = json.loads(learned.out)["manoeuvres"][0]["levels"]
     assert [(one["cycles"], one["runs"]) for one in levels] == [(1, 5), (2, 5)]
     judged = emaphm("detect", "judge", out, *paths[:2], "--together", "--json")
     assert json.loads(judged.out)["results"][0]["cycles"] == 2
+
+
+@pytest.mark.parametrize("option", [AS_MEASURED, "--no-model", "--subtract-model", "--model"])
+def test_the_option_of_the_model_has_its_former_name_too(option: str) -> None:
+    _, bound, _ = app.parse_args(["detect", "learn", "good.csv", "--out", "new.json", option])
+    assert bound.arguments["subtract_model"] is not option.startswith("--no-")

@@ -116,6 +116,14 @@ def test_unknown_machine(answering: Emaphm) -> None:
     assert "did you mean 'pmsm'" in answer.err
 
 
+def test_the_kinds_of_machine_are_listed_one_below_the_other(answering: Emaphm) -> None:
+    first, *listed = answering("nothing-like-it\n").err.splitlines()[: 1 + len(MACHINES)]
+    assert first.startswith("An empty answer")
+    assert (
+        len({line.index(meaning) for line, (_, meaning) in zip(listed, MACHINES.values(), strict=True)}) == 1
+    )
+
+
 def test_an_existing_file_is_kept(answering: Emaphm, tmp_path: Path) -> None:
     (tmp_path / "rig.toml").write_text("mine", encoding="utf-8")
     assert answering("", "--from", "dc").code == 2

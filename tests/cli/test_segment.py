@@ -56,7 +56,9 @@ def test_segment_prints_and_writes_the_stretches(emaphm: Emaphm, flight: Path, t
 
 def test_segment_prints_a_table(emaphm: Emaphm, flight: Path) -> None:
     text = emaphm("segment", flight).out
+    assert "Expected half-width [-] of each fault's 95 % interval" in text
     assert "refused because" in text
+    assert max(map(len, text.splitlines())) <= 100
     assert "1 of 3 stretches identify something to ±0.1" in text
 
 

@@ -239,8 +239,10 @@ def test_files_of_the_schema_need_a_unit(desk: Path, capfd: pytest.CaptureFixtur
     (desk / "in").mkdir()
     (desk / "in" / "a.csv").write_bytes(files.csv(files.columns()))
     assert main(["watch", "in", "--once", "--settle", "0"]) == 0
-    (event,) = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
+    out, err = capfd.readouterr()
+    (event,) = [json.loads(line) for line in out.splitlines()]
     assert "its unit is not known; give --unit" in event["message"]
+    assert "watching in, a new history is made in history.sqlite" in err
     assert (
         main(["watch", "in", "--name", "{unit}_{hours}.csv", "--once", "--settle", "0", "--db", "2.sqlite"])
         == 0

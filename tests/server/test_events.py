@@ -39,6 +39,9 @@ THESIS = Actuator.thesis()
 NUMBERS = range(22, 28)
 """Of recordings: three with a fault, then three healthy ones."""
 
+SEED = 2
+"""Of the server and of the watcher, other than when it is left out."""
+
 WRITTEN = replace(stand_in.QUICK, folder=replace(stand_in.QUICK.folder, poll_s=0.05, settle_s=0.0))
 """Where all files are whole before the watching begins."""
 
@@ -62,7 +65,7 @@ def _diagnose(recording: object, actuator: Actuator, *, seed: int, **_: object) 
 def watched(folder: Path, where: Path) -> tuple[Event, ...]:
     with History.open(where, create=True) as history:
         ownership = Ownership(THESIS.name, pattern=stand_in.PATTERN)
-        task = WatchTask(folder, ownership, cut=None, takes_new_units=True, once=True)
+        task = WatchTask(folder, ownership, cut=None, takes_new_units=True, once=True, seed=SEED)
         watch(task, history, THESIS, settings=WRITTEN)
         return history.events()
 
@@ -70,7 +73,7 @@ def watched(folder: Path, where: Path) -> tuple[Event, ...]:
 def uploaded(folder: Path, where: Path, numbers: Iterable[int] = NUMBERS) -> list[JobOutcome]:
     with History.open(where, create=True):
         pass
-    place = Place(str(where), ServerFolder(folder), {THESIS.name: THESIS}, 2**33, 2**26)
+    place = Place(str(where), ServerFolder(folder), {THESIS.name: THESIS}, 2**33, 2**26, seed=SEED)
     _, orders = Pipe()
     outcomes = []
     for number in numbers:
@@ -91,6 +94,7 @@ def test_uploads_make_the_events_that_watching_makes(arrived: Path, tmp_path: Pa
     assert {one.state for one in outcomes} == {DONE}
     with History.open(where) as history:
         events = history.events()
+        assert {one.document["seed"] for one in history.unit("U01").diagnoses()} == {SEED}
     assert known(events) == known(watched(arrived, tmp_path / "watched.sqlite"))
     assert {one.kind for one in events} == {"health_changed", "alarm"}
     assert {one.watcher for one in events} == {SERVER}
@@ -173,16 +177,17 @@ def test_a_watcher_and_the_server_make_the_same_event_of_a_life(tmp_path: Path) 
             for unit, rate in (("S1", 0.12), ("S2", 0.02), ("S3", 0.1)):
                 stand_in.fly(history, [0.1 + rate * i for i in range(6)], unit=unit)
             if name == "watched":
-                outlook = Outlook(history, WATCH.prognosis, watcher="in")
+                outlook = Outlook(history, WATCH.prognosis, seed=SEED, watcher="in")
                 outlook.ask("S1")
                 assert outlook.step()
             else:
-                place = Place(str(where), ServerFolder(tmp_path), {}, 2**33, 2**26)
+                place = Place(str(where), ServerFolder(tmp_path), {}, 2**33, 2**26, seed=SEED)
                 assert worker._outcome(Forecast("S1"), place, Pipe()[1]).state == DONE
             (event,) = history.events()
             made.append((event.message, event.details, history.prognoses()["S1"].document))
     assert made[0] == made[1]
     assert made[0][1]["fleet_units"] == 2
+    assert made[0][2]["seed"] == SEED
 
 
 @pytest.mark.usefixtures("few_steps", "undrawn_prognosis")

@@ -2,11 +2,14 @@
 
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from emaphm.cli.interruption import going_on
-from emaphm.cli.options import check_workers, known_values, names_in
+from emaphm.cli.options import Common, Execution, known_values
 from emaphm.cli.output import counter, progress, show, show_line
 from emaphm.errors import MethodError, RecordingError
 
@@ -16,39 +19,74 @@ if TYPE_CHECKING:
     from emaphm.fleet.sources import FileReading
 
 
-def settings(*, correction: bool, nuisance: str | None, **others: Any) -> "DiagnosisSettings":
-    """Return what the options of `diagnose` say; the `others` have the same names."""
-    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
-    from emaphm.fleet import DiagnosisSettings
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Several:
+    """How several recordings are diagnosed, and where what finished is kept."""
 
-    return DiagnosisSettings(
-        max_corrections=MAX_CORRECTIONS if correction else 0,
-        nuisances=None if nuisance is None else tuple(names_in(nuisance)),
-        **others,
-    )
+    joint: Annotated[
+        bool,
+        Parameter(negative="", help="One estimate of the faults of one unit, from all its recordings."),
+    ] = False
+    execution: Execution = Execution()  # noqa: RUF009 - frozen
+    out: Annotated[
+        Path | None,
+        Parameter(
+            name=("--out", "-o"),
+            help="Folder that keeps the results of several recordings as they finish; the same command goes "
+            "on where it stopped.",
+        ),
+    ] = None
+
+    @property
+    def is_given(self) -> bool:
+        """Whether any of these options was given: a single recording is then a batch of one."""
+        return self.joint or self.execution.is_given or self.out is not None
 
 
-def diagnose_each(
+def reading(by: str | None, known: tuple[str, ...]) -> "FileReading":
+    """Return how files are read, as the options --by and --known say."""
+    from emaphm.fleet.sources import FileReading
+
+    return FileReading(by, known_values(known))
+
+
+def diagnose_several(
     paths: Sequence[Path],
     actuator: "Actuator",
     chosen: "DiagnosisSettings",
     reading: "FileReading",
-    workers: int | None,
-    scheduler: str | None,
-    out: Path | None,
-    as_json: bool,
+    several: Several,
+    common: Common,
 ) -> None:
-    """Print a table with one row a recording, or one line of JSON each.
+    """Print a table with one row a recording, or one line of JSON each; or one diagnosis of all of them.
 
     Raises
     ------
+    MethodError
+        An option is none of a joint diagnosis.
     RecordingError
         In the end, where some could not be diagnosed; the others are done.
     """
+    if several.joint:
+        _check_joint(chosen, several)
+        _diagnose_joint(paths, actuator, chosen, reading, common)
+    else:
+        _diagnose_each(paths, actuator, chosen, reading, several, common.as_json)
+
+
+def _diagnose_each(
+    paths: Sequence[Path],
+    actuator: "Actuator",
+    chosen: "DiagnosisSettings",
+    reading: "FileReading",
+    several: Several,
+    as_json: bool,
+) -> None:
     from emaphm.fleet import batch_table, diagnose_all, recording_files
 
-    check_workers(workers, scheduler)
     files, rows, broken, done = recording_files(paths), [], [], 0
+    out, execution = several.out, several.execution
     how = f"what finished is kept in {out}; the same command goes on" if out else "nothing is kept"
     # Lines on the same terminal as the progress would tear each other.
     with going_on(how), counter("diagnosing", as_json and sys.stdout.isatty()) as count:
@@ -57,15 +95,15 @@ def diagnose_each(
             actuator,
             chosen,
             reading=reading,
-            workers=workers,
-            scheduler=scheduler,
+            workers=execution.workers,
+            scheduler=execution.scheduler,
             folder=out,
             on_file=count,
         ):
             if not as_json:
                 rows.append(result.row)
             elif not show_line(result.values) and out is None:
-                return  # nobody reads the others, and no folder is to keep them
+                return  # the others could not be read either, and no folder is to keep them
             if result.error:
                 broken.append(result.error)
             else:
@@ -86,14 +124,12 @@ def _failures(broken: Sequence[str], done: int) -> str:
     return f"{which} could not be diagnosed, the others are done; the first: {broken[0]}"
 
 
-def check_joint(
-    chosen: "DiagnosisSettings", workers: int | None, scheduler: str | None, out: Path | None
-) -> None:
+def _check_joint(chosen: "DiagnosisSettings", several: Several) -> None:
     """Refuse options that a joint diagnosis does not have."""
     from emaphm.fleet import DiagnosisSettings
 
-    usual = DiagnosisSettings()
-    given = {"--workers": workers, "--scheduler": scheduler, "--out": out}
+    usual, execution = DiagnosisSettings(), several.execution
+    given = {"--workers": execution.workers, "--scheduler": execution.scheduler, "--out": several.out}
     named = [name for name, value in given.items() if value is not None]
     named += [
         f"--{name}"
@@ -104,26 +140,19 @@ def check_joint(
         raise MethodError(f"{named[0]} is for recordings diagnosed one by one; leave it or --joint out")
 
 
-def reading(by: str | None, known: tuple[str, ...]) -> "FileReading":
-    """Return how files are read, as the options --by and --known say."""
-    from emaphm.fleet.sources import FileReading
-
-    return FileReading(by, known_values(known))
-
-
-def diagnose_joint(
+def _diagnose_joint(
     paths: Sequence[Path],
     actuator: "Actuator",
     chosen: "DiagnosisSettings",
     reading: "FileReading",
-    as_json: bool,
+    common: Common,
 ) -> None:
     """Print one diagnosis of the unit that all recordings are of."""
     from emaphm.diagnosis.joint import diagnose_joint as identify
     from emaphm.fleet.sources import recording_files, recordings_in
 
     recordings = [one for path in recording_files(paths) for one in recordings_in(path, actuator, reading)]
-    with progress("diagnosing", as_json) as advance:
+    with progress("diagnosing", common.as_json) as advance:
         diagnosis = identify(
             recordings,
             actuator,
@@ -132,4 +161,4 @@ def diagnose_joint(
             seed=chosen.seed,
             on_progress=advance,
         )
-    show(diagnosis.to_dict(), str(diagnosis), as_json)
+    common.show(diagnosis.to_dict(), str(diagnosis))

@@ -9,17 +9,13 @@ from emaphm.cli.options import (
     FIGURES,
     RECORDING_KINDS,
     ActuatorFile,
-    AsJson,
+    Common,
     FigureFile,
-    Force,
-    Seed,
-    check_output,
-    check_seed,
     described_actuator,
     names_in,
     recording_of,
 )
-from emaphm.cli.output import draw, progress, show
+from emaphm.cli.output import draw, progress
 from emaphm.errors import MethodError, RecordingError
 
 if TYPE_CHECKING:
@@ -70,17 +66,13 @@ def calibrate(
         ),
     ] = None,
     figure: FigureFile = None,
-    seed: Seed = 0,
-    force: Force = False,
-    as_json: AsJson = False,
+    common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
     """Estimate physical parameters of a healthy unit from its recordings; write them with their covariance.
 
     All are fitted at once. The calibrated description's [baseline] is the prior of later diagnoses.
     """
-    check_seed(seed)
-    check_output(out, (".toml",), force=force)
-    check_output(figure, FIGURES, force=force)
+    common.check((out, (".toml",)), (figure, FIGURES))
     if free is None and laws is None:
         raise MethodError(
             "nothing to calibrate: --free and --laws are left out; name parameters by --free, e.g. "
@@ -93,7 +85,7 @@ def calibrate(
     from emaphm.calibration import calibrate as estimate
     from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 
-    with progress("calibrating", as_json) as advance:
+    with progress("calibrating", common.as_json) as advance:
         result = estimate(
             recorded,
             described,
@@ -102,7 +94,7 @@ def calibrate(
             loop=loop,
             nuisances=None if nuisance is None else names_in(nuisance),
             max_corrections=MAX_CORRECTIONS if correction else 0,
-            seed=seed,
+            seed=common.seed,
             on_progress=advance,
         )
     files = ", ".join(path.name for path in recording)
@@ -110,7 +102,7 @@ def calibrate(
     comments = f"Calibrated on {files}: {found}; the rest as in '{described.name}'.\n{result}"
     result.actuator.to_toml(out, comments=comments)
     text = f"{result}\n\nCalibrated description written to {out}"
-    show(result.to_dict(), text, as_json)
+    common.show(result.to_dict(), text)
     draw(result, figure)
 
 

@@ -1,6 +1,5 @@
 """The command line as a whole: its verbs, and how it ends."""
 
-import errno
 import io
 import os
 import sys
@@ -11,10 +10,11 @@ from cyclopts import App, CycloptsError, Parameter
 from emaphm.cli import detect, study, verbs
 from emaphm.cli.calibrate import calibrate
 from emaphm.cli.design import design
+from emaphm.cli.diagnose import diagnose
 from emaphm.cli.doctor import doctor
 from emaphm.cli.init import init
 from emaphm.cli.interruption import exit_code, is_interrupted
-from emaphm.cli.output import discard_stdout, say, show
+from emaphm.cli.output import UNWRITABLE, discard_stdout, lose_stdout, reason_lost, say, show
 from emaphm.cli.segment import segment
 from emaphm.cli.split import split
 from emaphm.cli.train import train
@@ -25,15 +25,6 @@ from emaphm.cli.units.serve import serve
 from emaphm.cli.units.watch import watch
 from emaphm.cli.wrong_use import wrong_use
 from emaphm.errors import EmaphmError
-
-UNWRITABLE = {
-    errno.ENOSPC: "no space is left for it",
-    errno.EDQUOT: "the disk quota is used up",
-    errno.EFBIG: "it would be larger than files may be",
-    errno.EBADF: "it is not open for writing",
-    errno.EIO: "the device fails",
-}
-"""What may happen to stdout, and is no defect of ours."""
 
 LONGEST_LINE = 1200
 """Longest complaint; a longer one quotes an argument or a name that nobody would read."""
@@ -65,7 +56,7 @@ VERBS = (
     verbs.demo,
     init,
     verbs.simulate,
-    verbs.diagnose,
+    diagnose,
     calibrate,
     verbs.replay,
     design,
@@ -108,6 +99,7 @@ def _interrupted(*said: object) -> int:
 def _run(arguments: list[str]) -> int:
     if not _prepare_streams():
         return _complain("stdout is closed, nothing could be answered; redirect it, to /dev/null at least")
+    reason_lost()
     try:
         for argument in arguments:
             if "\0" in argument:
@@ -122,28 +114,21 @@ def _run(arguments: list[str]) -> int:
         return _complain(wrong_use(error))
     except SystemExit:  # what prints --help makes one of a reader that has left
         discard_stdout()
-    except OSError as error:
+    except OSError as error:  # of what prints --help
         if error.errno not in UNWRITABLE or error.filename is not None:
             raise
-        discard_stdout()
-        return _unwritable(error)
-    failure = _flush()
-    return 0 if failure is None else _unwritable(failure)
+        lose_stdout(error)
+    _flush()
+    reason = reason_lost()
+    return 0 if reason is None else _complain(f"stdout cannot be written: {reason}; write elsewhere")
 
 
-def _flush() -> OSError | None:
-    """Print what is still buffered, and drop it where that fails; return why, None if nobody reads it."""
+def _flush() -> None:
+    """Print what is still buffered, and drop it where that fails."""
     try:
         sys.stdout.flush()
     except OSError as error:
-        discard_stdout()
-        return None if isinstance(error, BrokenPipeError) else error
-    return None
-
-
-def _unwritable(error: OSError) -> int:
-    reason = UNWRITABLE.get(error.errno or 0, error.strerror)
-    return _complain(f"stdout cannot be written: {reason}; write elsewhere")
+        lose_stdout(error)
 
 
 def _prepare_streams() -> bool:

@@ -41,8 +41,13 @@ def learn(
             "folders, if there are several and one has several files; else files."
         ),
     ] = None,
-    model: Annotated[
-        bool, Parameter(help="Take off what the actuator's model explains; else channels as measured.")
+    subtract_model: Annotated[
+        bool,
+        Parameter(
+            name=("--subtract-model", "--model"),
+            negative=("--no-subtract-model", "--no-model"),
+            help="Take off what the actuator's model explains; else channels as measured.",
+        ),
     ] = True,
     false_alarm_rate: Annotated[
         float, Parameter(help="Share of healthy cycles that may be called not like healthy.")
@@ -77,7 +82,7 @@ def learn(
                 groups=[
                     str(path.resolve().parent if by == "folder" else path.resolve()) for path in recording
                 ],
-                actuator=described if model else None,
+                actuator=described if subtract_model else None,
                 settings=replace(DETECTOR, false_alarm_rate=false_alarm_rate),
             ).with_seeded(examples)
     except RecordingError as error:

@@ -33,8 +33,9 @@ def init(
         described = template(machine)
     else:
         say_plainly("An empty answer keeps the value in brackets; it can be changed in the file at any time.")
+        width = max(map(len, MACHINES))
         for name, (_, meaning) in MACHINES.items():
-            say_plainly(f"  {name:5s} {meaning}")
+            say_plainly(f"  {name:{width}}  {meaning}")
         machine = _machine()
         described, answers = interview(template(machine), _ask, say_plainly)
     heading = HEADING.format(name=described.name, machine=machine, meaning=MACHINES[machine][1])

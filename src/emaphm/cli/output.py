@@ -1,5 +1,6 @@
 """How verbs answer: text or JSON on stdout, progress on stderr, figures in files."""
 
+import errno
 import json
 import os
 import sys
@@ -14,11 +15,23 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
 
+UNWRITABLE = {
+    errno.ENOSPC: "no space is left for it",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "it would be larger than files may be",
+    errno.EBADF: "it is not open for writing",
+    errno.EIO: "the device fails",
+}
+"""What may happen to stdout, and is no defect of ours."""
+
+_lost: list[OSError] = []
+
+
 def show(values: dict[str, Any], text: str, as_json: bool) -> None:
     """Print the answer, as JSON or as text.
 
-    Where the reader of a pipe has left (`emaphm … | head`), nothing is printed and the verb goes on:
-    the files that were asked for are still to be written, and what failed is still to be said.
+    Where the reader of a pipe has left (`emaphm … | head`) or stdout is full, nothing is printed and the verb
+    goes on: the files that were asked for are still to be written, and what failed is still to be said.
     """
     _print(_json(values) if as_json else text)
 
@@ -28,23 +41,40 @@ def show_line(values: "Mapping[str, Any]") -> bool:
 
     Returns
     -------
-    Whether somebody reads the pipe.
+    Whether it could be printed: somebody reads the pipe, and the disk is not full.
     """
     return _print(_json(values), flush=True)
 
 
-def show_at_once(text: str) -> None:
-    """Print a line that somebody waits for while the verb goes on."""
-    _print(text, flush=True)
+def show_at_once(text: str) -> bool:
+    """Print a line that somebody waits for while the verb goes on; return whether that could be."""
+    return _print(text, flush=True)
 
 
 def _print(text: str, *, flush: bool = False) -> bool:
     try:
         print(text, flush=flush)
-    except BrokenPipeError:
-        discard_stdout()
+    except OSError as error:
+        lose_stdout(error)
         return False
     return True
+
+
+def lose_stdout(error: OSError) -> None:
+    """Remember why stdout cannot be written, for `reason_lost`, and drop what is printed from now on.
+
+    A reader of a pipe that has left is no failure.
+    """
+    if not isinstance(error, BrokenPipeError):
+        _lost.append(error)
+    discard_stdout()
+
+
+def reason_lost() -> str | None:
+    """Return why stdout could not be written since this was asked last, None where it could."""
+    first = next(iter(_lost), None)
+    _lost.clear()
+    return None if first is None else UNWRITABLE.get(first.errno or 0, first.strerror)
 
 
 def discard_stdout() -> None:

@@ -7,15 +7,12 @@ from cyclopts import Parameter
 
 from emaphm.cli.options import (
     ActuatorFile,
-    AsJson,
-    Force,
+    Common,
     RecordingFile,
-    Seed,
-    check_seed,
     described_actuator,
     recording_of,
 )
-from emaphm.cli.output import progress, show
+from emaphm.cli.output import progress
 
 
 def segment(
@@ -31,23 +28,23 @@ def segment(
         Path | None,
         Parameter(name=("--out", "-o"), help="Folder for the stretches that identify something, as .csv."),
     ] = None,
-    seed: Seed = 0,
-    force: Force = False,
-    as_json: AsJson = False,
+    common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
     """Cut a long recording into stretches that will identify faults, and say why the others will not."""
     from emaphm.experiment.segmentation import check_folder, segments
 
-    check_seed(seed)
+    common.check()
     described = described_actuator(actuator)
     whole = recording_of(recording, described)
     if out is not None:
-        check_folder(out, force=force)
-    with progress("segmenting", as_json) as advance:
-        result = segments(whole, described, wanted=wanted, longest_s=longest, seed=seed, on_progress=advance)
+        check_folder(out, force=common.force)
+    with progress("segmenting", common.as_json) as advance:
+        result = segments(
+            whole, described, wanted=wanted, longest_s=longest, seed=common.seed, on_progress=advance
+        )
     text, values = str(result), result.to_dict()
     if out is not None:
-        written = [str(path) for path in result.write(out, force=force)]
+        written = [str(path) for path in result.write(out, force=common.force)]
         text += f"\n{len(written)} recordings written to {out}."
         values["written"] = written
-    show(values, text, as_json)
+    common.show(values, text)

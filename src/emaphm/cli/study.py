@@ -6,7 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from emaphm.cli.interruption import going_on
-from emaphm.cli.options import AsJson, Force, Scheduler, Workers, check_workers
+from emaphm.cli.options import (
+    AsJson,
+    Execution,
+    Force,
+)
 from emaphm.cli.output import counter, show
 from emaphm.errors import OutputError
 
@@ -33,8 +37,7 @@ def run(
     out: Annotated[
         Path, Parameter(name=("--out", "-o"), help="Folder for the results, new or of this plan.")
     ],
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    execution: Execution = Execution(),  # noqa: B008 - frozen
     share: Annotated[
         float, Parameter(help="Share of the runs to do now, the first of each kind: e.g. 0.1 for a trial.")
     ] = 1.0,
@@ -44,14 +47,20 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Do what is missing of a plan; start it again, and it goes on where it stopped."""
-    check_workers(workers, scheduler)
+    execution.check()
     from emaphm.study import Plan, run_study
 
     loaded = Plan.load(plan)
     how = f"what finished is kept in {out}; the same command goes on"
     with going_on(how), counter(f"study {loaded.name}", as_json) as count:
         store = run_study(
-            loaded, out, share=share, workers=workers, scheduler=scheduler, mix=mix, on_run=count
+            loaded,
+            out,
+            share=share,
+            workers=execution.workers,
+            scheduler=execution.scheduler,
+            mix=mix,
+            on_run=count,
         )
     methods = _methods(store)
     values = {

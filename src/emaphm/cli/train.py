@@ -1,6 +1,7 @@
 """The verb `train`: it makes a setup, calls the library, and prints how good the estimator is."""
 
 import os
+from dataclasses import dataclass, replace
 from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,31 +9,102 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from emaphm.cli.interruption import going_on
-from emaphm.cli.manoeuvre import Manoeuvre
 from emaphm.cli.options import (
     ActuatorFile,
-    AsJson,
-    Force,
-    Scheduler,
-    Seed,
-    Workers,
-    check_output,
-    check_seed,
-    check_workers,
+    Common,
+    Execution,
+    Manoeuvre,
     described_actuator,
     names_in,
     whole_number,
 )
-from emaphm.cli.output import counter, say, say_plainly, show
-from emaphm.errors import OutputError
+from emaphm.cli.output import counter, say, say_plainly
+from emaphm.errors import MethodError, OutputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from emaphm.actuator import Actuator, Command
     from emaphm.amortized import Estimator
     from emaphm.amortized.networks.training import TrainingSettings
+    from emaphm.amortized.recording_setup import RecordingSetup
 
 ENDING = ".estimator"
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Recorded:
+    """What is recorded in service, how exactly, and what is unknown of it."""
+
+    channels: Annotated[
+        str,
+        Parameter(
+            help="What is recorded, with commas between: columns such as current_A, or for short current, "
+            "voltage, position, speed."
+        ),
+    ] = "current_A,voltage_V"
+    noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.05
+    adc_bits: Annotated[str, Parameter(help="Resolution of the sensors' converters; 'exact' for none.")] = (
+        "12"
+    )
+    nuisance: Annotated[
+        str | None,
+        Parameter(
+            help="What is unknown and no fault, with commas between, as for diagnose; or 'none'. As the TOML "
+            "says if left out."
+        ),
+    ] = None
+
+    def setup(self, actuator: "Actuator", driven: "Command", manoeuvre: Manoeuvre) -> "RecordingSetup":
+        """Return what the estimator is for: these recordings of an actuator that is driven so."""
+        from emaphm.amortized.recording_setup import RecordingSetup
+
+        return RecordingSetup.of(
+            actuator,
+            driven,
+            duration=manoeuvre.duration,
+            sample_rate=manoeuvre.sample_rate,
+            initial_position=manoeuvre.about,
+            channels=names_in(self.channels),
+            noise=self.noise,
+            adc_bits=_bits(self.adc_bits),
+            nuisances=None if self.nuisance is None else names_in(self.nuisance),
+        )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Learning:
+    """How much is learnt from, and where that is kept."""
+
+    simulations: Annotated[
+        int, Parameter(converter=whole_number, help="How many to learn from: more, and it errs less.")
+    ] = 196_608
+    epochs: Annotated[
+        int | None,
+        Parameter(
+            converter=whole_number,
+            help="Most passes of the first network over them; it stops when it learns no more.",
+        ),
+    ] = None
+    folder: Annotated[
+        Path | None,
+        Parameter(
+            help="Where simulations are kept, to go on after an interruption or with more of them; "
+            "OUT.training if left out, which is removed in the end."
+        ),
+    ] = None
+
+    def settings(self) -> "TrainingSettings":
+        """Return the settings of the training; `MethodError` where there can be none."""
+        from emaphm.amortized.networks.training import TRAINING
+
+        if self.epochs is None:
+            return TRAINING
+        if self.epochs < 1:
+            raise MethodError(f"--epochs {self.epochs}: give 1 or more")
+        return replace(TRAINING, epochs=self.epochs, most_steps=None)
 
 
 def train(
@@ -40,108 +112,47 @@ def train(
     out: Annotated[Path, Parameter(name=("--out", "-o"), help=f"Estimator to write: {ENDING}.")],
     actuator: ActuatorFile = "thesis",
     manoeuvre: Manoeuvre = Manoeuvre(),  # noqa: B008 - frozen
-    channels: Annotated[
-        str,
-        Parameter(
-            help="What is recorded, with commas between: columns such as current_A, or for short current, "
-            "voltage, position, speed."
-        ),
-    ] = "current_A,voltage_V",
-    noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.05,
-    adc_bits: Annotated[
-        str, Parameter(help="Resolution of the sensors' converters; 'exact' for none.")
-    ] = "12",
-    nuisance: Annotated[
-        str | None,
-        Parameter(
-            help="What is unknown and no fault, with commas between, as for diagnose; or 'none'. As the TOML "
-            "says if left out."
-        ),
-    ] = None,
-    simulations: Annotated[
-        int, Parameter(converter=whole_number, help="How many to learn from: more, and it errs less.")
-    ] = 196_608,
-    epochs: Annotated[
-        int | None,
-        Parameter(
-            converter=whole_number,
-            help="Most passes of the first network over them; it stops when it learns no more.",
-        ),
-    ] = None,
-    folder: Annotated[
-        Path | None,
-        Parameter(
-            help="Where simulations are kept, to go on after an interruption or with more of them; "
-            "OUT.training if left out, which is removed in the end."
-        ),
-    ] = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    seed: Seed = 0,
-    force: Force = False,
-    as_json: AsJson = False,
+    recorded: Recorded = Recorded(),
+    learning: Learning = Learning(),
+    execution: Execution = Execution(),  # noqa: B008 - frozen
+    common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
     """Train an estimator for one actuator and manoeuvre, which `diagnose --estimator` asks.
 
     Simulates the reference model with random faults, then trains a network to name them from the channels.
     """
-    check_seed(seed)
-    check_output(out, (ENDING,), force=force)
-    check_workers(workers, scheduler)
+    common.check((out, (ENDING,)))
+    execution.check()
     described = described_actuator(actuator)
-    from emaphm.amortized.recording_setup import RecordingSetup
     from emaphm.amortized.simulating import remove_training_folder
     from emaphm.amortized.train import train_estimator
 
-    settings = _training_settings(epochs)
+    settings = learning.settings()
     driven = manoeuvre.command_for(described)
-    if not as_json and (jump := manoeuvre.jump_of(driven)):
+    if not common.as_json and (jump := manoeuvre.jump_of(driven)):
         say(jump)
-    setup = RecordingSetup.of(
-        described,
-        driven,
-        duration=manoeuvre.duration,
-        sample_rate=manoeuvre.sample_rate,
-        initial_position=manoeuvre.about,
-        channels=names_in(channels),
-        noise=noise,
-        adc_bits=_bits(adc_bits),
-        nuisances=None if nuisance is None else names_in(nuisance),
-    )
-    place = folder or out.with_name(f"{out.name}.training")
+    setup = recorded.setup(described, driven, manoeuvre)
+    place = learning.folder or out.with_name(f"{out.name}.training")
     kept = f"simulations are kept in {place}; the same command goes on"
-    with going_on(kept), counter("simulating", as_json) as on_shard:
+    with going_on(kept), counter("simulating", common.as_json) as on_shard:
         estimator = train_estimator(
             setup,
             driven,
             place,
-            simulations=simulations,
-            seed=seed,
-            workers=workers,
-            scheduler=scheduler,
+            simulations=learning.simulations,
+            seed=common.seed,
+            workers=execution.workers,
+            scheduler=execution.scheduler,
             settings=settings,
             on_shard=on_shard,
-            on_stage=_printed(quiet=as_json),
-            on_epoch=_printed(quiet=as_json),
+            on_stage=_printed(quiet=common.as_json),
+            on_epoch=_printed(quiet=common.as_json),
         )
-    written = _saved(estimator, out, place, force=force)
-    if folder is None:
+    written = _saved(estimator, out, place, force=common.force)
+    if learning.folder is None:
         remove_training_folder(place)
     size = written.stat().st_size
-    show(_values(estimator, written, size), _text(estimator, written, size), as_json)
-
-
-def _training_settings(epochs: int | None) -> "TrainingSettings":
-    from dataclasses import replace
-
-    from emaphm.amortized.networks.training import TRAINING
-    from emaphm.errors import MethodError
-
-    if epochs is None:
-        return TRAINING
-    if epochs < 1:
-        raise MethodError(f"--epochs {epochs}: give 1 or more")
-    return replace(TRAINING, epochs=epochs, most_steps=None)
+    common.show(_values(estimator, written, size), _text(estimator, written, size))
 
 
 def _saved(estimator: "Estimator", out: Path, folder: Path, *, force: bool) -> Path:
@@ -175,8 +186,6 @@ def _not_taken(out: Path) -> Path:
 
 
 def _bits(text: str) -> int | None:
-    from emaphm.errors import MethodError
-
     if text == "exact":
         return None
     try:

@@ -53,6 +53,7 @@ def serve(
     templates: Path | None = None,
     prognosis: PrognosisSettings = WATCH.prognosis,
     settings: ServerSettings = SETTINGS,
+    seed: int = 0,
     on_ready: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Serve the history at `db` until the process is interrupted, or asked to end by SIGTERM.
@@ -75,6 +76,8 @@ def serve(
         A folder of Jinja2 templates that take the place of the program's own of the same name.
     prognosis
         From when on a remaining useful life makes an event.
+    seed
+        Source of all randomness of diagnoses and prognoses.
     on_ready
         Called with the address of the first page when the server answers.
 
@@ -105,7 +108,18 @@ def serve(
     with _ended_by_sigterm(), ExitStack() as stack:
         listening = stack.enter_context(_listening(host, port))
         state = stack.enter_context(
-            running(db, known, work, described(actuators), settings, detector, receiver, prognosis, templates)
+            running(
+                db,
+                known,
+                work,
+                described(actuators),
+                settings,
+                detector,
+                receiver,
+                prognosis,
+                templates,
+                seed,
+            )
         )
         app = create_app(state, only_loopback=only_loopback)
         warm_up(app)
@@ -137,6 +151,7 @@ def running(
     receiver: Receiver | None = None,
     prognosis: PrognosisSettings = WATCH.prognosis,
     templates: Path | None = None,
+    seed: int = 0,
 ) -> Iterator[ServerState]:
     """Yield what the pages need, its processes running while the body does; errors as in `serve`."""
     with History.open(db) as history:
@@ -157,6 +172,7 @@ def running(
                 settings.upload_bytes,
                 detector,
                 prognosis,
+                seed,
             )
             pool = Pool(queue, place, settings, fleet.outdated, fleet.forecast, on_news)
             pool.start()

@@ -126,7 +126,7 @@ class Store:
         try:
             values = json.loads((folder / PLAN).read_text(encoding="utf-8"))
             plan = Plan.model_validate(values)
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             raise StudyError(
                 f"{folder} holds no study; give a folder that 'emaphm study run' wrote"
             ) from None

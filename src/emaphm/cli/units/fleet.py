@@ -2,13 +2,20 @@
 
 import shlex
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
 from emaphm.cli.interruption import going_on
-from emaphm.cli.options import AsJson, Scheduler, Seed, Workers, check_seed, check_workers, whole_number
+from emaphm.cli.options import (
+    AsJson,
+    Execution,
+    Seed,
+    check_seed,
+    whole_number,
+)
 from emaphm.cli.output import counter, show
 from emaphm.cli.units.cautions import cautions
 
@@ -16,9 +23,31 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from emaphm.execution import OnTask
-    from emaphm.fleet.synthetic import FleetFolder, SyntheticUnit
+    from emaphm.fleet.synthetic import FleetFolder, FleetPlan, SyntheticUnit
 
 app = App(name="fleet", help="Many units at once: a synthetic fleet with its ground truth.")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Fleet:
+    """Which fleet is made."""
+
+    units: Annotated[int, Parameter(converter=whole_number, help="Number of units.")] = 10
+    flights: Annotated[
+        int, Parameter(converter=whole_number, help="Most recorded check flights of a unit.")
+    ] = 20
+    interval: Annotated[float, Parameter(help="Flight hours between two check flights [h].")] = 80.0
+    population: Annotated[str, Parameter(help="What units are drawn from: 'fleet', or 'development'.")] = (
+        "fleet"
+    )
+    seed: Seed = 0
+
+    def plan(self) -> "FleetPlan":
+        """Return the plan of the fleet; errors where there can be none."""
+        from emaphm.fleet.synthetic import FleetPlan
+
+        return FleetPlan(self.units, self.flights, self.interval, self.seed, self.population)
 
 
 @app.command
@@ -27,15 +56,7 @@ def simulate(
     out: Annotated[
         Path, Parameter(name=("--out", "-o"), help="Folder of the fleet, new or of the same fleet.")
     ],
-    units: Annotated[int, Parameter(converter=whole_number, help="Number of units.")] = 10,
-    flights: Annotated[
-        int, Parameter(converter=whole_number, help="Most recorded check flights of a unit.")
-    ] = 20,
-    interval: Annotated[float, Parameter(help="Flight hours between two check flights [h].")] = 80.0,
-    population: Annotated[
-        str, Parameter(help="What units are drawn from: 'fleet', or 'development'.")
-    ] = "fleet",
-    seed: Seed = 0,
+    fleet: Fleet = Fleet(),
     simulate_only: Annotated[
         bool, Parameter(negative="", help="Make recordings and truth; do not diagnose them.")
     ] = False,
@@ -44,23 +65,22 @@ def simulate(
         str | None,
         Parameter(help="SQLite file, or postgresql://USER@HOST:PORT/DATABASE; a file in --out if left out."),
     ] = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    execution: Execution = Execution(),  # noqa: B008 - frozen
     as_json: AsJson = False,
 ) -> None:
     """Make a synthetic fleet, diagnose its recordings, and predict the life of each unit that still works.
 
     Start it again, and it goes on where it stopped.
     """
-    check_seed(seed)
-    check_workers(workers, scheduler)
-    from emaphm.fleet.synthetic import Chain, FleetFolder, FleetPlan, run_chain
+    check_seed(fleet.seed)
+    execution.check()
+    from emaphm.fleet.synthetic import Chain, FleetFolder, run_chain
     from emaphm.prognosis import Question
 
     horizon = Question(horizon).horizon
-    plan, folder = FleetPlan(units, flights, interval, seed, population), FleetFolder(out)
+    plan, folder = fleet.plan(), FleetFolder(out)
     with going_on(f"what finished is kept in {out}; the same command goes on"), _steps(as_json) as on_step:
-        chain = Chain(plan, folder, workers, scheduler, db, horizon, on_step)
+        chain = Chain(plan, folder, execution.workers, execution.scheduler, db, horizon, on_step)
         made = run_chain(chain, simulate_only=simulate_only)
     held = db or str(folder.history)
     _show(folder, made, plan.interval, held, simulate_only=simulate_only, as_json=as_json)

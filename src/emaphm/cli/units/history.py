@@ -6,138 +6,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from emaphm.cli.options import (
-    ActuatorFile,
     AsJson,
-    Fast,
     Force,
-    RecordingFile,
-    Seed,
-    check_fast,
-    check_seed,
-    described_actuator,
-    recording_of,
-    whole_number,
 )
-from emaphm.cli.output import progress, show
+from emaphm.cli.output import show
+from emaphm.cli.units.history_add import add
+from emaphm.cli.units.history_options import DB, Database, Hours, Note, Part, Unit
 from emaphm.cli.units.unit_text import named, number, unit_text
 
 if TYPE_CHECKING:
-    from emaphm.history.kept_diagnosis import KeptDiagnosis
     from emaphm.history.views import UnitState
 
 app = App(name="history", help="Keep diagnoses of units over their flights, removals and shop findings.")
 
-Database = Annotated[
-    str,
-    Parameter(
-        name="--db",
-        env_var="EMAPHM_DB",
-        help="SQLite file, or postgresql://USER@HOST:PORT/DATABASE; a file 'history.sqlite' if left out.",
-    ),
-]
-Unit = Annotated[str, Parameter(help="Serial number of the unit.")]
-Hours = Annotated[float, Parameter(help="Flight hours of the unit since it was new [h].")]
-Part = Annotated[str | None, Parameter(help="Only units of this part number.")]
-Note = Annotated[str, Parameter(help="A sentence for the record.")]
-
-DB = "history.sqlite"
-
-
-@app.command
-def add(
-    recording: RecordingFile,
-    *further: Annotated[Path, Parameter(help="More recordings of the same flight.")],
-    unit: Unit,
-    hours: Hours,
-    cycles: Annotated[
-        int | None, Parameter(converter=whole_number, help="Cycles of the unit since it was new.")
-    ] = None,
-    position: Annotated[
-        str | None, Parameter(help="Place on the aircraft; as at the last flight if left out.")
-    ] = None,
-    part: Annotated[
-        str | None, Parameter(help="Part number of the unit; the actuator's name if left out.")
-    ] = None,
-    load: Annotated[
-        float | None,
-        Parameter(help="Mean size of the load since the flight before [N·m, N of a linear actuator]."),
-    ] = None,
-    temperature: Annotated[
-        float | None, Parameter(help="Mean temperature of the unit since the flight before [K].")
-    ] = None,
-    actuator: ActuatorFile = "thesis",
-    db: Database = DB,
-    estimator: Annotated[
-        Path | None, Parameter(help="Begin where an estimator of 'emaphm train' says.")
-    ] = None,
-    fast: Fast = False,
-    late: Annotated[
-        bool, Parameter(negative="", help="These hours may be below the unit's latest: an old recording.")
-    ] = False,
-    seed: Seed = 0,
-    as_json: AsJson = False,
-) -> None:
-    """Diagnose recordings of one flight and add them; what is in the history already is left as it is."""
-    check_seed(seed)
-    check_fast(fast, estimator)
-    described = described_actuator(actuator)
-    from emaphm.fleet import DiagnosisSettings
-    from emaphm.history import Entry, History
-
-    entry = Entry(unit, part or described.name, hours, cycles, position, late, load, temperature)
-    recordings = [recording_of(path, described) for path in (recording, *further)]
-    with History.open(db, create=True) as history:
-        known = [one.serial_number for one in history.units()]
-        is_new = unit not in known
-        asked = None if estimator is None else str(estimator)
-        settings = DiagnosisSettings(seed=seed, estimator=asked, fast=fast)
-        methods = settings.method_names
-        # What cannot be added is refused before anything is diagnosed.
-        for one in recordings:
-            history.missing(entry, one, described, seed, methods)
-        added = []
-        for recorded in recordings:
-            # Asked anew: the same recording may have been given twice.
-            is_added = history.missing(entry, recorded, described, seed, methods)
-            if is_added:
-                with progress(f"diagnosing {recorded.source}", as_json) as advance:
-                    diagnosis = settings.diagnosed(recorded, described, workers=None, on_progress=advance)
-                is_added = history.add(entry, recorded, diagnosis, described).added
-            kept = history.kept(recorded, described, seed, methods)
-            assert kept is not None  # noqa: S101 - it was there, or was added
-            added.append(_recording(recorded.source, kept, added=is_added))
-            cycles = kept.flight.cycles
-        notes = history.unit(unit).description_notes()
-    similar = [one for one in known if is_new and _letters(one) == _letters(unit)]
-    values = {
-        "unit": unit,
-        "part_number": entry.part_number,
-        "new_unit": is_new,
-        "similar_units": similar,
-        "hours": hours,
-        "cycles": cycles,
-        "db": history.database.address.shown,
-        "recordings": added,
-        "notes": list(notes),
-    }
-    lines = [*(f"{one['recording']}: {_outcome(one)}" for one in added), *(f"note: {one}" for one in notes)]
-    where = f"{'new unit' if is_new else 'unit'} {unit} ({entry.part_number}) at {hours:.9g} h"
-    show(values, "\n".join([*lines, f"{where}, in {values['db']}", *map(_similar, similar)]), as_json)
-
-
-def _recording(source: str, kept: "KeptDiagnosis", *, added: bool) -> dict[str, Any]:
-    """Return what the history holds of a recording that was to be added."""
-    from emaphm.actuator.faults import degraded_in, health_in
-
-    return {
-        "recording": source,
-        "recording_hash": kept.recording_hash,
-        "added": added,
-        "explained": kept.explained,
-        "k": kept.vector.tolist(),
-        "health": health_in(kept.document),
-        "degraded": list(degraded_in(kept.document)),
-    }
+app.command(add)
 
 
 @app.command(name="list")
@@ -331,27 +213,6 @@ def _overview(one: "UnitState") -> dict[str, Any]:
 def _last(line: dict[str, Any]) -> str:
     last = line["last"]
     return ", ".join(last["degraded"]) or ("none" if last["health"] == "healthy" else last["health"])
-
-
-def _outcome(one: dict[str, Any]) -> str:
-    if not one["added"]:
-        return "is in the history already"
-    if not one["explained"]:
-        return "added, but no model explains it"
-    degraded = f"degraded in {', '.join(one['degraded'])}"
-    return f"diagnosed and added: {degraded if one['degraded'] else one['health']}"
-
-
-def _letters(serial_number: str) -> str:
-    """Return what two spellings of one serial number share: its letters and digits, without their case."""
-    return "".join(one for one in serial_number.casefold() if one.isalnum())
-
-
-def _similar(serial_number: str) -> str:
-    return (
-        f"Note: the history has a unit {serial_number} too; if it is the same, withdraw this recording by "
-        "'emaphm history withdraw' and add it there."
-    )
 
 
 def _added(added: bool) -> str:

@@ -1,6 +1,7 @@
 """`emaphm prognose`: the remaining useful life of a unit, from its history."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -8,19 +9,13 @@ from cyclopts import Parameter
 
 from emaphm.cli.options import (
     FIGURES,
-    AsJson,
-    Force,
-    Scheduler,
-    Seed,
-    Workers,
-    check_output,
-    check_seed,
-    check_workers,
+    Common,
+    Execution,
     described_actuator,
 )
 from emaphm.cli.output import counter, draw, show
 from emaphm.cli.units.cautions import cautions
-from emaphm.cli.units.history import DB, Database
+from emaphm.cli.units.history_options import DB, Database
 from emaphm.errors import PrognosisError
 
 if TYPE_CHECKING:
@@ -31,96 +26,112 @@ if TYPE_CHECKING:
     from emaphm.prognosis.batch import UnitOutcome
 
 
-def prognose(
-    *,
-    unit: Annotated[str | None, Parameter(help="Serial number of the unit; or --all.")] = None,
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Which:
+    """Which units are asked about."""
+
+    unit: Annotated[str | None, Parameter(help="Serial number of the unit; or --all.")] = None
     every: Annotated[
         bool, Parameter(name="--all", negative="", help="All units, side by side, in place of --unit.")
-    ] = False,
-    part: Annotated[str | None, Parameter(help="With --all: only units of this part number.")] = None,
-    db: Database = DB,
-    horizon: Annotated[float, Parameter(help="How far is planned: flight hours from now on [h].")] = 1000.0,
+    ] = False
+    part: Annotated[str | None, Parameter(help="With --all: only units of this part number.")] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Asked:
+    """What is asked: how far, how safely or at what costs, and under what stress to come."""
+
+    horizon: Annotated[float, Parameter(help="How far is planned: flight hours from now on [h].")] = 1000.0
     risk: Annotated[
         float, Parameter(help="Largest accepted probability of failure, for the advice without costs.")
-    ] = 0.05,
+    ] = 0.05
     failure_cost: Annotated[
         float | None, Parameter(help="Cost of a failure with its consequences; with --replacement-cost.")
-    ] = None,
+    ] = None
     replacement_cost: Annotated[
         float | None, Parameter(help="Cost of a planned replacement, in the same currency.")
-    ] = None,
+    ] = None
     load: Annotated[
         float | None,
         Parameter(
             help="Mean size of the load to come [N·m, N]; as in the past if left out, so the next two."
         ),
-    ] = None,
-    temperature: Annotated[float | None, Parameter(help="Mean temperature to come [K].")] = None,
-    cycles_per_hour: Annotated[float | None, Parameter(help="Cycles an hour to come [1/h].")] = None,
+    ] = None
+    temperature: Annotated[float | None, Parameter(help="Mean temperature to come [K].")] = None
+    cycles_per_hour: Annotated[float | None, Parameter(help="Cycles an hour to come [1/h].")] = None
+
+    def question(self) -> "Question":
+        """Return the question; `PrognosisError` where there can be none."""
+        from emaphm.prognosis import Question, Stress
+
+        given = (self.load, self.temperature, self.cycles_per_hour)
+        ahead = None if all(x is None for x in given) else Stress(*given)
+        return Question(self.horizon, self.risk, self._costs(), ahead)
+
+    def _costs(self) -> "Costs | None":
+        if self.failure_cost is None and self.replacement_cost is None:
+            return None
+        if self.failure_cost is None or self.replacement_cost is None:
+            raise PrognosisError(
+                "advice by costs needs both: give --failure-cost and --replacement-cost, or neither"
+            )
+        from emaphm.prognosis import Costs
+
+        return Costs(self.failure_cost, self.replacement_cost)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Written:
+    """What is written of a prognosis, apart from the answer."""
+
+    figure: Annotated[
+        Path | None, Parameter(help="Draw health over time and the RUL: .png, .svg or .pdf.")
+    ] = None
+    report: Annotated[Path | None, Parameter(help="Write a report: .html.")] = None
+    keep: Annotated[
+        bool,
+        Parameter(negative="", help="Keep it in the history, for 'emaphm history show' and others."),
+    ] = False
+
+
+def prognose(
+    *,
+    which: Which = Which(),
+    db: Database = DB,
+    asked: Asked = Asked(),
     actuator: Annotated[
         str | None, Parameter(help="TOML with the [[requirements]]; that of the last diagnosis if left out.")
     ] = None,
     fleet: Annotated[
         bool, Parameter(help="Learn from the other units of the part number; --no-fleet for this one alone.")
     ] = True,
-    figure: Annotated[
-        Path | None, Parameter(help="Draw health over time and the RUL: .png, .svg or .pdf.")
-    ] = None,
-    report: Annotated[Path | None, Parameter(help="Write a report: .html.")] = None,
-    keep: Annotated[
-        bool,
-        Parameter(negative="", help="Keep it in the history, for 'emaphm history show' and others."),
-    ] = False,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    seed: Seed = 0,
-    force: Force = False,
-    as_json: AsJson = False,
+    written: Written = Written(),
+    execution: Execution = Execution(),  # noqa: B008 - frozen
+    common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
     """Say how long a unit will last, from its history: remaining useful life, risk, advice."""
-    check_seed(seed)
-    check_output(figure, FIGURES, force=force)
-    check_output(report, (".html", ".htm"), force=force)
-    _check_choice(unit, every, part, figure, report)
-    check_workers(workers, scheduler)
-    if not every and (workers is not None or scheduler is not None):
+    common.check((written.figure, FIGURES), (written.report, (".html", ".htm")))
+    _check_choice(which, written)
+    execution.check()
+    if execution.is_given and not which.every:
         raise PrognosisError("--workers and --scheduler are for --all; leave them out with --unit")
-    costs = _costs(failure_cost, replacement_cost)
+    question = asked.question()
     described = described_actuator(actuator) if actuator is not None else None
-    from emaphm.prognosis import Question, Stress
-
-    given = (load, temperature, cycles_per_hour)
-    ahead = None if all(x is None for x in given) else Stress(*given)
-    question = Question(horizon, risk, costs, ahead)
-    if unit is None:
-        from emaphm.prognosis.batch import prognose_all
-
-        with counter("prognosing", as_json and sys.stdout.isatty()) as count:
-            made = list(
-                prognose_all(
-                    db,
-                    question,
-                    part_number=part,
-                    actuator=described,
-                    fleet=fleet,
-                    seed=seed,
-                    workers=workers,
-                    scheduler=scheduler,
-                    on_unit=count,
-                )
-            )
-        _show_all(made, db if keep else None, as_json)
+    if which.unit is None:
+        made = _of_all(db, which.part, described, question, execution, common, fleet=fleet)
+        _show_all(made, db if written.keep else None, common.as_json)
         return
-    result = _of_one(
-        db, unit, described, question, seed, fleet=fleet, keep=keep, keep_past=report is not None
-    )
+    result = _of_one(db, which.unit, described, question, common.seed, written, fleet=fleet)
     # First: a full disk must not take the answer too.
-    show(result.to_dict(), str(result), as_json)
-    draw(result, figure)
-    if report is not None:
+    common.show(result.to_dict(), str(result))
+    draw(result, written.figure)
+    if written.report is not None:
         from emaphm.report.prognosis import write_prognosis
 
-        write_prognosis(result, report, force=force)
+        write_prognosis(result, written.report, force=common.force)
 
 
 def _of_one(
@@ -129,10 +140,9 @@ def _of_one(
     actuator: "Actuator | None",
     question: "Question",
     seed: int,
+    written: Written,
     *,
     fleet: bool,
-    keep: bool,
-    keep_past: bool,
 ) -> "Prognosis":
     """Return the prognosis of one unit, and keep it in the history where that was asked for."""
     from emaphm.history import History, KeptPrognosis
@@ -144,23 +154,50 @@ def _of_one(
         basis = history.basis(unit)
         evidence, described = Evidence.of(found), found.described_by(actuator)
         prior = learnt_prior(history, found, seed=seed, actuator=described) if fleet else Prior()
-    result = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past or keep)
-    if keep:
+    keep_past = written.keep or written.report is not None
+    result = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past)
+    if written.keep:
         kept = KeptPrognosis.of(basis, result.to_dict())
         with History.open(db) as history:
             keep_with_curves(history, found, kept, Curves.of(result), lambda: earlier_rows(result))
     return result
 
 
-def _check_choice(
-    unit: str | None, every: bool, part: str | None, figure: Path | None, report: Path | None
-) -> None:
+def _of_all(
+    db: str,
+    part: str | None,
+    actuator: "Actuator | None",
+    question: "Question",
+    execution: Execution,
+    common: Common,
+    *,
+    fleet: bool,
+) -> "list[UnitOutcome]":
+    from emaphm.prognosis.batch import prognose_all
+
+    with counter("prognosing", common.as_json and sys.stdout.isatty()) as count:
+        return list(
+            prognose_all(
+                db,
+                question,
+                part_number=part,
+                actuator=actuator,
+                fleet=fleet,
+                seed=common.seed,
+                workers=execution.workers,
+                scheduler=execution.scheduler,
+                on_unit=count,
+            )
+        )
+
+
+def _check_choice(which: Which, written: Written) -> None:
     """Refuse what does not say which units, or what only one unit has."""
-    if (unit is None) is not every:
+    if (which.unit is None) is not which.every:
         raise PrognosisError("give --unit, or --all for every unit of the history; one of the two")
-    if part is not None and not every:
+    if which.part is not None and not which.every:
         raise PrognosisError("--part chooses among the units of --all; leave it out with --unit")
-    if every and (figure is not None or report is not None):
+    if which.every and (written.figure is not None or written.report is not None):
         raise PrognosisError("a figure or a report is of one unit; give --unit in place of --all")
 
 
@@ -214,15 +251,3 @@ def _row(values: "Mapping[str, Any]") -> tuple[str, ...]:
 
 def _hours(hours: float | None) -> str:
     return "not in sight" if hours is None else f"{hours:,.0f}"
-
-
-def _costs(failure: float | None, replacement: float | None) -> "Costs | None":
-    if failure is None and replacement is None:
-        return None
-    if failure is None or replacement is None:
-        raise PrognosisError(
-            "advice by costs needs both: give --failure-cost and --replacement-cost, or neither"
-        )
-    from emaphm.prognosis import Costs
-
-    return Costs(failure, replacement)

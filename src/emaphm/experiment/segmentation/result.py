@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from emaphm.actuator import NAMES
 from emaphm.errors import OutputError
 from emaphm.experiment.segmentation.cells import stretch
 from emaphm.output_files import check_writable, make_folder
 from emaphm.recording import Recording, write_recording
-from emaphm.text_table import format_table
+from emaphm.text_table import NOTHING, format_table
 from emaphm.version import VERSION
 
 
@@ -99,21 +100,37 @@ class Segments:
         }
 
     def __str__(self) -> str:
-        """Return a table of the stretches, and a line on how many identify something."""
-        rows = [
-            (
-                f"{one.start_s:.2f} to {one.end_s:.2f}",
-                ", ".join(f"{name} ±{one.half_widths[name]:.2g}" for name in one.identifies) or "-",
-                one.reason,
-            )
-            for one in self.stretches
-        ]
-        table = format_table(("time [s]", "identifies (expected half-width)", "refused because"), rows)
+        """Return a table of what identifies something, one of what is refused, and how much that is."""
         used = sum(one.end_s - one.start_s for one in self.accepted)
-        return (
-            f"{table}\n\n{len(self.accepted)} of {len(self.stretches)} stretches identify something to "
+        summary = (
+            f"{len(self.accepted)} of {len(self.stretches)} stretches identify something to "
             f"±{self.wanted:g}: {used:.4g} of {self.recording.duration_s:.4g} s."
         )
+        return "\n\n".join(filter(None, (self._precision(), self._refusals(), summary)))
+
+    def _precision(self) -> str:
+        if not self.accepted:
+            return ""
+        names = [name for name in NAMES if any(name in one.identifies for one in self.accepted)]
+        rows = [
+            (
+                _times(one),
+                *(f"{one.half_widths[name]:.2g}" if name in one.identifies else NOTHING for name in names),
+            )
+            for one in self.accepted
+        ]
+        title = (
+            f"Expected half-width [-] of each fault's 95 % interval, where that is ±{self.wanted:g} or less:"
+        )
+        return f"{title}\n{format_table(('time [s]', *names), rows)}"
+
+    def _refusals(self) -> str:
+        rows = [(_times(one), one.reason) for one in self.stretches if not one.accepted]
+        return format_table(("time [s]", "refused because"), rows) if rows else ""
+
+
+def _times(one: Segment) -> str:
+    return f"{one.start_s:.2f} to {one.end_s:.2f}"
 
 
 def check_folder(folder: str | Path, *, force: bool = False) -> None:

@@ -21,7 +21,7 @@ from emaphm.recording import Recording
 from emaphm.recording.checks import FEWEST_SAMPLES
 from emaphm.recording.plausibility import MOST_ROWS, check_current
 
-IN_MOTION = "begins in motion: where the backlash and the controller stand is not known there"
+IN_MOTION = "begins in motion: where backlash and controller stand is not known there"
 """Why what follows the longest stretch of a movement is refused: cut so, recordings of a healthy actuator
 were not explained, with position and speed as without."""
 

@@ -66,7 +66,7 @@ class Place:
     """Where a worker works: the history's address, the server's folder, descriptions by name.
 
     `detector` says in addition whether an upload is like healthy recordings, `prognosis` from when on a
-    remaining useful life makes an event.
+    remaining useful life makes an event. `seed` is the source of randomness of diagnoses and prognoses.
     """
 
     db: str
@@ -76,6 +76,7 @@ class Place:
     upload_bytes: int
     detector: "Detector | None" = field(default=None, repr=False)
     prognosis: PrognosisSettings = WATCH.prognosis
+    seed: int = 0
 
 
 def work(orders: Connection, parent: Connection, place: Place) -> None:
@@ -95,7 +96,7 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> JobOut
     try:
         with History.open(place.db) as history:
             if isinstance(job, Forecast):
-                prognosed(history, job.unit, place.prognosis, watcher=SERVER)
+                prognosed(history, job.unit, place.prognosis, place.seed, SERVER)
                 return JobOutcome(DONE)
             return _diagnosed(job, history, place, orders)
     except HistoryUnavailableError as error:  # which says nothing of the recording
@@ -131,6 +132,7 @@ def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection
         None,
         place.detector,
         takes_new_units=True,
+        seed=place.seed,
         watcher=SERVER,
     )
     diagnosis = judge.judged(entry, recording)

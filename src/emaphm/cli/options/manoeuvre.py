@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from emaphm.cli.options import signal_in
+from emaphm.cli.options.values import signal_in
 from emaphm.errors import SignalError
 
 if TYPE_CHECKING:
@@ -105,16 +105,17 @@ class Manoeuvre:
     def _check(self) -> None:
         if not self.duration > 0:
             raise SignalError(f"--duration {self.duration:g}: give more than 0 s")
-        if not all(math.isfinite(value or 0.0) for value in (self.amplitude, self.frequency, self.about)):
-            raise SignalError(
-                f"the command is not finite with --amplitude {self.amplitude}, --frequency {self.frequency}, "
-                f"--about {self.about}; give numbers"
-            )
+        for name in ("amplitude", "frequency", "about"):
+            value = getattr(self, name)
+            if value is not None and not math.isfinite(value):
+                raise SignalError(f"the command is not finite with --{name} {value}; give a number")
+        if self.frequency is not None and self.frequency < 0:
+            raise SignalError(f"--frequency {self.frequency:g}: give 0 Hz or more")
         if self.frequency is not None and self.command not in FREQUENCIES:
             raise SignalError(
                 f"--frequency is of {', '.join(FREQUENCIES)}; leave it out with '{self.command}'"
             )
-        if abs(self._highest_hz) > self.sample_rate / 2 > 0:
+        if self._highest_hz > self.sample_rate / 2 > 0:
             raise SignalError(
                 f"--frequency {self._highest_hz:g} Hz is above half of the {self.sample_rate:g} rows a "
                 "second, which would show another motion; give a lower one, or a higher --sample-rate"

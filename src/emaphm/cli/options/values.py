@@ -1,84 +1,12 @@
-"""What several verbs take: the options, and how their text becomes objects."""
+"""How the text of options becomes objects, and what is refused of it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import Parameter
-
-from emaphm.errors import ExecutionError, FaultError, MethodError, RecordingError, SignalError
+from emaphm.errors import FaultError, MethodError, RecordingError, SignalError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cyclopts import Token
-
     from emaphm.actuator import Actuator, Faults, Load, Sampled
-
-
-def whole_number(_: Any, tokens: "Sequence[Token]") -> int:
-    """Return a whole number; 1.5 is refused, where the usual conversion would round it."""
-    try:
-        return int(tokens[0].value)
-    except ValueError:
-        raise ValueError(f'unable to convert "{tokens[0].value}" into int; give a whole number.') from None
-
-
-AsJson = Annotated[
-    bool, Parameter(name="--json", negative="", help="Print one JSON object and nothing else.")
-]
-Seed = Annotated[
-    int,
-    Parameter(converter=whole_number, help="Source of all randomness; the same seed gives the same numbers."),
-]
-Force = Annotated[bool, Parameter(negative="", help="Replace existing output files.")]
-ActuatorFile = Annotated[
-    str,
-    Parameter(
-        help="TOML description of the actuator, or a built-in one: 'thesis' (or 'bldc'), 'six-step', 'pmsm', "
-        "'dc'."
-    ),
-]
-FaultList = Annotated[
-    tuple[str, ...],
-    Parameter(
-        name="--fault",
-        negative="",
-        show_default=False,
-        help="NAME=VALUE, from 0 to 1; friction may be less; may be repeated.",
-    ),
-]
-RECORDING_KINDS = ".csv, .parquet, .mat, .tdms, .h5, .hdf5 or .mf4"
-RecordingFile = Annotated[Path, Parameter(help=f"Recording: {RECORDING_KINDS}.")]
-RecordingsAt = Annotated[Path, Parameter(help=f"Recordings: {RECORDING_KINDS}; or a folder of them.")]
-Workers = Annotated[
-    int | None, Parameter(converter=whole_number, help="Processes side by side; one a core if left out.")
-]
-Scheduler = Annotated[
-    str | None, Parameter(help="Address of a Dask scheduler to run on, e.g. tcp://10.0.0.1:8786.")
-]
-By = Annotated[
-    str | None,
-    Parameter(
-        help="What a file is cut by: columns with commas between, 'period' of the command, its 'rests', or "
-        "'stretches' without a gap. As the TOML says if left out."
-    ),
-]
-KnownList = Annotated[
-    tuple[str, ...],
-    Parameter(
-        name="--known",
-        negative="",
-        show_default=False,
-        help="NAME=VALUE that holds for the whole file: a channel in its SI unit, such as temperature_K=300, "
-        "or a label, such as serial=A17; may be repeated.",
-    ),
-]
-Fast = Annotated[
-    bool, Parameter(negative="", help="Take the estimator's answer as it is: milliseconds, less exact.")
-]
-FigureFile = Annotated[Path | None, Parameter(help="Draw measured against model: .png, .svg or .pdf.")]
-
-FIGURES = (".png", ".svg", ".pdf")
 
 CLOSE = 0.85
 """Likeness of a name to a channel's from which on it is taken for a slip."""
@@ -88,16 +16,6 @@ def check_seed(seed: int) -> None:
     """Refuse a seed that no generator takes."""
     if seed < 0:
         raise SignalError(f"--seed {seed} is negative; give 0 or more")
-
-
-def check_workers(workers: int | None, scheduler: str | None) -> None:
-    """Refuse numbers of workers that cannot be, and workers together with a scheduler's."""
-    if workers is not None and workers < 1:
-        raise ExecutionError(f"--workers {workers}: give 1 or more")
-    if workers is not None and scheduler is not None:
-        raise ExecutionError(
-            "--workers and --scheduler exclude each other: the scheduler has workers of its own"
-        )
 
 
 def check_fast(fast: bool, estimator: Path | None) -> None:

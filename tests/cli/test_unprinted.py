@@ -1,4 +1,7 @@
-"""A reader that leaves early (`emaphm … | head`): what was asked for as a file is written all the same."""
+"""An answer that cannot be printed: what was asked for as a file is written all the same.
+
+The reader of a pipe leaves early (`emaphm … | head`), or the device is full.
+"""
 
 import os
 import shutil
@@ -9,12 +12,21 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 from emaphm.cli import main
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX pipe")
 
 QUICK = "--model averaged --nuisance none --no-correction"
+
+
+@pytest.fixture
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw figures of nothing: what they show is tested elsewhere, and takes a second."""
+    monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")
+    for drawer in ("replay.draw_replay", "design.draw_design"):
+        monkeypatch.setattr(f"emaphm.plotting.{drawer}", lambda *_: Figure())
 
 
 @pytest.fixture
@@ -33,6 +45,7 @@ def unread(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
         pipe.close()
 
 
+@pytest.mark.usefixtures("plain")
 @pytest.mark.parametrize("way", ["", " --json"])
 @pytest.mark.parametrize(
     ("line", "names"),
@@ -47,15 +60,59 @@ def unread(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
 def test_the_files_asked_for_are_written(
     desk: Path,
     unread: Callable[[str], None],
-    monkeypatch: pytest.MonkeyPatch,
     line: str,
     names: list[str],
     way: str,
 ) -> None:
-    monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")
     unread("stdout")
     assert main((line + way).split()) == 0
     assert [name for name in names if not (desk / name).stat().st_size] == []
+
+
+FULL = Path("/dev/full")
+
+
+@pytest.fixture
+def full(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], None]]:
+    """Return what makes stdout a device that is full; each line fails at once."""
+    if not FULL.exists():
+        pytest.skip("needs a device that is always full")
+    with FULL.open("w", buffering=1, encoding="utf-8") as file:
+        yield lambda: monkeypatch.setattr(sys, "stdout", file)
+
+
+@pytest.mark.usefixtures("plain")
+@pytest.mark.parametrize(
+    ("line", "names"),
+    [
+        (f"diagnose good.csv {QUICK} --report out.html", ["out.html"]),
+        ("replay good.csv --series out.csv --figure out.png", ["out.csv", "out.png"]),
+        (f"diagnose good.csv {QUICK} --workers 1 --json -o kept", ["kept/results.sqlite"]),
+        ("doctor", []),
+        ("diagnose --help", []),
+    ],
+)
+def test_a_full_device_costs_the_answer_alone(
+    desk: Path,
+    full: Callable[[], None],
+    capsys: pytest.CaptureFixture[str],
+    line: str,
+    names: list[str],
+) -> None:
+    full()
+    assert main(line.split()) == 2
+    said = capsys.readouterr().err
+    assert said == "emaphm: stdout cannot be written: no space is left for it; write elsewhere\n"
+    assert [name for name in names if not (desk / name).stat().st_size] == []
+
+
+def test_a_full_device_does_not_hide_another_error(
+    desk: Path, full: Callable[[], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert desk.is_dir()
+    full()
+    assert main(["diagnose", "absent.csv"]) == 2
+    assert "absent.csv" in capsys.readouterr().err
 
 
 def test_a_batch_goes_on_where_a_folder_keeps_it(desk: Path, unread: Callable[[str], None]) -> None:

@@ -1,0 +1,60 @@
+"""Options of the verbs: single ones, groups of one subject, and how their text becomes objects."""
+
+from emaphm.cli.options.groups import Common, Execution
+from emaphm.cli.options.manoeuvre import Manoeuvre
+from emaphm.cli.options.single import (
+    FIGURES,
+    RECORDING_KINDS,
+    ActuatorFile,
+    AsJson,
+    By,
+    Fast,
+    FaultList,
+    FigureFile,
+    Force,
+    KnownList,
+    RecordingFile,
+    RecordingsAt,
+    Seed,
+    whole_number,
+)
+from emaphm.cli.options.values import (
+    check_fast,
+    check_output,
+    check_seed,
+    described_actuator,
+    fault_vector,
+    known_values,
+    load_named,
+    names_in,
+    recording_of,
+)
+
+__all__ = [
+    "FIGURES",
+    "RECORDING_KINDS",
+    "ActuatorFile",
+    "AsJson",
+    "By",
+    "Common",
+    "Execution",
+    "Fast",
+    "FaultList",
+    "FigureFile",
+    "Force",
+    "KnownList",
+    "Manoeuvre",
+    "RecordingFile",
+    "RecordingsAt",
+    "Seed",
+    "check_fast",
+    "check_output",
+    "check_seed",
+    "described_actuator",
+    "fault_vector",
+    "known_values",
+    "load_named",
+    "names_in",
+    "recording_of",
+    "whole_number",
+]
