@@ -13,10 +13,12 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.estimation.uncertainty.fisher_information import information_lower_bound
 from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
-from emaphm.estimation.uncertainty.shrunk_covariance import LEAST_INFORMATION, shrunk_long_run_covariance
 
 LEAST_SCORE_VARIANCE = 1e-3
 """Least covariance of the scores, relative to that of white residuals: no fit is that much better."""
+
+LEAST_INFORMATION = 1e-12
+"""Information along an axis, relative to the largest, that is no more than rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +113,6 @@ def sandwich_covariance(
     error_scores: Array | float = 0.0,
     prior_rows: float = 1.0,
     response: Array | None = None,
-    *,
-    shrunk: bool = False,
 ) -> SandwichCovariance:
     """Return the covariance of a least-squares estimate.
 
@@ -133,11 +133,8 @@ def sandwich_covariance(
         How many rows count as one observation against the prior, in the fit.
     response
         Derivatives of what is recorded, shape (d, rows), where they are not those of the fitted model.
-    shrunk
-        Whether the scores' covariance is drawn towards that of white residuals as far as chance parts them
-        (`shrunk_long_run_covariance`); not where `error_scores` replace a part of it.
     """
-    statistics = score_statistics(jacobians, residual, channels, error_scores, shrunk=shrunk)
+    statistics = score_statistics(jacobians, residual, channels, error_scores)
     information = statistics.information
     if response is not None:
         variance = _variance(jacobians, residual)
@@ -147,25 +144,15 @@ def sandwich_covariance(
 
 
 def score_statistics(
-    jacobians: Array,
-    residual: Array,
-    channels: int = 1,
-    error_scores: Array | float = 0.0,
-    *,
-    shrunk: bool = False,
+    jacobians: Array, residual: Array, channels: int = 1, error_scores: Array | float = 0.0
 ) -> ScoreStatistics:
     """Return what residuals say of the parameters; parameters as in `sandwich_covariance`."""
     variance = _variance(jacobians, residual)
     by_channel = np.split(jacobians, channels, axis=2)
     fisher = np.sum([information_lower_bound(part) for part in by_channel], axis=0) / variance
     # An estimate follows the mean of the Jacobians; the errors of single ones are not its own.
-    mean = jacobians.mean(axis=0)
-    found = (
-        shrunk_long_run_covariance(mean, residual, channels)
-        if shrunk
-        else long_run_covariance(mean * residual, channels)
-    )
-    scatter = found + error_scores
+    scores = jacobians.mean(axis=0) * residual
+    scatter = long_run_covariance(scores, channels) + error_scores
     score_covariance = scatter / variance**2 + LEAST_SCORE_VARIANCE * fisher
     return ScoreStatistics(fisher, score_covariance)
 

@@ -107,7 +107,7 @@ def local_covariance(
     mean = jacobians.mean(axis=0)
     scores = error_scores(objective.problem, mean) + rounding_scores(objective.problem, mean) + hidden_scores
     sandwich = sandwich_covariance(
-        jacobians, residual, deviations, channels, scores, objective.correlated_rows, response, shrunk=True
+        jacobians, residual, deviations, channels, scores, objective.correlated_rows, response
     )
     gradient = mean @ (residual - bias) / np.mean(residual**2)
     prior = objective.rows_of_priors / deviations**2

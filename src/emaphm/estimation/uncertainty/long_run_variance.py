@@ -22,20 +22,16 @@ def long_run_covariance(scores: Array, channels: int = 1) -> Array:
     together = scores.reshape(len(scores), channels, -1).sum(axis=1)
     transforms = slow_transforms(together)
     samples, count = together.shape[1], transforms.shape[1]
-    return np.asarray(inflation(count) ** 2 * samples / count * transforms @ transforms.T)
-
-
-def inflation(count: int) -> float:
-    """Return by how much Student's t with `count` degrees of freedom is wider than a normal, at 95 %."""
-    return student_t_quantile(count, 0.975) / float(normal_quantile(0.975))
+    inflation = student_t_quantile(count, 0.975) / normal_quantile(0.975)
+    return np.asarray(inflation**2 * samples / count * transforms @ transforms.T)
 
 
 def slow_transforms(rows: Array) -> Array:
     """Return the cosine transforms (d, count) of `rows` (d, n) that their long-run covariance is made of."""
-    return cosine_transforms(rows, max(1, int(COSINES * rows.shape[1] ** (2 / 3))))
+    return _cosine_transforms(rows, max(1, int(COSINES * rows.shape[1] ** (2 / 3))))
 
 
-def cosine_transforms(rows: Array, count: int) -> Array:
+def _cosine_transforms(rows: Array, count: int) -> Array:
     """Return the orthonormal cosine transforms 1 to `count` (at most half the samples) of `rows` (d, n).
 
     y_k = √(2/n) Σ x_i cos(π k (2 i + 1) / (2 n)), from the Fourier transform of the even samples followed by
