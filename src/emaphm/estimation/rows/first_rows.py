@@ -1,6 +1,7 @@
 """What models show in the first rows of a recording, from one start or another, and what counts there."""
 
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -26,7 +27,12 @@ FORGOTTEN_S = 20e-3
 
 def likely_faults(problem: Problem) -> Array:
     """Return fault vectors (n, 8) that change how the actuator follows, and the size of its channels."""
-    shorts = (0.0, 0.2) if problem.actuator.electrical is not None else (0.0,)
+    return _likely_faults(has_windings=problem.actuator.electrical is not None)
+
+
+@cache
+def _likely_faults(*, has_windings: bool) -> Array:
+    shorts = (0.0, 0.2) if has_windings else (0.0,)
     return np.array(
         [
             Faults(friction=friction, gain=gain, short_a=short, short_b=short, short_c=short).vector
@@ -76,8 +82,19 @@ def least_residual(problem: Problem, outputs: Array, first: int, count: int) -> 
     parts of its size.
     """
     measured = np.stack([problem.measured[name][first : first + count] for name in problem.channels])
-    residuals = (outputs[:, :, :count] - measured) / _sizes(problem)[:, np.newaxis]
+    residuals = (outputs[:, :, :count] - measured) * _shares(problem)[:, np.newaxis]
     return float(np.sqrt(np.mean(residuals**2, axis=(1, 2)).min()))
+
+
+def noise_residual(problem: Problem) -> float:
+    """Return what the noise alone leaves as `least_residual`."""
+    return float(np.sqrt(np.mean((_noise(problem) * _shares(problem)) ** 2)))
+
+
+def _shares(problem: Problem) -> Array:
+    """Return what takes each channel to parts of its size, (channels,): 0 where it is constant."""
+    sizes = _sizes(problem)
+    return np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
 
 
 def _sizes(problem: Problem) -> Array:
@@ -87,8 +104,14 @@ def _sizes(problem: Problem) -> Array:
 
 def _least_difference(problem: Problem) -> Array:
     """Return the difference that counts in each channel, in its unit, (channels,)."""
-    noise = [
-        max(noise_on_most_rows(problem.measured[name]), problem.counts.get(name, 0.0))
-        for name in problem.channels
-    ]
-    return np.maximum(NOISE * np.array(noise), SHARE * _sizes(problem))
+    return np.maximum(NOISE * _noise(problem), SHARE * _sizes(problem))
+
+
+def _noise(problem: Problem) -> Array:
+    """Return the noise of each channel, or its step where that is larger, in its unit, (channels,)."""
+    return np.array(
+        [
+            max(noise_on_most_rows(problem.measured[name]), problem.counts.get(name, 0.0))
+            for name in problem.channels
+        ]
+    )

@@ -21,7 +21,7 @@ def unknown_start(problem: Problem, *, shown: bool) -> UnknownStart:
     """
     interval, moves = problem.inputs.interval, command_moves(problem)
     if moves and not shown:
-        rows, side = rows_of_moving_start(problem)
+        rows, side = rows_of_moving_start(problem, moves=moves)
         if rows:
             return UnknownStart(rows, rows * interval, "motion", side)
     # Where the command stands friction stops the shaft, by chance: that it moves at first shows too little.
@@ -38,7 +38,7 @@ def unknown_start(problem: Problem, *, shown: bool) -> UnknownStart:
         what = "step" if stands else "seen"
         return UnknownStart(rows, rows * interval, what, side_of(problem.start.speed))
     if not moves:
-        rows, side = rows_of_moving_start(problem)
+        rows, side = rows_of_moving_start(problem, moves=moves)
         if rows:
             return UnknownStart(rows, rows * interval, "seen", side)
     return UnknownStart(gap=side_of(problem.start.speed))
