@@ -44,7 +44,7 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
     seem to have where a calibration has learned them. Where the recording is not `explained`, it includes an
     error that is as large as the residual and looks like a parameter, and is inflated by the normalised
     residual; and always it includes the spread of alternatives that fit as well. Where the search has not
-    converged, or the shaft rests (`response_of`), a Gauss-Newton step remains: towards the optimum that a
+    converged, or motion is slow (`response_of`), a Gauss-Newton step remains: towards the optimum that a
     population method may not have reached, and for the model's discrepancy not yet corrected. The covariance
     then includes its square, and that of how far another command behind slow rows would move the estimate.
     """
