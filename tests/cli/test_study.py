@@ -199,7 +199,7 @@ BAD_LINES = {
     "study run absent.toml -o out": ("absent.toml", "no such plan file", "give the path"),
     "study run good.csv -o out": ("good.csv", "not valid TOML", "line 1"),
     "study run good.toml -o out": ("good.toml", "unknown key"),
-    "study run . -o out": (".: cannot be read", "directory"),
+    "study run . -o out": (".: is a folder", "give a file in it"),
     "study run plan.toml -o good.csv": ("good.csv is not a folder", "give another name"),
     "study run plan.toml -o good.csv/out": ("good.csv/out cannot be created", "give another place"),
     "study run plan.toml -o .": ("holds something else than a study", "give a new or empty folder"),

@@ -316,7 +316,7 @@ def test_a_plan_that_cannot_be_is_refused_in_one_line(
         ("nothing like it", ("known: accuracy, data_sheets, forms, hybrids", "path of its TOML")),
         ("n" * 300, ("known: accuracy, data_sheets, forms, hybrids",)),
         ("absent.toml", ("absent.toml", "no such plan file", "give the path")),
-        (".", (".: cannot be read", "directory")),
+        (".", (".: is a folder", "give a file in it")),
         ("latin.toml", ("latin.toml", "cannot be read as a TOML text file", "give one in UTF-8")),
     ],
 )

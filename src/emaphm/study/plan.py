@@ -16,6 +16,7 @@ from emaphm.actuator.section import Section
 from emaphm.actuator.toml import validation_message
 from emaphm.errors import StudyError, nearest
 from emaphm.estimation.search import check_fitness
+from emaphm.input_files import read_toml
 from emaphm.recording.equivalent_current import Form
 from emaphm.simulation import model_named
 from emaphm.study.cases import MOST_RUNS, Count, Group, RandomCases
@@ -190,26 +191,23 @@ class Plan(Section):
             raise StudyError(
                 f"unknown plan '{name}'{nearest(str(name), BUILT_IN)}; or give the path of its TOML"
             )
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except FileNotFoundError:
-            raise StudyError(f"{path}: no such plan file; give the path of its TOML") from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise StudyError(
-                f"{path}: cannot be read as a TOML text file ({error}); give one in UTF-8"
-            ) from None
-        return cls.from_toml_text(text, where=str(path), folder=path.parent)
+        values = read_toml(path, "plan file", StudyError)
+        actuator = values.get("actuator")
+        if isinstance(actuator, str) and (path.parent / actuator).is_file():  # next to the plan first
+            values["actuator"] = str(path.parent / actuator)
+        return cls._of(values, str(path))
 
     @classmethod
-    def from_toml_text(cls, text: str, *, where: str = "plan", folder: Path | None = None) -> Self:
-        """Return the plan in `text`, from `where`; files that it names are sought in `folder` first."""
+    def from_toml_text(cls, text: str, *, where: str = "plan") -> Self:
+        """Return the plan in `text`, from `where`."""
         try:
             values = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise StudyError(f"{where}: not valid TOML: {error}; correct the syntax there") from None
-        actuator = values.get("actuator")
-        if folder and isinstance(actuator, str) and (folder / actuator).is_file():
-            values["actuator"] = str(folder / actuator)
+        return cls._of(values, where)
+
+    @classmethod
+    def _of(cls, values: dict[str, Any], where: str) -> Self:
         try:
             return cls.model_validate(values)
         except ValidationError as error:
