@@ -35,6 +35,6 @@ def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], *, word
 
 
 def with_digits(value: float, digits: int = 2) -> str:
-    """Return `value` with so many significant digits, in full below a million: 2000 instead of 2e+03."""
+    """Return `value` with `digits` significant digits, in full below a million: 2000 instead of 2e+03."""
     shortest = f"{value:.{digits}g}"
     return f"{float(shortest):.0f}" if "e+" in shortest and abs(value) < LARGE else shortest
