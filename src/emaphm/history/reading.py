@@ -188,7 +188,22 @@ def _made_by(recording_hash: str, settings: KeptSettings) -> tuple[sa.ColumnElem
 
 def description(connection: sa.Connection, unit_id: int) -> str | None:
     """Return the actuator TOML of a unit's last diagnosis, None where it has none."""
+    return connection.scalar(_last_description(unit_id))
+
+
+def other_descriptions(connection: sa.Connection, unit: UnitRow, most: int) -> tuple[str, ...]:
+    """Return the TOML of the last diagnosis of up to `most` other units of the part number, by one query."""
     query = (
+        sa.select(_last_description(UNITS.c.id).scalar_subquery())
+        .where(UNITS.c.part_number == unit.part_number, UNITS.c.id != unit.id)
+        .order_by(UNITS.c.id)
+        .limit(most)
+    )
+    return tuple(toml for toml in connection.execute(query).scalars() if toml is not None)
+
+
+def _last_description(unit_id: int | sa.ColumnElement[int]) -> sa.Select[str]:
+    return (
         sa.select(DESCRIPTIONS.c.toml)
         .join(DIAGNOSES, DIAGNOSES.c.description_id == DESCRIPTIONS.c.id)
         .join(RECORDINGS, RECORDINGS.c.id == DIAGNOSES.c.recording_id)
@@ -197,7 +212,6 @@ def description(connection: sa.Connection, unit_id: int) -> str | None:
         .order_by(FLIGHTS.c.hours.desc(), DIAGNOSES.c.id.desc())
         .limit(1)
     )
-    return connection.execute(query).scalar()
 
 
 def removals(connection: sa.Connection, unit_id: int) -> tuple[Removal, ...]:

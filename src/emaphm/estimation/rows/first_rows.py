@@ -86,6 +86,11 @@ def least_residual(problem: Problem, outputs: Array, first: int, count: int) -> 
     return float(np.sqrt(np.mean(residuals**2, axis=(1, 2)).min()))
 
 
+def longest_delay(problem: Problem) -> float:
+    """Return by how much the described sensors of the channels are late, at most [s]."""
+    return max(float(problem.actuator.sensors.of(name).delay) for name in problem.channels)
+
+
 def noise_residual(problem: Problem) -> float:
     """Return what the noise alone leaves as `least_residual`."""
     return float(np.sqrt(np.mean((_noise(problem) * _shares(problem)) ** 2)))

@@ -13,7 +13,13 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.rows.first_rows import first_rows, least_residual, likely_faults, rows_apart
+from emaphm.estimation.rows.first_rows import (
+    first_rows,
+    least_residual,
+    likely_faults,
+    longest_delay,
+    rows_apart,
+)
 from emaphm.estimation.rows.gap_side import (
     at_side,
     leaves_enough,
@@ -147,8 +153,7 @@ def current_not_drawn(problem: Problem) -> tuple[float, bool]:
 
 def _fewest_rows(problem: Problem) -> int:
     """Return over how many rows a rest is looked at, at least: more than the sensors are late."""
-    late = max(problem.actuator.sensors.of(name).delay for name in problem.channels)
-    return HELD_START.fewest + math.ceil(late / problem.inputs.interval)
+    return HELD_START.fewest + math.ceil(longest_delay(problem) / problem.inputs.interval)
 
 
 def _rows_until_forgotten(

@@ -18,6 +18,7 @@ from emaphm.estimation.rows.first_rows import (
     first_rows,
     least_residual,
     likely_faults,
+    longest_delay,
     noise_residual,
     rows_apart,
 )
@@ -75,7 +76,10 @@ def command_moves(problem: Problem) -> bool:
 def first_rate(problem: Problem) -> float:
     """Return the rate of the command from the first row on [rad/s], 0 where it does not move there."""
     command, interval = problem.measured["command_rad"], problem.inputs.interval
-    least = MOVING_START.moving * _usual_rate(problem)
+    jumps = _jumps_of(problem)
+    if _jump_at_once(jumps):
+        return 0.0
+    least = MOVING_START.moving * _usual_rate(problem, jumps)
     noise = max(noise_on_most_rows(command), visible_count(command) / ROUNDING)
     most = max(1, min(round(MOVING_START.window / interval), command.size) // 3)
     for rows in range(1, most + 1):
@@ -86,24 +90,24 @@ def first_rate(problem: Problem) -> float:
     first, second, third = command[: 3 * rows].reshape(3, rows).mean(axis=1)
     begins = (4 * second - third - 3 * first) / (2 * rows * interval)
     rate = (second - first) / (rows * interval)
-    if abs(begins) <= max(least, error) or _jumps_at_once(problem):
+    if abs(begins) <= max(least, error):
         return 0.0
     low, high = MOVING_START.alike
     return float(rate) if low <= rate / begins <= high else 0.0
 
 
-def _jumps_at_once(problem: Problem) -> bool:
+def _jump_at_once(jumps: Jumps) -> bool:
     """Return whether the command jumps in the first row: then it shows what the shaft follows."""
-    return bool(np.any(_jumps_of(problem).before == 0))
+    return bool(np.any(jumps.before == 0))
 
 
 def _jumps_of(problem: Problem) -> Jumps:
     return Jumps.of(problem.measured["command_rad"], means=problem.driving.sampling == "mean")
 
 
-def _usual_rate(problem: Problem) -> float:
+def _usual_rate(problem: Problem, jumps: Jumps) -> float:
     """Return the rms of the command's rate where it does not jump [rad/s]."""
-    rates, jumps = np.diff(problem.measured["command_rad"]) / problem.inputs.interval, _jumps_of(problem)
+    rates = np.diff(problem.measured["command_rad"]) / problem.inputs.interval
     for before, after in zip(jumps.before, jumps.after, strict=True):
         rates[before:after] = 0.0
     return rms(rates)
@@ -127,7 +131,7 @@ def rows_of_moving_start(problem: Problem, *, moves: bool) -> tuple[int, float]:
     models in motion must be nearer by `MOVING_START.rest`; where it `moves`, those from rest.
     """
     faults = likely_faults(problem)
-    if not moves and (_jumps_at_once(problem) or _rest_leaves_noise(problem, faults)):
+    if not moves and (_jump_at_once(_jumps_of(problem)) or _rest_leaves_noise(problem, faults)):
         return 0, 0.0
     motions = motions_before(problem)
     if not any(rate for rate, _ in motions):
@@ -150,8 +154,8 @@ def rows_of_moving_start(problem: Problem, *, moves: bool) -> tuple[int, float]:
 
 def _shown_rows(problem: Problem) -> int:
     """Return the number of first rows that show the start: a sensor shows it after its delay."""
-    late = max(float(problem.actuator.sensors.of(name).delay) for name in problem.channels)
-    return min(problem.samples, max(1, math.ceil((MOVING_START.shows + late) / problem.inputs.interval)))
+    seconds = MOVING_START.shows + longest_delay(problem)
+    return min(problem.samples, max(1, math.ceil(seconds / problem.inputs.interval)))
 
 
 def _rest_leaves_noise(problem: Problem, faults: Array) -> bool:
@@ -185,7 +189,8 @@ def motions_before(problem: Problem) -> list[tuple[float, float]]:
     rate = first_rate(problem)
     rates = [rate]
     if not rate:
-        rates = [share * _usual_rate(problem) for share in MOVING_START.stopped]
+        usual = _usual_rate(problem, _jumps_of(problem))
+        rates = [share * usual for share in MOVING_START.stopped]
     return [first_motion(problem), *((way * one, 0.0) for one in rates for way in (1.0, -1.0))]
 
 

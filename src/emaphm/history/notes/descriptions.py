@@ -10,7 +10,6 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.lumped_parameters import kept_parameters
 from emaphm.actuator.unit.baseline import LUMPED_PARAMETERS, SIGNED
 from emaphm.history import reading
-from emaphm.history.storage.tables import UNITS
 
 FACTOR = 2.0
 """Ratio to the nearest of the other units from which on a parameter is noted.
@@ -30,15 +29,9 @@ def description_notes(connection: sa.Connection, unit: reading.UnitRow) -> tuple
 
     A description of another actuator under the right part number gives diagnoses that look like others.
     """
-    others = connection.execute(
-        sa.select(UNITS.c.id)
-        .where(UNITS.c.part_number == unit.part_number, UNITS.c.id != unit.id)
-        .order_by(UNITS.c.id)
-        .limit(MOST_COMPARED)
-    ).scalars()
     toml = reading.description(connection, unit.id)
-    known = [reading.description(connection, other) for other in others]
-    return () if toml is None else unlike_others(toml, [one for one in known if one is not None])
+    others = reading.other_descriptions(connection, unit, MOST_COMPARED)
+    return () if toml is None else unlike_others(toml, others)
 
 
 def unlike_others(toml: str, others: Sequence[str]) -> tuple[str, ...]:
