@@ -8,6 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 Array: TypeAlias = NDArray[np.float64]
 """Double precision, any shape; a docstring gives the shape and the unit."""
 
+Single: TypeAlias = NDArray[np.float32]
+"""Single precision, any shape; a docstring gives the shape and the unit."""
+
 Flags: TypeAlias = NDArray[np.bool_]
 """True or False, any shape; a docstring gives the shape."""
 

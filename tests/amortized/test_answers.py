@@ -1,4 +1,4 @@
-"""Drawing, the mixture, the projection and the judgement, each against something else."""
+"""Drawing, layers, the mixture, the projection and the judgement, each against something else."""
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.amortized.drawing import PRIOR, draw
 from emaphm.amortized.judging import judged, temperature_of
+from emaphm.amortized.networks.layers import FEW, Dense
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.simulating import in_blocks, noise_rms, simulated
@@ -104,8 +105,7 @@ def test_principal_components_are_those_of_the_singular_values() -> None:
     flat = (rows / projection.units[:, np.newaxis]).reshape(600, -1)
     singular = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[:4] / 600**0.5
     np.testing.assert_allclose(projection.deviations, singular, rtol=5e-3)
-    layer = projection.layer
-    features = layer(rows.reshape(600, -1))
+    features = projection.features(rows)
     # Half precision of the directions is what is left.
     np.testing.assert_allclose(np.cov(features.T), np.eye(4), atol=0.02)
 
@@ -116,14 +116,14 @@ def test_what_is_of_another_shape_is_far_from_the_training_set() -> None:
     clean = (rng.normal(size=(600, 4)) @ rng.normal(size=(4, 60))).reshape(600, 2, 30).astype(np.float32)
     rows = (clean + 0.01 * rng.normal(size=clean.shape)).astype(np.float32)
     projection = Projection.of(clean, noise, 4)
-    features = projection.layer(rows.reshape(600, -1))
+    features = projection.features(rows)
     usual = projection.distances(rows, features)
     spoilt = rows[:1].copy()
     spoilt[0, 0, 7] += 3.0
-    spike = projection.distances(spoilt, projection.layer(spoilt.reshape(1, -1)))
+    spike = projection.distances(spoilt, projection.features(spoilt))
     assert spike[0, 1] > 3 * usual[:, 1].max()
     far = 10 * rows[:1]
-    assert projection.distances(far, projection.layer(far.reshape(1, -1)))[0, 0] > usual[:, 0].max()
+    assert projection.distances(far, projection.features(far))[0, 0] > usual[:, 0].max()
 
 
 def test_blocks_are_means_and_noise_falls_with_their_root() -> None:
@@ -163,3 +163,16 @@ def test_right_answers_are_judged_right_and_sure_ones_wrong() -> None:
     np.testing.assert_allclose(temperature, 2.0, rtol=0.15)
     warmed = judged([one.scaled(temperature) for one in answers], truths, SPACE, rng)
     assert np.all(warmed.coverage > 0.93)
+
+
+@pytest.mark.parametrize("count", [1, FEW, FEW + 1])
+def test_products_of_few_recordings_and_of_many_are_those_of_double_precision(count: int) -> None:
+    rng = np.random.default_rng(9)
+    # Half precision from its least numbers on, which have a lower precision than the others.
+    weight = (rng.normal(size=(70, 33)) * 10.0 ** rng.uniform(-8, 4, (70, 33))).astype(np.float16)
+    weight[0, :4] = 0.0, -0.0, 65504.0, -5.960464477539063e-08
+    x, bias = rng.normal(size=(count, 70)).astype(np.float32), rng.normal(size=33).astype(np.float32)
+    found = Dense(weight.astype(np.float32), bias)(x)
+    expected = x.astype(float) @ weight.astype(float) + bias
+    scale = np.abs(x).astype(float) @ np.abs(weight).astype(float)
+    assert np.all(np.abs(found - expected) <= 1e-6 * scale)

@@ -9,10 +9,9 @@ from amortized.toys import CHIRP, short_setup
 from emaphm.amortized import model_update
 from emaphm.amortized.model_update import UpdateStep, Whitening
 from emaphm.amortized.networks.mixture import Mixture
-from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import TrainingSet, noise_rms
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Single
 from emaphm.simulation import AVERAGED, Inputs, Model
 
 SETUP = short_setup(nuisances=(), channels=("current_A",))

@@ -15,7 +15,7 @@ from emaphm.actuator import Faults
 from emaphm.amortized import simulating
 from emaphm.amortized.judging import Judgement, judged
 from emaphm.amortized.networks.mixture import Mixture
-from emaphm.amortized.networks.network import Dense
+from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.networks.training import Epoch, TrainingSettings, noise_of_features, train_network
 from emaphm.amortized.simulating import (
     TrainingSet,
@@ -84,16 +84,15 @@ def test_the_posterior_of_a_linear_problem_is_learned() -> None:
 def test_numpy_and_torch_run_the_same_network() -> None:
     import torch
 
-    from emaphm.amortized.networks.projection import Projection
     from emaphm.amortized.networks.torch_network import converted, made
 
     rows = linear(300, np.random.default_rng(0)).rows
-    layer = Projection.of(rows, np.full(1, 0.1, np.float32), 3).layer
+    projection = Projection.of(rows, np.full(1, 0.1, np.float32), 3)
     torch.manual_seed(0)
     module = made(3, 16, 2, 3, 4).eval()
     for parameter in module.parameters():
         parameter.data = parameter.data.half().float()
-    network = converted(module, layer, np.ones(4), 3)
+    network = converted(module, projection, np.ones(4), 3)
     expected = module(torch.from_numpy(network.features(rows[:9]))).detach().numpy()
     np.testing.assert_allclose(network.outputs(network.features(rows[:9])), expected, rtol=1e-4, atol=1e-4)
 
@@ -121,11 +120,16 @@ def test_the_trained_loss_is_the_density_of_the_mixture() -> None:
 
 def test_noise_of_the_features_is_that_of_the_rows() -> None:
     rng = np.random.default_rng(0)
-    layer = Dense(rng.normal(size=(6, 4)).astype(np.float32), np.zeros(4, np.float32))
+    basis = rng.normal(size=(6, 4)).astype(np.float32)
+    projection = Projection(
+        np.array([0.5, 2.0]), np.zeros(6, np.float32), basis, np.array([1.0, 3.0, 0.1, 7.0])
+    )
     noise = np.array([0.2, 3.0], np.float32)
-    root = noise_of_features(layer, noise)
-    variances = np.diag([0.2**2] * 3 + [3.0**2] * 3)
-    np.testing.assert_allclose(root.T @ root, layer.weight.T @ variances @ layer.weight, rtol=1e-4)
+    root = noise_of_features(projection, noise)
+    drawn = rng.normal(size=(200_000, 2, 3)) * noise[:, np.newaxis]
+    covariance = np.cov(projection.features(drawn.astype(np.float32)).T)
+    scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    np.testing.assert_allclose(root.T @ root / scale, covariance / scale, atol=0.01)
 
 
 def test_many_draws_are_learned_from_in_fewer_epochs() -> None:

@@ -10,11 +10,12 @@ from emaphm.amortized.error_prediction.comparison import predictor_feature_count
 from emaphm.amortized.error_prediction.predictor import ErrorPredictor
 from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.model_update import UPDATE, ModelUpdate, Whitening, feature_count
-from emaphm.amortized.networks.network import Block, Dense, Network, Normalisation, Single, output_width
+from emaphm.amortized.networks.layers import Block, Dense, Normalisation
+from emaphm.amortized.networks.network import Network, output_width
 from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import block_of
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Single
 
 THESIS = Actuator.thesis()
 SHORT = {"duration": 0.1, "sample_rate": 2000.0}
@@ -51,7 +52,7 @@ def constant_estimator(
 
     norm = Normalisation(np.ones(width, np.float32), np.zeros(width, np.float32))
     network = Network(
-        projection.layer,
+        projection,
         dense(k, width),
         (Block(norm, dense(width, width), dense(width, width)),),
         norm,
@@ -62,7 +63,7 @@ def constant_estimator(
     limits = Limits(np.full(2, limit), np.full(len(setup.channels), limit), limit)
     predictor = constant_predictor(setup, 0.5, width)
     return Estimator(
-        setup, projection, network, no_update(setup, width), np.ones(d), predictor, limits, {"simulations": 0}
+        setup, network, no_update(setup, width), np.ones(d), predictor, limits, {"simulations": 0}
     )
 
 
@@ -71,7 +72,7 @@ def constant_predictor(setup: RecordingSetup, ratio: float, width: int = 4) -> E
     features = predictor_feature_count(len(setup.channels), setup.space.dimensions)
     projection, norm, nothing = _reading(features, width)
     network = Network(
-        projection.layer,
+        projection,
         Dense(np.zeros((features, width), np.float32), np.zeros(width, np.float32)),
         (Block(norm, nothing, nothing),),
         norm,
@@ -79,7 +80,7 @@ def constant_predictor(setup: RecordingSetup, ratio: float, width: int = 4) -> E
         np.ones(1),
         1,
     )
-    return ErrorPredictor(projection, network)
+    return ErrorPredictor(network)
 
 
 def _reading(features: int, width: int) -> tuple[Projection, Normalisation, Dense]:
@@ -103,7 +104,7 @@ def no_update(setup: RecordingSetup, width: int = 4) -> ModelUpdate:
     lower = np.diag(np.full(d, 0.5 * np.log1p(UPDATE.floor**2)))
     out = np.concatenate([np.zeros(1 + d), lower[np.tril_indices(d)]])
     network = Network(
-        projection.layer,
+        projection,
         Dense(np.zeros((features, width), np.float32), np.zeros(width, np.float32)),
         (Block(norm, nothing, nothing),),
         norm,
@@ -111,7 +112,7 @@ def no_update(setup: RecordingSetup, width: int = 4) -> ModelUpdate:
         np.ones(d),
         1,
     )
-    return ModelUpdate(whitening, projection, network)
+    return ModelUpdate(whitening, network)
 
 
 def with_limit(estimator: Estimator, limit: float) -> Estimator:

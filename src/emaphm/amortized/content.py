@@ -8,7 +8,6 @@ from typing import Any
 from emaphm.amortized.error_prediction.predictor import ErrorPredictor
 from emaphm.amortized.model_update import ModelUpdate
 from emaphm.amortized.networks.network import Network
-from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.recording_setup import RecordingSetup, actuator_hash
 from emaphm.arrays import Array
 from emaphm.estimation.space.parameter_space import ParameterSpace
@@ -31,14 +30,12 @@ class Limits:
 class EstimatorContent:
     """What a file of `emaphm train` holds.
 
-    `network` answers from rows alone, read through `projection`; `update` improves its answers by the
-    averaged model. `temperature` (d,) multiplies the standard deviations; `error_predictor` predicts the
-    error of an answer, and `limits` say when none is believed. `facts` are those of its training, for people
-    to read. All else is in the setup.
+    `network` answers from rows alone; `update` improves its answers by the averaged model. `temperature` (d,)
+    multiplies the standard deviations; `error_predictor` predicts the error of an answer, and `limits` say
+    when none is believed. `facts` are those of its training, for people to read. All else is in the setup.
     """
 
     setup: RecordingSetup
-    projection: Projection
     network: Network
     update: ModelUpdate
     temperature: Array

@@ -10,11 +10,11 @@ from emaphm.amortized.content import EstimatorContent
 from emaphm.amortized.error_prediction.comparison import Comparison
 from emaphm.amortized.model_update import ModelUpdate
 from emaphm.amortized.networks.mixture import Mixture
-from emaphm.amortized.networks.network import Network, Single
+from emaphm.amortized.networks.network import Network
 from emaphm.amortized.recording_setup import RecordingSetup, rows_of
 from emaphm.amortized.simulating import block_of, in_blocks
 from emaphm.amortized.storage.estimator_file import read_estimator, write_estimator
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Single
 from emaphm.blas_threads import one_blas_thread
 from emaphm.recording import Recording
 from emaphm.simulation import Inputs
@@ -62,7 +62,7 @@ class Estimator(EstimatorContent):
 
     def distances(self, rows: Single) -> Array:
         """Return how unlike the training set rows (n, channels, blocks) are, (n, 2)."""
-        return self.projection.distances(rows, self.network.features(rows))
+        return self.network.distances(rows)
 
     def predicted_errors(self, comparison: Comparison) -> Array:
         """Return the predicted error of each of the answers, relative to the allowed one, (n,)."""

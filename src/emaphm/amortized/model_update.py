@@ -25,12 +25,11 @@ import numpy as np
 
 from emaphm.amortized.error_prediction.deviations import deviation_directions, other_descriptions
 from emaphm.amortized.networks.mixture import Mixture
-from emaphm.amortized.networks.network import Network, Single
-from emaphm.amortized.networks.projection import Projection
+from emaphm.amortized.networks.network import Network
 from emaphm.amortized.parts import of_parts
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import TrainingSet, noise_rms, simulated
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Single
 from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.simulation import AVERAGED, Inputs
 
@@ -262,10 +261,9 @@ def _step(
 
 @dataclass(frozen=True, eq=False)
 class ModelUpdate:
-    """The whitening, and the second network with the projection that it reads its features through."""
+    """The whitening, and the second network."""
 
     whitening: Whitening
-    projection: Projection
     network: Network
 
     def answers(

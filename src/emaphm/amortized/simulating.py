@@ -15,13 +15,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from emaphm.actuator import Actuator, Command
 from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.amortized.drawing import PRIOR, draw
 from emaphm.amortized.recording_setup import RecordingSetup
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Single
 from emaphm.diagnosis.deciding_code import NOT_DECIDING
 from emaphm.errors import ExecutionError
 from emaphm.estimation.sensors.sensor_model import all_as_described
@@ -31,8 +30,6 @@ from emaphm.execution.revision import revision_of
 from emaphm.output_files import written_whole
 from emaphm.random_streams import stream
 from emaphm.simulation import REFERENCE, Inputs, Model, Plant, observe_batch
-
-Single = NDArray[np.float32]
 
 SHARD_DRAWS = 1024
 """Draws of a shard: 7 s of the reference model on the base setting, so that an interruption costs little."""

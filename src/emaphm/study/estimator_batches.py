@@ -35,7 +35,7 @@ def answered(path: Path, folder: Path, most: int) -> str:
     estimator = Estimator.load(path)
     setup, faults = estimator.setup, len(estimator.space.columns)
     inputs = setup.inputs(Chirp(), AVERAGED.step_for(setup.actuator))
-    shape = (len(setup.channels), estimator.projection.mean.size // len(setup.channels))
+    shape = (len(setup.channels), estimator.network.projection.mean.size // len(setup.channels))
     seconds, errors, within = 0.0, [np.zeros(0)], [np.zeros((0, faults), bool)]
     for number, file in enumerate(sorted(folder.glob("shard-*.npz"))):
         held = read_shard(file)

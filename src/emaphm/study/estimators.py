@@ -272,7 +272,7 @@ def speed_table(path: Path) -> str:
     """Return how fast the network answers on one core, alone and in batches."""
     estimator = Estimator.load(path)
     rng, size = stream(0, "rows of a batch"), LARGEST_BATCH
-    blocks = estimator.projection.mean.size // len(estimator.setup.channels)
+    blocks = estimator.network.projection.mean.size // len(estimator.setup.channels)
     rows = rng.normal(size=(size, len(estimator.setup.channels), blocks)).astype(np.float32)
     recording = recorded(
         Rig(label="base", channels=estimator.setup.channels), Actuator.thesis(), Manoeuvre(), Faults(), 0

@@ -14,9 +14,9 @@ import numpy as np
 from emaphm.amortized.error_prediction.comparison import Comparison
 from emaphm.amortized.error_prediction.deviations import ALL_LATE
 from emaphm.amortized.estimator import Estimator
-from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup, rows_of
 from emaphm.amortized.simulating import block_of, in_blocks
+from emaphm.arrays import Single
 from emaphm.diagnosis.explanation.alternatives import taken_back
 from emaphm.diagnosis.verdict import estimates
 from emaphm.recording import Recording

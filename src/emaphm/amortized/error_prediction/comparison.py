@@ -21,10 +21,9 @@ from emaphm.amortized.error_prediction.deviations import (
 )
 from emaphm.amortized.model_update import Whitening
 from emaphm.amortized.networks.mixture import Mixture
-from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import simulated
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Single
 from emaphm.simulation import AVERAGED, Inputs
 
 RUNS = 16

@@ -12,10 +12,9 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.laws import law_named
-from emaphm.amortized.networks.network import Single
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import TrainingSet, block_of, simulated
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Single
 from emaphm.estimation.signal_size import row_sizes
 from emaphm.simulation import AVERAGED, Inputs
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from emaphm.amortized.networks.network import Network, Single
-from emaphm.amortized.networks.projection import Projection
-from emaphm.arrays import Array
+from emaphm.amortized.networks.network import Network
+from emaphm.arrays import Array, Single
 from emaphm.diagnosis.error_metric import WRONG_ERROR, WRONG_HALF_WIDTHS
 from emaphm.diagnosis.verdict import Z95
 
@@ -33,9 +32,8 @@ WRONG = WrongSettings()
 
 @dataclass(frozen=True, eq=False)
 class ErrorPredictor:
-    """The network, whose one coordinate is the logarithm of `error_ratios`, and what it is read through."""
+    """The network, whose one coordinate is the logarithm of `error_ratios`."""
 
-    projection: Projection
     network: Network
 
     def predicted(self, features: Single) -> Array:

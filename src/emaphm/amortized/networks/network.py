@@ -10,7 +10,7 @@ component of the mixture, o has a logit of its weight, its mean μ, and the lowe
 with the logarithm of its diagonal in place of the diagonal itself. Coordinates are in units of their prior
 deviation.
 
-One product of a matrix and a vector a layer: NumPy is enough for that, and no further library is needed.
+One product of a matrix and a vector a layer: no further library is needed for that.
 """
 
 from dataclasses import dataclass
@@ -19,69 +19,24 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from emaphm.amortized.networks.layers import Block, Dense, Normalisation
 from emaphm.amortized.networks.mixture import Mixture
-from emaphm.arrays import Array
-
-Single = NDArray[np.float32]
+from emaphm.amortized.networks.projection import Projection
+from emaphm.arrays import Array, Single
 
 LOWEST_LOG, HIGHEST_LOG = -6.0, 9.0
 """Bounds of the logarithm of a standard deviation's inverse, in units of the prior's: a standard deviation is
 between 400 times the prior's and 0.01 % of it."""
 
-EPSILON = 1e-5
-"""Added to the variance that a layer is normalised by."""
-
-
-@dataclass(frozen=True, eq=False)
-class Normalisation:
-    """g and c of a layer's norm, (width,) each."""
-
-    scale: Single
-    shift: Single
-
-    def __call__(self, h: Single) -> Single:
-        """Return the normalised (n, width) values."""
-        # Sums, not means: of one recording, half of the time would be spent in calling `mean`.
-        width = np.float32(h.shape[1])
-        centred = h - np.add.reduce(h, axis=1, keepdims=True) / width
-        variance = np.add.reduce(centred * centred, axis=1, keepdims=True) / width
-        centred *= 1 / np.sqrt(variance + np.float32(EPSILON))
-        return np.asarray(centred * self.scale + self.shift)
-
-
-@dataclass(frozen=True, eq=False)
-class Dense:
-    """W (inputs, outputs) and b (outputs,) of a layer."""
-
-    weight: Single
-    bias: Single
-
-    def __call__(self, x: Single) -> Single:
-        """Return W x + b of values (n, inputs)."""
-        return np.asarray(x @ self.weight + self.bias)
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """A residual block."""
-
-    norm: Normalisation
-    first: Dense
-    second: Dense
-
-    def __call__(self, h: Single) -> Single:
-        """Return values (n, width) after the block."""
-        return h + self.second(silu(self.first(self.norm(h))))
-
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """All layers. `projection` has B scaled by 1 / the channels' scatter, and -B m as its bias.
+    """All layers.
 
     `deviations` (d,) are the units of the coordinates, `components` is how many the mixture has.
     """
 
-    projection: Dense
+    projection: Projection
     entry: Dense
     blocks: tuple[Block, ...]
     norm: Normalisation
@@ -97,7 +52,7 @@ class Network:
     @property
     def parameters(self) -> int:
         """How many numbers the network has."""
-        dense = [self.projection, self.entry, self.exit]
+        dense = [self.projection.layer, self.entry, self.exit]
         dense += [layer for block in self.blocks for layer in (block.first, block.second)]
         norms = [self.norm, *(block.norm for block in self.blocks)]
         return sum(one.weight.size + one.bias.size for one in dense) + sum(
@@ -106,7 +61,11 @@ class Network:
 
     def features(self, rows: Single) -> Single:
         """Return the principal components z (n, k) of rows (n, channels, blocks)."""
-        return self.projection(rows.reshape(len(rows), -1))
+        return self.projection.features(rows)
+
+    def distances(self, rows: Single) -> Array:
+        """Return how unlike the training set rows (n, channels, blocks) are, (n, 2)."""
+        return self.projection.distances(rows, self.features(rows))
 
     def outputs(self, features: Single) -> Single:
         """Return o (n, components × (1 + d + d (d + 1) / 2)) of `features` (n, k)."""
@@ -136,11 +95,6 @@ class Network:
 def _triangle(d: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return rows and columns of a lower triangle (d, d); to make them takes as long as a dense layer."""
     return np.tril_indices(d)
-
-
-def silu(x: Single) -> Single:
-    """Return x / (1 + exp(-x))."""
-    return np.asarray(x / (1 + np.exp(-x)))
 
 
 def output_width(components: int, dimensions: int) -> int:

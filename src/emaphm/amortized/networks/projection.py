@@ -1,11 +1,12 @@
 """The principal components of a training set: what a network reads, and how unlike it a recording is."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from emaphm.amortized.networks.network import Dense, Single
-from emaphm.arrays import Array
+from emaphm.amortized.networks.layers import Dense
+from emaphm.arrays import Array, Single
 
 MOST_FITTED = 16_384
 """Draws that the components are computed from; more change none of those that matter."""
@@ -50,13 +51,26 @@ class Projection:
             np.sqrt(variances[first]),
         )
 
-    @property
+    def features(self, rows: Single) -> Single:
+        """Return the standardised components of rows (n, channels, blocks), (n, k)."""
+        return np.asarray(self.layer(self._flat(rows)) / self._deviations)
+
+    @cached_property
     def layer(self) -> Dense:
-        """The layer that makes standardised components of rows in the channels' own units, end to end."""
-        blocks = self.mean.size // self.units.size
-        scaled = self.basis / self.deviations
-        weight = scaled / np.repeat(self.units, blocks)[:, np.newaxis]
-        return Dense(weight.astype(np.float32), -(self.mean @ scaled).astype(np.float32))
+        """What makes components, in units of the rows', of rows in the channels' units, end to end."""
+        return Dense(self.basis, -(self.mean @ self.basis))
+
+    @cached_property
+    def _units(self) -> Single:
+        return self.units.astype(np.float32)[:, np.newaxis]
+
+    @cached_property
+    def _deviations(self) -> Single:
+        return self.deviations.astype(np.float32)
+
+    def _flat(self, rows: Single) -> Single:
+        """Return rows in the channels' units, end to end, (n, channels × blocks)."""
+        return np.asarray((rows.reshape(len(rows), self.units.size, -1) / self._units).reshape(len(rows), -1))
 
     def distances(self, rows: Single, features: Single) -> Array:
         """Return two distances from the training set, (n, 2), each 1 or so for what belongs to it.

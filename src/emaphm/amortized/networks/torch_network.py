@@ -6,16 +6,9 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 
-from emaphm.amortized.networks.network import (
-    EPSILON,
-    HIGHEST_LOG,
-    LOWEST_LOG,
-    Block,
-    Dense,
-    Network,
-    Normalisation,
-    output_width,
-)
+from emaphm.amortized.networks.layers import EPSILON, Block, Dense, Normalisation
+from emaphm.amortized.networks.network import HIGHEST_LOG, LOWEST_LOG, Network, output_width
+from emaphm.amortized.networks.projection import Projection
 from emaphm.arrays import Array
 from emaphm.optional_library import import_library
 
@@ -109,7 +102,7 @@ def loss(outputs: Any, points: Any, components: int) -> Any:
     return -torch.logsumexp(torch.log_softmax(outputs[..., 0], dim=1) + each, dim=1)
 
 
-def converted(module: Any, projection: Dense, deviations: Array, components: int) -> Network:
+def converted(module: Any, projection: Projection, deviations: Array, components: int) -> Network:
     """Return the network of a trained module, its numbers rounded to half precision as a file has them."""
 
     def half(values: Any) -> Any:

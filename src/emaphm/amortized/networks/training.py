@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from emaphm.amortized.networks.network import Dense, Network, Single
+from emaphm.amortized.networks.network import Network
 from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.networks.torch_network import converted, library, loss, made
 from emaphm.amortized.simulating import TrainingSet
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Single
 from emaphm.errors import MethodError
 from emaphm.random_streams import child_seed, stream
 
@@ -100,10 +100,9 @@ ErrorOf = Callable[[Array], float]
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """The network of the least validation loss, its projection, and how it came about."""
+    """The network of the least validation loss, and how it came about."""
 
     network: Network
-    projection: Projection
     epochs: tuple[Epoch, ...]
     seconds: float
 
@@ -152,26 +151,24 @@ def train_network(
     began = time.perf_counter()
     torch.manual_seed(child_seed(seed, "initial weights"))
     projection = Projection.of(training.rows, noise, settings.principal)
-    layer = projection.layer
-    principal = layer.bias.size
     module = made(
-        principal,
+        projection.deviations.size,
         settings.width,
         settings.depth,
         settings.components,
         deviations.size,
         half_precision=settings.half_precision,
     )
-    features = features_of(layer, training.rows)
+    features = features_of(projection, training.rows)
     points = (training.points / deviations).astype(np.float32)
-    spread = noise_of_features(layer, noise)
+    spread = noise_of_features(projection, noise)
 
     def run_on(restarts: int, step: int) -> _Run:
         child = child_seed(seed, "training")
         return _Run(torch, module, features, points, spread, settings, child, restarts, step)
 
     run = run_on(0, 0)
-    held_out = features_of(layer, with_noise(validation, noise, stream(seed, "validation noise")))
+    held_out = features_of(projection, with_noise(validation, noise, stream(seed, "validation noise")))
     epochs: list[Epoch] = []
     best, least, since, restarts = copy.deepcopy(module.state_dict()), math.inf, 0, 0
     number = 0
@@ -205,8 +202,8 @@ def train_network(
             "description: do its simulations look right?"
         )
     module.load_state_dict(best)
-    network = converted(module, layer, deviations, settings.components)
-    return Trained(network, projection, tuple(epochs), time.perf_counter() - began)
+    network = converted(module, projection, deviations, settings.components)
+    return Trained(network, tuple(epochs), time.perf_counter() - began)
 
 
 class _Run:
@@ -286,20 +283,19 @@ def with_noise(held_out: TrainingSet, noise: Single, rng: np.random.Generator) -
     return rows
 
 
-def features_of(layer: Dense, rows: Single) -> Single:
+def features_of(projection: Projection, rows: Single) -> Single:
     """Return what a network reads of rows (n, channels, blocks), (n, k)."""
-    parts = [
-        layer(rows[i : i + AT_ONCE].reshape(-1, layer.weight.shape[0])) for i in range(0, len(rows), AT_ONCE)
-    ]
-    return np.concatenate(parts)
+    return np.concatenate([projection.features(rows[i : i + AT_ONCE]) for i in range(0, len(rows), AT_ONCE)])
 
 
-def noise_of_features(layer: Dense, noise: Single) -> Single:
+def noise_of_features(projection: Projection, noise: Single) -> Single:
     """Return S (k, k) by which n S, n (k,) standard normal, is the noise of rows in the features.
 
-    With noise of rms σ in each row and the layer's weights W: S² = Wᵀ diag(σ²) W, S symmetric.
+    With noise of rms σ in the rows of a channel, in its unit, and W the directions over the components'
+    deviations: S² = Wᵀ diag(σ²) W, S symmetric.
     """
-    weight = layer.weight * np.repeat(noise, layer.weight.shape[0] // noise.size)[:, np.newaxis]
+    relative = np.repeat(noise / projection.units, projection.mean.size // noise.size)
+    weight = projection.basis / projection.deviations * relative[:, np.newaxis]
     variances, directions = np.linalg.eigh((weight.T @ weight).astype(float))
     root = directions * np.sqrt(np.maximum(variances, 0.0)) @ directions.T
     return np.asarray(root.astype(np.float32))

@@ -12,11 +12,10 @@ from emaphm.amortized.estimator import calibrated_answers
 from emaphm.amortized.judging import temperature_of
 from emaphm.amortized.model_update import UPDATE, ModelUpdate
 from emaphm.amortized.networks.mixture import Mixture
-from emaphm.amortized.networks.network import Single
 from emaphm.amortized.networks.training import Trained, with_noise
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import TrainingSet, noise_rms
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Single
 from emaphm.random_streams import stream
 from emaphm.simulation import Inputs
 
@@ -55,7 +54,7 @@ class Answering:
 
     def distances(self, rows: Single) -> Array:
         """Return how unlike the training set rows (n, channels, blocks) are, (n, 2)."""
-        return self.first.projection.distances(rows, self.first.network.features(rows))
+        return self.first.network.distances(rows)
 
     def compared(
         self, rows: Single, answers: Sequence[Mixture], rng: np.random.Generator

@@ -6,7 +6,6 @@ import numpy as np
 
 from emaphm.amortized.estimator import first_answers
 from emaphm.amortized.model_update import UPDATE, ModelUpdate, UpdateStep, Whitening
-from emaphm.amortized.networks.network import Single
 from emaphm.amortized.networks.training import (
     UPDATE_TRAINING,
     Epoch,
@@ -20,6 +19,7 @@ from emaphm.amortized.networks.training import (
 from emaphm.amortized.parts import of_parts
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import SHARD_DRAWS, TrainingSet, noise_rms
+from emaphm.arrays import Single
 from emaphm.random_streams import stream
 from emaphm.simulation import Inputs
 
@@ -71,7 +71,7 @@ def learned_update(
     rows = with_noise(training[: UPDATE.directions], noise_rms(setup), rng)
     answers = first_answers(first.network, rows)
     compared = training[: UPDATE.differing]
-    whitening = Whitening.of(setup, inputs, compared, rows, answers, first.projection.units)
+    whitening = Whitening.of(setup, inputs, compared, rows, answers, first.network.projection.units)
 
     def steps(draws: TrainingSet, name: str) -> UpdateStep:
         """Return the steps of draws with noise, a part at a time: that of all would not fit into memory."""
@@ -95,7 +95,7 @@ def learned_update(
         settings=UPDATE_TRAINING,
         on_epoch=on_epoch,
     )
-    update = ModelUpdate(whitening, trained.projection, trained.network)
+    update = ModelUpdate(whitening, trained.network)
     return update, trained.kept, time.perf_counter() - began
 
 

@@ -6,13 +6,12 @@ import numpy as np
 
 from emaphm.amortized.error_prediction.deviations import deviating
 from emaphm.amortized.error_prediction.predictor import ErrorPredictor, error_ratios
-from emaphm.amortized.networks.network import Single
 from emaphm.amortized.networks.training import PREDICTOR_TRAINING, train_network, with_noise
 from emaphm.amortized.parts import of_parts
 from emaphm.amortized.simulating import SHARD_DRAWS, TrainingSet, noise_rms
 from emaphm.amortized.stages.answering import Answering
 from emaphm.amortized.stages.answering_networks import LEAST_DIFFERENCE
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Single
 from emaphm.random_streams import stream
 
 
@@ -51,4 +50,4 @@ def learned_error_predictor(
         seed=seed,
         settings=PREDICTOR_TRAINING,
     )
-    return ErrorPredictor(trained.projection, trained.network), time.perf_counter() - began
+    return ErrorPredictor(trained.network), time.perf_counter() - began

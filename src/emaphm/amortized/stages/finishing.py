@@ -58,7 +58,6 @@ def finished(
     first = answering.first
     return Estimator(
         setup,
-        first.projection,
         first.network,
         answering.update,
         answering.temperature,

@@ -11,7 +11,8 @@ import numpy as np
 from emaphm.amortized.content import EstimatorContent
 from emaphm.amortized.error_prediction.comparison import predictor_feature_count
 from emaphm.amortized.model_update import Whitening, feature_count
-from emaphm.amortized.networks.network import Block, Dense, Network, Normalisation, output_width
+from emaphm.amortized.networks.layers import Block, Dense, Normalisation
+from emaphm.amortized.networks.network import Network, output_width
 from emaphm.amortized.networks.projection import Projection
 from emaphm.amortized.simulating import block_of
 from emaphm.amortized.storage.header import Header, NetworkHeader, no_estimator
@@ -60,17 +61,18 @@ def arrays_of(content: EstimatorContent) -> dict[str, Any]:
         "compared.units": update.whitening.units,
         "compared.mean": update.whitening.mean,
         "compared.basis": update.whitening.basis,
-        **_network_arrays(FIRST, content.projection, content.network),
-        **_network_arrays(UPDATE, update.projection, update.network),
-        **_network_arrays(PREDICTOR, content.error_predictor.projection, content.error_predictor.network),
+        **_network_arrays(FIRST, content.network),
+        **_network_arrays(UPDATE, update.network),
+        **_network_arrays(PREDICTOR, content.error_predictor.network),
     }
 
 
-def _network_arrays(of: str, projection: Projection, network: Network) -> dict[str, Array]:
+def _network_arrays(of: str, network: Network) -> dict[str, Array]:
     """Return the arrays of the network named `of`."""
     layers: dict[str, Any] = {"entry": network.entry, "exit": network.exit, "norm": network.norm}
     for i, block in enumerate(network.blocks):
         layers |= {f"norm{i}": block.norm, f"first{i}": block.first, f"second{i}": block.second}
+    projection = network.projection
     arrays: dict[str, Any] = {
         f"{of}.units": projection.units,
         f"{of}.mean": projection.mean,
@@ -169,8 +171,8 @@ def _array_header(kind: np.dtype[Any], shape: tuple[int, ...], order: Literal["C
     return begin.getvalue()
 
 
-def network_of(of: str, header: NetworkHeader, arrays: dict[str, Array]) -> tuple[Projection, Network]:
-    """Return the projection and the network named `of`."""
+def network_of(of: str, header: NetworkHeader, arrays: dict[str, Array]) -> Network:
+    """Return the network named `of`."""
 
     def dense(name: str) -> Dense:
         return Dense(_single(arrays[f"{of}.{name}.weight"]), _single(arrays[f"{of}.{name}.bias"]))
@@ -187,8 +189,8 @@ def network_of(of: str, header: NetworkHeader, arrays: dict[str, Array]) -> tupl
     blocks = tuple(
         Block(norm(f"norm{i}"), dense(f"first{i}"), dense(f"second{i}")) for i in range(header.depth)
     )
-    return projection, Network(
-        projection.layer,
+    return Network(
+        projection,
         dense("entry"),
         blocks,
         norm("norm"),

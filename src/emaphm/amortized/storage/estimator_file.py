@@ -87,14 +87,12 @@ def _estimator(archive: zipfile.ZipFile, path: Path, kind: type[Content]) -> Con
     if sum(sizes.values()) > MOST_BYTES:
         raise no_estimator(path, "its content is larger than that of any estimator")
     arrays = {name: read_array(archive, name, shape, path) for name, shape in shapes.items()}
-    projection, network = network_of(FIRST, header.network, arrays)
     estimator = kind(
         setup_of(header.setup, arrays["command_rad"], path),
-        projection,
-        network,
-        ModelUpdate(whitening_of(arrays), *network_of(UPDATE, header.update, arrays)),
+        network_of(FIRST, header.network, arrays),
+        ModelUpdate(whitening_of(arrays), network_of(UPDATE, header.update, arrays)),
         arrays["temperature"],
-        ErrorPredictor(*network_of(PREDICTOR, header.error_predictor, arrays)),
+        ErrorPredictor(network_of(PREDICTOR, header.error_predictor, arrays)),
         Limits(
             arrays["limits.distances"],
             arrays["limits.ratios"],
