@@ -97,7 +97,9 @@ def steady_current(plant: Plant, inputs: Inputs, start: Initial) -> Array:
 def steady_voltage(plant: Plant, current: Array, speed: float) -> Array:
     """Return the voltage that keeps a `current` (n,) [A] at a `speed` [rad/s], (n,) [V], line to line.
 
-        v = N R i + N k ω, N the mean share of healthy turns
+        v = N (R i + k ω)
+
+    N is the mean share of healthy turns: where the phases differ, the voltage swings about that.
     """
     turns = plant.turns.mean(axis=0)
     return np.asarray(turns * (plant.resistance * current + plant.torque_constant * speed))
