@@ -275,6 +275,19 @@ def test_what_moves_at_the_start_is_where_it_was_then() -> None:
     assert found.angle == pytest.approx(1e-3 / RATIO + 0.5, abs=1.1 * INTERVAL**2 / RATIO)
 
 
+@pytest.mark.parametrize("names", [["speed_rad_s"], []], ids=["with speed", "position alone"])
+def test_where_it_moves_at_the_start_is_known_to_less_than_a_count(names: list[str]) -> None:
+    # One row alone is off by 1 / √12 of a count, 0.29.
+    count, speeds, off = 2.7e-5, {"speed_rad_s": SPEED}, list[float]()
+    for share in np.linspace(0.0, 0.9, 10):
+        position = count * np.round((4e-3 + MOVING + share * count) / count)
+        found = initial_state(
+            recorded(position_rad=position, **{name: speeds[name] for name in names}), THESIS
+        )
+        off.append((found.angle * RATIO - 5e-3) / count - share)
+    assert np.sqrt(np.mean(np.square(off))) < 0.2, off
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-6])
 def test_a_shaft_at_rest_has_no_speed_though_the_command_moves_at_once(noise: float) -> None:
     actuator = Actuator.dc()

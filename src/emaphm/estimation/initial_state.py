@@ -1,12 +1,12 @@
 """Where a recorded manoeuvre starts: the motor's angle and speed, and the rotor's electrical zero."""
 
-import math
-from typing import TypeAlias
+from dataclasses import dataclass
+from typing import Self, TypeAlias
 
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.arrays import rms
+from emaphm.arrays import Array, rms
 from emaphm.estimation.sensors.counts import ROUNDING, visible_count
 from emaphm.estimation.sensors.sensor_model import true_values
 from emaphm.estimation.space.nuisances import usual_deviation
@@ -50,13 +50,14 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     the first rows are not compared (`emaphm.estimation.rows.unknown_start`).
     """
     ratio = actuator.mechanics.gear_ratio
-    speed = _starting_speed(recording, actuator)
+    motion = _FirstMotion.of(recording, actuator)
+    speed = _starting_speed(motion) if motion else 0.0
     # At the first instant: a row that is a mean stands for half an interval later.
     position = float(reconstructed(recording, "command_rad")(np.zeros(1))[0])
     moved = speed * _first_time(recording)
     if "position_rad" in recording:
         measured = true_values(recording["position_rad"], "position_rad", actuator)
-        first = float(measured[0]) - moved * ratio
+        first = _starting_position(motion, measured, ratio) if motion and speed else float(measured[0])
         if abs(first - position) > max(SIGNIFICANT * noise_level(measured), visible_count(measured)):
             position = _within_stops(first, actuator)
     angle = position / ratio
@@ -64,6 +65,20 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     if "angle_rad" in recording and "position_rad" not in recording:
         angle += float(wrap(recording["angle_rad"][0] - moved - offset - angle))
     return Initial(angle, speed, offset)
+
+
+def _starting_position(motion: "_FirstMotion", measured: Array, ratio: float) -> float:
+    """Return the user's position [rad] at the start of a motion, from its `measured` rows (n,).
+
+    By the rows that the speed is estimated from, less the way since the start that their parabola says: one
+    row alone is off by noise and half a count, which the position gain makes a speed of.
+    """
+    rows = motion.chosen
+    parabola = np.polynomial.Polynomial(np.polyfit(motion.time[:rows], motion.column[:rows], 2)[::-1])
+    if motion.order:
+        return float(parabola(0.0))
+    way = ratio * parabola.integ()(motion.time[:rows])
+    return float(np.mean(measured[:rows] - way))
 
 
 def _within_stops(position: float, actuator: Actuator) -> float:
@@ -103,51 +118,85 @@ def shows_start(recording: Recording, actuator: Actuator) -> bool:
     if not ("position_rad" in recording or ("angle_rad" in recording and "speed_rad_s" in recording)):
         return False
     usual = rms(np.diff(recording["command_rad"])) / recording.interval_s
-    (_, error), *_ = _speeds(recording, actuator)
+    motion = _FirstMotion.of(recording, actuator)
+    if motion is None:
+        return False
+    _, error = motion.speed(motion.chosen, 2)
     return error <= KNOWN * usual / actuator.mechanics.gear_ratio
 
 
-def _starting_speed(recording: Recording, actuator: Actuator) -> float:
+def _starting_speed(motion: "_FirstMotion") -> float:
     """Return the motor's speed [rad/s] at the start, 0 where that is not significant.
 
     Nor by a polynomial of one degree more, nor in the first rows where these are exact: polynomials through a
     shaft that sticks for a while and then moves have a speed at the start that the shaft has not.
     """
-    (speed, error), (other, its_error), (first, first_error) = _speeds(recording, actuator)
+    (speed, error), (other, its_error) = motion.speed(motion.chosen, 2), motion.speed(motion.chosen, 3)
+    first, first_error = motion.at_once
     agrees = speed * other > 0 and abs(other) > AGREEING * its_error
     at_once = abs(first - speed) <= max(SIGNIFICANT * first_error, abs(speed) / 2)
     return speed if abs(speed) > SIGNIFICANT * error and agrees and at_once else 0.0
 
 
-def _speeds(recording: Recording, actuator: Actuator) -> tuple[Speed, Speed, Speed]:
-    """Return the motor's speed [rad/s] at the start and its standard error, in three ways.
+@dataclass(frozen=True, eq=False)
+class _FirstMotion:
+    """The channel that shows how the motor moves at first: its speed by polynomials through the first rows.
 
-    By a parabola, by a cubic, and by a few rows alone (`AT_ONCE`). Infinite errors where nothing shows it. A
-    coarse converter shows a speed over many rows only, in which the acceleration must not change.
+    `column` (n,) at `time` (n,) [s] from the start is the motor's speed where its `order` is 0, the user's
+    position where it is 1: the speed [rad/s] is then `scale` times its slope. `noise` and `count` are those
+    of a row.
     """
-    if "speed_rad_s" in recording and not actuator.sensors.speed_rad_s.unsigned:
-        name, order, scale = "speed_rad_s", 0, 1.0
-    elif "position_rad" in recording:
-        name, order, scale = "position_rad", 1, 1 / actuator.mechanics.gear_ratio
-    else:
-        return (0.0, math.inf), (0.0, math.inf), (0.0, math.inf)
-    column = true_values(recording[name], name, actuator)
-    count = visible_count(column)
-    noise = max(noise_level(np.diff(column, 2)) / STEEPER, count / ROUNDING)
-    time = recording["time_s"] - recording["time_s"][0] + _first_time(recording)
 
-    def fitted(rows: int, degree: int) -> tuple[Speed, float]:
-        coefficients, covariance = np.polyfit(time[:rows], column[:rows], degree, cov="unscaled")
-        left = rms(column[:rows] - np.polyval(coefficients, time[:rows]))
-        error = max(left, noise) * float(covariance[-1 - order, -1 - order] ** 0.5)
-        return (scale * float(coefficients[-1 - order]), scale * error), left
+    time: Array
+    column: Array
+    order: int
+    scale: float
+    noise: float
+    count: float
 
-    chosen = FIRST_ROWS[0]
-    for rows in FIRST_ROWS[1:]:
-        if rows > column.size or fitted(rows, 2)[1] > BY_CHANCE * noise:
-            break
-        chosen = rows
-    few = FIRST_ROWS[0] if count else AT_ONCE
-    slope, covariance = np.polyfit(time[:few], column[:few], order, cov="unscaled")
-    at_once = (scale * float(slope[0]), scale * noise * float(covariance[0, 0] ** 0.5))
-    return fitted(chosen, 2)[0], fitted(chosen, 3)[0], at_once
+    @classmethod
+    def of(cls, recording: Recording, actuator: Actuator) -> Self | None:
+        """Return that of a recorded speed, else of a position; None without both."""
+        if "speed_rad_s" in recording and not actuator.sensors.speed_rad_s.unsigned:
+            name, order, scale = "speed_rad_s", 0, 1.0
+        elif "position_rad" in recording:
+            name, order, scale = "position_rad", 1, 1 / actuator.mechanics.gear_ratio
+        else:
+            return None
+        column = true_values(recording[name], name, actuator)
+        count = visible_count(column)
+        noise = max(noise_level(np.diff(column, 2)) / STEEPER, count / ROUNDING)
+        time = recording["time_s"] - recording["time_s"][0] + _first_time(recording)
+        return cls(time, column, order, scale, noise, count)
+
+    @property
+    def chosen(self) -> int:
+        """The most of the first rows of which a parabola leaves no more than noise.
+
+        A coarse converter shows a speed over many rows only, in which the acceleration must not change.
+        """
+        chosen = FIRST_ROWS[0]
+        for rows in FIRST_ROWS[1:]:
+            if rows > self.column.size or self._left(rows, 2) > BY_CHANCE * self.noise:
+                break
+            chosen = rows
+        return chosen
+
+    def speed(self, rows: int, degree: int) -> Speed:
+        """Return the speed at the start by a polynomial of a `degree` through the first `rows`."""
+        coefficients, covariance = np.polyfit(self.time[:rows], self.column[:rows], degree, cov="unscaled")
+        error = max(self._left(rows, degree), self.noise) * float(
+            covariance[-1 - self.order, -1 - self.order] ** 0.5
+        )
+        return self.scale * float(coefficients[-1 - self.order]), self.scale * error
+
+    @property
+    def at_once(self) -> Speed:
+        """The speed by a few rows alone."""
+        few = FIRST_ROWS[0] if self.count else AT_ONCE
+        slope, covariance = np.polyfit(self.time[:few], self.column[:few], self.order, cov="unscaled")
+        return self.scale * float(slope[0]), self.scale * self.noise * float(covariance[0, 0] ** 0.5)
+
+    def _left(self, rows: int, degree: int) -> float:
+        time, column = self.time[:rows], self.column[:rows]
+        return rms(column - np.polyval(np.polyfit(time, column, degree), time))

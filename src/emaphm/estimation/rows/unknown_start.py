@@ -58,10 +58,11 @@ NOTES: dict[Start, str] = {
     "current": "the current in the first rows is not the model's, by a load that was not recorded, by the "
     "sensor's zero, by a motion before, or by friction that holds the shaft off the command since then",
     "motion": "the command moves already in the first row, and how the shaft moves there is not known: {} "
-    "depend on the motion before and are not compared. They are if the recording starts at rest, or has "
-    "position_rad and speed_rad_s",
+    "depend on the motion before and are not compared. They are if the recording starts at rest, or if "
+    "position_rad and speed_rad_s show its speed there to 1 %",
     "seen": "how the shaft moves in the first row is not known: {} depend on the motion before and are not "
-    "compared. They are if the recording starts at rest, or has position_rad and speed_rad_s",
+    "compared. They are if the recording starts at rest, or if position_rad and speed_rad_s show its speed "
+    "there to 1 %",
     "step": "in the first row the shaft is on its way to a command that stands, and how fast is not known: "
     "{} depend on it and are not compared. They are if the recording starts at rest, or has speed_rad_s",
     "side": "at which side of the backlash the motor stands in the first row is not known: {} depend on it "

@@ -1,6 +1,6 @@
 """Three quantities of one kind, one a phase: what is done to them is done to each."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any, Self
 
@@ -53,8 +53,8 @@ def phase_names(name: str) -> tuple[str, ...]:
     return tuple(f"{name}_{phase}" for phase in NAMES)
 
 
-def by_phase(name: str, rows: Array) -> dict[str, Array]:
-    """Return the rows of an array (3, n) by name: `name`_a, `name`_b and `name`_c."""
+def by_phase(name: str, rows: Iterable[Array]) -> dict[str, Array]:
+    """Return the rows of an array (3, n), or `Phases` of (n,), by name: `name`_a, `name`_b and `name`_c."""
     return dict(zip(phase_names(name), rows, strict=True))
 
 

@@ -82,6 +82,29 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     }
 
 
+def steady_current(plant: Plant, inputs: Inputs, start: Initial) -> Array:
+    """Return the current that a drive has brought about which is in motion at `start`, (n,) [A].
+
+    What its speed loop demands there. 0 where it starts at rest: nothing has been demanded before.
+    """
+    if start.speed == 0.0:
+        return np.zeros(plant.count)
+    error = initial_state(plant, inputs, start)["error"]
+    demanded = plant.speed_gain / plant.drive_constant * error
+    return np.asarray(np.clip(demanded, -plant.current_limit, plant.current_limit))
+
+
+def steady_voltage(plant: Plant, current: Array, speed: float) -> Array:
+    """Return the voltage that keeps a `current` (n,) [A] at a `speed` [rad/s], (n,) [V], line to line.
+
+        v = N (R i + k ω)
+
+    N is the mean share of healthy turns: where the phases differ, the voltage swings about that.
+    """
+    turns = plant.turns.mean(axis=0)
+    return np.asarray(turns * (plant.resistance * current + plant.torque_constant * speed))
+
+
 def control(structure: Structure) -> Callable[..., Any]:
     """Return the law of the controller: from (state, parameters, inputs) to the demand and its next state."""
     return _pid if structure.position_pid else _proportional

@@ -19,7 +19,7 @@ from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import turn
 from emaphm.simulation.laws.current_control import limited_pi_pair
 from emaphm.simulation.laws.eccentricity import gap_factors
-from emaphm.simulation.laws.phases import Phases, phase_names
+from emaphm.simulation.laws.phases import Phases, by_phase, phase_names
 from emaphm.simulation.laws.pulse_width import CONTROL_DELAY, carrier_after, centred, leg_mean, triangle
 from emaphm.simulation.laws.select import select
 from emaphm.simulation.laws.sine_motor import (
@@ -70,15 +70,38 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
 def initial_state(
     plant: Plant, inputs: Inputs, start: Initial, own: tuple[str, ...] = OWN_STATE
 ) -> dict[str, Array]:
-    """Return the kernel's state at `start`, (n,) each: no current, no voltage for two periods.
+    """Return the kernel's state at `start`, (n,) each: at rest no current, no voltage for two periods.
 
-    `own` is that of the controller and the modulation.
+    In motion the controller of the currents has settled: i_d = 0, i_q as the speed loop demands, and its
+    integrals are the voltages that keep them, which are applied. `own` is that of the controller and the
+    modulation.
     """
     mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
     angle = plant.pole_pairs * motion.rotor_angle(plant, start)
-    still = dict.fromkeys(own, np.zeros(plant.count))
-    direction = {"electrical_cos": np.cos(angle), "electrical_sin": np.sin(angle)}
-    return mechanical | three_phases.initial_state(plant) | still | direction
+    cos, sin = np.cos(angle), np.sin(angle)
+    state = mechanical | three_phases.initial_state(plant) | dict.fromkeys(own, np.zeros(plant.count))
+    return state | {"electrical_cos": cos, "electrical_sin": sin} | _settled(plant, inputs, start, cos, sin)
+
+
+def _settled(plant: Plant, inputs: Inputs, start: Initial, cos: Array, sin: Array) -> dict[str, Array]:
+    """Return what currents and their controller have at `start`: zeros at rest."""
+    current = control.steady_current(plant, inputs, start)
+    inductance = plant.inductance * (plant.turns**2).mean(axis=0)
+    voltage_d = -plant.pole_pairs * start.speed * inductance * current
+    voltage_q = control.steady_voltage(plant, current, start.speed)
+    duty = centred(phase_voltages(voltage_d, voltage_q, cos, sin) / (plant.supply / 2))
+    # A phase's current has 2/√3 of the line value, its voltage 1/√3.
+    phases = phase_voltages(0.0, 2.0 * current, cos, sin)
+    return {
+        "integral_d": voltage_d,
+        "integral_q": voltage_q,
+        "voltage_d": voltage_d,
+        "voltage_q": voltage_q,
+        **by_phase("duty", duty),
+        **by_phase("next", duty),
+        **by_phase("current", phases),
+        **by_phase("sensed", phases),
+    }
 
 
 def turn_unit(cos: Any, sin: Any, angle: Any) -> Any:

@@ -110,8 +110,15 @@ def parameters(
 
 
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
-    """Return the kernel's state at `start`, (n,) each, without current."""
+    """Return the kernel's state at `start`, (n,) each, without current.
+
+    But the controller of a six-step drive in motion has settled, as in `six_step.initial_state`.
+    """
     own = dict.fromkeys((*OWN_STATE, *SIX_STEP_STATE), np.zeros(plant.count))
+    if plant.structure.drive == "six-step":
+        current = control.steady_current(plant, inputs, start)
+        voltage = control.steady_voltage(plant, current, start.speed)
+        own |= {"current": current, "sensed": current, "current_integral": voltage, "voltage": voltage}
     moving = motion.initial_state(plant, start)
     own["idle"] = of_sensed_idle_phase(moving["electrical"], NUMBERS, Phases.of(plant, "hall"))
     return control.initial_state(plant, inputs, start) | moving | own

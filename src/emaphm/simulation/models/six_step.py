@@ -18,11 +18,11 @@ from emaphm.simulation.engine.model import OBSERVABLE, Form, Initial
 from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
 from emaphm.simulation.laws.angles import phase_angles
-from emaphm.simulation.laws.commutation import trapezoid
+from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 from emaphm.simulation.laws.current_control import limited_pi
 from emaphm.simulation.laws.eccentricity import gap_factors
 from emaphm.simulation.laws.idle_leg import diode_current, diode_voltage
-from emaphm.simulation.laws.phases import Phases
+from emaphm.simulation.laws.phases import Phases, by_phase
 from emaphm.simulation.laws.pulse_width import carrier_after, leg_mean, triangle
 from emaphm.simulation.laws.select import select
 from emaphm.simulation.models import control, motion, three_phases
@@ -40,11 +40,24 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
 
 
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
-    """Return the kernel's state at `start`, (n,) each: no current, no voltage for two periods."""
+    """Return the kernel's state at `start`, (n,) each: at rest no current, no voltage for two periods.
+
+    In motion the controller of the current has settled: the current is what the speed loop demands, in the
+    phases that conduct there, and the controller's integral is the voltage that keeps it, which is applied.
+    """
     mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
-    own = dict.fromkeys(OWN_STATE, np.zeros(plant.count))
-    own |= three_phases.initial_signals(plant, mechanical["electrical"])
-    return mechanical | three_phases.initial_state(plant) | own
+    current = control.steady_current(plant, inputs, start)
+    voltage = control.steady_voltage(plant, current, start.speed)
+    phases = demand_sign(phase_angles(mechanical["electrical"])) * current
+    own = {
+        "current_integral": voltage,
+        "carrier": np.zeros(plant.count),
+        **dict.fromkeys(("duty", "next_duty"), voltage / plant.supply),
+        **by_phase("current", phases),
+        **by_phase("sensed", phases),
+    }
+    signals = three_phases.initial_signals(plant, mechanical["electrical"])
+    return mechanical | three_phases.initial_state(plant) | own | signals
 
 
 def _centre(p: Any, active: Phases, drive: Phases) -> Any:
