@@ -95,7 +95,7 @@ def contradictions(result: SearchResult, jacobians: Array, seed: int) -> list[st
     scores = sorted(sensor_scores(result, jacobians), key=lambda one: -one.score)
     suspects = [one for one in scores if one.is_suspect()][: SENSOR_SCORES.most]
     if suspects and moves_slowly(result.objective.problem):
-        answered = _answered(result, jacobians, suspects, seed)
+        answered = answered_by_reference(result, jacobians, suspects, seed)
         suspects = [one for one in answered if one.is_suspect()]
     shares = [_residual_share(result, one, seed) for one in suspects]
     if not shares or min(shares) >= SENSOR_SCORES.share:
@@ -103,7 +103,7 @@ def contradictions(result: SearchResult, jacobians: Array, seed: int) -> list[st
     return [str(suspects[int(np.argmin(shares))])]
 
 
-def _answered(
+def answered_by_reference(
     result: SearchResult, jacobians: Array, suspects: Sequence[SensorScore], seed: int
 ) -> list[SensorScore]:
     """Return `suspects` as they are where the recording answers by the reference model's derivatives.
