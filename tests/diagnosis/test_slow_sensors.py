@@ -38,10 +38,10 @@ def test_what_the_reference_model_answers_to_a_gain_is_no_delay(monkeypatch: pyt
     monkeypatch.setattr(sensor_scores, "switching_errors", lambda *_: None)
 
     def answered(shown: Array) -> sensor_scores.SensorScore:
-        noise, problem = np.random.default_rng(1).normal(0.0, 1e-4, rows), objective.problem
+        noise, problem = np.random.default_rng(1).normal(0.0, 1e-5, rows), objective.problem
         current = (modelled[:rows] + shown + noise) / problem.weights[0]
         recorded = replace(problem, measured={**problem.measured, "current_A": current})
-        result = SearchResult.at(replace(objective, problem=recorded), point)
+        result = SearchResult.at(replace(objective, problem=recorded), point, outputs=modelled)
         (one,) = sensor_scores.answered_by_reference(result, jacobians, [SUSPECTED], seed=0)
         return one
 
