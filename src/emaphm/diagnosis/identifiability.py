@@ -22,6 +22,7 @@ from emaphm.estimation.uncertainty.local_covariance import (
 )
 from emaphm.estimation.uncertainty.model_error import apparent_fault_covariance
 from emaphm.estimation.uncertainty.slow_rows import step_by_other_command
+from emaphm.estimation.uncertainty.switching_scores import switching_errors, switching_scores
 from emaphm.random_streams import stream
 
 
@@ -43,16 +44,20 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
     The covariance is that of the data and the optimiser's scatter, and of the faults that healthy recordings
     seem to have where a calibration has learned them. Where the recording is not `explained`, it includes an
     error that is as large as the residual and looks like a parameter, and is inflated by the normalised
-    residual; and always it includes the spread of alternatives that fit as well. Where the search has not
-    converged, or motion is slow (`response_of`), a Gauss-Newton step remains: towards the optimum that a
-    population method may not have reached, and for the model's discrepancy not yet corrected. The covariance
-    then includes its square, and that of how far another command behind slow rows would move the estimate.
+    residual; and always it includes the spread of alternatives that fit as well, and of slow motions what
+    switching alone makes of an estimate (`switching_errors`). Where the search has not converged, or motion
+    is slow (`response_of`), a Gauss-Newton step remains: towards the optimum that a population method may not
+    have reached, and for the model's discrepancy not yet corrected. The covariance then includes its square,
+    and that of how far another command behind slow rows would move the estimate.
     """
     objective, space = result.objective, result.objective.space
     rows = objective.channel_rows
     jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
     residual, bias = result.fitted_residual[:rows], result.remaining_bias[:rows]
-    hidden = 0.0 if explained else unexplained_scores(result, jacobians.mean(axis=0))
+    mean = jacobians.mean(axis=0)
+    hidden = switching_scores(mean, switching_errors(result, stream(seed, "switching of the covariance")))
+    if not explained:
+        hidden = hidden + unexplained_scores(result, mean)
     response = response_of(result, stream(seed, "Jacobians of the response"))
     local = local_covariance(objective, result.point, residual, jacobians, bias, hidden, response)
     apparent = apparent_fault_covariance(objective.problem.actuator, space.coordinates)

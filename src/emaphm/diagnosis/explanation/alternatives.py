@@ -12,9 +12,10 @@ import numpy as np
 
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
+from emaphm.diagnosis.explanation.other_values import including
 from emaphm.diagnosis.explanation.refits import Refit
 from emaphm.diagnosis.explanation.sensor_scores import taken_up_of_a_delay
-from emaphm.diagnosis.verdict import Estimate, verdict_of, with_phase_undecided
+from emaphm.diagnosis.verdict import Estimate, with_phase_undecided
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
@@ -29,8 +30,7 @@ class AlternativeSettings:
     and 0.4 ms (12 recordings); those that were 0.2 ms late had 0.92 to 1.06 at 0.2 ms, and 1.04 to 1.15 at
     0.4 ms: both are tried. None is tried of which the linear model at the estimate leaves `hopeless` times
     the residual: descents then left 1.7 and more (140 recordings). Intervals include what explains as well;
-    where all of such an interval says the same, the verdict stays. A direction counts as another where it is
-    off by more than `difference` and more than the half-width of its interval.
+    where all of such an interval says the same, the verdict stays.
 
     A delay up to `tolerance` standard deviations of its prior is never excluded; by the usual prior 0.23 ms,
     one row at 5 kHz or the lag of a filter at 700 Hz. A gain that is nearer to healthy than such a delay
@@ -41,7 +41,6 @@ class AlternativeSettings:
 
     delays: tuple[float, ...] = (2e-4, 4e-4)
     share: float = 1.1
-    difference: float = 0.02
     hopeless: float = 3.0
     tolerance: float = 1.15
     possible: float = 3.0
@@ -80,8 +79,10 @@ def with_alternatives(
         if refit.misfit >= ALTERNATIVES.share * as_it_is.misfit:
             continue
         faults = objective.space.faults(refit.point)
+        way = "late" if late > 0 else "early"
+        why = f"where what was measured comes {1e3 * abs(late) * interval:.3g} ms {way}"
         for i, (name, one) in enumerate(components.items()):
-            checked[name] = _including(name, checked[name], one, float(faults[i]), late * interval)
+            checked[name] = including(name, checked[name], one, float(faults[i]), why)
     return with_phase_undecided(checked, components)
 
 
@@ -137,36 +138,3 @@ def taken_back(rows: Array, late: int) -> Array:
     """Return rows (…, samples) that had come `late` rows late, in time; the end values are held."""
     last = rows.shape[-1] - 1
     return rows[..., np.clip(np.arange(last + 1) + late, 0, last)]
-
-
-def _including(name: str, estimate: Estimate, first: Estimate, other: float, delay: float) -> Estimate:
-    """Return an `estimate` whose interval has the value of an alternative too.
-
-    It is undecided where that interval says another thing than `first`, the estimate without alternatives,
-    and a direction where it is another one. The alternative is known as well as the first.
-    """
-    if first.unconstrained:
-        return estimate
-    low, high = first.interval95
-    half_width = (high - low) / 2
-    least, most = first.limits
-    if name == "eccentricity_phase":
-        other = first.value + (other - first.value + 0.5) % 1.0 - 0.5
-        least, most = -np.inf, np.inf
-    interval = (
-        min(estimate.interval95[0], max(other - half_width, least)),
-        max(estimate.interval95[1], min(other + half_width, most)),
-    )
-    estimate = replace(estimate, interval95=interval)
-    if name == "eccentricity_phase":  # a direction is neither good nor bad
-        another = abs(other - first.value) > max(ALTERNATIVES.difference, half_width)
-    else:
-        another = verdict_of(interval, getattr(HEALTHY, name)) != first.verdict
-    if first.verdict == "cannot tell" or not another:
-        return estimate
-    way = "late" if delay > 0 else "early"
-    reason = (
-        f"the recording is explained as well by {other:.3f} where what was measured comes "
-        f"{1e3 * abs(delay):.3g} ms {way}"
-    )
-    return replace(estimate, verdict="cannot tell", reason=reason)

@@ -6,8 +6,8 @@ estimated from the residual as if it were one more parameter of the linear model
 that is estimated already (Rao 1948: a score test; Frisch and Waugh 1933: the partial regression).
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,8 +16,14 @@ from emaphm.diagnosis.explanation.refits import left_by_descents
 from emaphm.estimation.levenberg_marquardt import movable
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.space.parameter_space import ParameterSpace
-from emaphm.estimation.uncertainty.local_covariance import rounding_scores
+from emaphm.estimation.uncertainty.local_covariance import (
+    moves_slowly,
+    reference_response,
+    rounding_scores,
+)
 from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
+from emaphm.estimation.uncertainty.partial_regression import answered_sizes
+from emaphm.estimation.uncertainty.switching_scores import switching_errors
 from emaphm.random_streams import stream
 from emaphm.recording.noise import rounding_step
 
@@ -88,10 +94,35 @@ def contradictions(result: SearchResult, jacobians: Array, seed: int) -> list[st
     """Return a sentence on the error that contradicts the estimate most, if one does."""
     scores = sorted(sensor_scores(result, jacobians), key=lambda one: -one.score)
     suspects = [one for one in scores if one.is_suspect()][: SENSOR_SCORES.most]
+    if suspects and moves_slowly(result.objective.problem):
+        answered = answered_by_reference(result, jacobians, suspects, seed)
+        suspects = [one for one in answered if one.is_suspect()]
     shares = [_residual_share(result, one, seed) for one in suspects]
     if not shares or min(shares) >= SENSOR_SCORES.share:
         return []
     return [str(suspects[int(np.argmin(shares))])]
+
+
+def answered_by_reference(
+    result: SearchResult, jacobians: Array, suspects: Sequence[SensorScore], seed: int
+) -> list[SensorScore]:
+    """Return `suspects` as they are where the recording answers by the reference model's derivatives.
+
+    On a slow motion the estimate errs along directions that the fitted model's derivatives do not take out,
+    and these pass for a delay (`answered_sizes`). No standard error is smaller than by the fitted model.
+    """
+    response = reference_response(result, stream(seed, "response of the sensors' errors"))
+    errors = switching_errors(result, stream(seed, "switching of the sensors' errors"))
+    if response is None:
+        return list(suspects)
+    mean, along = jacobians.mean(axis=0), {kind: values for kind, values, _ in _directions(result)}
+    answered = []
+    for one in suspects:
+        direction = along[one.kind, one.channel][np.newaxis]
+        sizes, covariance = answered_sizes(result, (mean, direction), (response, direction), errors)
+        error = max(float(covariance[0, 0] ** 0.5), one.standard_error)
+        answered.append(replace(one, size=float(sizes[0]), standard_error=error))
+    return answered
 
 
 def _residual_share(result: SearchResult, error: SensorScore, seed: int) -> float:

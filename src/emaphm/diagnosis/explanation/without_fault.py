@@ -15,10 +15,13 @@ import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY
 from emaphm.arrays import Array
+from emaphm.diagnosis.explanation.other_values import including
 from emaphm.diagnosis.explanation.refits import Refit
 from emaphm.diagnosis.verdict import Estimate, undecided, with_phase_undecided
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.uncertainty.correlation import longest_correlation
+from emaphm.estimation.uncertainty.local_covariance import moves_slowly
 
 
 @dataclass(frozen=True)
@@ -44,13 +47,16 @@ def tested_by_refits(
     """Return the `components` of `result`, undecided where the recording is explained as well without them.
 
     Tried for each that is degraded, where the reference model has corrected the estimate. `jacobians`,
-    (n, d, channel rows), are those of the channels there.
+    (n, d, channel rows), are those of the channels there. On slow motions the intervals of all components
+    include what they are without a fault that is not needed: there the valley of estimates that explain
+    alike is long, and a linear model at one of them does not know its length.
     """
     checked = dict(components)
     if not result.correction.any():
         return checked
     linear = _NormalEquations.at(result, jacobians)
-    most, before = _most_share(result.objective), None
+    slow = moves_slowly(result.objective.problem)
+    most, before = _most_share(result, slow=slow), None
     for name, one in components.items():
         if one.verdict != "degraded" or name == "eccentricity_phase":
             continue
@@ -58,10 +64,13 @@ def tested_by_refits(
         if left > WITHOUT_FAULT.hopeless:
             continue
         before = before or Refit.under(result.objective, result.point[np.newaxis], result)
-        share = _refit_without(name, result, result.point + step, before, seed).misfit / before.misfit
+        refit = _refit_without(name, result, result.point + step, before, seed)
+        share = refit.misfit / before.misfit
         if share < most:
+            if slow:
+                checked = _with_values_of(refit, checked, components, name)
             reason = f"the recording is explained as well without it ({share:.3g} of the residual is left)"
-            checked[name] = undecided(name, one, reason)
+            checked[name] = undecided(name, checked[name], reason)
     return with_phase_undecided(checked, components)
 
 
@@ -69,9 +78,28 @@ def _healthy(name: str) -> float:
     return float(getattr(HEALTHY, name))
 
 
-def _most_share(objective: MapObjective) -> float:
-    """Return the share of the mean squared residual up to which an explanation is as good."""
-    return 1 + WITHOUT_FAULT.chi_square * objective.correlated_rows / objective.compared_rows
+def _with_values_of(
+    refit: Refit, checked: Mapping[str, Estimate], components: Mapping[str, Estimate], without: str
+) -> dict[str, Estimate]:
+    """Return the `checked` components; their intervals include the values of a refit `without` a fault."""
+    faults = refit.objective.space.faults(refit.point)
+    why = f"without a fault of {without.replace('_', ' ')}"
+    return {
+        name: including(name, one, components[name], float(value), why)
+        for (name, one), value in zip(checked.items(), faults, strict=True)
+    }
+
+
+def _most_share(result: SearchResult, *, slow: bool) -> float:
+    """Return the share of the mean squared residual up to which an explanation is as good.
+
+    Of slow motions, by the channel whose residual is correlated longest: a position is off by the same amount
+    from one rest to the next.
+    """
+    together = result.objective.correlated_rows
+    if slow:
+        together = max(together, longest_correlation(result.residual_by_channel.values()))
+    return 1 + WITHOUT_FAULT.chi_square * together / result.objective.compared_rows
 
 
 def _coordinates_of(name: str) -> tuple[str, ...]:

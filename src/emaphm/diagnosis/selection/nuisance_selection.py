@@ -34,12 +34,13 @@ from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.sensors.sensor_model import COMMON_DELAY, error_kind, sensor_error
 from emaphm.estimation.space.nuisances import usual_deviation
-from emaphm.estimation.uncertainty.correlation import integral_time
+from emaphm.estimation.uncertainty.correlation import longest_correlation
 from emaphm.estimation.uncertainty.local_covariance import (
     jacobians_at,
     local_covariance,
     reference_response,
 )
+from emaphm.estimation.uncertainty.switching_scores import switching_errors, switching_scores
 from emaphm.random_streams import child_seed, stream
 from emaphm.threads import in_threads
 
@@ -221,29 +222,30 @@ def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:
     objective = tried.objective
     if not tried.residual_is_expected and share >= SENSOR_SELECTION.excess_share:
         return False
-    if share >= 1 - SENSOR_SELECTION.chance * _rows_together(tried) / objective.compared_rows:
+    together = longest_correlation(tried.residual_by_channel.values())
+    if share >= 1 - SENSOR_SELECTION.chance * together / objective.compared_rows:
         return False
     value = float(objective.space.nuisance_values(tried.point[np.newaxis])[name][0])
     least = SENSOR_SELECTION.least_rows * objective.problem.inputs.interval
     return error_kind(name) != "delay" or abs(value) > least
 
 
-def _rows_together(result: SearchResult) -> float:
-    """Return over how many rows a residual is correlated, at most: of the channel that remembers longest."""
-    residuals = result.residual_by_channel.values()
-    return max((integral_time([one], [1.0]) for one in residuals if one.any()), default=1.0)
-
-
 def _score(result: SearchResult, name: str, seed: int, response: Array | None = None) -> float:
     """Return how many standard errors the estimate of `name` is off nominal.
 
     With the `response` (d, channel rows) of the reference model, the error includes the step that remains by
-    it.
+    it, and of slow motions what switching alone makes of an estimate.
     """
     objective, i = result.objective, result.objective.space.coordinates.index(name)
     jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the selected nuisance"))
     residual = result.residual[: objective.channel_rows]
-    local = local_covariance(objective, result.point, residual, jacobians, response=response)
+    hidden: Array | float = 0.0
+    if response is not None:
+        errors = switching_errors(result, stream(seed, "switching of the selected nuisance"))
+        hidden = switching_scores(jacobians.mean(axis=0), errors)
+    local = local_covariance(
+        objective, result.point, residual, jacobians, hidden_scores=hidden, response=response
+    )
     variance = float((local.covariance + result.scatter)[i, i])
     if response is not None:
         variance += float(objective.space.project(result.point + local.step)[i] - result.point[i]) ** 2

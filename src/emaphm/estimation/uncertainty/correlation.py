@@ -1,6 +1,6 @@
 """How long a residual remembers: its largest integral time, and what of it is white."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -35,6 +35,11 @@ def integral_time(residuals: Sequence[Array], intervals: Sequence[float]) -> flo
     largest = max(_largest(residuals, intervals, width) for width in BANDS)
     longest = max(len(one) * interval for one, interval in zip(residuals, intervals, strict=True))
     return min(max(largest, min(intervals)), longest)
+
+
+def longest_correlation(residuals: Iterable[Array]) -> float:
+    """Return over how many rows the residuals (samples,) of channels are correlated, at most; 1 at least."""
+    return max((integral_time([one], [1.0]) for one in residuals if one.any()), default=1.0)
 
 
 def _largest(residuals: Sequence[Array], intervals: Sequence[float], width: int) -> float:

@@ -7,6 +7,7 @@ from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.local_covariance import rounding_scores
 from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
+from emaphm.estimation.uncertainty.switching_scores import switching_scores
 
 
 def regressed(
@@ -33,7 +34,10 @@ def regressed(
 
 
 def answered_sizes(
-    result: SearchResult, fitted: tuple[Array, Array], answered: tuple[Array, Array]
+    result: SearchResult,
+    fitted: tuple[Array, Array],
+    answered: tuple[Array, Array],
+    errors: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return the sizes (p,) of p more parameters that an estimate's residual shows, and their covariance.
 
@@ -44,7 +48,8 @@ def answered_sizes(
         x = (Z Dᵀ + P)⁻¹ (Z r - P θ),
 
     in which the chance of the reference model's switching, which the instruments have not, makes no bias. P
-    is the weight of the priors, about which θ scatters as they say. The covariance is (p, p).
+    is the weight of the priors, about which θ scatters as they say. The covariance is (p, p), with what the
+    `errors` (n, channel rows) of the switching make of the scores (`switching_errors`).
     """
     objective, more = result.objective, len(fitted[1])
     residual = result.residual[: objective.channel_rows]
@@ -60,6 +65,7 @@ def answered_sizes(
     scores = instruments * (residual - sizes @ answers)
     scatter = long_run_covariance(scores, len(objective.problem.channels))
     scatter = scatter + rounding_scores(objective.problem, instruments)
+    scatter = scatter + switching_scores(instruments, errors)
     scatter[own, own] += (weights * deviations) ** 2
     covariance = inverse @ scatter @ inverse.T
     return sizes[-more:], covariance[-more:, -more:]

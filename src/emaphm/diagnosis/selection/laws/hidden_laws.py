@@ -30,6 +30,7 @@ from emaphm.estimation.uncertainty.local_covariance import (
     reference_response,
 )
 from emaphm.estimation.uncertainty.partial_regression import answered_sizes, regressed
+from emaphm.estimation.uncertainty.switching_scores import switching_errors
 from emaphm.quantiles import chi_squared_quantile
 from emaphm.random_streams import stream
 
@@ -200,8 +201,9 @@ def answered_scores(result: SearchResult, laws: Sequence[HiddenLaw], seed: int) 
     )
     fitted, answered = _derivatives(result, laws), _derivatives(result, laws, scatter)
     mean = jacobians_of(result, stream(seed, "Jacobians of the hidden laws")).mean(axis=0)
+    errors = switching_errors(result, stream(seed, "switching of the hidden laws"))
     return {
-        name: Score(*answered_sizes(result, (mean, fitted[name]), (response, answered[name])))
+        name: Score(*answered_sizes(result, (mean, fitted[name]), (response, answered[name]), errors))
         for name in fitted
     }
 
