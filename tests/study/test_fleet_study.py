@@ -174,8 +174,8 @@ def test_the_page_says_synthetic_and_holds_every_way() -> None:
     assert "Every unit here is synthetic" in text
     assert all(way in text for way in WAYS)
     assert "logistic (unknown to the filter)" in text
-    assert "3 of 4 units are warned of in time (75.0 %)" in text
-    assert "SYNTHETIC-3 fails by friction (logistic) after 1,100 h. 0.0 % of its life are left" in text
+    assert "3 of 4 units have a warning in time (75.0 %)" in text
+    assert "SYNTHETIC-3 fails by friction (logistic) after 1,100 h. 0.0 % of its life remain" in text
     assert set(figures) == {"scores", "tracks", "acting", "calibration"}
     assert all(picture.startswith(b"<?xml") for picture in figures.values())
 

@@ -20,20 +20,20 @@ def said_of_acting(units: Units, interval: float) -> Iterator[str]:
     """
     dear = COSTS.failure / COSTS.replacement
     yield (
-        f"A planner sees each unit at its check flights, each {interval:g} h, and removes it where the "
-        "advice of `emaphm prognose` does not allow it to fly until the next one, be it "
-        '"inspect by" or "replace before". *Cost* is per 1,000 flight hours, a planned replacement being 1 '
-        f"and a failure in service {dear:g}. *Of life wasted*: mean over the units of what is left at the "
-        f"removal. *Unneeded removals*: with more than {HORIZON_H:g} h of true RUL, per 1,000 flight hours. "
-        "*Lives of the fleet*: no diagnosis at all, the hours at which other units failed, as for a "
-        "replacement by hours flown.\n"
+        f"A planner decides on each unit at its check flights, each {interval:g} h. The unit is removed if "
+        "the advice of `emaphm prognose` does not allow it to fly until the next check flight, with either "
+        '"inspect by" or "replace before". *Cost* is per 1,000 flight hours, with 1 for a planned '
+        f"replacement and {dear:g} for a failure in service. *Of life wasted*: mean over the units of the "
+        f"remaining life at the removal. *Unneeded removals*: removals with more than {HORIZON_H:g} h of "
+        "true RUL, per 1,000 flight hours. *Lives of the fleet*: no diagnosis; the hours at which other "
+        "units failed, as for a replacement by hours flown.\n"
     )
     yield (
-        f"*By the risk*: before the probability of failure exceeds {100 * RISK:g} %, the advice without "
-        f"costs. *By the costs*: where that is cheapest by the hour (`--failure-cost {COSTS.failure:g} "
-        f'--replacement-cost {COSTS.replacement:g}`). *Inspections aside*: only "replace before" removes a '
-        'unit; one to "inspect by" then flies until the next check flight, with more risk than allowed, as '
-        "the fleet has no inspections in between.\n"
+        f"*By the risk*: removal before the probability of failure exceeds {100 * RISK:g} %, the advice "
+        "without costs. *By the costs*: removal at the least cost per hour (`--failure-cost "
+        f'{COSTS.failure:g} --replacement-cost {COSTS.replacement:g}`). *Inspections aside*: only "replace '
+        'before" removes a unit; a unit with "inspect by" flies until the next check flight, with more risk '
+        "than allowed, because the fleet has no inspections in between.\n"
     )
     for rule in RULES:
         yield f"Removed by {rule}, {len(units)} synthetic units:\n"

@@ -57,25 +57,25 @@ WHAT_EACH_KNOWS = (
     (
         WITH_FLEET,
         "the unit's diagnoses and those of its fleet",
-        "what the fleet is drawn from",
+        "the population of the fleet",
     ),
     (
         INFORMED,
         "the unit's diagnoses",
-        "which laws its components have, with which parameters and lives, nor its mission",
+        "the laws of its components, their parameters and lives, and the unit's mission",
     ),
     (
         LAW_AND_LEVEL,
         "the law of each component and its true level at each past check flight",
-        "the parameters of these laws, the lives (so the rates), nor the unit's mission",
+        "the parameters of these laws, the lives (and so the rates), and the unit's mission",
     ),
     (
         CLAIRVOYANT,
         "the law of each component with all parameters, its life and true level, and the unit's mission",
-        "what chance has not decided: jumps, drift, the stress and the onsets or changes to come",
+        "future random events: jumps, drift, stress, onsets and changes of rate",
     ),
 )
-"""Way, what it knows, what it does not, in the page's words."""
+"""Way, what it uses, what it does not use, in the page's words."""
 
 ASKED_SHARE = 0.9
 """Of the clairvoyants' alpha-lambda that ours shall reach."""
@@ -84,36 +84,36 @@ ASKED_COVERAGE = (0.85, 0.95)
 
 TRACKS = (
     "Predicted with the fleet's prior from each unit's own past: median and 90 % interval, the true RUL "
-    "(black) and ±20 % of it (dotted). The title says what failed in the end, and by which law.\n"
+    "(black) and ±20 % of it (dotted). The title names the component that failed and its law.\n"
 )
 
 ONE_OF_YOUR_OWN = """
-## One of your own
+## Simulating another fleet
 
 ```console
 $ emaphm fleet simulate -o fleet --units 6 --flights 12
 $ emaphm prognose --unit SYNTHETIC-0003 --db fleet/history.sqlite --report SYNTHETIC-0003.html
 ```
 
-makes six synthetic units with up to 12 check flights each, one in 80 h (`--interval`), records and
-diagnoses them, keeps the diagnoses in a history, with the removals of those that failed, and predicts
-the life of each that still works, the others being its prior. `--simulate-only` stops after the
-recordings. The same command goes on where it was stopped; another plan, or another version of what
-decides a diagnosis, is refused in the same folder. `--workers` and `--scheduler` (Dask, whose workers
-share the folder) as for `emaphm diagnose`; `--db` for another history than the folder's own. The folder
-holds:
+The commands simulate six units with up to 12 check flights each, one in 80 h (`--interval`), record and
+diagnose them, and store the diagnoses in a history, with the removals of failed units. They predict the
+life of each working unit with the other units as its prior. `--simulate-only` stops after the
+recordings. The same command continues a stopped run; in the same folder, another plan or another version
+of the code that decides a diagnosis is refused. `--workers` and `--scheduler` (Dask, whose workers share
+the folder) are as for `emaphm diagnose`; `--db` selects another history than the folder's own. The folder
+contains:
 
-| file | what |
+| file | content |
 | --- | --- |
-| `flights.csv`, `recordings/` | what an operator has: unit, hours, cycles, recordings |
+| `flights.csv`, `recordings/` | an operator's data: unit, hours, cycles, recordings |
 | `actuator.toml` | the actuator with its requirements |
-| `history.sqlite`, `prognoses.ndjson` | diagnoses, removals, findings; JSON of each unit that works |
-| `truth/` | what no operator has: laws and failures (`units.json`), levels (`levels.parquet`) |
+| `history.sqlite`, `prognoses.ndjson` | diagnoses, removals, findings; JSON of each working unit |
+| `truth/` | data that no operator has: laws and failures (`units.json`), levels (`levels.parquet`) |
 """
 
 CALIBRATION = (
-    "Both levels; with the fleet's prior (solid), without (dotted). An even line is calibrated; mass at "
-    "the right is failures that come later than predicted.\n"
+    "Diagnosed recordings and drawn diagnoses; with the fleet's prior (solid), without it (dotted). A flat "
+    "line is calibrated; mass at the right means failures later than predicted.\n"
 )
 
 
@@ -157,10 +157,10 @@ def fleet_page(
         *said_over_life(recorded),
         "",
         *said_of_warnings(recorded),
-        "\n## What acting on it comes to\n",
+        "\n## Consequences of acting on the predictions\n",
         *said_of_acting(recorded, PLAN.interval),
         f"![Failures in service and life wasted, by way of predicting]({folder}/acting.svg)\n",
-        "\n## By what fails\n",
+        "\n## By the law of the failed component\n",
         _by_law([*recorded, *drawn]),
         "\n## Calibration\n",
         f"![Probability integral transforms, synthetic fleet]({folder}/calibration.svg)\n",
@@ -179,22 +179,22 @@ def _introduction(recorded: Units, drawn: Units, diagnosed: Quality, units: int)
         f"Made by `python -m emaphm.study.fleet studies/fleet{fewer}`, then `python -m "
         f"emaphm.report.fleet_page studies/fleet docs{fewer}`. **Every unit here is synthetic**: drawn from "
         "the laws below, run to failure, recorded by the reference model, diagnosed by `emaphm`'s own "
-        "methods, and predicted from its own past alone and the other units' histories. What holds for it "
-        "holds for fleets that degrade in such ways, and is no proof for a real one.\n"
+        "methods, and predicted from its own past and the other units' histories alone. The results are "
+        "valid for fleets that degrade in these ways, and are no proof for a real fleet.\n"
     )
     yield (
-        f"*Diagnosed recordings*: {len(recorded)} units that failed, of {units}, a check flight each "
-        f"{PLAN.interval:g} h, {diagnosed.recordings} recordings with load, temperature and supply of their "
-        f"own. {100 * diagnosed.explained:.1f} % are explained; the error of a level is "
+        f"*Diagnosed recordings*: {len(recorded)} failed units of {units}, with a check flight each "
+        f"{PLAN.interval:g} h; {diagnosed.recordings} recordings, each with its own load, temperature and "
+        f"supply. {100 * diagnosed.explained:.1f} % are explained; the error of a level is "
         f"{diagnosed.error:.4f} (rms), {100 * diagnosed.coverage:.0f} % of levels are within two standard "
         f"errors. The units are in {PARTS} parts; the fleet of a unit is the "
         f"{units - units // PARTS} units of the other parts.\n"
     )
     yield (
         f"*Drawn diagnoses*: {len(drawn)} further units, for the statistics: each diagnosis is the truth "
-        "plus an error drawn from the covariance that a diagnosis of a recording stated at nearby levels. "
-        f"The fleet is {FLEET_UNITS} units that are not judged; a larger one is {MANY.units - JUDGED}, "
-        "these and others.\n"
+        "plus an error drawn from the covariance that the diagnosis of a recording stated at nearby levels. "
+        f"The fleet is {FLEET_UNITS} units that are not judged; a larger fleet has {MANY.units - JUDGED} "
+        "units, these and others.\n"
     )
     yield f"Laws that the filter does not have: {', '.join(known)}."
 
@@ -234,23 +234,23 @@ def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
     )
     yield markdown_table(header, rows)
     yield (
-        f"\nAsked: {100 * ASKED_SHARE:.0f} % of the alpha-lambda (α 0.2, β 0.5) of a clairvoyant who knows "
-        f"law and true level, and a coverage of {100 * ASKED_COVERAGE[0]:.0f} to "
-        f"{100 * ASKED_COVERAGE[1]:.0f} %. There are two such clairvoyants here, and our share of each. "
-        "*Late*: the median exceeds the true RUL by more than 20 %. Ours, with the fleet's prior, is "
-        "corrected by how predictions of the fleet's failed units turned out, and mostly drawn by the pace "
-        "of its units ([how](prognosis.md#degradation)).\n"
+        f"\nRequired: {100 * ASKED_SHARE:.0f} % of the alpha-lambda (α 0.2, β 0.5) of a clairvoyant "
+        f"prediction with known law and true level, and a coverage of {100 * ASKED_COVERAGE[0]:.0f} to "
+        f"{100 * ASKED_COVERAGE[1]:.0f} %. The table has two such clairvoyant predictions, and our share of "
+        "each. *Late*: the median exceeds the true RUL by more than 20 %. Our prediction with the fleet's "
+        "prior is corrected by the errors of past predictions of the fleet's failed units, and depends "
+        "mostly on the pace of its units ([prognosis](prognosis.md#degradation)).\n"
     )
     for way, known, unknown in WHAT_EACH_KNOWS:
-        yield f"- *{way}* knows {known}; not {unknown}."
+        yield f"- *{way}* uses {known}; it does not use {unknown}."
     yield (
-        "\nThe last three also know what the fleet is drawn from: the laws of each component with their "
-        "shares, the ranges of their parameters, the distributions of lives and stress. Those two that do "
-        "not know the parameters predict by Bayes' rule from it, each component by itself: what all "
-        "components show of the unit's stress is left out. Bayes' rule from the diagnoses is thereby about "
-        "the best, on average over such units, that any prediction can be which does not know the unit's "
-        "own laws. The difference between it and the clairvoyants can be learnt from no fleet, however "
-        "large."
+        "\nThe last three also use the population from which the fleet is drawn: the laws of each component "
+        "with their shares, the ranges of their parameters, the distributions of lives and stress. The two "
+        "predictions with unknown parameters apply Bayes' rule to it, separately for each component: the "
+        "information of all components on the unit's stress is not used. On average over such units, Bayes' "
+        "rule from the diagnoses is therefore close to the best possible prediction without knowledge of the "
+        "unit's own laws. The difference between it and the clairvoyant predictions cannot be learnt from a "
+        "fleet of any size."
     )
 
 
@@ -272,7 +272,7 @@ def _shortfalls(units: Units) -> Iterator[str]:
     in_time = share_in_time(units, WITH_FLEET)
     if in_time < ASKED_WARNED:
         short.append(f"warnings in time ({100 * in_time:.1f} %)")
-    yield f"\n**Not reached**: {', '.join(short)}." if short else "\nAll that was asked is reached."
+    yield f"\n**Not met**: {', '.join(short)}." if short else "\nAll requirements are met."
 
 
 def _tables(title: str, units: Units) -> Iterator[str]:
@@ -282,11 +282,11 @@ def _tables(title: str, units: Units) -> Iterator[str]:
         yield f"\nAt {what}, {len(units)} synthetic units:\n"
         yield markdown_table(HEADER, [(way, *scores(units, way, share).row) for way in ways(units)])
     yield (
-        "\n*Mean life*: of those other units that have lived longer. *Last slope*: a straight line through "
-        "the last ten diagnoses of each component. *One filter a component*: a Kalman filter of level and "
-        "rate for each component, without covariances between them, in the manner of `progpy`. A way that "
-        "gives one number has no interval; its CRPS is its absolute error. No failure in sight counts as "
-        "20,000 h.\n"
+        "\n*Mean life*: the mean over the other units that have lived longer. *Last slope*: a straight line "
+        "through the last ten diagnoses of each component. *One filter a component*: a Kalman filter of "
+        "level and rate for each component, without covariances between them, in the manner of `progpy`. A "
+        "prediction of one number has no interval; its CRPS is its absolute error. A prediction without "
+        "failure counts as 20,000 h.\n"
     )
 
 
@@ -294,8 +294,8 @@ def _new_unit(units: Units) -> Iterator[str]:
     ours, alone = (scores(units, way, 0.0) for way in (WITH_FLEET, ALONE))
     yield (
         "The first RUL of a unit, from one diagnosis: with the fleet's prior the CRPS is "
-        f"{ours.crps:,.0f} h, the 90 % interval {ours.width:.1f} times as wide as the true RUL, and it holds "
-        f"{100 * (ours.coverage or 0):.0f} % of the true ones; without, {alone.crps:,.0f} h, "
+        f"{ours.crps:,.0f} h, and the 90 % interval is {ours.width:.1f} times as wide as the true RUL and "
+        f"contains {100 * (ours.coverage or 0):.0f} % of the true values; without it, {alone.crps:,.0f} h, "
         f"{alone.width:.1f} times, and {100 * (alone.coverage or 0):.0f} %."
     )
 
@@ -313,7 +313,7 @@ def _by_law(units: Units) -> str:
         name = law if LAWS[law].known else f"{law} (unknown to the filter)"
         rows.append((name, str(count), *cells))
     header = (
-        "law of what fails",
+        "law of the failed component",
         "units",
         "alpha-lambda, λ = 0.5",
         *CLAIRVOYANTS,
@@ -343,15 +343,15 @@ def _population(population: Population) -> Iterator[str]:
     yield markdown_table(header, rows)
     s = population.stress
     yield (
-        f"\nThe median life is that until the component reaches its limit, under nominal stress. A unit ages "
-        f"2^(ΔT/{s.doubling:g} K) (1 + l)^3 times as fast: its mission has ΔT with a standard deviation of "
-        f"{s.mission_K:g} K and l of {s.mission_load:g}, each stretch between two check flights further "
+        f"\nThe median life is the time until the component reaches its limit, under nominal stress. A unit "
+        f"ages 2^(ΔT/{s.doubling:g} K) (1 + l)^3 times as fast. Its mission has standard deviations of "
+        f"{s.mission_K:g} K in ΔT and {s.mission_load:g} in l; each interval between two check flights adds "
         f"{s.flight_K:g} K and {s.flight_load:g}. The laws and the ranges of their parameters are in "
         "`src/emaphm/fleet/synthetic/growth.py`, the numbers above in `population.py` of that folder. They "
-        "were chosen before anything was predicted on them; the prognosis was developed on another fleet "
-        "(`--population development`). But the share that the filter keeps of a forecast, and that "
-        "it keeps all where a unit has passed no step, were chosen on further units drawn from this one, so "
-        "that intervals hold the truth."
+        "were chosen before any prediction on them; the prognosis was developed on another fleet "
+        "(`--population development`). Two settings, however, were chosen on further units drawn from this "
+        "population, so that intervals contain the truth: the share of the filter in a forecast, and that "
+        "the forecast uses the filter alone where a unit has passed no step."
     )
 
 

@@ -24,15 +24,16 @@ def share_in_time(units: Sequence[Mapping[str, Any]], way: str) -> float:
 def said_of_warnings(units: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the lines of the page: ours and Bayes' rule, and each unit that ours does not warn of in time."""
     yield (
-        f"A unit is warned of where its probability of failure within {HORIZON_H:g} h exceeds "
-        f"{100 * RISK:g} %, which is `--horizon {HORIZON_H:g}` with the usual risk. Asked: no failure "
-        f"without a warning {100 * WARNING_SHARE:.0f} % of life before it, in {100 * ASKED_WARNED:.0f} %.\n"
+        f"A warning is given when the probability of failure within {HORIZON_H:g} h exceeds "
+        f"{100 * RISK:g} %, which is `--horizon {HORIZON_H:g}` with the default risk. Required: a warning "
+        f"at least {100 * WARNING_SHARE:.0f} % of life before the failure, for {100 * ASKED_WARNED:.0f} % of "
+        "the units.\n"
     )
     for way in (WITH_FLEET, INFORMED):
         low, middle, high = np.quantile(warnings(units, way), (0.05, 0.5, 0.95))
         share = share_in_time(units, way)
         yield (
-            f"- *{way}*: {round(share * len(units))} of {len(units)} units are warned of in time "
+            f"- *{way}*: {round(share * len(units))} of {len(units)} units have a warning in time "
             f"({100 * share:.1f} %); at the first warning {100 * middle:.0f} % of life remain "
             f"(median; 5 to 95 %: {100 * low:.0f} to {100 * high:.0f} %)."
         )
@@ -41,6 +42,6 @@ def said_of_warnings(units: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         if left < WARNING_SHARE:
             yield (
                 f"- {one['unit']} fails by {one['failed']} ({one['law']}) after {one['failure']:,.0f} h. "
-                f"{100 * left:.1f} % of its life are left at our first warning, {100 * by_bayes:.1f} % at "
-                "that by Bayes' rule."
+                f"{100 * left:.1f} % of its life remain at our first warning, {100 * by_bayes:.1f} % at the "
+                "first warning by Bayes' rule."
             )

@@ -84,12 +84,12 @@ def _introduction(plan: Plan, runs: pl.DataFrame, base: PageRow, rates: Rates) -
     rig, m = plan.rigs[0], plan.manoeuvre
     yield (
         f"Made by `make study`, from the plan `{plan.name}`. The base setting is that of "
-        f"[accuracy.md](accuracy.md): {rig.noise:g} A of noise, {rig.adc_bits}-bit converters, load within "
-        f"±{rig.load[1]:g} N·m and windings within ±{rig.heat[1]:g} K unknown, current and line voltage "
-        f"recorded, a {m.duration:g} s chirp at {m.sample_rate / 1e3:g} kHz. Here one thing at a time is "
-        "varied about it; all settings share the same faults, loads and temperatures. By default, load and "
-        "temperature are estimated with the faults, and what a recording shows to deviate from the "
-        "description.\n"
+        f"[accuracy.md](accuracy.md): {rig.noise:g} A of noise, {rig.adc_bits}-bit converters, an unknown "
+        f"load within ±{rig.load[1]:g} N·m, windings at an unknown temperature within ±{rig.heat[1]:g} K of "
+        "nominal, current and line voltage recorded, a "
+        f"{m.duration:g} s chirp at {m.sample_rate / 1e3:g} kHz. Each setting differs from it in one "
+        "respect; all settings have the same faults, loads and temperatures. By default, load, temperature "
+        "and deviations from the description that a recording shows are estimated with the faults.\n"
     )
     mine = runs.filter(pl.col("rig") == base.rig, pl.col("method") == base.method)
     small, healthy = (mine.filter(pl.col("case_kind") == kind) for kind in ("small", "healthy"))
@@ -97,13 +97,14 @@ def _introduction(plan: Plan, runs: pl.DataFrame, base: PageRow, rates: Rates) -
     count = rates[base].cases
     components = (len(COMPONENTS) - 1) * small.height + len(COMPONENTS) * healthy.height
     yield (
-        f"Of each setting, {count} recordings with random faults give error, coverage of the 95 % intervals "
-        "(the mean over the components and the least, with its component) and the share called explained. "
-        f"{small.height} with a single fault of {100 * size:.0f} % and {healthy.height} healthy ones give "
-        "the share of these small faults that were called degraded, and of the healthy components that were "
-        f"(false alarms, of {components}). So few cases show where the diagnosis breaks, not differences of "
-        "some percent: of true 95 % intervals, a component would show less than "
-        f"{100 * least_by_chance(count):.0f} % in one setting of a thousand.\n"
+        f"In each setting, {count} recordings with random faults give the error, the coverage of the 95 % "
+        "intervals (the mean over the components, and the least with its component) and the share of "
+        f"explained recordings. {small.height} recordings with a single fault of {100 * size:.0f} % and "
+        f"{healthy.height} healthy recordings give the share of these small faults that were called "
+        f"degraded, and the share of false alarms among {components} healthy components. These numbers of "
+        "cases show where the diagnosis fails, not differences of some percent: with true 95 % intervals, "
+        f"the coverage of a component would be below {100 * least_by_chance(count):.0f} % in one setting of "
+        "a thousand.\n"
     )
 
 
@@ -117,8 +118,8 @@ def _overconfident(plan: Plan, rates: Rates) -> Iterator[str]:
             named.setdefault((row.rig, row.method), (name, rates[row]))
     found = [(name, one) for name, one in named.values() if one.overconfident]
     yield (
-        "Settings with a component whose interval holds the truth less often than chance allows, though more "
-        "than half of the recordings are called explained: "
+        "Settings in which the interval of a component contains the truth less often than chance allows, "
+        "although more than half of the recordings are called explained: "
         + (f"{len(found)} of {len(named)}.\n" if found else f"none of {len(named)}.")
     )
     for name, one in found:
@@ -135,8 +136,8 @@ def _reading(section: PageSection, rates: Rates) -> str:
     by_default = {row.text: rates[row].median for row in section.rows if row.method == first}
     least, largest = (pick(by_default, key=by_default.__getitem__) for pick in (min, max))
     sentence = (
-        f"By {section.label}, the median error is least at {least} ({by_default[least]:.2f} %) and largest "
-        f"at {largest} ({by_default[largest]:.2f} %)"
+        f"For {section.label}, the median error is smallest at {least} ({by_default[least]:.2f} %) and "
+        f"largest at {largest} ({by_default[largest]:.2f} %)"
     )
     for method in dict.fromkeys(row.method for row in section.rows if row.method != first):
         changes = ", ".join(
@@ -144,7 +145,7 @@ def _reading(section: PageSection, rates: Rates) -> str:
             for row in section.rows
             if row.method == method
         )
-        sentence += f"; with {method} it goes from {changes}"
+        sentence += f"; with {method} it changes from {changes}"
     return sentence + "."
 
 

@@ -31,7 +31,7 @@ def spoilt_page(found: Results, total: int) -> str:
                 markdown_table(["class", "cases", *OUTCOME_TITLES], rows(found)),
                 "\n## Undetected errors\n",
                 *_wrong(found),
-                "\n## Why the others are not explained\n",
+                "\n## Reasons for recordings that are not explained or refused\n",
                 *_reasons(found),
             ]
         )
@@ -44,17 +44,19 @@ def _introduction(found: Results) -> Iterator[str]:
     yield (
         "Made by `python -m emaphm.study.spoilt studies/spoilt` and `python -m emaphm.report.spoilt_page "
         f"studies/spoilt docs`. {len(spoilt)} recordings of the thesis's actuator by the reference model "
-        f"({NOISE_A:g} A of noise, {ADC_BITS} bits), each spoilt in one way, are diagnosed as if nothing "
-        f"were wrong with them, with {len(FAULTS)} sets of true faults ({', '.join(FAULTS)}). Recorded are "
+        f"({NOISE_A:g} A of noise, {ADC_BITS} bits), each spoilt in one way, are diagnosed without "
+        f"information on the spoiling, with {len(FAULTS)} sets of true faults ({', '.join(FAULTS)}). The "
+        "recorded channels are "
         + "; ".join(f"*{name}*: {', '.join(channels)}" for name, channels in CHANNELS.items())
         + ". The first row is the control, which is not spoilt.\n"
     )
     yield (
-        "*Refused*: an error message. *Not explained*: a diagnosis that says that the model does not explain "
+        "*Refused*: an error message. *Not explained*: the diagnosis reports that the model does not explain "
         "the recording, and gives no verdict. *Cannot tell*: explained, without a definite verdict. *Right*: "
-        "with definite verdicts that are right, the spoiling being corrected or harmless. "
-        "*Undetected error*: explained, and a component that is called healthy or degraded is off by more "
-        f"than {WRONG_ERROR:g} and by more than {WRONG_HALF_WIDTHS:g} half-widths of its interval.\n"
+        "explained, with correct definite verdicts; the spoiling was corrected or harmless. "
+        "*Undetected error*: explained, and the estimate of a component that is called healthy or degraded "
+        f"has an error of more than {WRONG_ERROR:g} and of more than {WRONG_HALF_WIDTHS:g} half-widths of "
+        "its interval.\n"
     )
 
 
