@@ -114,11 +114,11 @@ def serve(
                 work,
                 described(actuators),
                 settings,
-                detector,
-                receiver,
-                prognosis,
-                templates,
-                seed,
+                detector=detector,
+                receiver=receiver,
+                prognosis=prognosis,
+                templates=templates,
+                seed=seed,
             )
         )
         app = create_app(state, only_loopback=only_loopback)
@@ -147,6 +147,7 @@ def running(
     work: Path | None,
     actuators: "Mapping[str, Actuator]",
     settings: ServerSettings = SETTINGS,
+    *,
     detector: "Detector | None" = None,
     receiver: Receiver | None = None,
     prognosis: PrognosisSettings = WATCH.prognosis,
