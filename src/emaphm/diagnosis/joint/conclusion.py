@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,61 +46,77 @@ def conclusion(
     estimate, known
         The joint fit, and how well it is known.
     """
-    joint, count, space = estimate.joint, len(results), results[0].objective.space
+    joint, space = estimate.joint, results[0].objective.space
     between = _between(known, joint)
-    covariance = known.covariance + estimate.scatter
-    covariance[: joint.shared, : joint.shared] += between.covariance
-    if not estimate.corrected:
-        bias = _bias(joint, results, known.point, seed)
-        covariance = covariance + np.outer(bias, bias)
+    explained = all(diagnosis.explained for diagnosis in single)
+    covariance = _covariance(estimate, known, between, results, seed)
     local = covariance[np.ix_(joint.indices[0], joint.indices[0])]
     sets = collinear_sets(results[0], local, seed)
     components = estimates(space, results[0].point, local, sets)
-    if not all(one.explained for one in single):
+    if not explained:
         components = unexplained(components, space.fixed)
     elif not between.agree:
-        components = {name: _undecided(one) for name, one in components.items()}
+        components = {name: _undecided(component) for name, component in components.items()}
     else:
         components = _tested_by_each(components, results, seed)
-    parts = [
-        _recording(one, *pair, contradicts=bool(flag))
-        for one, pair, flag in zip(single, zip(alone, results, strict=True), between.named, strict=True)
-    ]
-    first = single[0]
-    kept = {field.name: getattr(first, field.name) for field in fields(first)}
-    shared = [space.coordinates[i] for i in joint.terms[0].shared_places]
-    residual = np.concatenate([one.compared_residual for one in results])
-    channels = tuple(dict.fromkeys(name for one in single for name in one.channels))
+    residual = np.concatenate([result.compared_residual for result in results])
     return JointDiagnosis(
-        **kept
+        **_end_to_end(single)
         | {
             "components": components,
-            "coordinates": tuple(shared),
+            "coordinates": tuple(space.coordinates[i] for i in joint.terms[0].shared_places),
             "covariance": covariance[: joint.shared, : joint.shared],
             "fitness": float(np.mean(residual**2)),
             "residual_rms_A": rms(residual),
-            "explained": between.agree and all(one.explained for one in single),
-            "recording": first.recording if count == 1 else f"{count} recordings",
-            "time_s": _end_to_end([one.time_s for one in single]),
-            "recorded": np.concatenate([one.recorded for one in single]),
-            "modelled": np.concatenate([one.modelled for one in single]),
-            "channels": channels,
+            "explained": between.agree and explained,
             "nuisances": of_unit(nuisance_estimates(results[0].objective, results[0].point, local)),
             "collinear_sets": sets,
-            "moves": any(one.moves for one in single),
-            "recording_notes": _of_all(single, lambda one: one.recording_notes),
-            "reasons": _of_all(single, lambda one: one.reasons),
-            "sensor_faults": tuple(
-                replace(fault, sentence=_named(one, fault.sentence, count))
-                for one in single
-                for fault in one.sensor_faults
-            ),
         },
-        recordings=tuple(parts),
+        recordings=tuple(
+            _recording(diagnosis, searched, result, contradicts=bool(named))
+            for diagnosis, searched, result, named in zip(single, alone, results, between.named, strict=True)
+        ),
         contradicted=tuple(
             dict.fromkeys(NAMES[column] for i, column in enumerate(space.columns) if between.contradicted[i])
         ),
     )
+
+
+def _covariance(
+    estimate: JointEstimate,
+    known: JointUncertainty,
+    between: "_Between",
+    results: Sequence[SearchResult],
+    seed: int,
+) -> Array:
+    """Return the covariance (d, d) of the joint estimate: of its fit, its scatter and between recordings."""
+    joint = estimate.joint
+    covariance = known.covariance + estimate.scatter
+    covariance[: joint.shared, : joint.shared] += between.covariance
+    if estimate.corrected:
+        return covariance
+    bias = _bias(joint, results, known.point, seed)
+    return np.asarray(covariance + np.outer(bias, bias))
+
+
+def _end_to_end(single: Sequence[Diagnosis]) -> dict[str, Any]:
+    """Return fields of the diagnosis of all recordings: those of the first, and of all where they differ."""
+    first, count = single[0], len(single)
+    return {field.name: getattr(first, field.name) for field in fields(first)} | {
+        "recording": first.recording if count == 1 else f"{count} recordings",
+        "time_s": _times_end_to_end([diagnosis.time_s for diagnosis in single]),
+        "recorded": np.concatenate([diagnosis.recorded for diagnosis in single]),
+        "modelled": np.concatenate([diagnosis.modelled for diagnosis in single]),
+        "channels": tuple(dict.fromkeys(name for diagnosis in single for name in diagnosis.channels)),
+        "moves": any(diagnosis.moves for diagnosis in single),
+        "recording_notes": _of_all(single, lambda diagnosis: diagnosis.recording_notes),
+        "reasons": _of_all(single, lambda diagnosis: diagnosis.reasons),
+        "sensor_faults": tuple(
+            replace(fault, sentence=_named(diagnosis, fault.sentence, count))
+            for diagnosis in single
+            for fault in diagnosis.sensor_faults
+        ),
+    }
 
 
 def _tested_by_each(
@@ -204,7 +221,7 @@ def _undecided(one: Estimate) -> Estimate:
     return replace(one, verdict="cannot tell", reason=one.reason or CONTRADICTED)
 
 
-def _end_to_end(times: Sequence[Array]) -> Array:
+def _times_end_to_end(times: Sequence[Array]) -> Array:
     """Return the times [s] of recordings, each beginning an interval after the end of the one before."""
     placed, offset = list[Array](), float(times[0][0])
     for time_s in times:
