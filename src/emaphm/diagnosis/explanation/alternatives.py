@@ -81,7 +81,9 @@ def with_alternatives(
             continue
         faults = objective.space.faults(refit.point)
         for i, (name, one) in enumerate(components.items()):
-            checked[name] = _including(name, checked[name], one, float(faults[i]), late * interval)
+            checked[name] = with_alternative_value(
+                name, checked[name], one, float(faults[i]), late * interval
+            )
     return with_phase_undecided(checked, components)
 
 
@@ -139,7 +141,9 @@ def taken_back(rows: Array, late: int) -> Array:
     return rows[..., np.clip(np.arange(last + 1) + late, 0, last)]
 
 
-def _including(name: str, estimate: Estimate, first: Estimate, other: float, delay: float) -> Estimate:
+def with_alternative_value(
+    name: str, estimate: Estimate, first: Estimate, other: float, delay: float
+) -> Estimate:
     """Return an `estimate` whose interval has the value of an alternative too.
 
     It is undecided where that interval says another thing than `first`, the estimate without alternatives,

@@ -96,7 +96,7 @@ class _Scan:
         first, last = instants[[0, -1]]
         spacing = float(instants[1] - instants[0])
         sets = np.array(list(combinations(range(STEPS.instants), count)))
-        places, left = _best_set(self.model.left, columns, sets)
+        places, left = best_set(self.model.left, columns, sets)
         best = instants[places]
         while spacing > STEPS.near:
             finer = np.linspace(-spacing, spacing, STEPS.finer)
@@ -104,7 +104,7 @@ class _Scan:
                 held = np.delete(best, i)
                 near = np.append(held, np.clip(best[i] + finer, first, last))
                 sets = np.array([[*range(count - 1), count - 1 + k] for k in range(STEPS.finer)])
-                places, left = _best_set(self.model.left, self._columns(near), sets)
+                places, left = best_set(self.model.left, self._columns(near), sets)
                 best = near[places]
             spacing = float(finer[1] - finer[0])
         return np.sort(best), self.model.share_of(left)
@@ -132,7 +132,7 @@ class _Scan:
         return self.model.without(columns)
 
 
-def _best_set(left: Array, columns: Array, sets: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
+def best_set(left: Array, columns: Array, sets: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
     """Return the set of `columns` (n, samples) that leaves least of `left` (samples,), and its mean square.
 
     `sets` (m, count) are places among the columns.
