@@ -207,18 +207,18 @@ def _recording(
     )
 
 
-def _of_all(single: Sequence[Diagnosis], of: Callable[[Diagnosis], Sequence[str]]) -> tuple[str, ...]:
+def _of_all(single: Sequence[Diagnosis], sentences: Callable[[Diagnosis], Sequence[str]]) -> tuple[str, ...]:
     """Return sentences of all recordings, each with the name of its own."""
-    return tuple(_named(one, sentence, len(single)) for one in single for sentence in of(one))
+    return tuple(_named(one, sentence, len(single)) for one in single for sentence in sentences(one))
 
 
-def _named(one: Diagnosis, sentence: str, count: int) -> str:
+def _named(diagnosis: Diagnosis, sentence: str, count: int) -> str:
     """Return a sentence of one recording of `count`."""
-    return f"{one.recording}: {sentence}" if count > 1 else sentence
+    return f"{diagnosis.recording}: {sentence}" if count > 1 else sentence
 
 
-def _undecided(one: Estimate) -> Estimate:
-    return replace(one, verdict="cannot tell", reason=one.reason or CONTRADICTED)
+def _undecided(estimate: Estimate) -> Estimate:
+    return replace(estimate, verdict="cannot tell", reason=estimate.reason or CONTRADICTED)
 
 
 def _times_end_to_end(times: Sequence[Array]) -> Array:
