@@ -252,7 +252,7 @@ def objective_for(
     method: Method,
     model: Model,
     nuisances: Sequence[str] | None,
-    workers: int | None = None,
+    workers: int | None,
     *,
     below_healthy: bool = True,
 ) -> MapObjective:
