@@ -31,6 +31,9 @@ from emaphm.server.work.queue import Queue
 from emaphm.server.work.worker import SERVER, Place
 
 if TYPE_CHECKING:
+    import uvicorn
+    from fastapi import FastAPI
+
     from emaphm.actuator import Actuator
     from emaphm.detection import Detector
 
@@ -90,10 +93,6 @@ def serve(
     HistoryError
         The database cannot be opened.
     """
-    import uvicorn
-
-    from emaphm.server.connection import ImpatientProtocol
-
     only_loopback = _is_loopback(host)
     if not only_loopback and tokens is None:
         raise ServerError(
@@ -123,8 +122,20 @@ def serve(
         )
         app = create_app(state, only_loopback=only_loopback)
         warm_up(app)
-        logging.getLogger("python_multipart").setLevel(logging.ERROR)  # a form that is none is the client's
-        config = uvicorn.Config(
+        web_server = _web_server(app, settings)
+        name = f"[{host}]" if ":" in host else host
+        on_ready(f"http://{name}:{listening.getsockname()[1]}/")
+        web_server.run(sockets=[listening])
+
+
+def _web_server(app: "FastAPI", settings: ServerSettings) -> "uvicorn.Server":
+    import uvicorn
+
+    from emaphm.server.connection import ImpatientProtocol
+
+    logging.getLogger("python_multipart").setLevel(logging.ERROR)  # a form that is none is the client's
+    return uvicorn.Server(
+        uvicorn.Config(
             app,
             http=ImpatientProtocol,
             log_level="warning",
@@ -135,9 +146,7 @@ def serve(
             limit_concurrency=settings.connections,
             timeout_graceful_shutdown=5,
         )
-        name = f"[{host}]" if ":" in host else host
-        on_ready(f"http://{name}:{listening.getsockname()[1]}/")
-        uvicorn.Server(config).run(sockets=[listening])
+    )
 
 
 @contextmanager
