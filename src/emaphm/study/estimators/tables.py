@@ -43,24 +43,33 @@ def accuracy_table(found: Outcomes) -> str:
     rows = []
     for group in ("random", "heavy", "multiple", "healthy", "small"):
         for method in METHODS:
-            one = [r for c, m, r in found if c.group == group and m == method and r.get("moves")]
-            if not one:
+            moving = [r for r in _results(found, group, method) if r.get("moves")]
+            if not moving:
                 continue
-            errors, times = (np.array([r[key] for r in one]) for key in ("error", "processor_s"))
+            errors, times = (np.array([r[key] for r in moving]) for key in ("error", "processor_s"))
             asked = {METHODS[0]: "estimator", METHODS[1]: "estimator+lsq", METHODS[2]: "hybrid"}[method]
             rows.append(
                 (
-                    f"{group}, {len(one)}",
+                    f"{group}, {len(moving)}",
                     method,
                     f"{np.median(errors):.2f} / {_p95(errors):.2f} / {errors.max():.2f}",
                     _percent(errors <= 2),
                     _percent(errors <= 5),
-                    _percent([_claims(r) for r in one]),
-                    _percent([r["method"] == asked for r in one]),
+                    _percent([_claims(r) for r in moving]),
+                    _percent([r["method"] == asked for r in moving]),
                     f"{np.median(times):.3f} / {_p95(times):.3f}",
                 )
             )
     return markdown_table(header, rows, words=2)
+
+
+def _results(found: Outcomes, group: str, method: str, label: str | None = None) -> list[dict[str, Any]]:
+    """Return what came of a group's recordings by a method, of those with a `label` where it is given."""
+    return [
+        result
+        for case, by, result in found
+        if case.group == group and by == method and label in (None, case.label)
+    ]
 
 
 def _p95(values: Array) -> float:
@@ -76,9 +85,9 @@ def coverage_table(found: Outcomes) -> str:
     rows = []
     for group in ("random", "heavy"):
         for method in METHODS:
-            one = [r["covered"] for c, m, r in found if c.group == group and m == method and r.get("moves")]
-            if one:
-                rows.append((f"{group}, {len(one)}", method, *map(_percent, np.mean(one, axis=0))))
+            covered = [r["covered"] for r in _results(found, group, method) if r.get("moves")]
+            if covered:
+                rows.append((f"{group}, {len(covered)}", method, *map(_percent, np.mean(covered, axis=0))))
     return markdown_table(("recordings", "method", *NAMES), rows, words=2)
 
 
@@ -86,16 +95,12 @@ def alarms_table(found: Outcomes) -> str:
     """Return false alarms on healthy recordings, and how often each small fault is called degraded."""
     rows = []
     for method in METHODS:
-        healthy = [r for c, m, r in found if c.group == "healthy" and m == method and "degraded" in r]
+        healthy = [r for r in _results(found, "healthy", method) if "degraded" in r]
         if not healthy:
             continue
         rates = [_percent([any(r["degraded"]) for r in healthy])]
         for kind in SINGLE:
-            of_kind = [
-                r
-                for c, m, r in found
-                if c.group == "small" and c.label == kind and m == method and "degraded" in r
-            ]
+            of_kind = [r for r in _results(found, "small", method, kind) if "degraded" in r]
             rates.append(_percent([_detected(r, kind) for r in of_kind]))
         rows.append((method, *rates))
     return markdown_table(("method", "healthy: false alarms", *SINGLE), rows)
@@ -114,12 +119,12 @@ def unlike_table(found: Outcomes) -> str:
     for group in ("foreign", "spoilt"):
         for label in dict.fromkeys(c.label for c, _, _ in found if c.group == group):
             for method in (*METHODS, WITHOUT_SEARCH):
-                one = [r for c, m, r in found if c.group == group and c.label == label and m == method]
-                if not one:
+                results = _results(found, group, method, label)
+                if not results:
                     continue
-                tally = Counter(r["outcome"] for r in one)
-                by = Counter(r.get("method") for r in one)
-                wrong = sorted(r["error"] for r in one if r["outcome"] == UNDETECTED_ERROR)
+                tally = Counter(r["outcome"] for r in results)
+                by = Counter(r.get("method") for r in results)
+                wrong = sorted(r["error"] for r in results if r["outcome"] == UNDETECTED_ERROR)
                 rows.append(
                     (
                         label,
