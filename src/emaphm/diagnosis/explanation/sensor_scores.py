@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from emaphm.arrays import Array, rms
-from emaphm.diagnosis.explanation.refits import left_by_descents
+from emaphm.diagnosis.explanation.refits import mean_square_after_descents
 from emaphm.estimation.levenberg_marquardt import movable
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.space.parameter_space import ParameterSpace
@@ -101,7 +101,7 @@ def _residual_share(result: SearchResult, error: SensorScore, seed: int) -> floa
     kinds, directions, _ = zip(*_directions(result), strict=True)
     with_error[:rows] += error.size * directions[kinds.index((error.kind, error.channel))]
     variances = [
-        left_by_descents(
+        mean_square_after_descents(
             result,
             objective,
             correction,

@@ -216,5 +216,5 @@ def _refit_with(
     start = objective.space.project(start)
     point = local_search(objective, start, correction, rng, with_descents(SELECTION.descents)).best
     residual = objective.residual(point, correction)[:rows]
-    share = result.objective.left(residual) / result.objective.left(result.residual[:rows])
+    share = result.objective.mean_square(residual) / result.objective.mean_square(result.residual[:rows])
     return Candidate(name, objective, point, share)
