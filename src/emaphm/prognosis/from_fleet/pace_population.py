@@ -201,9 +201,11 @@ def _initial_classes(fleet: Passages, mean: Array) -> np.ndarray:
     """Return first classes (c, n): by whether y grows along the path by more than the median."""
     known = fleet.precision > 0
     number = known.sum(axis=-1)
-    apart = np.where(known, fleet.log_hours - mean, 0.0)
-    apart = apart - np.where(known, (apart.sum(axis=-1) / np.maximum(number, 1))[..., np.newaxis], 0.0)
-    trend = apart @ (np.arange(STEPS) - (STEPS - 1) / 2)
+    deviations = np.where(known, fleet.log_hours - mean, 0.0)
+    deviations = deviations - np.where(
+        known, (deviations.sum(axis=-1) / np.maximum(number, 1))[..., np.newaxis], 0.0
+    )
+    trend = deviations @ (np.arange(STEPS) - (STEPS - 1) / 2)
     grows = trend > np.median(trend, axis=1, keepdims=True)
     return np.where(number == 0, CLASSES, grows.astype(int))
 
@@ -265,10 +267,10 @@ def _drawn_classes(
     average = member @ log_hours / np.maximum(number, 1)[..., np.newaxis]
     rest = (log_hours[:, np.newaxis] - average[:, :, np.newaxis]) * member[..., np.newaxis]
     weight = PACE_POPULATION.mean_units + number
-    apart = average - m
+    deviation = average - m
     centre = (PACE_POPULATION.mean_units * m + number[..., np.newaxis] * average) / weight[..., np.newaxis]
     scatter = PACE_POPULATION.covariance_units * general + np.swapaxes(rest, -1, -2) @ rest
-    outer = apart[..., np.newaxis] * apart[..., np.newaxis, :]
+    outer = deviation[..., np.newaxis] * deviation[..., np.newaxis, :]
     scatter = scatter + (PACE_POPULATION.mean_units * number / weight)[..., np.newaxis, np.newaxis] * outer
     shape = scatter.shape
     factor = np.tril(random.standard_normal(shape), -1)
