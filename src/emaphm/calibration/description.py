@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.calibrated_laws import SHOWN_BY_FAULTS, check_calibrated, laws_to_calibrate
 from emaphm.actuator.laws import Law, law_named
+from emaphm.actuator.laws.calibrated import SHOWN_BY_FAULTS, check_calibrated, laws_to_calibrate
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, check_lumped_parameters, lumped_parameters
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER
