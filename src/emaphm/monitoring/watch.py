@@ -114,23 +114,33 @@ def watch(
         deliveries = [Delivery(one, state, settings.delivery, say) for one in every]
         stack.callback(close_all, deliveries)
         judge = Judge(
-            history,
-            actuator,
-            settings.alarm,
-            task.diagnose,
-            task.cut,
-            task.detector,
-            task.takes_new_units,
-            task.seed,
-            task.watcher,
-            call,
+            history=history,
+            actuator=actuator,
+            settings=settings.alarm,
+            diagnose=task.diagnose,
+            cut=task.cut,
+            detector=task.detector,
+            takes_new_units=task.takes_new_units,
+            seed=task.seed,
+            watcher=task.watcher,
+            call=call,
         )
         isolation = settings.isolation if task.isolated else None
         outlook = Outlook(history, settings.prognosis, task.seed, task.watcher, isolation)
         stack.callback(outlook.close)
         pressure = Pressure(settings.pressure, task.watcher, is_raised="back_pressure" in lost)
         watcher = _Watcher(
-            source, history, judge, outlook, pressure, deliveries, settings, stop, say, on_count, done
+            source=source,
+            history=history,
+            judge=judge,
+            outlook=outlook,
+            pressure=pressure,
+            deliveries=deliveries,
+            settings=settings,
+            stop=stop,
+            say=say,
+            on_count=on_count,
+            done=done,
         )
         watcher.run(once=task.once or isinstance(task.source, int), ends=lambda: _closed(receivers))
     return done
@@ -168,7 +178,14 @@ def _source(
     if isinstance(task.source, int):
         return StreamSource(task.source, actuator, task.ownership, state, settings.stream, task.split, call)
     return FolderSource(
-        task.source, actuator, task.ownership, state, settings.folder, task.split, call, is_lost
+        folder=task.source,
+        actuator=actuator,
+        ownership=task.ownership,
+        state=state,
+        settings=settings.folder,
+        split=task.split,
+        call=call,
+        is_lost=is_lost,
     )
 
 

@@ -175,14 +175,14 @@ def running(
             fleet = FleetView(history)
             on_news = stack.enter_context(_sending(history, receiver))
             place = Place(
-                db,
-                folder,
-                dict(actuators),
-                settings.worker_bytes,
-                settings.upload_bytes,
-                detector,
-                prognosis,
-                seed,
+                db=db,
+                folder=folder,
+                actuators=dict(actuators),
+                memory_bytes=settings.worker_bytes,
+                upload_bytes=settings.upload_bytes,
+                detector=detector,
+                prognosis=prognosis,
+                seed=seed,
             )
             pool = Pool(queue, place, settings, fleet.outdated, fleet.forecast, on_news)
             pool.start()

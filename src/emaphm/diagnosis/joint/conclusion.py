@@ -194,16 +194,16 @@ def _recording(
     common = of_unit(single.nuisances)
     own = rms(alone.compared_residual)
     return JointRecording(
-        single.recording,
-        single.channels,
-        single.explained,
-        single.residual_rms_A,
-        single.relative_residual,
-        single.residual_rms_A / max(own, np.finfo(float).tiny),
-        contradicts,
-        tuple(result.objective.space.faults(alone.point).tolist()),
-        {name: one for name, one in single.nuisances.items() if name not in common},
-        single.load,
+        name=single.recording,
+        channels=single.channels,
+        explained=single.explained,
+        residual_rms_A=single.residual_rms_A,
+        relative_residual=single.relative_residual,
+        misfit_ratio=single.residual_rms_A / max(own, np.finfo(float).tiny),
+        contradicts=contradicts,
+        alone=tuple(result.objective.space.faults(alone.point).tolist()),
+        nuisances={name: one for name, one in single.nuisances.items() if name not in common},
+        load=single.load,
     )
 
 
