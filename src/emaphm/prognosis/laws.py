@@ -135,7 +135,8 @@ def rate_scale(
 ) -> Array:
     """Return the standard deviation of an unknown rate [1/h]: that which changes the level by 1 within T.
 
-    0 for the laws under which nothing moves yet: constant, and sudden onset before its onset.
+    0 for the laws under which nothing moves yet: constant, and sudden onset before its onset. Parameters and
+    shapes as in `transition`.
     """
     reach, _ = transition(law, life_scale, shape, age, life_scale, settings)
     return np.where(is_moving(law), 1 / np.maximum(reach, life_scale * 1e-3), 0.0)

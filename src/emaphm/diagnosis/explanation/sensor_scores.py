@@ -85,7 +85,10 @@ class SensorScore:
 
 
 def contradictions(result: SearchResult, jacobians: Array, seed: int) -> list[str]:
-    """Return a sentence on the error that contradicts the estimate most, if one does."""
+    """Return a sentence on the error that contradicts the estimate most, if one does.
+
+    `jacobians` (n, d, channel rows) are those of the channels at the estimate.
+    """
     scores = sorted(sensor_scores(result, jacobians), key=lambda one: -one.score)
     suspects = [one for one in scores if one.is_suspect()][: SENSOR_SCORES.most]
     shares = [_residual_share(result, one, seed) for one in suspects]

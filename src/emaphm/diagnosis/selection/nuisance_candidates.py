@@ -184,7 +184,7 @@ def _any_sure(scores: Mapping[str, float]) -> bool:
 def gross_scale_starts(
     result: SearchResult, names: tuple[str, ...], others: tuple[str, ...]
 ) -> dict[str, tuple[float, MapObjective, Array]]:
-    """Return scores, objectives and points to begin with of scales that are far off, by the nuisance."""
+    """Return scores, objectives and points (d,) to begin with of scales that are far off, by the nuisance."""
     problem = result.objective.problem
     measured = result.objective.target[: result.objective.channel_rows].reshape(len(problem.channels), -1)
     residuals = result.residual[: result.objective.channel_rows].reshape(measured.shape)

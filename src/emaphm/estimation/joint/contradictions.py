@@ -44,7 +44,8 @@ def contradictions_of_most(alone: AloneEstimates, prior_deviations: Array) -> Co
 
     By parameter, an estimate that is farther from the meta-analysis of the others than chance explains, their
     scatter included, has no part in the scatter, if `FEWEST_OTHERS` have information on it. A joint fit still
-    has that recording: how far it moves the weighted mean is added.
+    has that recording: how far it moves the weighted mean is added. `prior_deviations` (p,) are those of the
+    shared parameters.
     """
     aside = np.zeros(alone.points.shape, bool)
     informed, variances = _informed(alone, prior_deviations)
@@ -89,7 +90,8 @@ def contradictions(alone: AloneEstimates, prior_deviations: Array) -> Contradict
     By parameter, Cochran's Q: squared deviations from the weighted mean of the recordings that have
     information, over their variances, is chi-squared where errors alone are at work. The covariance is that
     of the random-effects meta-analysis, and of a contradicted parameter at least the variance between the
-    recordings, as wide as Student's t of so few values.
+    recordings, as wide as Student's t of so few values. `prior_deviations` (p,) are those of the shared
+    parameters.
     """
     informed, variances = _informed(alone, prior_deviations)
     contradicted = np.zeros(prior_deviations.size, bool)
