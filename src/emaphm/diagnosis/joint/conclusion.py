@@ -127,19 +127,20 @@ def _tested_by_each(
     What one of them excludes is excluded: where it keeps the verdict, its interval counts, of several the
     shortest.
     """
-    whole = dict[str, Estimate]()
+    judged = dict[str, Estimate]()
     for result in results:
         jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
-        found = tested(components, result, jacobians, seed)
-        whole = {
-            name: min(whole.get(name, one), one, key=_doubt(components[name])) for name, one in found.items()
+        by_recording = tested(components, result, jacobians, seed)
+        judged = {
+            name: min(judged.get(name, estimate), estimate, key=_by_verdict_and_length(components[name]))
+            for name, estimate in by_recording.items()
         }
-        if whole == components:
+        if judged == components:
             break
-    return whole
+    return judged
 
 
-def _doubt(first: Estimate) -> Callable[[Estimate], tuple[bool, float]]:
+def _by_verdict_and_length(first: Estimate) -> Callable[[Estimate], tuple[bool, float]]:
     """Return what an estimate is ordered by: whether it has another verdict than `first`, then its length."""
     return lambda one: (one.verdict != first.verdict, one.interval95[1] - one.interval95[0])
 
