@@ -23,7 +23,7 @@ from emaphm.amortized.simulating import (
     simulate_shards,
     training_folder,
 )
-from emaphm.amortized.train import _lost, train_estimator
+from emaphm.amortized.train import notes_on_second_network, train_estimator
 from emaphm.arrays import Array
 from emaphm.errors import ExecutionError, MethodError, OutputError
 from emaphm.simulation import AVERAGED
@@ -203,8 +203,8 @@ def test_an_estimator_is_poor_where_its_means_err() -> None:
 
 def test_a_second_network_that_loses_is_noted() -> None:
     first, second = (Epoch(3, 9, 1.0, 2.0, error, 1.0) for error in (53.5, 72.5))
-    assert _lost(second, first) == _lost(first, first) == []
-    assert _lost(first, second) == [
+    assert notes_on_second_network(second, first) == notes_on_second_network(first, first) == []
+    assert notes_on_second_network(first, second) == [
         "the second network errs by 72.5 %, the first alone by 53.5 % (median); give more --simulations"
     ]
 

@@ -9,8 +9,8 @@ import pytest
 
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp, Command
-from emaphm.actuator.calibrated_laws import laws_to_calibrate
 from emaphm.actuator.laws import LAWS, Law
+from emaphm.actuator.laws.calibrated import laws_to_calibrate
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.calibration import Calibration, calibrate, description, law_selection
 from emaphm.calibration.unit_fit import FitSettings

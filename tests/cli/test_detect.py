@@ -139,4 +139,4 @@ def test_files_of_a_folder_are_one_run(emaphm: Emaphm, tmp_path: Path) -> None:
 @pytest.mark.parametrize("option", [AS_MEASURED, "--no-model", "--subtract-model", "--model"])
 def test_the_option_of_the_model_has_its_former_name_too(option: str) -> None:
     _, bound, _ = app.parse_args(["detect", "learn", "good.csv", "--out", "new.json", option])
-    assert bound.arguments["subtract_model"] is not option.startswith("--no-")
+    assert bound.arguments["detection"].subtract_model is not option.startswith("--no-")

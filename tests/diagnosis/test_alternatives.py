@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from cases import THESIS
 from emaphm.actuator import Faults
 from emaphm.actuator.faults import HEALTHY
-from emaphm.diagnosis.explanation.other_values import OTHER_DIRECTION, including
+from emaphm.diagnosis.explanation.other_values import OTHER_DIRECTION, with_other_value
 from emaphm.diagnosis.verdict import estimates, verdict_of, with_phase_undecided
 from emaphm.estimation.space.parameter_space import ParameterSpace
 
@@ -25,7 +25,7 @@ def test_a_verdict_is_what_the_interval_with_the_alternatives_says(
     point = SPACE.points((HEALTHY.vector + away)[np.newaxis])[0]
     before = estimates(SPACE, point, np.diag(np.full(8, error**2)))
     for (name, one), other in zip(before.items(), HEALTHY.vector + others, strict=True):
-        found = including(name, one, one, float(other), WHY)
+        found = with_other_value(name, one, one, float(other), WHY)
         low, high = found.interval95
         assert low <= one.interval95[0]
         assert high >= one.interval95[1]
@@ -42,7 +42,7 @@ def test_a_direction_that_is_open_stays_open() -> None:
     healthy = estimates(SPACE, SPACE.points(HEALTHY.vector), np.diag(np.full(8, 0.01**2)))
     phase = healthy["eccentricity_phase"]
     assert phase.unconstrained
-    assert including("eccentricity_phase", phase, phase, 0.9, WHY) == phase
+    assert with_other_value("eccentricity_phase", phase, phase, 0.9, WHY) == phase
 
 
 def test_the_phase_is_undecided_with_the_eccentricity() -> None:
@@ -50,5 +50,5 @@ def test_the_phase_is_undecided_with_the_eccentricity() -> None:
     before = estimates(SPACE, point, np.diag(np.full(8, 0.015**2)))
     assert [before[name].verdict for name in ECCENTRIC] == ["degraded"] * 2
     others = {name: 0.04 if name == "eccentricity" else one.value for name, one in before.items()}
-    after = {name: including(name, one, one, others[name], WHY) for name, one in before.items()}
+    after = {name: with_other_value(name, one, one, others[name], WHY) for name, one in before.items()}
     assert [with_phase_undecided(after, before)[name].verdict for name in ECCENTRIC] == ["cannot tell"] * 2

@@ -12,7 +12,7 @@ from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose
 from emaphm.diagnosis.diagnose import objective_for
-from emaphm.diagnosis.selection.load_steps import _best_set
+from emaphm.diagnosis.selection.load_steps import best_set
 from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.varying_load import LOAD_STEP, LOADS, with_varying_load
 from emaphm.errors import MethodError
@@ -143,14 +143,14 @@ def test_the_best_instants_leave_least() -> None:
     sets = np.array(list(combinations(range(6), 2)))
     rests = [np.linalg.lstsq(columns[pair].T, left, rcond=None)[0] @ columns[pair] - left for pair in sets]
     squares = [float(np.mean(rest**2)) for rest in rests]
-    best, mean_square = _best_set(left, columns, sets)
+    best, mean_square = best_set(left, columns, sets)
     np.testing.assert_array_equal(best, sets[int(np.argmin(squares))])
     assert mean_square == pytest.approx(min(squares), rel=1e-6)
 
 
 def test_steps_that_do_nothing_leave_all() -> None:
     left = np.ones(40)
-    _, mean_square = _best_set(left, np.zeros((6, 40)), np.array(list(combinations(range(6), 2))))
+    _, mean_square = best_set(left, np.zeros((6, 40)), np.array(list(combinations(range(6), 2))))
     assert mean_square == 1.0
 
 

@@ -11,7 +11,7 @@ from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
-from emaphm.diagnosis.selection.nuisance_candidates import _gross_starts
+from emaphm.diagnosis.selection.nuisance_candidates import gross_scale_starts
 from emaphm.diagnosis.selection.rivals import with_rivals
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.posing import problem_of
@@ -141,6 +141,6 @@ def test_a_grossly_wrong_scale_is_begun_at_its_size(factor: float, tolerances: d
     described = Actuator.from_dict(THESIS.model_dump(exclude_none=True) | tolerances)
     objective = faults_objective(problem_of(wrong, described, channels=SHOWN[2:]), ("load",))
     result = SearchResult.at(objective, objective.space.points(Faults().vector[np.newaxis])[0])
-    (_, extended, point) = _gross_starts(result, (), ("voltage_scale",))["voltage_scale"]
+    (_, extended, point) = gross_scale_starts(result, (), ("voltage_scale",))["voltage_scale"]
     scale = extended.space.nuisance_values(point[np.newaxis])["voltage_scale"].item()
     assert scale == pytest.approx(factor - 1, abs=0.03)  # the averaged voltage has no ripple

@@ -93,4 +93,4 @@ def test_a_channel_weighs_no_more_than_its_counts_allow(coarse: MapObjective) ->
 
 def test_explanations_are_compared_relative_to_what_counts_leave_open(coarse: MapObjective) -> None:
     size = coarse.problem.weights[1] * coarse.problem.counts["position_rad"] / 12**0.5
-    assert coarse.left(np.zeros(coarse.channel_rows)) == pytest.approx(size**2 / 2)
+    assert coarse.mean_square(np.zeros(coarse.channel_rows)) == pytest.approx(size**2 / 2)

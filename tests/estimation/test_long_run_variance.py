@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.fft import dct
 
-from emaphm.estimation.uncertainty.long_run_variance import _cosine_transforms, long_run_covariance
+from emaphm.estimation.uncertainty.long_run_variance import cosine_transforms, long_run_covariance
 
 
 @pytest.mark.parametrize("samples", [2, 5, 6, 2500, 2501])
 def test_cosine_transforms(samples: int) -> None:
     rows = np.random.default_rng(3).normal(size=(3, samples))
     expected = dct(rows, axis=1, norm="ortho")[:, 1 : samples // 2 + 1]
-    np.testing.assert_allclose(_cosine_transforms(rows, samples // 2), expected, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(cosine_transforms(rows, samples // 2), expected, rtol=0, atol=1e-13)
 
 
 def test_correlated_terms_add_up_to_more_than_their_variances() -> None:

@@ -80,7 +80,7 @@ def refusal() -> Refusal:
     return message
 
 
-def _measured(*parts: str) -> Path:
+def measured_file(*parts: str) -> Path:
     """Return the path of measured data; tests that want it are skipped where it is absent."""
     beside = Path(__file__).resolve().parents[3] / "shared" / "data"
     path = Path(os.environ.get("EMAPHM_DATA", beside)).joinpath(*parts)
@@ -92,10 +92,10 @@ def _measured(*parts: str) -> Path:
 @pytest.fixture
 def emps_file() -> Path:
     """Return the path of the measured EMPS data."""
-    return _measured("emps", "DATA_EMPS.mat")
+    return measured_file("emps", "DATA_EMPS.mat")
 
 
 @pytest.fixture
 def xl330_folder() -> Path:
     """Return the folder of the logs of a real servo."""
-    return _measured("xl330")
+    return measured_file("xl330")

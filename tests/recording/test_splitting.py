@@ -13,7 +13,7 @@ from emaphm.actuator.reading import Reading
 from emaphm.recording import read_recording, read_recordings
 from emaphm.recording.splitting import command_period
 
-from .conftest import Columns, Refusal, _measured
+from .conftest import Columns, Refusal, measured_file
 
 
 def trapezoids(periods: float, rows: int, phase: float = 0.0) -> np.ndarray:
@@ -149,7 +149,7 @@ def ball_screw(emps: Actuator) -> Actuator:
 
 @pytest.mark.parametrize("name", ["normal", "lackLubrication1", "backlash1"])
 def test_a_real_log_of_some_150_cycles(emps: Actuator, name: str) -> None:
-    path = _measured("cranfield", f"{name}.parquet")
+    path = measured_file("cranfield", f"{name}.parquet")
     found = read_recordings(path, ball_screw(emps))
     raw = pl.read_parquet(path)
     assert [one.samples for one in found] == [324] * (raw.height // 324)
@@ -165,7 +165,7 @@ def test_a_real_log_of_some_150_cycles(emps: Actuator, name: str) -> None:
 
 
 def test_a_real_servo_is_cut_where_its_drive_is_switched_off(emps: Actuator) -> None:
-    path = _measured("xl330", "kp200_lift_and_drop.csv")
+    path = measured_file("xl330", "kp200_lift_and_drop.csv")
     channels = Channels(sampling="instant", command_rad="goal_rad", enabled="torque_enable")
     reading = Reading(keep="torque_enable == 1", split="stretches")
     (held,) = read_recordings(path, emps.model_copy(update={"channels": channels, "reading": reading}))

@@ -16,7 +16,7 @@ from emaphm.arrays import Array
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Inputs, Model, Plant, observe_batch
 from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.star_windings import star_currents_after, star_response
-from simulation.rig import FREE, LOCKED, altered, record, rms
+from simulation.rig import FREE, LOCKED, altered, record, rms, winding_energies
 
 PMSM = Actuator.pmsm()
 R_S, L_S, K_E, V_DC, POLES, J = 2.13, 7.2e-4, 0.0752, 48.0, 2, 2.5e-5
@@ -195,21 +195,13 @@ def test_star_response_is_exact_for_a_constant_voltage(turns: tuple[float, ...])
 def test_windings_conserve_power(faults: Faults) -> None:
     actuator = altered(PMSM, motor={"torque_limit": None})
     got = record(REFERENCE, Sine(8e-3, 15.0), actuator, faults=faults, duration=0.05, interval=1e-6)
-    turns = np.array([1 - faults.short_a, 1 - faults.short_b, 1 - faults.short_c])[:, None]
-    after = np.stack([got[f"current_{phase}_A"] for phase in "abc"])
-    middle = (np.pad(after, ((0, 0), (1, 0)))[:, :-1] + after) / 2
-    legs = np.stack([got[f"voltage_{phase}_V"] for phase in "abc"])
-    speed = got["speed_rad_s"]
-    shaft = np.sum(got["torque_Nm"] * (speed + np.pad(speed, (1, 0))[:-1]) / 2) * 1e-6
-    supplied = np.sum(legs * middle) * 1e-6
-    joule = np.sum(R_S / 2 * turns * middle**2) * 1e-6
-    magnetic = np.sum(L_S / 4 * turns[:, 0] ** 2 * after[:, -1] ** 2)
-    # Currents and speeds at the middle of each step leave second orders only.
-    assert abs(supplied - joule - shaft - magnetic) < 1e-5 * supplied
-    assert shaft > 0.1 * supplied
+    energies = winding_energies(got, faults, R_S, L_S, 1e-6)
+    assert energies.error < 1e-5
+    assert energies.shaft > 0.1 * energies.supplied
     # The same power from the values in d and q.
     in_lines = got["voltage_d_V"] * got["current_d_A"] + got["voltage_q_V"] * got["current_q_A"]
-    assert np.sum(in_lines) * 1e-6 == pytest.approx(np.sum(legs * after) * 1e-6, rel=1e-9)
+    in_phases = sum(got[f"voltage_{phase}_V"] * got[f"current_{phase}_A"] for phase in "abc")
+    assert np.sum(in_lines) == pytest.approx(np.sum(in_phases), rel=1e-9)
 
 
 def distances(k: Array, actuator: Actuator = PMSM) -> Array:

@@ -14,7 +14,7 @@ from emaphm.simulation import AVERAGED, REFERENCE, Initial, Inputs, Model, Plant
 from emaphm.simulation.laws.idle_leg import diode_current, diode_voltage, outgoing_after
 from emaphm.simulation.laws.pulse_width import half_ripple
 from emaphm.simulation.models import motion
-from simulation.rig import FREE, LOCKED, altered, record, rms
+from simulation.rig import FREE, LOCKED, altered, record, rms, winding_energies
 
 SIX_STEP = altered(Actuator.pmsm(), drive={"kind": "six-step"})
 R_S, L_S, K_E, V_DC = 2.13, 7.2e-4, 0.0752, 48.0
@@ -131,18 +131,10 @@ def test_commutation_is_the_star_with_its_diode_solved_by_another_integrator(spe
 def test_windings_conserve_power(faults: Faults) -> None:
     actuator = altered(SIX_STEP, motor={"torque_limit": None})
     got = record(REFERENCE, Sine(8e-3, 15.0), actuator, faults=faults, duration=0.05, interval=1e-6)
-    turns = np.array([1 - faults.short_a, 1 - faults.short_b, 1 - faults.short_c])[:, None]
-    after = np.stack([got[f"current_{phase}_A"] for phase in "abc"])
-    middle = (np.pad(after, ((0, 0), (1, 0)))[:, :-1] + after) / 2
-    legs = np.stack([got[f"voltage_{phase}_V"] for phase in "abc"])
-    speed = got["speed_rad_s"]
-    shaft = np.sum(got["torque_Nm"] * (speed + np.pad(speed, (1, 0))[:-1]) / 2) * 1e-6
-    supplied = np.sum(legs * middle) * 1e-6
-    joule = np.sum(R_S / 2 * turns * middle**2) * 1e-6
-    magnetic = np.sum(L_S / 4 * turns[:, 0] ** 2 * after[:, -1] ** 2)
+    energies = winding_energies(got, faults, R_S, L_S, 1e-6)
     # A diode that ends a current within a step leaves the rest of that step: 1e-4 of the power, measured.
-    assert abs(supplied - joule - shaft - magnetic) < 3e-4 * supplied
-    assert shaft > 0.1 * supplied
+    assert energies.error < 3e-4
+    assert energies.shaft > 0.1 * energies.supplied
 
 
 def test_averaged_model_is_near_the_reference_model() -> None:

@@ -9,7 +9,7 @@ from amortized.toys import constant_estimator
 from emaphm.actuator import Actuator, Chirp
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.errors import StudyError
-from emaphm.study.estimator_batches import answered
+from emaphm.study.estimators.batches import answered
 
 SETUP = RecordingSetup.of(Actuator.thesis(), Chirp())
 CENTRE = 0.5 * np.ones(SETUP.space.dimensions)

@@ -13,7 +13,7 @@ from emaphm.simulated_recording import simulate
 from emaphm.simulation.laws.angles import wrap
 from emaphm.simulation.laws.commutation import demand_sign
 from emaphm.study.thesis import published
-from emaphm.study.thesis.fitness_study import GRID, MODELS, _points, fitness_study, fitness_table
+from emaphm.study.thesis.fitness_study import GRID, MODELS, fitness_study, fitness_table, grid_distance
 
 ACTUATOR = Actuator.thesis()
 
@@ -114,11 +114,11 @@ def test_the_printed_mean_winding_cannot_fit_a_heavy_short(study: pl.DataFrame) 
 @pytest.mark.parametrize("distance", [-75, -50, -1, 0, 25, 51, 99])
 def test_a_phase_is_biased_the_shorter_way_round(distance: int) -> None:
     angle = float(wrap(2 * np.pi * distance / 100))
-    found = 2 * np.pi * _points("eccentricity_phase", distance) / 100
+    found = 2 * np.pi * grid_distance("eccentricity_phase", distance) / 100
     # The same angle, whichever end of the half turn: to the rounding of doubles.
     assert (np.cos(found), np.sin(found)) == pytest.approx((np.cos(angle), np.sin(angle)))
-    assert abs(_points("eccentricity_phase", distance)) <= 50
-    assert _points("gain", distance) == distance
+    assert abs(grid_distance("eccentricity_phase", distance)) <= 50
+    assert grid_distance("gain", distance) == distance
 
 
 def test_the_study_is_reproducible(study: pl.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from emaphm.fleet.synthetic import FleetPlan, drawn_unit
 from emaphm.prognosis import Evidence, Observation
 from emaphm.prognosis.filter.following import LEAST_ERROR
 from emaphm.random_streams import stream
-from emaphm.report.fleet_page import fleet_page
+from emaphm.report.fleet.page import fleet_page
 from emaphm.study.fleet import informed as informed_module
 from emaphm.study.fleet.acting import PolicyOutcome, acted, outcome, over_life
 from emaphm.study.fleet.baselines import fleet_lives, last_slope, mean_life, one_filter_a_component

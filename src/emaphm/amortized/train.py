@@ -116,7 +116,7 @@ def train_estimator(
             "simulation_seconds": round(simulating, 1),
             "training_seconds": round(trained.seconds + second + third, 1),
             "epochs": len(trained.epochs),
-            "notes": [*trained.notes, *_lost(trained.kept, kept)],
+            "notes": [*trained.notes, *notes_on_second_network(trained.kept, kept)],
             "seed": seed,
             "settings": asdict(settings),
             "prior": asdict(PRIOR),
@@ -132,7 +132,7 @@ def _kept(which: str, epoch: Epoch) -> str:
     )
 
 
-def _lost(first: Epoch, second: Epoch) -> list[str]:
+def notes_on_second_network(first: Epoch, second: Epoch) -> list[str]:
     """Return a note where the second network errs more than the first, of the kept states."""
     if second.validation_error <= first.validation_error:
         return []

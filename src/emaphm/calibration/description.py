@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.calibrated_laws import SHOWN_BY_FAULTS, check_calibrated, laws_to_calibrate
 from emaphm.actuator.laws import Law, law_named
+from emaphm.actuator.laws.calibrated import SHOWN_BY_FAULTS, check_calibrated, laws_to_calibrate
 from emaphm.actuator.lumped_parameters import LUMPED_PARAMETERS, check_lumped_parameters, lumped_parameters
 from emaphm.calibration.campaign import CampaignRow
 from emaphm.calibration.conditions import SAME_PARAMETER
@@ -109,8 +109,8 @@ def described_with_laws(
     speed, extended = typical_motor_speed(found.joint), actuator
     for law in asked:
         extended = extended if law.is_in(extended) else law.added_to(extended, speed)
-    every = (*names, *(name for law in asked for name in parameters_of(law, extended)))
-    return Description(extended, tuple(dict.fromkeys(every)), asked, found.start)
+    estimated = (*names, *(name for law in asked for name in parameters_of(law, extended)))
+    return Description(extended, tuple(dict.fromkeys(estimated)), asked, found.start)
 
 
 def _selected(
@@ -134,8 +134,8 @@ def _selected(
         settings,
         subprogress(on_progress, 0.1, 1.0),
     )
-    every = tuple(dict.fromkeys((*free, *choice.free)))
-    return Description(choice.actuator, every, choice.laws, choice.start, choice.trials)
+    estimated = tuple(dict.fromkeys((*free, *choice.free)))
+    return Description(choice.actuator, estimated, choice.laws, choice.start, choice.trials)
 
 
 def _settled(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> set[str]:

@@ -86,6 +86,9 @@ def lack_of_fit(estimate: JointEstimate) -> tuple[LackOfFit, ...]:
 
 
 def slow_share(residual: Array) -> float:
-    """Return the share of a mean square that differs less from row to row than white noise (von Neumann)."""
+    """Return the share of the mean square of a `residual` (rows,) that is not as white noise.
+
+    1 for a slow one, 0 for white noise, by von Neumann's ratio.
+    """
     square = float(np.mean(residual**2))
     return 1 - float(np.mean(np.diff(residual) ** 2)) / (2 * square) if square > 0 else 0.0

@@ -201,15 +201,15 @@ def fit_unit(
     unknown = 0.0 if fitted == free else settings.unknown_constant
     scale = unknown * common_factor(actuator, free, full)
     return UnitFit(
-        free,
-        fitted,
-        full,
-        chosen @ covariance @ chosen.T + np.outer(scale, scale),
-        chosen @ at_bound > 0,
-        estimate,
-        uncertainty,
-        contradicted,
-        lacks,
+        free=free,
+        fitted=fitted,
+        deviations=full,
+        covariance=chosen @ covariance @ chosen.T + np.outer(scale, scale),
+        at_bound=chosen @ at_bound > 0,
+        estimate=estimate,
+        uncertainty=uncertainty,
+        contradictions=contradicted,
+        lacks=lacks,
     )
 
 

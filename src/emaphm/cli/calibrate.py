@@ -1,5 +1,6 @@
 """The verb `calibrate`: it reads recordings or campaigns, calls the library, and prints."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -24,6 +25,65 @@ if TYPE_CHECKING:
     from emaphm.actuator import Actuator
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Modelling:
+    """What the unit is modelled by."""
+
+    laws: Annotated[
+        str | None,
+        Parameter(
+            help="Laws to add, with commas between, e.g. stribeck,gravity; or 'auto': those that lower "
+            "the error in recordings left out of the fit."
+        ),
+    ] = None
+    loop: Annotated[
+        Literal["auto", "closed", "measured"],
+        Parameter(
+            help="closed: simulate the controller from the command; measured: compare the torque that the "
+            "measured motion requires, no controller needed; auto: closed, unless a recording contradicts "
+            "the controller's gains."
+        ),
+    ] = "auto"
+
+    @property
+    def chosen_laws(self) -> str | list[str] | None:
+        """The laws to add, or "auto"; None where left out."""
+        names = None if self.laws is None else names_in(self.laws)
+        return names[0] if names == ["auto"] else names
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Fitting:
+    """What else is estimated, and by which models."""
+
+    correction: Annotated[
+        bool, Parameter(help="Correct the model's bias by a few runs of the reference model.")
+    ] = True
+    nuisance: Annotated[
+        str | None,
+        Parameter(
+            help="What is unknown of each recording, with commas between: load, hinge, load_variation, "
+            "temperature, supply, inertia, delay, current_offset, current_scale, current_drift, "
+            "current_delay, and the same of voltage, position and speed; or 'none'. As the TOML says if "
+            "left out, less what a free parameter cannot be separated from."
+        ),
+    ] = None
+
+    @property
+    def nuisances(self) -> list[str] | None:
+        """The nuisances of each recording; None where left out."""
+        return None if self.nuisance is None else names_in(self.nuisance)
+
+    @property
+    def max_corrections(self) -> int:
+        """Most corrections of the model's bias."""
+        from emaphm.estimation.bias_correction import MAX_CORRECTIONS
+
+        return MAX_CORRECTIONS if self.correction else 0
+
+
 def calibrate(
     *recording: Annotated[
         Path,
@@ -37,34 +97,9 @@ def calibrate(
         ),
     ] = None,
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Calibrated TOML to write.")],
-    laws: Annotated[
-        str | None,
-        Parameter(
-            help="Laws to add, with commas between, e.g. stribeck,gravity; or 'auto': those that lower "
-            "the error in recordings left out of the fit."
-        ),
-    ] = None,
-    loop: Annotated[
-        Literal["auto", "closed", "measured"],
-        Parameter(
-            help="closed: simulate the controller from the command; measured: compare the torque that the "
-            "measured motion requires, no controller needed; auto: closed, unless a recording contradicts "
-            "the controller's gains."
-        ),
-    ] = "auto",
+    modelling: Modelling = Modelling(),
     actuator: ActuatorFile = "thesis",
-    correction: Annotated[
-        bool, Parameter(help="Correct the model's bias by a few runs of the reference model.")
-    ] = True,
-    nuisance: Annotated[
-        str | None,
-        Parameter(
-            help="What is unknown of each recording, with commas between: load, hinge, load_variation, "
-            "temperature, supply, inertia, delay, current_offset, current_scale, current_drift, "
-            "current_delay, and the same of voltage, position and speed; or 'none'. As the TOML says if "
-            "left out, less what a free parameter cannot be separated from."
-        ),
-    ] = None,
+    fitting: Fitting = Fitting(),
     figure: FigureFile = None,
     common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
@@ -73,27 +108,25 @@ def calibrate(
     All are fitted at once. The calibrated description's [baseline] is the prior of later diagnoses.
     """
     common.check((out, (".toml",)), (figure, FIGURES))
-    if free is None and laws is None:
+    if free is None and modelling.laws is None:
         raise MethodError(
             "nothing to calibrate: --free and --laws are left out; name parameters by --free, e.g. "
             "--free inertia,coulomb, or laws by --laws, e.g. --laws auto"
         )
     described = described_actuator(actuator)
     recorded = _recordings(recording, described)
-    names = None if free is None else names_in(free)
-    chosen = None if laws is None else _laws_in(laws)
+    names, laws = None if free is None else names_in(free), modelling.chosen_laws
     from emaphm.calibration import calibrate as estimate
-    from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 
     with progress("calibrating", common.as_json) as advance:
         result = estimate(
             recorded,
             described,
             names,
-            laws=chosen,
-            loop=loop,
-            nuisances=None if nuisance is None else names_in(nuisance),
-            max_corrections=MAX_CORRECTIONS if correction else 0,
+            laws=laws,
+            loop=modelling.loop,
+            nuisances=fitting.nuisances,
+            max_corrections=fitting.max_corrections,
             seed=common.seed,
             on_progress=advance,
         )
@@ -130,8 +163,3 @@ def _recordings(paths: "Sequence[Path]", actuator: "Actuator") -> "list[Any]":
         is_one = not is_campaign(path)
         recorded += [read_once(path, actuator)] if is_one else read_campaign(path, actuator, read_once)
     return recorded
-
-
-def _laws_in(text: str) -> str | list[str]:
-    names = names_in(text)
-    return names[0] if names == ["auto"] else names

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -22,7 +23,7 @@ from emaphm.errors import MethodError, RecordingError
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
-    from emaphm.detection import DetectorResult
+    from emaphm.detection import Detector, DetectorResult
     from emaphm.recording import Recording
 
 app = App(name="detect", help="Say whether cycles are like healthy ones, whatever the cause.")
@@ -30,17 +31,18 @@ app = App(name="detect", help="Say whether cycles are like healthy ones, whateve
 DetectorFile = Annotated[Path, Parameter(help="Detector that 'detect learn' wrote: .json.")]
 
 
-@app.command
-def learn(
-    *recording: Annotated[Path, Parameter(help=f"Healthy recordings of one cycle each: {RECORDING_KINDS}.")],
-    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Detector to write: .json.")],
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Detection:
+    """How a detector learns from healthy recordings, and how often it may be wrong of them."""
+
     group: Annotated[
         Literal["file", "folder"] | None,
         Parameter(
             help="What holds the cycles of one run: each file, or all files of a folder. Where left out: "
             "folders, if there are several and one has several files; else files."
         ),
-    ] = None,
+    ] = None
     subtract_model: Annotated[
         bool,
         Parameter(
@@ -48,10 +50,10 @@ def learn(
             negative=("--no-subtract-model", "--no-model"),
             help="Take off what the actuator's model explains; else channels as measured.",
         ),
-    ] = True,
+    ] = True
     false_alarm_rate: Annotated[
         float, Parameter(help="Share of healthy cycles that may be called not like healthy.")
-    ] = 0.01,
+    ] = 0.01
     seeded: Annotated[
         tuple[str, ...],
         Parameter(
@@ -59,7 +61,27 @@ def learn(
             show_default=False,
             help="NAME=FILE, a recording with a known fault, to compare others with; may be repeated.",
         ),
-    ] = (),
+    ] = ()
+
+    def learned(
+        self, files: Sequence[Path], recordings: "Sequence[Recording]", by: str, actuator: "Actuator"
+    ) -> "Detector":
+        """Return the detector of `recordings` in `files`, with each file or folder `by` as one run."""
+        from emaphm.detection import DETECTOR, Detector
+
+        return Detector.learn(
+            recordings,
+            groups=[str(path.resolve().parent if by == "folder" else path.resolve()) for path in files],
+            actuator=actuator if self.subtract_model else None,
+            settings=replace(DETECTOR, false_alarm_rate=self.false_alarm_rate),
+        )
+
+
+@app.command
+def learn(
+    *recording: Annotated[Path, Parameter(help=f"Healthy recordings of one cycle each: {RECORDING_KINDS}.")],
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Detector to write: .json.")],
+    detection: Detection = Detection(),
     actuator: ActuatorFile = "thesis",
     force: Force = False,
     as_json: AsJson = False,
@@ -68,23 +90,14 @@ def learn(
     check_output(out, (".json",), force=force)
     described = described_actuator(actuator)
     recordings = [recording_of(path, described) for path in recording]
-    examples = _examples(seeded, described)
-    from dataclasses import replace
-
-    from emaphm.detection import DETECTOR, Detector
+    examples = _examples(detection.seeded, described)
     from emaphm.detection.cycle import shared_channels
 
-    by, notes = (group, []) if group else _grouping(recording)
+    by, notes = (detection.group, []) if detection.group else _grouping(recording)
     try:
         with progress("learning", as_json):
-            detector = Detector.learn(
-                recordings,
-                groups=[
-                    str(path.resolve().parent if by == "folder" else path.resolve()) for path in recording
-                ],
-                actuator=described if subtract_model else None,
-                settings=replace(DETECTOR, false_alarm_rate=false_alarm_rate),
-            ).with_seeded(examples)
+            learned = detection.learned(recording, recordings, by, described)
+            detector = learned.with_seeded(examples)
     except RecordingError as error:
         raise RecordingError("; ".join([str(error), *notes])) from None
     detector.save(out)

@@ -193,16 +193,16 @@ def _manoeuvre(one: _HealthyManoeuvre) -> HealthyManoeuvre:
         ),
         tuple(
             Level(
-                level.cycles,
-                HealthyScatter(
+                cycles=level.cycles,
+                scatter=HealthyScatter(
                     np.array(level.scale), np.array(level.directions), np.array(level.variances), level.rank
                 ),
-                level.t2_threshold,
-                level.q_threshold,
-                level.energy,
-                level.alarms,
-                level.runs,
-                level.independent or float(level.runs),
+                t2_threshold=level.t2_threshold,
+                q_threshold=level.q_threshold,
+                energy=level.energy,
+                alarms=level.alarms,
+                runs=level.runs,
+                independent=level.independent or float(level.runs),
             )
             for level in one.levels
         ),

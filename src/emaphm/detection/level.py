@@ -223,7 +223,16 @@ def _level(healthy: _Healthy, cycles: int, found: _LeftOutScores, singles: _Left
     alarms = sum(_alarms_left_out(run, found, singles) for run in every)
     energy = float(np.mean(found.energies))
     t2, q = thresholds.tolist()
-    return Level(cycles, healthy.scatter(cycles), t2, q, energy, alarms, len(every), number)
+    return Level(
+        cycles=cycles,
+        scatter=healthy.scatter(cycles),
+        t2_threshold=t2,
+        q_threshold=q,
+        energy=energy,
+        alarms=alarms,
+        runs=len(every),
+        independent=number,
+    )
 
 
 def _alarms_left_out(run: int, found: _LeftOutScores, singles: _LeftOutScores) -> bool:

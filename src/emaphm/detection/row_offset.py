@@ -38,7 +38,7 @@ def row_offset(command: Array, other: Array, most: int) -> int:
     return best if at_zero > least * (1 + OFFSET_DEVIATIONS * np.sqrt(2 / n)) else 0
 
 
-def _mean_square(one: Array, two: Array, offset: int) -> float:
-    """Return the mean squared difference of `one` and `two` where they overlap, rows k and k + `offset`."""
-    first, stop = max(0, -offset), min(one.size, two.size - offset)
-    return float(np.mean((one[first:stop] - two[first + offset : stop + offset]) ** 2))
+def _mean_square(first_rows: Array, second_rows: Array, offset: int) -> float:
+    """Return the mean squared difference of two where they overlap, in rows k and k + `offset`."""
+    first, stop = max(0, -offset), min(first_rows.size, second_rows.size - offset)
+    return float(np.mean((first_rows[first:stop] - second_rows[first + offset : stop + offset]) ** 2))

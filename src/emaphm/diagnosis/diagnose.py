@@ -125,45 +125,29 @@ def diagnose(
     began = time.perf_counter()
     check_recording(recording)
     check_actuator(actuator)
-    chosen = method_named(method)
-    check_fitness(chosen, fitness)
+    settings = SearchSettings(method_named(method), max_corrections, seed)
+    check_fitness(settings.method, fitness)
     if max_corrections < 0:
         raise MethodError(f"max_corrections={max_corrections} is no number of corrections; give 0 or more")
     check_plausible(recording, actuator)
     checked = with_channels_exchanged(check_sensors(recording, actuator), actuator, model_named(model))
-    recording = checked.recording
-    objective = objective_for(recording, actuator, chosen, model_named(model), nuisances, workers)
+    objective = objective_for(
+        checked.recording, actuator, settings.method, model_named(model), nuisances, workers
+    )
     objective = without_spoilt_rows(objective, checked)
     if posterior:
         from emaphm.estimation.posterior.mcmc import check_posterior
 
         check_posterior(objective.problem.model)
-    settings = SearchSettings(chosen, max_corrections, seed)
-    deviations = chosen.least_squares and nuisances is None and max_corrections > 0
-    finding = subprogress(on_progress, 0.0, 1 - SAMPLING_SHARE if posterior else 1.0)
-    result = search(
+    diagnosis, result = _searched(
         objective,
+        checked.recording,
         settings,
-        fitness=fitness,
-        on_progress=subprogress(finding, 0.0, SEARCH_SHARE if deviations else 1.0),
-        starts=None if starts is None else starts.of(objective.space),
+        fitness,
+        starts,
+        subprogress(on_progress, 0.0, 1 - SAMPLING_SHARE if posterior else 1.0),
+        deviations=nuisances is None,
     )
-    name, notes = _searched_by(chosen, starts, result)
-    recording = recording.with_channels(recording.channels, notes) if notes else recording
-    corrected = chosen.least_squares and result.discrepancy is not None
-    if corrected:
-        result = with_asked_supply(result, settings)
-    if corrected and deviations:
-        diagnosis, result = _with_deviations(
-            result,
-            recording,
-            name,
-            settings,
-            subprogress(finding, SEARCH_SHARE, 1.0),
-        )
-    else:
-        result = with_discrepancy(result, seed)
-        diagnosis = conclude(result, recording, name, fitness, seed)
     diagnosis = diagnosis.with_sensor_faults(checked.findings)
     if posterior:
         sampling = subprogress(on_progress, 1 - SAMPLING_SHARE, 1.0)
@@ -177,6 +161,39 @@ def diagnose(
         reference_runs=reference_runs,
         seconds=time.perf_counter() - began,
     )
+
+
+def _searched(
+    objective: MapObjective,
+    recording: Recording,
+    settings: SearchSettings,
+    fitness: str,
+    starts: Starts | None,
+    on_progress: Progress | None,
+    *,
+    deviations: bool,
+) -> tuple[Diagnosis, SearchResult]:
+    """Return the diagnosis that a search leads to, and the estimate behind it.
+
+    With `deviations`, those from the description are looked for where the search corrects the model's bias.
+    """
+    deviations = deviations and settings.method.least_squares and settings.max_corrections > 0
+    result = search(
+        objective,
+        settings,
+        fitness=fitness,
+        on_progress=subprogress(on_progress, 0.0, SEARCH_SHARE if deviations else 1.0),
+        starts=None if starts is None else starts.of(objective.space),
+    )
+    name, notes = _searched_by(settings.method, starts, result)
+    recording = recording.with_channels(recording.channels, notes) if notes else recording
+    if settings.method.least_squares and result.discrepancy is not None:
+        result = with_asked_supply(result, settings)
+        if deviations:
+            rest = subprogress(on_progress, SEARCH_SHARE, 1.0)
+            return _with_deviations(result, recording, name, settings, rest)
+    result = with_discrepancy(result, settings.seed)
+    return conclude(result, recording, name, fitness, settings.seed), result
 
 
 def _with_deviations(
@@ -235,7 +252,7 @@ def objective_for(
     method: Method,
     model: Model,
     nuisances: Sequence[str] | None,
-    workers: int | None = None,
+    workers: int | None,
     *,
     below_healthy: bool = True,
 ) -> MapObjective:

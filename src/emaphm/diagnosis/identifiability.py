@@ -82,7 +82,7 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
 
 
 def collinear_sets(result: SearchResult, covariance: Array, seed: int) -> tuple[CollinearSet, ...]:
-    """Return the sets of which only a combination is identifiable.
+    """Return the sets of which only a combination is identifiable, by the `covariance` (d, d) at `result`.
 
     Sets of nuisances alone are left out, and components that are known well enough all the same.
     """

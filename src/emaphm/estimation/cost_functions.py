@@ -12,7 +12,7 @@ CostFunction: TypeAlias = Callable[[Array, Array, float], Array]
 
 
 def least_squares(recorded: Array, simulated: Array, interval: float) -> Array:  # noqa: ARG001
-    """Return the mean squared difference [A²]."""
+    """Return the mean squared difference [A²] of `recorded` (samples,) and `simulated` (n, samples), (n,)."""
     return np.asarray(np.mean((recorded - simulated) ** 2, axis=-1))
 
 

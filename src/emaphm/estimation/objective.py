@@ -117,7 +117,7 @@ class MapObjective:
         problem = self.problem
         return problem.samples * sum(problem.compared_share(name) for name in problem.channels)
 
-    def left(self, residual: Array) -> float:
+    def mean_square(self, residual: Array) -> float:
         """Return the mean square of a weighted `residual` (rows,) plus that of the rounding to counts.
 
         The ratio of two residuals means nothing below the rounding: where a model happens to give the same

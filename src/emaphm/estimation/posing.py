@@ -54,13 +54,13 @@ def problem_of(
         workers=workers,
         counts={name: step for name in compared if (step := visible_count(recording[name])) > 0},
     )
-    every = problem.observing(comparable)
-    unknown = unknown_start(every, shown=shows_start(recording, actuator))
+    comparing_all = problem.observing(comparable)
+    unknown = unknown_start(comparing_all, shown=shows_start(recording, actuator))
     problem = replace(
         problem,
         start=replace(problem.start, gap=unknown.gap),
         model_error=row_errors(problem),
-        unusable=unknown.masks(every.samples, every.channels),
+        unusable=unknown.masks(comparing_all.samples, comparing_all.channels),
         unknown_start=unknown,
     )
     # To begin with, a residual counts in proportion to its channel.

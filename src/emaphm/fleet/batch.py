@@ -81,7 +81,18 @@ def diagnose_all(
     if scheduler and settings.estimator is not None:
         settings = replace(settings, estimator=str(Path(settings.estimator).absolute()))
     kept = None if folder is None else _prepared(Path(folder), actuator, settings, reading)
-    return _results(_Batch(paths, actuator, settings, reading, workers, scheduler, kept, on_file))
+    return _results(
+        _Batch(
+            paths=paths,
+            actuator=actuator,
+            settings=settings,
+            reading=reading,
+            workers=workers,
+            scheduler=scheduler,
+            folder=kept,
+            on_file=on_file,
+        )
+    )
 
 
 @dataclass(frozen=True, eq=False)

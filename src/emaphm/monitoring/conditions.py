@@ -53,17 +53,17 @@ class Situation:
         new = self.new
         about = f"{self.unit} at {new.hours:.9g} h: {message}"
         return Event(
-            kind,
-            state,
-            severity,
-            about,
-            subject,
-            self.unit,
-            new.hours,
-            new.recording,
-            new.recording_hash,
-            {**details, **self.details},
-            self.watcher,
+            kind=kind,
+            state=state,
+            severity=severity,
+            message=about,
+            subject=subject,
+            unit=self.unit,
+            hours=new.hours,
+            recording=new.recording,
+            recording_hash=new.recording_hash,
+            details={**details, **self.details},
+            watcher=self.watcher,
         )
 
     def opened(self, kind: str, subject: str = "") -> Event | None:

@@ -200,16 +200,16 @@ def rul_events(
     }
     return [
         Event(
-            KIND,
-            state,
-            severity,
-            about,
-            "",
-            unit,
-            made.evidence.hours,
-            last.recording,
-            last.recording_hash,
-            details,
-            watcher,
+            kind=KIND,
+            state=state,
+            severity=severity,
+            message=about,
+            subject="",
+            unit=unit,
+            hours=made.evidence.hours,
+            recording=last.recording,
+            recording_hash=last.recording_hash,
+            details=details,
+            watcher=watcher,
         )
     ]

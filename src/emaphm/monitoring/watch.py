@@ -100,39 +100,40 @@ def watch(
     stop = stop or threading.Event()
     webhook = None if task.webhook is None else Webhook(task.webhook, settings.delivery.timeout_s)
     state = WatchState(history, task.watcher)
-    lost = {one.kind for one in history.open_conditions() if one.watcher == task.watcher and one.unit is None}
+    lost = {
+        event.kind
+        for event in history.open_conditions()
+        if event.watcher == task.watcher and event.unit is None
+    }
     done = Watching()
     with suppress(StoppedError), ExitStack() as stack:
         call = stack.enter_context(_isolated(settings.isolation, stop)) if task.isolated else call_here
         source = _source(task, actuator, state, settings, call, is_lost="source_lost" in lost)
         stack.callback(source.close)
-        receivers = [] if task.lines is None else [Lines(task.lines)]
-        every: list[Receiver] = [*receivers]
+        lines = [] if task.lines is None else [Lines(task.lines)]
         if webhook is not None:
             state.skip_to_now(webhook.key)
-            every.append(webhook)
-        deliveries = [Delivery(one, state, settings.delivery, say) for one in every]
+        receivers: list[Receiver] = [*lines, *([] if webhook is None else [webhook])]
+        deliveries = [Delivery(receiver, state, settings.delivery, say) for receiver in receivers]
         stack.callback(close_all, deliveries)
-        judge = Judge(
-            history,
-            actuator,
-            settings.alarm,
-            task.diagnose,
-            task.cut,
-            task.detector,
-            task.takes_new_units,
-            task.seed,
-            task.watcher,
-            call,
-        )
         isolation = settings.isolation if task.isolated else None
         outlook = Outlook(history, settings.prognosis, task.seed, task.watcher, isolation)
         stack.callback(outlook.close)
         pressure = Pressure(settings.pressure, task.watcher, is_raised="back_pressure" in lost)
         watcher = _Watcher(
-            source, history, judge, outlook, pressure, deliveries, settings, stop, say, on_count, done
+            source=source,
+            history=history,
+            judge=_judge(task, history, actuator, settings, call),
+            outlook=outlook,
+            pressure=pressure,
+            deliveries=deliveries,
+            settings=settings,
+            stop=stop,
+            say=say,
+            on_count=on_count,
+            done=done,
         )
-        watcher.run(once=task.once or isinstance(task.source, int), ends=lambda: _closed(receivers))
+        watcher.run(once=task.once or isinstance(task.source, int), ends=lambda: _closed(lines))
     return done
 
 
@@ -153,7 +154,24 @@ def _isolated(settings: IsolationSettings, stop: threading.Event) -> Iterator[Ca
 
 
 def _closed(receivers: Sequence[Lines]) -> bool:
-    return any(one.is_closed for one in receivers)
+    return any(lines.is_closed for lines in receivers)
+
+
+def _judge(
+    task: WatchTask, history: History, actuator: Actuator, settings: WatchSettings, call: Call
+) -> Judge:
+    return Judge(
+        history=history,
+        actuator=actuator,
+        settings=settings.alarm,
+        diagnose=task.diagnose,
+        cut=task.cut,
+        detector=task.detector,
+        takes_new_units=task.takes_new_units,
+        seed=task.seed,
+        watcher=task.watcher,
+        call=call,
+    )
 
 
 def _source(
@@ -168,7 +186,14 @@ def _source(
     if isinstance(task.source, int):
         return StreamSource(task.source, actuator, task.ownership, state, settings.stream, task.split, call)
     return FolderSource(
-        task.source, actuator, task.ownership, state, settings.folder, task.split, call, is_lost
+        folder=task.source,
+        actuator=actuator,
+        ownership=task.ownership,
+        state=state,
+        settings=settings.folder,
+        split=task.split,
+        call=call,
+        is_lost=is_lost,
     )
 
 

@@ -141,14 +141,14 @@ class Belief:
         """Return the particles' hypotheses, with the present rates, each array (n, 8)."""
         deviation = np.sqrt(np.maximum(np.einsum("nii->ni", self.rates), 0.0))
         return Hypotheses(
-            self.law,
-            self.life_scale,
-            self.shape,
-            self.roughness,
-            self.unevenness,
-            self.rate,
-            deviation,
-            self.exponents,
+            law=self.law,
+            life_scale=self.life_scale,
+            shape=self.shape,
+            roughness=self.roughness,
+            unevenness=self.unevenness,
+            rate=self.rate,
+            rate_deviation=deviation,
+            exponents=self.exponents,
         )
 
     def law_probabilities(self) -> Array:

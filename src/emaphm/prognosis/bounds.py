@@ -26,7 +26,7 @@ component that it finds there may be worse; what is known of no diagnosis is not
 
 
 def bounds(count: int, beyond: float = 0.0, least_friction: float = LOWEST_FRICTION) -> tuple[Array, Array]:
-    """Return the bounds of `count` levels: of all components, or of an indicator, 0 where it is healthy.
+    """Return the bounds (count,) of all components, or of an indicator, which is 0 where it is healthy.
 
     Ends of scales at which a component is at its worst are farther off by `beyond`. `least_friction` is that
     of the actuator (`emaphm.actuator.faults.lower_bounds`).

@@ -64,15 +64,15 @@ def drawn_states(belief: Belief, count: int) -> UnitDraws:
     rate = _rates_given_levels(units, level, random)
     rows = systematic(weights, count, random)
     return UnitDraws(
-        units.aged[rows],
-        units.exponents[rows],
-        units.law[rows],
-        units.life_scale[rows],
-        units.shape[rows],
-        units.roughness[rows],
-        units.unevenness[rows],
-        within_bounds(level[rows], BEYOND, belief.prior.least_friction),
-        rate[rows],
+        aged=units.aged[rows],
+        exponents=units.exponents[rows],
+        law=units.law[rows],
+        life_scale=units.life_scale[rows],
+        shape=units.shape[rows],
+        roughness=units.roughness[rows],
+        unevenness=units.unevenness[rows],
+        level=within_bounds(level[rows], BEYOND, belief.prior.least_friction),
+        rate=rate[rows],
     )
 
 

@@ -95,30 +95,30 @@ def transition(
     d [h], g [-].
     """
     h, age = np.broadcast_to(hours, law.shape), np.broadcast_to(age, law.shape)
-    every = law.ravel(), h.ravel(), age.ravel(), life_scale.ravel(), shape.ravel()
+    flat = law.ravel(), h.ravel(), age.ravel(), life_scale.ravel(), shape.ravel()
     reach, growth = np.where(law == CONSTANT, 0.0, h).ravel(), np.ones(law.size)
 
-    def of(one: int) -> tuple[NDArray[np.intp], list[Array]]:
-        rows = np.flatnonzero(every[0] == one)
-        return rows, [values[rows] for values in every[1:]]
+    def of_law(wanted: int) -> tuple[NDArray[np.intp], list[Array]]:
+        rows = np.flatnonzero(flat[0] == wanted)
+        return rows, [values[rows] for values in flat[1:]]
 
-    rows, (step, _, scale, s) = of(EXPONENTIAL)
+    rows, (step, _, scale, s) = of_law(EXPONENTIAL)
     if rows.size:
         tau = s * scale
         exponent = np.minimum(step / tau, LARGEST_EXPONENT)
         reach[rows], growth[rows] = tau * np.expm1(exponent), np.exp(exponent)
-    rows, (step, a, _, p) = of(POWER_LAW)
+    rows, (step, a, _, p) = of_law(POWER_LAW)
     if rows.size:
         a = np.maximum(a, settings.first_hours)
         ratio = (a + step) / a
         reach[rows], growth[rows] = a / p * (ratio**p - 1), ratio ** (p - 1)
-    rows, (step, a, scale, q) = of(CRACK_GROWTH)
+    rows, (step, a, scale, q) = of_law(CRACK_GROWTH)
     if rows.size:
         left = np.maximum(scale - a, LEAST_LEFT * scale)
         ratio = np.minimum(left / np.maximum(left - step, 1e-300), np.exp(LARGEST_EXPONENT / (q + 1)))
         reach[rows], growth[rows] = left / q * (ratio**q - 1), ratio ** (q + 1)
     if trajectories is not None:
-        rows, (step, a, scale, number) = of(AS_ANOTHER)
+        rows, (step, a, scale, number) = of_law(AS_ANOTHER)
         column, unit = rows % law.shape[-1], number.astype(int)
         end = trajectories.change_at(unit, (a + step) / scale, column)
         reach[rows] = scale * (end - trajectories.change_at(unit, a / scale, column))
@@ -135,7 +135,8 @@ def rate_scale(
 ) -> Array:
     """Return the standard deviation of an unknown rate [1/h]: that which changes the level by 1 within T.
 
-    0 for the laws under which nothing moves yet: constant, and sudden onset before its onset.
+    0 for the laws under which nothing moves yet: constant, and sudden onset before its onset. Parameters and
+    shapes as in `transition`.
     """
     reach, _ = transition(law, life_scale, shape, age, life_scale, settings)
     return np.where(is_moving(law), 1 / np.maximum(reach, life_scale * 1e-3), 0.0)

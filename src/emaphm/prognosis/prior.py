@@ -172,7 +172,16 @@ class Prior:
         roughness = _log_uniform(s.roughness, random, age.shape)
         unevenness = _log_uniform(s.unevenness, random, age.shape)
         rate, exponents = np.zeros(age.shape), self._exponents(age.shape, random)
-        drawn = Hypotheses(law, life_scale, form, roughness, unevenness, rate, deviation, exponents)
+        drawn = Hypotheses(
+            law=law,
+            life_scale=life_scale,
+            shape=form,
+            roughness=roughness,
+            unevenness=unevenness,
+            rate=rate,
+            rate_deviation=deviation,
+            exponents=exponents,
+        )
         return Hypotheses._make(in_common(one) for one in drawn)
 
     def _exponents(self, shape: tuple[int, ...], random: np.random.Generator) -> Array:

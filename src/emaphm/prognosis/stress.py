@@ -138,8 +138,8 @@ class StressReference:
             if value is None or middle is None:
                 continue
             if STRESSES[i] == "temperature":
-                apart = min(max(value - middle, -LARGEST_KELVINS), LARGEST_KELVINS)
-                result[i] = apart / TEN_KELVINS
+                kelvins = min(max(value - middle, -LARGEST_KELVINS), LARGEST_KELVINS)
+                result[i] = kelvins / TEN_KELVINS
             else:
                 result[i] = math.log(min(max(value / middle, 1 / LARGEST_RATIO), LARGEST_RATIO))
         return result

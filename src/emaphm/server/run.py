@@ -31,6 +31,9 @@ from emaphm.server.work.queue import Queue
 from emaphm.server.work.worker import SERVER, Place
 
 if TYPE_CHECKING:
+    import uvicorn
+    from fastapi import FastAPI
+
     from emaphm.actuator import Actuator
     from emaphm.detection import Detector
 
@@ -90,10 +93,6 @@ def serve(
     HistoryError
         The database cannot be opened.
     """
-    import uvicorn
-
-    from emaphm.server.connection import ImpatientProtocol
-
     only_loopback = _is_loopback(host)
     if not only_loopback and tokens is None:
         raise ServerError(
@@ -114,17 +113,29 @@ def serve(
                 work,
                 described(actuators),
                 settings,
-                detector,
-                receiver,
-                prognosis,
-                templates,
-                seed,
+                detector=detector,
+                receiver=receiver,
+                prognosis=prognosis,
+                templates=templates,
+                seed=seed,
             )
         )
         app = create_app(state, only_loopback=only_loopback)
         warm_up(app)
-        logging.getLogger("python_multipart").setLevel(logging.ERROR)  # a form that is none is the client's
-        config = uvicorn.Config(
+        web_server = _web_server(app, settings)
+        name = f"[{host}]" if ":" in host else host
+        on_ready(f"http://{name}:{listening.getsockname()[1]}/")
+        web_server.run(sockets=[listening])
+
+
+def _web_server(app: "FastAPI", settings: ServerSettings) -> "uvicorn.Server":
+    import uvicorn
+
+    from emaphm.server.connection import ImpatientProtocol
+
+    logging.getLogger("python_multipart").setLevel(logging.ERROR)  # a form that is none is the client's
+    return uvicorn.Server(
+        uvicorn.Config(
             app,
             http=ImpatientProtocol,
             log_level="warning",
@@ -135,9 +146,7 @@ def serve(
             limit_concurrency=settings.connections,
             timeout_graceful_shutdown=5,
         )
-        name = f"[{host}]" if ":" in host else host
-        on_ready(f"http://{name}:{listening.getsockname()[1]}/")
-        uvicorn.Server(config).run(sockets=[listening])
+    )
 
 
 @contextmanager
@@ -147,6 +156,7 @@ def running(
     work: Path | None,
     actuators: "Mapping[str, Actuator]",
     settings: ServerSettings = SETTINGS,
+    *,
     detector: "Detector | None" = None,
     receiver: Receiver | None = None,
     prognosis: PrognosisSettings = WATCH.prognosis,
@@ -165,14 +175,14 @@ def running(
             fleet = FleetView(history)
             on_news = stack.enter_context(_sending(history, receiver))
             place = Place(
-                db,
-                folder,
-                dict(actuators),
-                settings.worker_bytes,
-                settings.upload_bytes,
-                detector,
-                prognosis,
-                seed,
+                db=db,
+                folder=folder,
+                actuators=dict(actuators),
+                memory_bytes=settings.worker_bytes,
+                upload_bytes=settings.upload_bytes,
+                detector=detector,
+                prognosis=prognosis,
+                seed=seed,
             )
             pool = Pool(queue, place, settings, fleet.outdated, fleet.forecast, on_news)
             pool.start()

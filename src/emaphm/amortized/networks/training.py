@@ -161,49 +161,67 @@ def train_network(
     )
     features = features_of(projection, training.rows)
     points = (training.points / deviations).astype(np.float32)
-    spread = noise_of_features(projection, noise)
+    noise_factor = noise_of_features(projection, noise)
 
     def run_on(restarts: int, step: int) -> _Run:
         child = child_seed(seed, "training")
-        return _Run(torch, module, features, points, spread, settings, child, restarts, step)
+        return _Run(torch, module, features, points, noise_factor, settings, child, restarts, step)
 
     run = run_on(0, 0)
     held_out = features_of(projection, with_noise(validation, noise, stream(seed, "validation noise")))
     epochs: list[Epoch] = []
-    best, least, since, restarts = copy.deepcopy(module.state_dict()), math.inf, 0, 0
-    number = 0
-    while number < settings.epochs:
-        number += 1
+    best = _BestState(module, settings)
+    for number in range(1, settings.epochs + 1):
         training_loss = run.epoch(number)
         validation_loss, means = _validated(torch, module, held_out, validation, deviations, settings)
-        note = ""
-        if not math.isfinite(validation_loss + training_loss) or validation_loss > least + DIVERGED:
-            restarts += 1
-            note = f"training diverged; it goes on from the best state at a rate of 1/{2**restarts}"
-            if restarts > settings.restarts:
-                note = "training diverged again and ends here; the best state is kept"
-            module.load_state_dict(best)
-            run = run_on(restarts, run.step)
-        elif validation_loss < least:
-            best, least, since = copy.deepcopy(module.state_dict()), validation_loss, 0
-        else:
-            since += 1
+        note = best.judge(training_loss, validation_loss)
+        if note:
+            run = run_on(best.restarts, run.step)
         seconds = time.perf_counter() - began
         epochs.append(
             Epoch(number, settings.epochs, training_loss, validation_loss, error_of(means), seconds, note)
         )
         if on_epoch:
             on_epoch(epochs[-1])
-        if since >= settings.patience or restarts > settings.restarts:
+        if best.has_ended:
             break
-    if not math.isfinite(least):
+    if not math.isfinite(best.loss):
         raise MethodError(
             "training diverged before anything was learned; give more --simulations, or check the actuator's "
             "description: do its simulations look right?"
         )
-    module.load_state_dict(best)
+    module.load_state_dict(best.weights)
     network = converted(module, projection, deviations, settings.components)
     return Trained(network, tuple(epochs), time.perf_counter() - began)
+
+
+class _BestState:
+    """The weights of the least validation loss, and how training has gone since."""
+
+    def __init__(self, module: Any, settings: TrainingSettings) -> None:
+        self.module, self.settings = module, settings
+        self.weights, self.loss = copy.deepcopy(module.state_dict()), math.inf
+        self.since, self.restarts = 0, 0
+
+    def judge(self, training_loss: float, validation_loss: float) -> str:
+        """Keep weights that are the best so far; where training diverged, go back to these, with a note."""
+        if not math.isfinite(validation_loss + training_loss) or validation_loss > self.loss + DIVERGED:
+            self.restarts += 1
+            self.module.load_state_dict(self.weights)
+            if self.restarts > self.settings.restarts:
+                return "training diverged again and ends here; the best state is kept"
+            return f"training diverged; it goes on from the best state at a rate of 1/{2**self.restarts}"
+        if validation_loss < self.loss:
+            self.weights, self.loss = copy.deepcopy(self.module.state_dict()), validation_loss
+            self.since = 0
+        else:
+            self.since += 1
+        return ""
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the loss no longer falls, or training has diverged too often."""
+        return self.since >= self.settings.patience or self.restarts > self.settings.restarts
 
 
 class _Run:
@@ -215,14 +233,16 @@ class _Run:
         module: Any,
         features: Single,
         points: Single,
-        spread: Single,
+        noise_factor: Single,
         settings: TrainingSettings,
         seed: int,
         restarts: int,
         step: int,
     ) -> None:
         self.torch, self.module, self.settings = torch, module, settings
-        self.features, self.points, self.spread = map(torch.from_numpy, (features, points, spread))
+        self.features, self.points, self.noise_factor = map(
+            torch.from_numpy, (features, points, noise_factor)
+        )
         self.seed, self.restarts, self.step = seed, restarts, step
         self.per_epoch = max(1, len(features) // settings.batch)
         self.optimizer = torch.optim.AdamW(
@@ -258,7 +278,7 @@ class _Run:
             return features
         factor = low + (high - low) * self.torch.rand(len(features), 1, generator=generator)
         normal = self.torch.randn(features.shape, generator=generator)
-        return features + factor * (normal @ self.spread)
+        return features + factor * (normal @ self.noise_factor)
 
     def _set_rate(self) -> None:
         done = self.step / (self.per_epoch * self.settings.epochs)

@@ -138,15 +138,15 @@ def setup_of(header: SetupHeader, command: Array, path: Path) -> RecordingSetup:
     if header.channels[0] != "current_A" or len({*header.channels}) < len(header.channels):
         raise no_estimator(path, "its channels are not the current first, and each once")
     setup = RecordingSetup(
-        actuator,
-        command,
-        header.interval_s,
-        header.sampling,
-        tuple(header.channels),
-        header.noise,
-        header.adc_bits,
-        None if header.nuisances is None else tuple(header.nuisances),
-        header.initial_position,
+        actuator=actuator,
+        command_rad=command,
+        interval_s=header.interval_s,
+        sampling=header.sampling,
+        channels=tuple(header.channels),
+        noise=header.noise,
+        adc_bits=header.adc_bits,
+        nuisances=None if header.nuisances is None else tuple(header.nuisances),
+        initial_position=header.initial_position,
     )
     try:
         check_channels(actuator, setup.channels)

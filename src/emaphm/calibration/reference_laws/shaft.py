@@ -66,9 +66,9 @@ def with_shaft_that_shows(
     law, rigid = LAWS["compliance"], description.actuator
     if not settings.max_corrections or not law.is_possible(rigid):
         return description
-    every = replace(settings, every_row=True)
+    by_every_row = replace(settings, every_row=True)
     fitted = fitted_parameters(rows, rigid, description.free)
-    found = searched(rows, rigid, fitted, every, description.start)
+    found = searched(rows, rigid, fitted, by_every_row, description.start)
     actuator = law.added_to(rigid, typical_motor_speed(found.joint))
     extended = replace(
         description,
@@ -78,7 +78,7 @@ def with_shaft_that_shows(
         start=found.start,
     )
     shared = (*fitted, *NAMES)
-    joint = every.objective(rows, actuator, every.variation(actuator, shared))
+    joint = by_every_row.objective(rows, actuator, by_every_row.variation(actuator, shared))
     if not can_be_compared(joint):
         return description
     (before,) = reference_costs(found.joint, [found.point], settings.seed)

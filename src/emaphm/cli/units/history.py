@@ -1,5 +1,6 @@
 """`emaphm history …`: units over their flights."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +16,7 @@ from emaphm.cli.units.history_options import DB, Database, Hours, Note, Part, Un
 from emaphm.cli.units.unit_text import named, number, unit_text
 
 if TYPE_CHECKING:
+    from emaphm.history import Finding
     from emaphm.history.views import UnitState
 
 app = App(name="history", help="Keep diagnoses of units over their flights, removals and shop findings.")
@@ -115,47 +117,61 @@ def removal(
     show(values, _with_note(f"removal of {unit} at {hours:.9g} h {_added(added)}", implausible), as_json)
 
 
-@app.command
-def finding(
-    *,
-    unit: Unit,
-    hours: Hours,
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ShopFinding:
+    """What a shop found of one component."""
+
     component: Annotated[
         str,
         Parameter(
             help="friction, backlash, short_a, short_b, short_c, eccentricity, gain; or unit, with a note."
         ),
-    ],
+    ]
     condition: Annotated[
         str, Parameter(help="failed, degraded (worn, but within its limits) or healthy (no fault found).")
-    ],
+    ]
     level: Annotated[
         float | None,
         Parameter(
             help="The fault as the shop measured it, from 0 to 1 as in a diagnosis; a friction from -1."
         ),
-    ] = None,
-    replaced: Annotated[bool, Parameter(negative="", help="The component was replaced.")] = False,
-    note: Note = "",
+    ] = None
+    replaced: Annotated[bool, Parameter(negative="", help="The component was replaced.")] = False
+    note: Note = ""
+
+    def entry(self, hours: float) -> "Finding":
+        """Return the entry for the history, at flight `hours` [h]; `HistoryError` where it cannot be."""
+        from emaphm.history import Finding
+
+        return Finding(hours, self.component, self.condition, self.level, self.replaced, self.note)
+
+
+@app.command
+def finding(
+    *,
+    unit: Unit,
+    hours: Hours,
+    found: ShopFinding,
     db: Database = DB,
     as_json: AsJson = False,
 ) -> None:
     """Add what a shop found of a component, and whether it replaced it."""
     from dataclasses import asdict
 
-    from emaphm.history import Finding, History
+    from emaphm.history import History
     from emaphm.history.notes.contradictions import contradiction
     from emaphm.history.notes.hours import implausible_finding
 
-    entry = Finding(hours, component, condition, level, replaced, note)
+    entry = found.entry(hours)
     with History.open(db) as history:
         added = history.add_finding(unit, entry)
-        found = history.unit(unit)
-        implausible = implausible_finding(found, entry)
-        notes = contradiction(entry, found.diagnoses(), found.findings())
+        known = history.unit(unit)
+        implausible = implausible_finding(known, entry)
+        notes = contradiction(entry, known.diagnoses(), known.findings())
     values = {"unit": unit, **asdict(entry), "added": added, "doubt": implausible, "notes": notes}
-    text = f"finding on {component} of {unit} at {hours:.9g} h {_added(added)}"
-    show(values, "\n".join([_with_note(text, implausible), *(f"Note: {one}." for one in notes)]), as_json)
+    text = f"finding on {found.component} of {unit} at {hours:.9g} h {_added(added)}"
+    show(values, "\n".join([_with_note(text, implausible), *(f"Note: {note}." for note in notes)]), as_json)
 
 
 @app.command

@@ -61,7 +61,14 @@ class Flight:
 
         part = self.part or actuator.name
         return Entry(
-            self.unit, part, self.hours, self.cycles, self.position, late, self.load, self.temperature
+            unit=self.unit,
+            part_number=part,
+            hours=self.hours,
+            cycles=self.cycles,
+            position=self.position,
+            late=late,
+            load=self.load,
+            temperature=self.temperature,
         )
 
 

@@ -6,12 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from emaphm.cli.options import (
-    AsJson,
-    Seed,
-    check_seed,
-    whole_number,
-)
+from emaphm.cli.options import AsJson, Seed, check_seed, whole_number
 from emaphm.cli.output import say, show, show_at_once, show_line
 from emaphm.cli.units.events import FailureEvents, WebhookAddress
 from emaphm.cli.units.history_options import DB, Database
@@ -44,6 +39,32 @@ class Access:
     ] = None
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Receiving:
+    """Where uploads are kept, and what they are compared with."""
+
+    work: Annotated[
+        Path | None,
+        Parameter(
+            help="Folder for the queue, uploads and reports; next to the history's file if left out. "
+            "Required with PostgreSQL."
+        ),
+    ] = None
+    healthy: Annotated[
+        Path | None, Parameter(help="Detector that 'detect learn' wrote: uploads are compared with it too.")
+    ] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Sending:
+    """What makes an event, and where events are sent."""
+
+    failure_events: FailureEvents = FailureEvents()  # noqa: RUF009 - frozen
+    webhook: WebhookAddress = None
+
+
 def serve(
     *,
     db: Database = DB,
@@ -57,21 +78,11 @@ def serve(
         ),
     ] = ("thesis", "pmsm"),
     access: Access = Access(),
-    work: Annotated[
-        Path | None,
-        Parameter(
-            help="Folder for the queue, uploads and reports; next to the history's file if left out. "
-            "Required with PostgreSQL."
-        ),
-    ] = None,
-    healthy: Annotated[
-        Path | None, Parameter(help="Detector that 'detect learn' wrote: uploads are compared with it too.")
-    ] = None,
+    receiving: Receiving = Receiving(),
     templates: Annotated[
         Path | None, Parameter(help="Folder of Jinja2 templates that take the place of the program's pages.")
     ] = None,
-    failure_events: FailureEvents = FailureEvents(),  # noqa: B008 - frozen
-    webhook: WebhookAddress = None,
+    sending: Sending = Sending(),
     workers: Annotated[
         int, Parameter(converter=whole_number, help="Processes that diagnose uploads, one upload each.")
     ] = 2,
@@ -98,12 +109,12 @@ def serve(
         host=address.host,
         port=address.port,
         tokens=access.tokens,
-        work=work,
+        work=receiving.work,
         actuators=actuator,
-        healthy=healthy,
-        webhook=webhook,
+        healthy=receiving.healthy,
+        webhook=sending.webhook,
         templates=templates,
-        prognosis=failure_events.settings(),
+        prognosis=sending.failure_events.settings(),
         settings=replace(SETTINGS, workers=workers),
         seed=seed,
         on_ready=ready,

@@ -12,7 +12,7 @@ import numpy as np
 
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
-from emaphm.diagnosis.explanation.other_values import including
+from emaphm.diagnosis.explanation.other_values import with_other_value
 from emaphm.diagnosis.explanation.refits import Refit
 from emaphm.diagnosis.explanation.sensor_scores import taken_up_of_a_delay
 from emaphm.diagnosis.verdict import Estimate, with_phase_undecided
@@ -82,7 +82,7 @@ def with_alternatives(
         way = "late" if late > 0 else "early"
         why = f"where what was measured comes {1e3 * abs(late) * interval:.3g} ms {way}"
         for i, (name, one) in enumerate(components.items()):
-            checked[name] = including(name, checked[name], one, float(faults[i]), why)
+            checked[name] = with_other_value(name, checked[name], one, float(faults[i]), why)
     return with_phase_undecided(checked, components)
 
 

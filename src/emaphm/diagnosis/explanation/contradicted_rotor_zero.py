@@ -5,7 +5,7 @@ A short of one phase is then read as shorts of others, with a small residual
 """
 
 from emaphm.arrays import Array
-from emaphm.diagnosis.explanation.refits import left_by_descents
+from emaphm.diagnosis.explanation.refits import mean_square_after_descents
 from emaphm.diagnosis.selection.rotor_zero import ROTOR_ZERO_SETTINGS, WAY_OUT, with_rotor_at, zero_shown
 from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import stream
@@ -23,7 +23,7 @@ def contradicted_zero(result: SearchResult, jacobians: Array, seed: int) -> tupl
     if not size:
         return ()
     as_described, elsewhere = (
-        left_by_descents(
+        mean_square_after_descents(
             result,
             one,
             result.outputs_correction,

@@ -45,10 +45,10 @@ def undecided_where_one_way(components: Mapping[str, Estimate], result: SearchRe
     return with_phase_undecided({**components, **small}, components)
 
 
-def _from_healthy(name: str, one: Estimate) -> float:
+def _from_healthy(name: str, estimate: Estimate) -> float:
     """Return how far the interval of a component begins from its healthy value."""
     healthy = float(getattr(HEALTHY, name))
-    low, high = one.interval95
+    low, high = estimate.interval95
     return max(low - healthy, healthy - high)
 
 

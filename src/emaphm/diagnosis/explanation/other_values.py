@@ -11,7 +11,7 @@ OTHER_DIRECTION = 0.02
 """How far a direction must be off to count as another; by more than the half-width of its interval, too."""
 
 
-def including(name: str, estimate: Estimate, first: Estimate, other: float, why: str) -> Estimate:
+def with_other_value(name: str, estimate: Estimate, first: Estimate, other: float, why: str) -> Estimate:
     """Return an `estimate` whose interval has the value of an alternative too.
 
     It is undecided where that interval says another thing than `first`, the estimate without alternatives,

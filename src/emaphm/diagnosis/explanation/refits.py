@@ -18,16 +18,16 @@ PROMISING, CORRECTIONS = 1.5, 2
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """Where descents ended: the `point` (d,) of an `objective`, and what is `left` there.
+    """Where descents ended: the `point` (d,) of an `objective`, and the `mean_square` of the residual there.
 
-    `left` is the mean squared residual of channels and priors, with what counts leave open of it; `error` is
-    what the discrepancy's standard error adds to it: refits may be corrected by means of more runs of the
-    reference model or of fewer.
+    It is of channels and priors, with what counts leave open of it; `error` is what the discrepancy's
+    standard error adds to it: refits may be corrected by means of more runs of the reference model or of
+    fewer.
     """
 
     objective: MapObjective
     point: Array
-    left: float
+    mean_square: float
     error: float
 
     @classmethod
@@ -37,13 +37,13 @@ class Refit:
         point = descents_from(objective, starts, correction).best
         known = corrected.discrepancy
         error = 0.0 if known is None else float(np.mean(known.standard_error**2))
-        left = objective.left(objective.residual(point, correction))
-        return cls(objective, point, max(left, TINY), error)
+        mean_square = objective.mean_square(objective.residual(point, correction))
+        return cls(objective, point, max(mean_square, TINY), error)
 
     @property
     def misfit(self) -> float:
         """What is left but for the discrepancy's error."""
-        return max(self.left - self.error, TINY)
+        return max(self.mean_square - self.error, TINY)
 
     def corrected(self, before: "Refit", seed: int, name: str) -> "Refit":
         """Return the refit corrected by the reference model, while that leads on.
@@ -52,25 +52,25 @@ class Refit:
         """
         best, objective, reference = self, self.objective, None
         for iteration in range(CORRECTIONS):
-            if not 1.0 <= best.left / before.left < PROMISING:
+            if not 1.0 <= best.mean_square / before.mean_square < PROMISING:
                 break
             reference = reference or reference_problem(objective)
             rng = stream(seed, f"reference runs of {name}", iteration)
             none = np.zeros_like(objective.target)
-            there = compared(objective, none, best.point[np.newaxis], reference, rng)[0]
-            further = Refit.under(objective, best.point[np.newaxis], there)
-            if further.left >= best.left:
+            comparison = compared(objective, none, best.point[np.newaxis], reference, rng)[0]
+            further = Refit.under(objective, best.point[np.newaxis], comparison)
+            if further.mean_square >= best.mean_square:
                 break
             best = further
         return best
 
 
-def left_by_descents(
+def mean_square_after_descents(
     result: SearchResult, objective: MapObjective, correction: Array, count: int, rng: np.random.Generator
 ) -> float:
-    """Return what `count` descents from the estimate leave of the channels' mean squared residual.
+    """Return the mean squared residual of the channels after `count` descents from the estimate.
 
     Of an `objective` with the estimate's coordinates, under a `correction` (rows,).
     """
     point = local_search(objective, result.point, correction, rng, with_descents(count)).best
-    return objective.left(objective.residual(point, correction)[: objective.channel_rows])
+    return objective.mean_square(objective.residual(point, correction)[: objective.channel_rows])

@@ -92,7 +92,8 @@ def is_drowned(name: str, recorded: Array, residual: Array) -> bool:
     """Return whether a channel's noise exceeds a signal that is as the model has it, and no other one.
 
     Of y = m + n, m modelled and n noise without likeness to it, y² - n² is m², to 2 |m n| / √rows by chance.
-    Of a signal without likeness to the model it is -m². The current along the flux, held at 0, is an example.
+    Of a signal without likeness to the model it is -m². `recorded` and `residual` are of one channel,
+    (samples,). The current along the flux, held at 0, is an example.
     """
     modelled, left = signal_size(name, recorded - residual), rms(residual)
     chance = 2 * EXPLANATION.drowned_errors * modelled * left / recorded.size**0.5

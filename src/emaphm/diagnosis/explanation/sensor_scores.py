@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array, rms
-from emaphm.diagnosis.explanation.refits import left_by_descents
+from emaphm.diagnosis.explanation.refits import mean_square_after_descents
 from emaphm.estimation.levenberg_marquardt import movable
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.space.parameter_space import ParameterSpace
@@ -91,7 +91,10 @@ class SensorScore:
 
 
 def contradictions(result: SearchResult, jacobians: Array, seed: int) -> list[str]:
-    """Return a sentence on the error that contradicts the estimate most, if one does."""
+    """Return a sentence on the error that contradicts the estimate most, if one does.
+
+    `jacobians` (n, d, channel rows) are those of the channels at the estimate.
+    """
     scores = sorted(sensor_scores(result, jacobians), key=lambda one: -one.score)
     suspects = [one for one in scores if one.is_suspect()][: SENSOR_SCORES.most]
     if suspects and moves_slowly(result.objective.problem):
@@ -132,7 +135,7 @@ def _residual_share(result: SearchResult, error: SensorScore, seed: int) -> floa
     kinds, directions, _ = zip(*_directions(result), strict=True)
     with_error[:rows] += error.size * directions[kinds.index((error.kind, error.channel))]
     variances = [
-        left_by_descents(
+        mean_square_after_descents(
             result,
             objective,
             correction,

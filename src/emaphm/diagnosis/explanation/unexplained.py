@@ -57,9 +57,9 @@ def alternatives_covariance(result: SearchResult, *, explained: bool) -> Array |
     kept = [one for one in result.alternatives if _comparable(one, result, explained=explained)]
     if not kept:
         return 0.0
-    away = np.array([_shift(one, result) for one in kept])
+    shifts = np.array([_shift(one, result) for one in kept])
     widening = student_t_quantile(len(kept), 0.975) / float(normal_quantile(0.975))
-    return np.asarray(widening**2 * away.T @ away / len(kept))
+    return np.asarray(widening**2 * shifts.T @ shifts / len(kept))
 
 
 def _comparable(other: SearchResult, result: SearchResult, *, explained: bool) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES, HEALTHY
 from emaphm.arrays import Array
-from emaphm.diagnosis.explanation.other_values import including
+from emaphm.diagnosis.explanation.other_values import with_other_value
 from emaphm.diagnosis.explanation.refits import Refit
 from emaphm.diagnosis.verdict import Estimate, undecided, with_phase_undecided
 from emaphm.estimation.objective import MapObjective
@@ -85,7 +85,7 @@ def _with_values_of(
     faults = refit.objective.space.faults(refit.point)
     why = f"without a fault of {without.replace('_', ' ')}"
     return {
-        name: including(name, one, components[name], float(value), why)
+        name: with_other_value(name, one, components[name], float(value), why)
         for (name, one), value in zip(checked.items(), faults, strict=True)
     }
 

@@ -168,10 +168,10 @@ def search_alone(
         result = search(objective, own, fitness="least_squares")
         if result.discrepancy is not None:
             result = with_asked_supply(result, own)
-        one = _Alone(result, Selection(result), own)
+        searched_alone = _Alone(result, Selection(result), own)
         if nuisances is None and result.discrepancy is not None:
-            one = one.selecting(result)
-        return one
+            searched_alone = searched_alone.selecting(result)
+        return searched_alone
 
     found, laws = in_threads(searched, range(len(recordings)), workers, on_progress), tuple[str, ...]()
     if nuisances is None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,61 +46,77 @@ def conclusion(
     estimate, known
         The joint fit, and how well it is known.
     """
-    joint, count, space = estimate.joint, len(results), results[0].objective.space
+    joint, space = estimate.joint, results[0].objective.space
     between = _between(known, joint)
-    covariance = known.covariance + estimate.scatter
-    covariance[: joint.shared, : joint.shared] += between.covariance
-    if not estimate.corrected:
-        bias = _bias(joint, results, known.point, seed)
-        covariance = covariance + np.outer(bias, bias)
+    explained = all(diagnosis.explained for diagnosis in single)
+    covariance = _covariance(estimate, known, between, results, seed)
     local = covariance[np.ix_(joint.indices[0], joint.indices[0])]
     sets = collinear_sets(results[0], local, seed)
     components = estimates(space, results[0].point, local, sets)
-    if not all(one.explained for one in single):
+    if not explained:
         components = unexplained(components, space.fixed)
     elif not between.agree:
-        components = {name: _undecided(one) for name, one in components.items()}
+        components = {name: _undecided(component) for name, component in components.items()}
     else:
         components = _tested_by_each(components, results, seed)
-    parts = [
-        _recording(one, *pair, contradicts=bool(flag))
-        for one, pair, flag in zip(single, zip(alone, results, strict=True), between.named, strict=True)
-    ]
-    first = single[0]
-    kept = {field.name: getattr(first, field.name) for field in fields(first)}
-    shared = [space.coordinates[i] for i in joint.terms[0].shared_places]
-    residual = np.concatenate([one.compared_residual for one in results])
-    channels = tuple(dict.fromkeys(name for one in single for name in one.channels))
+    residual = np.concatenate([result.compared_residual for result in results])
     return JointDiagnosis(
-        **kept
+        **_end_to_end(single)
         | {
             "components": components,
-            "coordinates": tuple(shared),
+            "coordinates": tuple(space.coordinates[i] for i in joint.terms[0].shared_places),
             "covariance": covariance[: joint.shared, : joint.shared],
             "fitness": float(np.mean(residual**2)),
             "residual_rms_A": rms(residual),
-            "explained": between.agree and all(one.explained for one in single),
-            "recording": first.recording if count == 1 else f"{count} recordings",
-            "time_s": _end_to_end([one.time_s for one in single]),
-            "recorded": np.concatenate([one.recorded for one in single]),
-            "modelled": np.concatenate([one.modelled for one in single]),
-            "channels": channels,
+            "explained": between.agree and explained,
             "nuisances": of_unit(nuisance_estimates(results[0].objective, results[0].point, local)),
             "collinear_sets": sets,
-            "moves": any(one.moves for one in single),
-            "recording_notes": _of_all(single, lambda one: one.recording_notes),
-            "reasons": _of_all(single, lambda one: one.reasons),
-            "sensor_faults": tuple(
-                replace(fault, sentence=_named(one, fault.sentence, count))
-                for one in single
-                for fault in one.sensor_faults
-            ),
         },
-        recordings=tuple(parts),
+        recordings=tuple(
+            _recording(diagnosis, searched, result, contradicts=bool(named))
+            for diagnosis, searched, result, named in zip(single, alone, results, between.named, strict=True)
+        ),
         contradicted=tuple(
             dict.fromkeys(NAMES[column] for i, column in enumerate(space.columns) if between.contradicted[i])
         ),
     )
+
+
+def _covariance(
+    estimate: JointEstimate,
+    known: JointUncertainty,
+    between: "_Between",
+    results: Sequence[SearchResult],
+    seed: int,
+) -> Array:
+    """Return the covariance (d, d) of the joint estimate: of its fit, its scatter and between recordings."""
+    joint = estimate.joint
+    covariance = known.covariance + estimate.scatter
+    covariance[: joint.shared, : joint.shared] += between.covariance
+    if estimate.corrected:
+        return covariance
+    bias = _bias(joint, results, known.point, seed)
+    return np.asarray(covariance + np.outer(bias, bias))
+
+
+def _end_to_end(single: Sequence[Diagnosis]) -> dict[str, Any]:
+    """Return fields of the diagnosis of all recordings: those of the first, and of all where they differ."""
+    first, count = single[0], len(single)
+    return {field.name: getattr(first, field.name) for field in fields(first)} | {
+        "recording": first.recording if count == 1 else f"{count} recordings",
+        "time_s": _times_end_to_end([diagnosis.time_s for diagnosis in single]),
+        "recorded": np.concatenate([diagnosis.recorded for diagnosis in single]),
+        "modelled": np.concatenate([diagnosis.modelled for diagnosis in single]),
+        "channels": tuple(dict.fromkeys(name for diagnosis in single for name in diagnosis.channels)),
+        "moves": any(diagnosis.moves for diagnosis in single),
+        "recording_notes": _of_all(single, lambda diagnosis: diagnosis.recording_notes),
+        "reasons": _of_all(single, lambda diagnosis: diagnosis.reasons),
+        "sensor_faults": tuple(
+            replace(fault, sentence=_named(diagnosis, fault.sentence, count))
+            for diagnosis in single
+            for fault in diagnosis.sensor_faults
+        ),
+    }
 
 
 def _tested_by_each(
@@ -110,19 +127,20 @@ def _tested_by_each(
     What one of them excludes is excluded: where it keeps the verdict, its interval counts, of several the
     shortest.
     """
-    whole = dict[str, Estimate]()
+    judged = dict[str, Estimate]()
     for result in results:
         jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
-        found = tested(components, result, jacobians, seed)
-        whole = {
-            name: min(whole.get(name, one), one, key=_doubt(components[name])) for name, one in found.items()
+        by_recording = tested(components, result, jacobians, seed)
+        judged = {
+            name: min(judged.get(name, estimate), estimate, key=_by_verdict_and_length(components[name]))
+            for name, estimate in by_recording.items()
         }
-        if whole == components:
+        if judged == components:
             break
-    return whole
+    return judged
 
 
-def _doubt(first: Estimate) -> Callable[[Estimate], tuple[bool, float]]:
+def _by_verdict_and_length(first: Estimate) -> Callable[[Estimate], tuple[bool, float]]:
     """Return what an estimate is ordered by: whether it has another verdict than `first`, then its length."""
     return lambda one: (one.verdict != first.verdict, one.interval95[1] - one.interval95[0])
 
@@ -177,34 +195,34 @@ def _recording(
     common = of_unit(single.nuisances)
     own = rms(alone.compared_residual)
     return JointRecording(
-        single.recording,
-        single.channels,
-        single.explained,
-        single.residual_rms_A,
-        single.relative_residual,
-        single.residual_rms_A / max(own, np.finfo(float).tiny),
-        contradicts,
-        tuple(result.objective.space.faults(alone.point).tolist()),
-        {name: one for name, one in single.nuisances.items() if name not in common},
-        single.load,
+        name=single.recording,
+        channels=single.channels,
+        explained=single.explained,
+        residual_rms_A=single.residual_rms_A,
+        relative_residual=single.relative_residual,
+        misfit_ratio=single.residual_rms_A / max(own, np.finfo(float).tiny),
+        contradicts=contradicts,
+        alone=tuple(result.objective.space.faults(alone.point).tolist()),
+        nuisances={name: one for name, one in single.nuisances.items() if name not in common},
+        load=single.load,
     )
 
 
-def _of_all(single: Sequence[Diagnosis], of: Callable[[Diagnosis], Sequence[str]]) -> tuple[str, ...]:
+def _of_all(single: Sequence[Diagnosis], sentences: Callable[[Diagnosis], Sequence[str]]) -> tuple[str, ...]:
     """Return sentences of all recordings, each with the name of its own."""
-    return tuple(_named(one, sentence, len(single)) for one in single for sentence in of(one))
+    return tuple(_named(one, sentence, len(single)) for one in single for sentence in sentences(one))
 
 
-def _named(one: Diagnosis, sentence: str, count: int) -> str:
+def _named(diagnosis: Diagnosis, sentence: str, count: int) -> str:
     """Return a sentence of one recording of `count`."""
-    return f"{one.recording}: {sentence}" if count > 1 else sentence
+    return f"{diagnosis.recording}: {sentence}" if count > 1 else sentence
 
 
-def _undecided(one: Estimate) -> Estimate:
-    return replace(one, verdict="cannot tell", reason=one.reason or CONTRADICTED)
+def _undecided(estimate: Estimate) -> Estimate:
+    return replace(estimate, verdict="cannot tell", reason=estimate.reason or CONTRADICTED)
 
 
-def _end_to_end(times: Sequence[Array]) -> Array:
+def _times_end_to_end(times: Sequence[Array]) -> Array:
     """Return the times [s] of recordings, each beginning an interval after the end of the one before."""
     placed, offset = list[Array](), float(times[0][0])
     for time_s in times:

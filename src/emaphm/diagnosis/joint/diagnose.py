@@ -109,10 +109,10 @@ def diagnose_joint(
         ).with_sensor_faults(one.findings)
         for result, one in zip(results, checked, strict=True)
     ]
-    whole = conclusion(alone, results, single, estimate, known, seed)
+    joint_diagnosis = conclusion(alone, results, single, estimate, known, seed)
     models = [one.objective.problem.runs.of(AVERAGED) for one in results]
     return replace(
-        whole.with_laws(searches.laws),
+        joint_diagnosis.with_laws(searches.laws),
         evaluations=sum(run for run, _ in models),
         reference_runs=sum(run for _, run in models),
         seconds=time.perf_counter() - began,

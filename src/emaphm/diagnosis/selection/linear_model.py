@@ -19,13 +19,13 @@ STEP = 0.02
 class LinearModel:
     """What linear combinations leave of the current's residual at the estimate `searched`.
 
-    `basis` (samples, k) are orthonormal columns of what the parameters do, and `left` (samples,) is what is
-    left of the residual.
+    `basis` (samples, k) are orthonormal columns of what the parameters do, and `residual` (samples,) is that
+    which they leave.
     """
 
     searched: SearchResult
     basis: Array
-    left: Array
+    residual: Array
 
     @classmethod
     def of(cls, searched: SearchResult, seed: int) -> Self:
@@ -36,7 +36,7 @@ class LinearModel:
 
     def with_more(self, wider: MapObjective, point: Array) -> Self:
         """Return that of all parameters of `wider`, at `point` (d,): the estimate there."""
-        samples, before = self.left.size, self.searched.objective.space
+        samples, before = self.residual.size, self.searched.objective.space
         more = [i for i, name in enumerate(wider.space.coordinates) if name not in before.coordinates]
         steps = STEP * np.eye(point.size)[more]
         up, down = np.split(wider.outputs(np.vstack([point + steps, point - steps]))[:, :samples], 2)
@@ -49,15 +49,15 @@ class LinearModel:
         residual = searched.residual[: len(columns)]
         return cls(searched, basis, residual - basis @ (basis.T @ residual))
 
-    def share_of(self, left: float) -> float:
-        """Return which share of the mean square beyond noise and switching is `left`, a mean square."""
+    def share_of(self, mean_square: float) -> float:
+        """Return which share of the mean square beyond noise and switching is a `mean_square`."""
         noise = self.searched.residual_variance / self.searched.normalised_residual**2
-        return (left - noise) / (self.searched.residual_variance - noise)
+        return (mean_square - noise) / (self.searched.residual_variance - noise)
 
     @property
     def share_left(self) -> float:
         """The share of the mean square beyond noise and switching that is left."""
-        return self.share_of(float(np.mean(self.left**2)))
+        return self.share_of(float(np.mean(self.residual**2)))
 
     def without(self, columns: Array) -> Array:
         """Return what the parameters do not of `columns` (n, samples)."""

@@ -96,7 +96,7 @@ class _Scan:
         first, last = instants[[0, -1]]
         spacing = float(instants[1] - instants[0])
         sets = np.array(list(combinations(range(STEPS.instants), count)))
-        places, left = _best_set(self.model.left, columns, sets)
+        places, mean_square = best_set(self.model.residual, columns, sets)
         best = instants[places]
         while spacing > STEPS.near:
             finer = np.linspace(-spacing, spacing, STEPS.finer)
@@ -104,10 +104,10 @@ class _Scan:
                 held = np.delete(best, i)
                 near = np.append(held, np.clip(best[i] + finer, first, last))
                 sets = np.array([[*range(count - 1), count - 1 + k] for k in range(STEPS.finer)])
-                places, left = _best_set(self.model.left, self._columns(near), sets)
+                places, mean_square = best_set(self.model.residual, self._columns(near), sets)
                 best = near[places]
             spacing = float(finer[1] - finer[0])
-        return np.sort(best), self.model.share_of(left)
+        return np.sort(best), self.model.share_of(mean_square)
 
     @cached_property
     def _even(self) -> tuple[Array, Array]:
@@ -118,7 +118,7 @@ class _Scan:
 
     def _columns(self, instants: Array) -> Array:
         """Return what a step at each of `instants` (n,) does and no parameter can, (n, samples)."""
-        space, samples = self.objective.space, self.model.left.size
+        space, samples = self.objective.space, self.model.residual.size
         size, time, _ = (space.coordinates.index(name) for name in step_names(1))
         middle = space.nuisances.located[space.coordinates[time]]
         points = np.tile(self.point, (len(instants), 1))
@@ -132,16 +132,16 @@ class _Scan:
         return self.model.without(columns)
 
 
-def _best_set(left: Array, columns: Array, sets: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
-    """Return the set of `columns` (n, samples) that leaves least of `left` (samples,), and its mean square.
+def best_set(residual: Array, columns: Array, sets: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
+    """Return the set of `columns` (n, samples) that leaves least of a `residual` (samples,), and how much.
 
-    `sets` (m, count) are places among the columns.
+    How much is a mean square; `sets` (m, count) are places among the columns.
     """
-    products, along = columns @ columns.T, columns @ left
+    products, along = columns @ columns.T, columns @ residual
     # Where friction holds the actuator no load does anything: every size is as right, and 0 is taken.
     products += (SINGULAR * float(np.trace(products)) or 1.0) * np.eye(len(columns))
     of_sets = products[sets[:, :, np.newaxis], sets[:, np.newaxis, :]]
     sizes = np.linalg.solve(of_sets, along[sets][..., np.newaxis])[..., 0]
     gained = np.sum(along[sets] * sizes, axis=1)
     best = int(gained.argmax())
-    return sets[best], float((left @ left - gained[best]) / left.size)
+    return sets[best], float((residual @ residual - gained[best]) / residual.size)

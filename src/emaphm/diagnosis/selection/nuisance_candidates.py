@@ -75,7 +75,7 @@ def worthwhile_candidates(result: SearchResult, names: tuple[str, ...], seed: in
         size = float(abs(step[extended.space.coordinates.index(name)]))
         if error < _informative(name) * _unit(name):
             starts[name] = size / error, extended, point + step
-    starts |= _gross_starts(result, names, others)
+    starts |= gross_scale_starts(result, names, others)
     scores = {name: score for name, (score, _, _) in starts.items()}
     candidates = [_refit_with(name, *starts[name][1:], result, seed) for name in _worth_trying(scores)]
     candidates = [candidate for candidate in candidates if _leaves_less(candidate, scores)]
@@ -181,10 +181,10 @@ def _any_sure(scores: Mapping[str, float]) -> bool:
     return any(score > SENSOR_SELECTION.sure_score for name, score in scores.items() if sensor_error(name))
 
 
-def _gross_starts(
+def gross_scale_starts(
     result: SearchResult, names: tuple[str, ...], others: tuple[str, ...]
 ) -> dict[str, tuple[float, MapObjective, Array]]:
-    """Return scores, objectives and points to begin with of scales that are far off, by the nuisance."""
+    """Return scores, objectives and points (d,) to begin with of scales that are far off, by the nuisance."""
     problem = result.objective.problem
     measured = result.objective.target[: result.objective.channel_rows].reshape(len(problem.channels), -1)
     residuals = result.residual[: result.objective.channel_rows].reshape(measured.shape)
@@ -216,5 +216,5 @@ def _refit_with(
     start = objective.space.project(start)
     point = local_search(objective, start, correction, rng, with_descents(SELECTION.descents)).best
     residual = objective.residual(point, correction)[:rows]
-    share = result.objective.left(residual) / result.objective.left(result.residual[:rows])
+    share = result.objective.mean_square(residual) / result.objective.mean_square(result.residual[:rows])
     return Candidate(name, objective, point, share)

@@ -70,9 +70,11 @@ def profile(result: SearchResult, objective: MapObjective, points: Array, name: 
     `seed` is for the runs of the reference model.
     """
     rng = stream(seed, "reference runs of a profile", name)
-    there = compared(objective, np.zeros_like(objective.target), points, reference_problem(objective), rng)
+    comparisons = compared(
+        objective, np.zeros_like(objective.target), points, reference_problem(objective), rng
+    )
     before = float(np.mean(result.residual[: result.objective.channel_rows] ** 2))
-    return np.array([compared_power(one) for one in there]) / before
+    return np.array([compared_power(one) for one in comparisons]) / before
 
 
 def _response(result: SearchResult, objective: MapObjective, jacobians: Array, column: int) -> Array:
@@ -86,14 +88,14 @@ def _response(result: SearchResult, objective: MapObjective, jacobians: Array, c
     return response
 
 
-def compared_power(one: SearchResult) -> float:
-    """Return the mean squared residual of the channels in `one`, a result of a comparison.
+def compared_power(result: SearchResult) -> float:
+    """Return the mean squared residual of the channels in `result`, a result of a comparison.
 
     Less what a mean over so few runs of the reference model has more of its switching than one over all.
     """
-    rows = one.objective.channel_rows
-    assert one.discrepancy is not None  # noqa: S101 - every result of a comparison has one
-    surplus = (1 - one.discrepancy.runs / REFERENCE_RUNS) * float(
-        np.mean(one.discrepancy.standard_error[:rows] ** 2)
+    rows = result.objective.channel_rows
+    assert result.discrepancy is not None  # noqa: S101 - every result of a comparison has one
+    surplus = (1 - result.discrepancy.runs / REFERENCE_RUNS) * float(
+        np.mean(result.discrepancy.standard_error[:rows] ** 2)
     )
-    return float(np.mean(one.residual[:rows] ** 2)) - surplus
+    return float(np.mean(result.residual[:rows] ** 2)) - surplus

@@ -15,7 +15,7 @@ def share_of_residual(tried: SearchResult, before: SearchResult) -> float:
     rows = before.objective.channel_rows
     ratios = before.objective.problem.weights / tried.objective.problem.weights
     residual = tried.residual[:rows] * np.repeat(ratios, before.objective.problem.samples)
-    return before.objective.left(residual) / before.objective.left(before.residual[:rows])
+    return before.objective.mean_square(residual) / before.objective.mean_square(before.residual[:rows])
 
 
 def leaves_as_much(tried: SearchResult, before: SearchResult, share: float) -> bool:

@@ -27,8 +27,8 @@ def with_rivals(result: SearchResult, others: Sequence[SearchResult], improbabil
     weights = np.exp(-np.maximum(improbabilities, 0.0) / 2)
     weights /= 1 + weights.sum()
     space = result.objective.space
-    away = np.array([space.carried_over(one.point, one.objective.space) for one in others]) - result.point
-    return replace(result, scatter=result.scatter + (weights * away.T) @ away)
+    shifts = np.array([space.carried_over(one.point, one.objective.space) for one in others]) - result.point
+    return replace(result, scatter=result.scatter + (weights * shifts.T) @ shifts)
 
 
 def residual_power(result: SearchResult, like: SearchResult, seed: int) -> float:

@@ -23,9 +23,9 @@ def jacobians_with_errors(objective: MapObjective, point: Array, rng: np.random.
         return objective.outputs(points)[:, : objective.channel_rows]
 
     def of_others(points: Array) -> Array:
-        whole = np.tile(point, (len(points), 1))
-        whole[:, others] = points
-        return outputs(whole)
+        all_coordinates = np.tile(point, (len(points), 1))
+        all_coordinates[:, others] = points
+        return outputs(all_coordinates)
 
     rest = Box(objective.space.lower[others], objective.space.upper[others])
     jacobians = replicated_jacobians(of_others, point[others], rest, JACOBIAN_STEP, REPLICATES, rng)

@@ -138,12 +138,12 @@ def _promising(searched: SearchResult, seed: int) -> list[tuple[tuple[str, ...],
     curved = alone.with_more(spline, point)
     is_loud = searched.normalised_residual > VARYING.loud
     stepping = with_steps(searched, (), alone) if is_loud else []
-    every = with_steps(searched, VARYING_LOAD, curved) if is_loud else []
+    curved_and_stepping = with_steps(searched, VARYING_LOAD, curved) if is_loud else []
     loads: list[tuple[tuple[str, ...], MapObjective, float]] = [
         ((HINGE,), hinged, hinge_share),
         *(((LOAD_STEP,), *one) for one in stepping),
         (VARYING_LOAD, spline, curved.share_left),
-        *((LOADS, *one) for one in every),
+        *((LOADS, *one) for one in curved_and_stepping),
     ]
     most = VARYING.much * max(VARYING.least, min(share for _, _, share in loads))
     left = {names: VARYING.left_by_steps if names == (LOAD_STEP,) else VARYING.left for names, _, _ in loads}

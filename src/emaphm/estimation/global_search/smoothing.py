@@ -29,7 +29,7 @@ def low_pass(objective: MapObjective, outputs: Array) -> Array:
     samples, rows = inputs.samples, objective.channel_rows
     deviation = SMOOTHING_S / inputs.interval
     block = int(np.clip(deviation / BLOCKS, 1, samples))
-    smooth = block**0.5 * _gaussian_filter(channel_means(objective, outputs, block), deviation / block)
+    smooth = block**0.5 * gaussian_filter(channel_means(objective, outputs, block), deviation / block)
     return np.concatenate([smooth.reshape(*outputs.shape[:-1], -1), outputs[..., rows:]], axis=-1)
 
 
@@ -42,7 +42,7 @@ def channel_means(objective: MapObjective, outputs: Array, count: int) -> Array:
     )
 
 
-def _gaussian_filter(values: Array, deviation: float) -> Array:
+def gaussian_filter(values: Array, deviation: float) -> Array:
     """Return `values` (…, n) through a Gaussian of that `deviation` [samples], the ends held beyond them."""
     reach = int(TRUNCATION * deviation + 0.5)
     offsets = np.arange(-reach, reach + 1)

@@ -237,14 +237,14 @@ def _result(
     replays = tuple(_replay(problem, i, point) for i in range(len(problem.motions)))
     squares = sum(float(np.sum((problem.targets[i] * problem.weights[i]) ** 2)) for i in range(len(replays)))
     return InverseDynamicsResult(
-        parameters,
-        covariance[np.ix_(shared, shared)],
-        residual,
-        float(np.sqrt(np.sum(residual**2) / squares)),
-        replays,
-        collinear,
-        at_bound,
-        actuator,
+        parameters=parameters,
+        covariance=covariance[np.ix_(shared, shared)],
+        residual=residual,
+        relative_error=float(np.sqrt(np.sum(residual**2) / squares)),
+        replays=replays,
+        collinear=collinear,
+        at_bound=at_bound,
+        actuator=actuator,
     )
 
 

@@ -74,18 +74,8 @@ class Motion:
             There is neither a position nor an angle, or neither a current nor a voltage; or nothing moves.
         """
         recording = as_by_ideal_sensors(recording, actuator)
-        ratio, interval = actuator.mechanics.gear_ratio, recording.interval_s
-        if "angle_rad" in recording:
-            angle = np.unwrap(recording["angle_rad"])
-            position = recording["position_rad"] if "position_rad" in recording else angle * ratio
-        elif "position_rad" in recording:
-            position = recording["position_rad"]
-            angle = position / ratio
-        else:
-            raise RecordingError(
-                f"{recording.source}: inverse dynamics needs the measured motion; record 'position_rad' or "
-                "'angle_rad', or simulate from the command"
-            )
+        interval = recording.interval_s
+        angle, position = _angle_and_position(recording, actuator.mechanics.gear_ratio)
         frequencies = FilterFrequencies.of(
             angle, interval, position_hz=position_hz, regression_hz=regression_hz
         )
@@ -118,6 +108,20 @@ class Motion:
             still_speed=still_speed,
             moving=moving,
         )
+
+
+def _angle_and_position(recording: Recording, gear_ratio: float) -> tuple[Array, Array]:
+    """Return the motor's angle and the user's position [rad], (n,) each: one by the other if not recorded."""
+    if "angle_rad" in recording:
+        angle = np.unwrap(recording["angle_rad"])
+        return angle, recording["position_rad"] if "position_rad" in recording else angle * gear_ratio
+    if "position_rad" in recording:
+        position = recording["position_rad"]
+        return position / gear_ratio, position
+    raise RecordingError(
+        f"{recording.source}: inverse dynamics needs the measured motion; record 'position_rad' or "
+        "'angle_rad', or simulate from the command"
+    )
 
 
 def _best_channel(recording: Recording, actuator: Actuator) -> str:

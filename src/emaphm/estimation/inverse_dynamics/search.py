@@ -84,13 +84,13 @@ def minimised(problem: InverseProblem, start: Array | None = None) -> Minimum:
     lower, upper = _bounds(problem)
     if start is None:
         screened = sorted(
-            (_solved(problem, one, linear, lower, upper) for one in _starts(problem)),
+            (with_linear_solved(problem, one, linear, lower, upper) for one in _starts(problem)),
             key=lambda point: float(np.sum(problem.residual(point) ** 2)),
         )
         projected = [_projected(problem, one, linear, lower, upper) for one in screened[:SEARCHES]]
         best = min(projected, key=lambda point: float(np.sum(problem.residual(point) ** 2)))
     else:
-        best = _solved(problem, start, linear, lower, upper)
+        best = with_linear_solved(problem, start, linear, lower, upper)
 
     def downhill(point: Array) -> Array:
         return -problem.jacobian(point)
@@ -104,7 +104,7 @@ def minimised(problem: InverseProblem, start: Array | None = None) -> Minimum:
             x_scale="jac",
         ).x
         # That search stays within its bounds, by 1e-22 or so; here a value that asks for a bound lies on it.
-        best = _solved(problem, best, linear, lower, upper)
+        best = with_linear_solved(problem, best, linear, lower, upper)
     width = upper - lower
     distance = np.minimum(best - lower, upper - best)
     near = np.where(np.isfinite(width), distance < AT_BOUND * width, distance <= 0)
@@ -126,13 +126,13 @@ def _projected(
     from scipy.optimize import least_squares
 
     if linear.all():
-        return _solved(problem, start, linear, lower, upper)
+        return with_linear_solved(problem, start, linear, lower, upper)
     logarithmic = np.array([name in POSITIVE for name, _ in problem.keys])[~linear]
 
     def point_of(searched: Array) -> Array:
         point = start.copy()
         point[~linear] = np.where(logarithmic, np.exp(searched), searched)
-        return _solved(problem, point, linear, lower, upper)
+        return with_linear_solved(problem, point, linear, lower, upper)
 
     def searched_of(values: Array) -> Array:
         outer = values[~linear]
@@ -153,7 +153,7 @@ def _projected(
     return np.clip(point_of(found.x), lower, upper)
 
 
-def _solved(
+def with_linear_solved(
     problem: InverseProblem, point: Array, linear: NDArray[np.bool_], lower: Array, upper: Array
 ) -> Array:
     """Return `point` (p,) with its `linear` parameters by least squares within bounds, given the others."""
@@ -188,9 +188,9 @@ def _starts(problem: InverseProblem) -> list[Array]:
     }
     starts = []
     for values in itertools.product(*options.values()):
-        one = start.copy()
-        one[list(options)] = values
-        starts.append(one)
+        varied = start.copy()
+        varied[list(options)] = values
+        starts.append(varied)
     return starts
 
 

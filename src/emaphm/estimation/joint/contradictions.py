@@ -44,20 +44,22 @@ def contradictions_of_most(alone: AloneEstimates, prior_deviations: Array) -> Co
 
     By parameter, an estimate that is farther from the meta-analysis of the others than chance explains, their
     scatter included, has no part in the scatter, if `FEWEST_OTHERS` have information on it. A joint fit still
-    has that recording: how far it moves the weighted mean is added.
+    has that recording: how far it moves the weighted mean is added. `prior_deviations` (p,) are those of the
+    shared parameters.
     """
     aside = np.zeros(alone.points.shape, bool)
     informed, variances = _informed(alone, prior_deviations)
     moved = np.zeros(prior_deviations.size)
     for j, prior in enumerate(prior_deviations):
-        every = np.flatnonzero(informed[:, j])
-        left = _agreeing(alone, every, j, float(prior))
-        aside[np.setdiff1d(every, left), j] = True
-        if left.size < every.size:
-            means = [
-                np.average(alone.points[ones, j], weights=1 / variances[ones, j]) for ones in (every, left)
-            ]
-            moved[j] = means[0] - means[1]
+        informative = np.flatnonzero(informed[:, j])
+        agreeing = _agreeing(alone, informative, j, float(prior))
+        aside[np.setdiff1d(informative, agreeing), j] = True
+        if agreeing.size < informative.size:
+            before, after = (
+                np.average(alone.points[rows, j], weights=1 / variances[rows, j])
+                for rows in (informative, agreeing)
+            )
+            moved[j] = before - after
     variance = np.where(aside, np.square(prior_deviations), 0.0)
     covariances = alone.covariances + variance[:, :, np.newaxis] * np.eye(prior_deviations.size)
     meta = random_effects(alone.points, covariances, prior_deviations)
@@ -71,10 +73,10 @@ def _informed(alone: AloneEstimates, prior_deviations: Array) -> tuple[NDArray[n
     return variances < (INFORMED * prior_deviations) ** 2, variances
 
 
-def _agreeing(alone: AloneEstimates, every: NDArray[np.intp], j: int, prior: float) -> NDArray[np.intp]:
-    """Return which of the recordings `every` are no outliers in parameter `j`: more than half of them."""
-    left = every
-    while left.size > FEWEST_OTHERS and 2 * (left.size - 1) > every.size:
+def _agreeing(alone: AloneEstimates, recordings: NDArray[np.intp], j: int, prior: float) -> NDArray[np.intp]:
+    """Return which of the `recordings` are no outliers in parameter `j`: more than half of them."""
+    left = recordings
+    while left.size > FEWEST_OTHERS and 2 * (left.size - 1) > recordings.size:
         far = [_away(alone, int(r), left[left != r], j, prior) for r in left]
         if max(far) <= 1:
             break
@@ -88,7 +90,8 @@ def contradictions(alone: AloneEstimates, prior_deviations: Array) -> Contradict
     By parameter, Cochran's Q: squared deviations from the weighted mean of the recordings that have
     information, over their variances, is chi-squared where errors alone are at work. The covariance is that
     of the random-effects meta-analysis, and of a contradicted parameter at least the variance between the
-    recordings, as wide as Student's t of so few values.
+    recordings, as wide as Student's t of so few values. `prior_deviations` (p,) are those of the shared
+    parameters.
     """
     informed, variances = _informed(alone, prior_deviations)
     contradicted = np.zeros(prior_deviations.size, bool)
@@ -142,8 +145,8 @@ def _away(
 ) -> float:
     """Return how far recording `r` is from the `others` in parameter `j`, of `parameters` tested."""
     limit = chi_squared_quantile(1, 1 - CHANCE / (parameters * (others.size + 1)))
-    one = slice(j, j + 1)
-    points, variances = alone.points[others, one], alone.covariances[others, one, one]
+    column = slice(j, j + 1)
+    points, variances = alone.points[others, column], alone.covariances[others, column, column]
     meta = random_effects(points, variances, np.array([prior]))
     away = float(alone.points[r, j] - meta.mean[0])
     variance = float(alone.covariances[r, j, j] + meta.covariance[0, 0])

@@ -94,7 +94,7 @@ def corrected_estimate(
     seed: int,
     on_progress: Progress | None = None,
 ) -> JointEstimate:
-    """Return the estimate after up to `max_corrections` corrections by the reference model, from `point`.
+    """Return the estimate after up to `max_corrections` by the reference model, from `point` (d,).
 
     Without any where none is asked for, or the reference model cannot run.
     """

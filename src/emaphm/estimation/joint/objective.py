@@ -258,8 +258,10 @@ class JointObjective:
 
         A residual that is `biased` has the model's bias in it (`MapObjective.reweighted`).
         """
-        every = zip(self.terms, residuals, biased, strict=True)
-        terms = tuple(term.reweighted(residual, biased=flag) for term, residual, flag in every)
+        terms = tuple(
+            term.reweighted(residual, biased=flag)
+            for term, residual, flag in zip(self.terms, residuals, biased, strict=True)
+        )
         return replace(self, terms=terms)
 
     def corrected(self, corrections: Sequence[Array]) -> Self:

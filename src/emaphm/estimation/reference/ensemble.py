@@ -118,9 +118,9 @@ def refine_by_ensemble(
     )
 
 
-def _mean_square(one: SearchResult, objective: MapObjective) -> float:
-    """Return the mean squared residual of `one`, its rows weighted as those of `objective`."""
-    return float(np.mean(one.weighted_as(objective).residual ** 2))
+def _mean_square(result: SearchResult, objective: MapObjective) -> float:
+    """Return the mean squared residual of `result`, its rows weighted as those of `objective`."""
+    return float(np.mean(result.weighted_as(objective).residual ** 2))
 
 
 def _drawn(space: ParameterSpace, point: Array, factor: Array, count: int, rng: np.random.Generator) -> Array:

@@ -54,7 +54,7 @@ def all_as_described(signals: Array, channels: Sequence[str], actuator: Actuator
 
 
 def true_values(values: Array, channel: str, actuator: Actuator) -> Array:
-    """Return a recorded channel less the described errors of its scale and zero."""
+    """Return `values` (samples,) of a recorded channel less the described errors of its scale and zero."""
     sensor = actuator.sensors.of(channel)
     return without_static_errors(values, sensor.scale, sensor.offset) if sensor != IDEAL else values
 

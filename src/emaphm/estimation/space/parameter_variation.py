@@ -154,11 +154,11 @@ def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
 
 
 def varied(actuator: Actuator, name: str, variation: Array) -> Array:
-    """Return the lumped parameter `name` at a `variation` from the description, of its shape."""
+    """Return the lumped parameter `name` at a `variation`, of any shape, from the description."""
     described = lumped_parameters(actuator, (name,))[name]
     return np.asarray(described + variation if name in SIGNED else described * np.exp(variation))
 
 
 def variation_unit(name: str, coordinates: str) -> str:
-    """Return the unit of a deviation of the total `name`."""
+    """Return the unit of a variation of the lumped parameter `name`."""
     return unit_for(LUMPED_PARAMETERS[name], coordinates) if name in SIGNED else "-"

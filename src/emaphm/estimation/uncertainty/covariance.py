@@ -144,7 +144,7 @@ def sandwich_covariance(
 
 
 def score_statistics(
-    jacobians: Array, residual: Array, channels: int = 1, error_scores: Array | float = 0.0
+    jacobians: Array, residual: Array, channels: int, error_scores: Array | float
 ) -> ScoreStatistics:
     """Return what residuals say of the parameters; parameters as in `sandwich_covariance`."""
     variance = _variance(jacobians, residual)

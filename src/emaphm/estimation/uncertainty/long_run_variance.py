@@ -28,10 +28,10 @@ def long_run_covariance(scores: Array, channels: int = 1) -> Array:
 
 def slow_transforms(rows: Array) -> Array:
     """Return the cosine transforms (d, count) of `rows` (d, n) that their long-run covariance is made of."""
-    return _cosine_transforms(rows, max(1, int(COSINES * rows.shape[1] ** (2 / 3))))
+    return cosine_transforms(rows, max(1, int(COSINES * rows.shape[1] ** (2 / 3))))
 
 
-def _cosine_transforms(rows: Array, count: int) -> Array:
+def cosine_transforms(rows: Array, count: int) -> Array:
     """Return the orthonormal cosine transforms 1 to `count` (at most half the samples) of `rows` (d, n).
 
     y_k = √(2/n) Σ x_i cos(π k (2 i + 1) / (2 n)), from the Fourier transform of the even samples followed by

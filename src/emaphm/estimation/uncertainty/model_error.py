@@ -120,7 +120,7 @@ def _coefficients(error: ChannelError) -> Array:
     return np.array([error.floor, error.speed, error.load, error.acceleration]) ** 2
 
 
-def channel_noise(problem: Problem, channel: str, residual: Array | None = None) -> float:
+def channel_noise(problem: Problem, channel: str, residual: Array) -> float:
     """Return the rms of the white noise on a channel, in its unit.
 
     As its sensor is described; else from the measured channel, or as the least dense part of the spectrum of
@@ -129,21 +129,19 @@ def channel_noise(problem: Problem, channel: str, residual: Array | None = None)
     described = described_noise(channel, problem.actuator)
     if described is not None:
         return described
-    measured = noise_level(problem.measured[channel])
-    return measured if residual is None else min(measured, white_noise(residual))
+    return min(noise_level(problem.measured[channel]), white_noise(residual))
 
 
-def expected_residual(problem: Problem, residuals: Mapping[str, Array] | None = None) -> dict[str, float]:
+def expected_residual(problem: Problem, residuals: Mapping[str, Array]) -> dict[str, float]:
     """Return the rms residual that a healthy recording would leave of each compared channel, in its unit.
 
-    Noise and learned model error add by squares. Channels without a learned error are left out. `residuals`
-    (samples,) by channel, where they are known, help to tell noise from oscillation.
+    Noise and learned model error add by squares. Channels without a learned error are left out.
+    `residuals` (samples,) by channel tell noise from oscillation.
     """
     found = {}
     for name in problem.channels:
         if name in problem.model_error:
-            residual = None if residuals is None else residuals[name]
-            noise = healthy_noise(problem, name, channel_noise(problem, name, residual))
+            noise = healthy_noise(problem, name, channel_noise(problem, name, residuals[name]))
             variance = noise**2 + error_variance(problem, name)
             found[name] = float(variance**0.5)
     return found
@@ -168,8 +166,8 @@ def compared_with_healthy(
     problem: Problem,
     residuals: Mapping[str, Array],
     *,
-    least_share: float = 0.0,
-    switching: Mapping[str, float] | None = None,
+    least_share: float,
+    switching: Mapping[str, float],
 ) -> dict[str, HealthyComparison]:
     """Return each channel's residual (samples,), in the rows that are compared, next to healthy recordings'.
 
@@ -184,7 +182,7 @@ def compared_with_healthy(
     for name, healthy in expected_residual(problem, residuals).items():
         share = least_share if name == problem.primary else 0.0
         left = share**2 * float(np.mean(problem.measured[name] ** 2))
-        ripple = (switching or {}).get(name, 0.0) / problem.compared_share(name)
+        ripple = switching.get(name, 0.0) / problem.compared_share(name)
         ripple = max(0.0, ripple - error_variance(problem, name))
         expected = float((healthy**2 + left + ripple) ** 0.5)
         error = problem.actuator.model_error.of(name)

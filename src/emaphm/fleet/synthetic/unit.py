@@ -137,15 +137,15 @@ def drawn_unit(plan: FleetPlan, number: int) -> SyntheticUnit:
     has_failed = end < hours.size
     upto = slice(0, end + 1)
     return SyntheticUnit(
-        serial_number(number),
-        components,
-        new,
-        mission,
-        hours[upto],
-        ageing[upto],
-        vectors[upto],
-        float(hours[end]) if has_failed else None,
-        components[int(ends.argmin())].name if has_failed else None,
+        serial_number=serial_number(number),
+        components=components,
+        new=new,
+        mission=mission,
+        hours=hours[upto],
+        ageing=ageing[upto],
+        vectors=vectors[upto],
+        failure=float(hours[end]) if has_failed else None,
+        failed=components[int(ends.argmin())].name if has_failed else None,
     )
 
 

@@ -32,7 +32,7 @@ def draw_ranks(runs: pl.DataFrame) -> "Figure | None":
         axis.annotate(
             f"{rank:.2f}", (rank, row), (7, 0), textcoords="offset points", va="center", fontsize=TEXT
         )
-    for i, (first, last) in enumerate(_alike(methods, pairs(runs))):
+    for i, (first, last) in enumerate(stretches_without_difference(methods, pairs(runs))):
         place = len(methods) + 0.7 + 0.15 * i
         axis.plot([place, place], [first - 0.25, last + 0.25], color=BLACK, linewidth=2.5)
     axis.set_yticks(range(len(methods)), [label_of(method) for method in methods])
@@ -43,7 +43,7 @@ def draw_ranks(runs: pl.DataFrame) -> "Figure | None":
     return figure
 
 
-def _alike(methods: Sequence[str], tests: pl.DataFrame) -> list[tuple[int, int]]:
+def stretches_without_difference(methods: Sequence[str], tests: pl.DataFrame) -> list[tuple[int, int]]:
     """Return first and last place of each longest stretch of `methods` in which no pair differs.
 
     Empty where nothing was tested.

@@ -95,11 +95,13 @@ class FleetPaceModel:
     def _keys(self) -> list[str]:
         return [fingerprint(one) for one in self.units]
 
-    def is_known(self, one: Observation, limit: Limit) -> bool:
+    def is_known(self, diagnosis: Observation, limit: Limit) -> bool:
         """Return whether a diagnosis knows a level well enough to say which step the component is in."""
         columns = columns_of_limit(limit)
-        error = np.sqrt(np.diag(one.covariance)[columns].max())
-        return bool(one.seen[columns].all() and error <= FLEET_PACE.largest_error * self.full_margin(limit))
+        error = np.sqrt(np.diag(diagnosis.covariance)[columns].max())
+        return bool(
+            diagnosis.seen[columns].all() and error <= FLEET_PACE.largest_error * self.full_margin(limit)
+        )
 
     def population(self, limits: tuple[Limit, ...], seed: int) -> FleetPopulation | None:
         """Return the population of paces to each of the `limits`; None if no unit has shown any pace."""

@@ -1,8 +1,10 @@
 """How a fleet changes a unit's forecast: by its past predictions, and by a mixture with its units' pace."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
@@ -69,44 +71,71 @@ def mixed_with_pace(
     """
     if len(pace.units) < FLEET_PACE.fewest_units or np.median(times.first) == 0:
         return times
-    if not all(_is_usable(pace, one, evidence, belief) for one in times.limits):
+    if not all(_is_usable(pace, limit, evidence, belief) for limit in times.limits):
         return times
-    # From the belief: a replacement at the hours of the last diagnosis came after that diagnosis.
-    new_at = [float(belief.new_at[columns_of_limit(one)[0]]) for one in times.limits]
-    paths = [
-        pace.path(evidence, one, start, belief.hours) for one, start in zip(times.limits, new_at, strict=True)
-    ]
     found = pace.population(times.limits, belief.seed)
     if found is None:
         return times
     population, least = found
-    passages = [Passages.of(*path, hours) for path, hours in zip(paths, least, strict=True)]
-    if not any(one.passed for one in passages):
+    lives = [
+        _PresentLife.of(pace, limit, hours, evidence, belief)
+        for limit, hours in zip(times.limits, least, strict=True)
+    ]
+    if not any(life.passages.passed for life in lives):
         return times
     # The name of the stream is kept, so that forecasts stay what they were.
     random = stream(belief.seed, "fellows' pace", evidence.unit, belief.steps)
-    count = len(pace.units)
-    share = pace.shown_share * count / (count + FLEET_PACE.filter_weight)
-    working = np.flatnonzero(times.first > 0)
-    chosen = random.permutation(working)[: round(share * working.size)]
+    chosen = _paths_by_pace(times, pace, random)
     hours = times.hours.copy()
-    for i, limit in enumerate(times.limits):
-        ahead_of = population.passed_counts[i, int(passages[i].passed) :]
-        if ahead_of.min(initial=FLEET_PACE.fewest_passed) < FLEET_PACE.fewest_passed:
+    for i, (limit, life) in enumerate(zip(times.limits, lives, strict=True)):
+        lives_ahead = population.passed_counts[i, int(life.passages.passed) :]
+        if lives_ahead.min(initial=FLEET_PACE.fewest_passed) < FLEET_PACE.fewest_passed:
             continue
-        column = columns_of_limit(limit)[0]
-        age, now = paths[i][0], pace.ageing_hours(evidence, column, new_at[i], belief.hours)
-        since = now - age[-1] if age.size else 0.0
-        if _survives_beyond_population(population, i, passages[i], since, random):
+        if _survives_beyond_population(population, i, life, random):
             return times
         consumed = pace.consumed_share(limit, level[chosen])
-        waiting = passages[i].waiting_until(now, least[i])
-        drawn = remaining_hours(population, i, waiting, consumed, random)
-        hours[i, chosen] = drawn / pace.ageing_rate(evidence, column, belief.hours, ahead)
+        waiting = life.passages.waiting_until(life.age, least[i])
+        ageing = remaining_hours(population, i, waiting, consumed, random)
+        rate = pace.ageing_rate(evidence, columns_of_limit(limit)[0], belief.hours, ahead)
+        hours[i, chosen] = ageing / rate
     for side in times.sides:
         rows = np.array(side)[:, np.newaxis]
         hours[rows, chosen] = _ordered_by_limit(hours[rows, chosen])
     return replace(times, hours=hours)
+
+
+class _PresentLife(NamedTuple):
+    """The life of the component that a limit is on, up to the hours of a belief.
+
+    `passages` up to its last diagnosis; `age`, and the time `since` that diagnosis, in hours of ageing [h].
+    """
+
+    passages: Passages
+    age: float
+    since: float
+
+    @classmethod
+    def of(
+        cls, pace: FleetPaceModel, limit: Limit, least: float, unit: Evidence, belief: Belief
+    ) -> "_PresentLife":
+        """Return the life towards `limit` of a unit; no step is shorter than `least` [h]."""
+        column = columns_of_limit(limit)[0]
+        # From the belief: a replacement at the hours of the last diagnosis came after that diagnosis.
+        new_at = float(belief.new_at[column])
+        ages, shares = pace.path(unit, limit, new_at, belief.hours)
+        age = pace.ageing_hours(unit, column, new_at, belief.hours)
+        since = age - float(ages[-1]) if ages.size else 0.0
+        return cls(Passages.of(ages, shares, least), age, since)
+
+
+def _paths_by_pace(
+    times: FailureTimes, pace: FleetPaceModel, random: np.random.Generator
+) -> NDArray[np.intp]:
+    """Return which of the working paths are forecast by the pace, drawn without replacement."""
+    count = len(pace.units)
+    share = pace.shown_share * count / (count + FLEET_PACE.filter_weight)
+    working = np.flatnonzero(times.first > 0)
+    return random.permutation(working)[: round(share * working.size)]
 
 
 def _is_usable(pace: FleetPaceModel, limit: Limit, unit: Evidence, belief: Belief) -> bool:
@@ -115,22 +144,22 @@ def _is_usable(pace: FleetPaceModel, limit: Limit, unit: Evidence, belief: Belie
         return False
     if belief.surprise[columns_of_limit(limit)].max() > FLEET_PACE.largest_surprise:
         return False
-    last = [one for one in unit.used if one.hours <= belief.hours][-1:]
-    return all(pace.is_known(one, limit) for one in last)
+    last = [diagnosis for diagnosis in unit.used if diagnosis.hours <= belief.hours][-1:]
+    return all(pace.is_known(diagnosis, limit) for diagnosis in last)
 
 
 def _survives_beyond_population(
-    population: PopulationDraws, component: int, last: Passages, since: float, random: np.random.Generator
+    population: PopulationDraws, component: int, life: _PresentLife, random: np.random.Generator
 ) -> bool:
-    """Return whether a unit has worked for longer `since` its `last` diagnosis [h] than the population would.
+    """Return whether a unit has worked for longer since its last diagnosis than the population would.
 
     The drawn lives begin below the diagnosed share, by as much as a usable diagnosis may err.
     """
-    if since <= 0:
+    if life.since <= 0:
         return False
-    share = np.full(FLEET_PACE.survival_draws, last.share - FLEET_PACE.largest_error)
-    left = remaining_hours(population, component, last, share, random)
-    return bool(np.mean(left > since) < FLEET_PACE.least_survival)
+    share = np.full(FLEET_PACE.survival_draws, life.passages.share - FLEET_PACE.largest_error)
+    left = remaining_hours(population, component, life.passages, share, random)
+    return bool(np.mean(left > life.since) < FLEET_PACE.least_survival)
 
 
 def _ordered_by_limit(hours: Array) -> Array:

@@ -139,7 +139,7 @@ def sampled_population(
 
 
 def remaining_hours(
-    population: PopulationDraws, component: int, one: Passages, share: Array, random: np.random.Generator
+    population: PopulationDraws, component: int, passages: Passages, share: Array, random: np.random.Generator
 ) -> Array:
     """Return draws of the hours of ageing until the limit, (n,) [h]; `inf` if a component does not degrade.
 
@@ -149,17 +149,17 @@ def remaining_hours(
         Draws of the population.
     component
         Index of the component in the population.
-    one
-        Passages of this component.
+    passages
+        Of this component.
     share
         Draws of the share of the margin that is consumed now, (n,), below 1 [-]: diagnoses have errors, so
-        that `one` alone does not give it.
+        that `passages` alone does not give it.
     random
         Source of the draws.
     """
-    passed, count = int(one.passed), share.size
+    passed, count = int(passages.passed), share.size
     mean, precision, log_shares = (draws[:, component] for draws in population[:3])
-    each = Passages(*(np.broadcast_to(part, (len(mean), 1, *part.shape)) for part in one))
+    each = Passages(*(np.broadcast_to(part, (len(mean), 1, *part.shape)) for part in passages))
     weights, given = _class_weights(mean, precision, log_shares, each)
     weights = weights[..., 0]
     if passed == 0:
@@ -170,12 +170,12 @@ def remaining_hours(
     draw, of_class = np.divmod(drawn, CLASSES + 1)
     chosen = draw, np.minimum(of_class, CLASSES - 1), 0
     of_chosen = _Conditional(*(part[chosen] for part in given))
-    log_hours = _drawn_steps(of_chosen, np.full(count, one.waited), random)
+    log_hours = _drawn_steps(of_chosen, np.full(count, passages.waited), random)
     hours = np.exp(np.minimum(log_hours, PACE_POPULATION.longest_log_hours))
     left = np.clip((SHARES - share[:, np.newaxis]) / np.diff(SHARES, prepend=0.0), 0.0, 1.0)
     if passed == 0:
         # The first step may not have begun: the time says more about it than the share.
-        hours[:, 0] -= np.exp(one.waited)
+        hours[:, 0] -= np.exp(passages.waited)
         left[:, 0] = share < SHARES[0]
     return np.where(of_class == CLASSES, np.inf, np.sum(left * hours, axis=1))
 
@@ -201,9 +201,11 @@ def _initial_classes(fleet: Passages, mean: Array) -> np.ndarray:
     """Return first classes (c, n): by whether y grows along the path by more than the median."""
     known = fleet.precision > 0
     number = known.sum(axis=-1)
-    apart = np.where(known, fleet.log_hours - mean, 0.0)
-    apart = apart - np.where(known, (apart.sum(axis=-1) / np.maximum(number, 1))[..., np.newaxis], 0.0)
-    trend = apart @ (np.arange(STEPS) - (STEPS - 1) / 2)
+    deviations = np.where(known, fleet.log_hours - mean, 0.0)
+    deviations = deviations - np.where(
+        known, (deviations.sum(axis=-1) / np.maximum(number, 1))[..., np.newaxis], 0.0
+    )
+    trend = deviations @ (np.arange(STEPS) - (STEPS - 1) / 2)
     grows = trend > np.median(trend, axis=1, keepdims=True)
     return np.where(number == 0, CLASSES, grows.astype(int))
 
@@ -265,10 +267,10 @@ def _drawn_classes(
     average = member @ log_hours / np.maximum(number, 1)[..., np.newaxis]
     rest = (log_hours[:, np.newaxis] - average[:, :, np.newaxis]) * member[..., np.newaxis]
     weight = PACE_POPULATION.mean_units + number
-    apart = average - m
+    deviation = average - m
     centre = (PACE_POPULATION.mean_units * m + number[..., np.newaxis] * average) / weight[..., np.newaxis]
     scatter = PACE_POPULATION.covariance_units * general + np.swapaxes(rest, -1, -2) @ rest
-    outer = apart[..., np.newaxis] * apart[..., np.newaxis, :]
+    outer = deviation[..., np.newaxis] * deviation[..., np.newaxis, :]
     scatter = scatter + (PACE_POPULATION.mean_units * number / weight)[..., np.newaxis, np.newaxis] * outer
     shape = scatter.shape
     factor = np.tril(random.standard_normal(shape), -1)

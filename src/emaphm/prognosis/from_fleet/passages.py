@@ -95,8 +95,11 @@ class Passages(NamedTuple):
         numbers = (np.asarray(x, float) for x in (waited, passed, path[-1], part))
         return cls(log_hours, precision, *numbers)
 
-    def waiting_until(self, age: float, least: float = LEAST_HOURS) -> "Passages":
-        """Return the passages of one component at `age` [h]; without any it has waited until then."""
+    def waiting_until(self, age: float, least: float) -> "Passages":
+        """Return the passages of one component at `age` [h]; without any it has waited until then.
+
+        No step is shorter than `least` [h].
+        """
         if self.passed:
             return self
         return self._replace(waited=np.asarray(np.log(max(age, LEAST_WAIT * least))))

@@ -164,9 +164,11 @@ def situation_of(hours: Array, age: float) -> ForecastSituation:
 
 def _likeness(past: ForecastSituation, new: ForecastSituation) -> Array:
     """Return the weights (n,) of `past` predictions for a `new` one."""
-    apart = ((past.share - new.share) / WIDTH) ** 2 + (np.log(past.spread / new.spread) / SPREADS) ** 2
+    squared_distance = ((past.share - new.share) / WIDTH) ** 2 + (
+        np.log(past.spread / new.spread) / SPREADS
+    ) ** 2
     same = np.minimum(past.first, new.first).sum(axis=-1)
-    return np.asarray(np.exp(-0.5 * apart) * (OF_ANOTHER + (1 - OF_ANOTHER) * same))
+    return np.asarray(np.exp(-0.5 * squared_distance) * (OF_ANOTHER + (1 - OF_ANOTHER) * same))
 
 
 def log_rul(sample: Array) -> tuple[float, float]:

@@ -138,7 +138,7 @@ class Curves:
 
 
 def fan_row(hours: float, sample: Array, longest: float) -> tuple[float, ...]:
-    """Return a row of a fan: flight hours [h], and quantiles of the RUL, `longest` [h] at most."""
+    """Return a row of a fan: flight hours [h], and quantiles of a RUL `sample` (n,), up to `longest` [h]."""
     return hours, *(_digits(min(sample_quantile(sample, p), longest)) for p in PROBABILITIES)
 
 

@@ -45,6 +45,6 @@ def failure_notes(fleet: "Sequence[Evidence]", limits: "Sequence[Limit]") -> lis
 
 def _consumed_share(seen: "Observation", limit: "Limit") -> float:
     """Return the consumed share of the margin to a limit, 0 where a new unit has none."""
-    whole = float(limit.margin(level_of(NEW, str(limit.component))))
+    full = float(limit.margin(level_of(NEW, str(limit.component))))
     left = float(limit.margin(level_of(np.asarray(seen.level), str(limit.component))))
-    return 1 - left / whole if whole > 0 else 0.0
+    return 1 - left / full if full > 0 else 0.0

@@ -71,8 +71,8 @@ def turn_of_eccentricity(evidence: "Evidence") -> float:
     rest = angle - angle.mean() - slope * centred
     own = np.mean((error / np.hypot(*plane.T))[known] ** 2)
     deviation = np.sqrt(max(float(rest @ rest) / (hours.size - 2), float(own)) / (centred @ centred))
-    apart = np.diff(hours) > 0
-    steady = float(np.median(np.diff(angle)[apart] / np.diff(hours)[apart]))
+    later = np.diff(hours) > 0
+    steady = float(np.median(np.diff(angle)[later] / np.diff(hours)[later]))
     if abs(slope) <= SIGNIFICANT * deviation or steady / slope < STEADY:
         return 0.0
     return slope * float(hours[-1] - hours[0])

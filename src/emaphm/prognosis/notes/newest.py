@@ -30,8 +30,12 @@ def newest_notes(evidence: "Evidence", level: Array) -> list[str]:
     if newest is None:
         return []
     believed = np.median(level, axis=0)
-    apart = np.abs(newest.level - believed)
-    far = newest.seen & (apart > SIGNIFICANT * np.sqrt(np.diag(newest.covariance))) & (apart > WORTH_SAYING)
+    deviations = np.abs(newest.level - believed)
+    far = (
+        newest.seen
+        & (deviations > SIGNIFICANT * np.sqrt(np.diag(newest.covariance)))
+        & (deviations > WORTH_SAYING)
+    )
     for hours, part in evidence.replacements:
         if hours >= newest.hours:
             far[columns_of(part)] = False

@@ -51,8 +51,8 @@ def _rate(evidence: "Evidence", column: int) -> float:
     level = np.array([one.level[column] for one in seen])
     own = np.array([one.covariance[column, column] for one in seen])
     slope, deviation = _line(hours - hours.mean(), level, own)
-    apart = np.diff(hours) > 0
-    steady = np.median(np.diff(level)[apart] / np.diff(hours)[apart]) * np.sign(slope)
+    later = np.diff(hours) > 0
+    steady = np.median(np.diff(level)[later] / np.diff(hours)[later]) * np.sign(slope)
     above = min(abs(slope) - SIGNIFICANT * deviation, steady)
     return slope if above > LARGEST_RATE else 0.0
 

@@ -123,11 +123,11 @@ def table_of(
 
 def _signals(held: FileColumns, sources: Mapping[str, Source], source: str) -> set[str]:
     """Return the columns that channels are, or are derived from."""
-    every = [*held.numeric, *held.unusable]
+    columns = [*held.numeric, *held.unusable]
     signals = {where.column for where in sources.values() if where.column is not None}
     for where in sources.values():
         if where.entry.derived is not None:
-            signals |= set(columns_of(Expression.parse(where.entry.derived), every, source).values())
+            signals |= set(columns_of(Expression.parse(where.entry.derived), columns, source).values())
     return signals
 
 

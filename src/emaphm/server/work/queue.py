@@ -229,13 +229,13 @@ class Queue:
 
 def _job(row: sqlite3.Row) -> Job:
     return Job(
-        row["id"],
-        row["state"],
-        json.loads(row["request"]),
-        row["file"],
-        row["kills"],
-        row["message"],
-        json.loads(row["result"]),
-        row["added_at"],
-        row["ended_at"],
+        id=row["id"],
+        state=row["state"],
+        request=json.loads(row["request"]),
+        file=row["file"],
+        kills=row["kills"],
+        message=row["message"],
+        result=json.loads(row["result"]),
+        added_at=row["added_at"],
+        ended_at=row["ended_at"],
     )

@@ -113,16 +113,7 @@ def control(structure: Structure) -> Callable[..., Any]:
 def _proportional(s: Any, p: Any, u: Any) -> Any:
     measured = approach(s.feedback, s.speed, p.feedback_share)
     error = speed_error(u.command, p.gear_ratio * s.output, measured, p.position_gain, p.speed_limit)
-    demand = current_demand(
-        error,
-        s.integral,
-        error - s.error,
-        p.proportional,
-        p.integrating,
-        p.derivative,
-        p.demand_limit,
-    )
-    return demand, (measured, u.enabled * (s.integral + error * u.step), error)
+    return _demand(s, p, error), (measured, u.enabled * (s.integral + error * u.step), error)
 
 
 def _pid(s: Any, p: Any, u: Any) -> Any:
@@ -142,7 +133,14 @@ def _pid(s: Any, p: Any, u: Any) -> Any:
         p.speed_feedback,
         p.speed_limit,
     )
-    demand = current_demand(
+    integrals = (u.enabled * (s.integral + error * u.step), error)
+    own = (u.enabled * (s.position_integral + off * u.step), off, commanded)
+    return _demand(s, p, error), (measured, *integrals, *own)
+
+
+def _demand(s: Any, p: Any, error: Any) -> Any:
+    """Return the demanded current [A] by the speed loop, of an `error` of the motor's speed [rad/s]."""
+    return current_demand(
         error,
         s.integral,
         error - s.error,
@@ -151,5 +149,3 @@ def _pid(s: Any, p: Any, u: Any) -> Any:
         p.derivative,
         p.demand_limit,
     )
-    integrals = (u.enabled * (s.integral + error * u.step), error)
-    return demand, (measured, *integrals, u.enabled * (s.position_integral + off * u.step), off, commanded)

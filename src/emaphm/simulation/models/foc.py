@@ -189,13 +189,13 @@ def advance(structure: Structure) -> Callable[..., Any]:
 
 
 FOC = Form(
-    FOC_CHANNELS,
-    FOC_OBSERVABLE,
-    parameters,
-    initial_state,
-    partial(three_phases.state_names, own=OWN_STATE),
-    partial(three_phases.parameter_names, own=OWN_PARAMETERS),
-    advance,
-    control.NEUTRAL | motion.NEUTRAL,
+    channels=FOC_CHANNELS,
+    observable=FOC_OBSERVABLE,
+    parameters=parameters,
+    initial_state=initial_state,
+    state_names=partial(three_phases.state_names, own=OWN_STATE),
+    parameter_names=partial(three_phases.parameter_names, own=OWN_PARAMETERS),
+    advance=advance,
+    neutral=control.NEUTRAL | motion.NEUTRAL,
 )
 """A PMSM with field-oriented control and PWM."""

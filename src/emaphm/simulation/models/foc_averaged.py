@@ -140,13 +140,13 @@ def advance(structure: Structure) -> Callable[..., Any]:
 
 
 FOC_AVERAGED = Form(
-    CHANNELS,
-    foc.FOC_OBSERVABLE,
-    parameters,
-    partial(foc.initial_state, own=OWN_STATE),
-    partial(three_phases.state_names, own=OWN_STATE),
-    partial(three_phases.parameter_names, own=OWN_PARAMETERS),
-    advance,
-    control.NEUTRAL | motion.NEUTRAL,
+    channels=CHANNELS,
+    observable=foc.FOC_OBSERVABLE,
+    parameters=parameters,
+    initial_state=partial(foc.initial_state, own=OWN_STATE),
+    state_names=partial(three_phases.state_names, own=OWN_STATE),
+    parameter_names=partial(three_phases.parameter_names, own=OWN_PARAMETERS),
+    advance=advance,
+    neutral=control.NEUTRAL | motion.NEUTRAL,
 )
 """A PMSM with field-oriented control, its PWM averaged."""

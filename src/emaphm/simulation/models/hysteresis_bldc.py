@@ -106,13 +106,13 @@ def advance(structure: Structure) -> Callable[..., Any]:
 
 
 HYSTERESIS_BLDC = Form(
-    CHANNELS,
-    OBSERVABLE,
-    parameters,
-    initial_state,
-    partial(three_phases.state_names, own=LEGS),
-    partial(three_phases.parameter_names, own=OWN_PARAMETERS),
-    advance,
-    control.NEUTRAL | motion.NEUTRAL,
+    channels=CHANNELS,
+    observable=OBSERVABLE,
+    parameters=parameters,
+    initial_state=initial_state,
+    state_names=partial(three_phases.state_names, own=LEGS),
+    parameter_names=partial(three_phases.parameter_names, own=OWN_PARAMETERS),
+    advance=advance,
+    neutral=control.NEUTRAL | motion.NEUTRAL,
 )
 """The thesis's motor and drive."""

@@ -173,14 +173,14 @@ def form(
 
     by_voltage = drive == "voltage"
     return Form(
-        BY_VOLTAGE if by_voltage else CHANNELS,
-        BY_VOLTAGE[:5] if by_voltage else OBSERVABLE,
-        of_plant,
-        initial_state,
-        state_names,
-        parameter_names,
-        advance,
-        control.NEUTRAL | motion.NEUTRAL,
+        channels=BY_VOLTAGE if by_voltage else CHANNELS,
+        observable=BY_VOLTAGE[:5] if by_voltage else OBSERVABLE,
+        parameters=of_plant,
+        initial_state=initial_state,
+        state_names=state_names,
+        parameter_names=parameter_names,
+        advance=advance,
+        neutral=control.NEUTRAL | motion.NEUTRAL,
     )
 
 

@@ -125,13 +125,13 @@ def advance(structure: Structure) -> Callable[..., Any]:
 
 
 SIX_STEP = Form(
-    CHANNELS,
-    OBSERVABLE,
-    parameters,
-    initial_state,
-    partial(three_phases.state_names, own=OWN_STATE),
-    partial(three_phases.parameter_names, own=OWN_PARAMETERS),
-    advance,
-    control.NEUTRAL | motion.NEUTRAL,
+    channels=CHANNELS,
+    observable=OBSERVABLE,
+    parameters=parameters,
+    initial_state=initial_state,
+    state_names=partial(three_phases.state_names, own=OWN_STATE),
+    parameter_names=partial(three_phases.parameter_names, own=OWN_PARAMETERS),
+    advance=advance,
+    neutral=control.NEUTRAL | motion.NEUTRAL,
 )
 """A BLDC motor with PI current control and PWM."""

@@ -3,7 +3,7 @@
     python -m emaphm.study.fleet studies/fleet
 
 makes the fleet, diagnoses it and judges the predictions, each unless it is there, and prints a table;
-`python -m emaphm.report.fleet_page studies/fleet docs` writes the page.
+`python -m emaphm.report.fleet.page studies/fleet docs` writes the page.
 """
 
 import argparse

@@ -89,13 +89,13 @@ def _rows(actuator: Actuator) -> Iterator[dict[str, Any]]:
                     "value": float(scan[true]),
                     "printed": state.value,
                     "argmin": float(GRID[least]),
-                    "bias_points": _points(state.fault, least - true),
+                    "bias_points": grid_distance(state.fault, least - true),
                     "least": float(scan[least]),
                     "scan": scan.tolist(),
                 }
 
 
-def _points(fault: str, distance: int) -> int:
+def grid_distance(fault: str, distance: int) -> int:
     """Return a distance on `GRID`; for a phase, whose 0 and 1 are the same, the shorter way round."""
     if fault != "eccentricity_phase":
         return distance

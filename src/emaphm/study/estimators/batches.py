@@ -1,6 +1,6 @@
 """How many recordings a core answers in a second, over as many as a fleet's back catalogue has.
 
-    python -m emaphm.study.estimator_batches unit.estimator unit.training --most 100000
+    python -m emaphm.study.estimators.batches unit.estimator unit.training --most 100000
 
 answers the simulations of a training folder (`emaphm train --folder`), with noise, in batches. The estimator
 has learned from most of them: their errors say only that the answers are those of the right recordings.
@@ -66,7 +66,7 @@ def answered(path: Path, folder: Path, most: int) -> str:
 
 def main() -> None:
     """Answer as the command line asks."""
-    parser = argparse.ArgumentParser(prog="python -m emaphm.study.estimator_batches", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m emaphm.study.estimators.batches", description=__doc__)
     parser.add_argument("estimator", type=Path, help="file of 'emaphm train'")
     parser.add_argument("folder", type=Path, help="its simulations, by 'emaphm train --folder'")
     parser.add_argument("--most", type=int, default=100_000, help="how many are answered at most")

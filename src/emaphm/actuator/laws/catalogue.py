@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from emaphm.actuator.actuator import Actuator
-from emaphm.actuator.law_reasons import reason_against
+from emaphm.actuator.laws.reasons import reason_against
 from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMONICS
 from emaphm.errors import MethodError, nearest
 

@@ -1,7 +1,7 @@
 """Which laws a calibration may find, and which only faults show."""
 
 from emaphm.actuator.actuator import Actuator
-from emaphm.actuator.laws import LAWS, Law
+from emaphm.actuator.laws.catalogue import LAWS, Law
 from emaphm.actuator.unit.baseline import PARTS
 from emaphm.errors import MethodError
 

@@ -1,6 +1,6 @@
 """The page of the study of predictions on a synthetic fleet.
 
-    python -m emaphm.report.fleet_page studies/fleet docs
+    python -m emaphm.report.fleet.page studies/fleet docs
 
 reads the results that `python -m emaphm.study.fleet studies/fleet` wrote, and writes ``fleet.md`` with the
 figures in ``fleet/``.
@@ -21,8 +21,8 @@ from emaphm.output_files import make_folder, written_whole
 from emaphm.plotting.fleet import draw_acting, draw_calibration, draw_scores, draw_tracks
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.prognosis.metrics import coverage
-from emaphm.report.fleet_acting import said_of_acting, said_over_life
-from emaphm.report.fleet_warnings import ASKED_WARNED, said_of_warnings, share_in_time
+from emaphm.report.fleet.acting import said_of_acting, said_over_life
+from emaphm.report.fleet.warnings import ASKED_WARNED, said_of_warnings, share_in_time
 from emaphm.report.markdown import incomplete
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.judging import (
@@ -177,7 +177,7 @@ def _introduction(recorded: Units, drawn: Units, diagnosed: Quality, units: int)
     known = sorted({one["law"] for one in [*recorded, *drawn] if not LAWS[one["law"]].known})
     yield (
         f"Made by `python -m emaphm.study.fleet studies/fleet{fewer}`, then `python -m "
-        f"emaphm.report.fleet_page studies/fleet docs{fewer}`. **Every unit here is synthetic**: drawn from "
+        f"emaphm.report.fleet.page studies/fleet docs{fewer}`. **Every unit here is synthetic**: drawn from "
         "the laws below, run to failure, recorded by the reference model, diagnosed by `emaphm`'s own "
         "methods, and predicted from its own past and the other units' histories alone. The results are "
         "valid for fleets that degrade in these ways, and are no proof for a real fleet.\n"
@@ -375,7 +375,7 @@ def write_fleet_page(studies: str | Path, folder: str | Path, units: int = PLAN.
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(prog="python -m emaphm.report.fleet_page")
+    parser = argparse.ArgumentParser(prog="python -m emaphm.report.fleet.page")
     parser.add_argument("studies", help="the study's folder")
     parser.add_argument("folder", help="where the page is written")
     parser.add_argument("--units", type=int, default=PLAN.units, help="of the study")

@@ -1,0 +1,72 @@
+"""The recordings that an estimator is judged by: groups on rigs, of foreign plants, and spoilt ones."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from emaphm.actuator import Faults
+from emaphm.study.cases import SINGLE, heavy_faults, random_faults, small_fault
+from emaphm.study.plan import Plan
+from emaphm.study.rig import Rig
+from emaphm.study.spoilt.run import cases as spoilt_cases
+
+COUNTS = {"random": 300, "heavy": 300, "healthy": 500, "small": 50}
+"""Recordings of each group, of small faults each kind; as in the plan `accuracy`, but for heavy shorts."""
+
+SMALL = 0.05
+MULTIPLE = 10
+FOREIGN_EACH = 20
+
+
+@dataclass(frozen=True)
+class RecordingCase:
+    """A recording of a `group`: of true faults on a rig, or a spoilt one, by its number."""
+
+    group: str
+    label: str
+    truth: tuple[float, ...]
+    rig: Rig | None
+    number: int
+
+
+def of_base_setting(channels: tuple[str, ...], share: float) -> Iterator[RecordingCase]:
+    """Yield the cases on the base setting."""
+    rig = Rig(label="base", channels=channels)
+    count = {name: max(1, round(share * number)) for name, number in COUNTS.items()}
+
+    def case(group: str, label: str, faults: Faults, number: int) -> RecordingCase:
+        return RecordingCase(group, label, tuple(map(float, faults.vector)), rig, number)
+
+    for n in range(count["random"]):
+        yield case("random", "random", random_faults(n), n)
+    for n in range(count["heavy"]):
+        yield case("heavy", "heavy", heavy_faults(n), n)
+    for n in range(count["healthy"]):
+        yield case("healthy", "healthy", Faults(), n)
+    for kind in SINGLE:
+        for n in range(count["small"]):
+            yield case("small", kind, small_fault(kind, SMALL, n), n)
+
+
+def of_multiple(channels: tuple[str, ...]) -> Iterator[RecordingCase]:
+    """Yield the thesis's multiple faults in its conditions, if `channels` are the thesis's: the current.
+
+    The recordings differ by their switching, as in the plan `accuracy`.
+    """
+    plan = Plan.load("accuracy")
+    rig = next(rig for rig in plan.rigs if rig.label == "switching disturbed")
+    if channels == rig.channels:
+        faults = Faults.from_mapping(plan.cases["multiple"])
+        for n in range(MULTIPLE):
+            yield RecordingCase("multiple", "multiple", tuple(map(float, faults.vector)), rig, n)
+
+
+def of_unlike(channels: tuple[str, ...], share: float) -> Iterator[RecordingCase]:
+    """Yield recordings that are not like any simulation: of foreign plants, and spoilt ones."""
+    foreign = [rig for rig in Plan.load("plants").rigs if rig.foreign is not None and not rig.calibrated]
+    for rig in foreign:
+        own = rig.model_copy(update={"channels": channels})
+        for n in range(max(1, round(share * FOREIGN_EACH))):
+            yield RecordingCase("foreign", rig.label, tuple(map(float, random_faults(n).vector)), own, n)
+    for n, one in enumerate(spoilt_cases()):
+        if one.channels == "voltage" and n % max(1, round(1 / share)) == 0:
+            yield RecordingCase("spoilt", one.spoilt_class, (), None, n)
