@@ -10,7 +10,7 @@ from emaphm.estimation.bias_correction import with_discrepancy
 from emaphm.estimation.objective import MapObjective, faults_objective
 from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
-from emaphm.estimation.sensors.counts import in_counts, scores_of_counts, visible_count
+from emaphm.estimation.sensors.counts import errors_of_counts, errors_of_rests, in_counts, visible_count
 from emaphm.estimation.uncertainty.local_covariance import rounding_scores
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
@@ -73,14 +73,36 @@ def test_at_the_truth_counts_leave_no_residual(coarse: MapObjective) -> None:
 def test_rows_of_a_count_share_its_error_unless_it_is_passed() -> None:
     # The first count is stood on, the second passed, the third turned on, and the last one an end.
     values, sensitive = np.array([0.0, 0, 0, 1, 1, 2, 2, 1, 1]), np.ones((1, 9))
-    assert scores_of_counts(sensitive, values) * 12 == pytest.approx(3**2 + 1 + 1 + 2**2 + 2**2)
+    scores = errors_of_counts(values, 2.0).scores(sensitive)
+    assert scores * 12 / 2.0**2 == pytest.approx(3**2 + 1 + 1 + 2**2 + 2**2)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.125, 0.25, 0.4])
+def test_the_mean_of_a_rest_is_as_uncertain_as_its_error_says(noise: float) -> None:
+    rng = np.random.default_rng(2)
+    fast = np.concatenate([np.arange(0, 600, 3), np.arange(599, -1, -4)])
+    ratios = []
+    for level in rng.uniform(-2.0, 2.0, 200):
+        recorded = COUNT * np.concatenate([fast, np.round(level + rng.normal(0.0, noise, 400))])
+        assert visible_count(recorded) == 0.0
+        rests = errors_of_rests(recorded)
+        for first, length, error in zip(rests.first, rests.lengths, rests.errors, strict=True):
+            rows = slice(max(first, fast.size), first + length)
+            white = COUNT * np.hypot(noise, 12**-0.5) / length**0.5
+            ratios.append((recorded[rows].mean() - COUNT * level) / np.hypot(error, white))
+    assert len(ratios) >= 50
+    assert np.mean(np.abs(ratios) < 1.96) >= 0.95
 
 
 def test_what_counts_leave_open_stays_in_the_covariance(coarse: MapObjective) -> None:
     jacobian = np.random.default_rng(1).normal(size=(3, coarse.channel_rows))
-    size = coarse.problem.weights[1] * coarse.problem.counts["position_rad"]
-    position = coarse.problem.measured["position_rad"]
-    expected = size**2 * scores_of_counts(jacobian[:, coarse.problem.samples :], position)
+    problem = coarse.problem
+    assert tuple(problem.channels) == ("current_A", "position_rad")
+    current, position = (problem.measured[name] for name in problem.channels)
+    of_current, of_position = np.split(jacobian, 2, axis=1)
+    expected = problem.weights[0] ** 2 * errors_of_rests(current).scores(of_current)
+    counts = errors_of_counts(position, problem.counts["position_rad"])
+    expected += problem.weights[1] ** 2 * counts.scores(of_position)
     np.testing.assert_allclose(rounding_scores(coarse.problem, jacobian), expected)
 
 

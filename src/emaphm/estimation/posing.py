@@ -11,7 +11,7 @@ from emaphm.estimation.initial_state import initial_state, shows_start
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.recorded_supply import with_recorded_supply
 from emaphm.estimation.rows.start import unknown_start
-from emaphm.estimation.sensors.counts import visible_count
+from emaphm.estimation.sensors.counts import shared_errors, visible_count
 from emaphm.estimation.signal_size import signal_size
 from emaphm.estimation.uncertainty.model_error import row_errors
 from emaphm.recording import Recording, with_equivalent_current
@@ -53,6 +53,9 @@ def problem_of(
         temperature_rise_K=_temperature_rise(recording, actuator),
         workers=workers,
         counts={name: step for name in compared if (step := visible_count(recording[name])) > 0},
+        shared_errors={
+            name: errors for name in compared if (errors := shared_errors(recording[name])) is not None
+        },
     )
     comparing_all = problem.observing(comparable)
     unknown = unknown_start(comparing_all, shown=shows_start(recording, actuator))

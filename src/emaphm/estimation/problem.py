@@ -13,7 +13,7 @@ from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.rests import Rests
 from emaphm.estimation.rows.unknown_start import FROM_REST, UnknownStart
 from emaphm.estimation.run_counts import RunCounts
-from emaphm.estimation.sensors.counts import ROUNDING
+from emaphm.estimation.sensors.counts import ROUNDING, SharedErrors
 from emaphm.estimation.sensors.sensor_model import all_as_described, as_described, described_noise
 from emaphm.estimation.space.nuisances import NO_NUISANCES
 from emaphm.recording.noise import measured_noise
@@ -46,6 +46,8 @@ class Problem:
         The learned error of the model in each row, (samples,) by channel; empty where none was learned.
     counts
         Step of each channel whose values visibly come in steps (of a converter or encoder), in its unit.
+    shared_errors
+        Rounding errors that successive rows of a channel share; of those that have any.
     band_spread
         Several runs of a hysteresis drive have bands from (1 - this) to (1 + this) times the described one.
     averaged_rows
@@ -72,6 +74,7 @@ class Problem:
     unusable: Mapping[str, Mask] = field(default_factory=dict)
     model_error: Mapping[str, Array] = field(default_factory=dict)
     counts: Mapping[str, float] = field(default_factory=dict)
+    shared_errors: Mapping[str, SharedErrors] = field(default_factory=dict)
     band_spread: float = 0.0
     averaged_rows: int = 1
     rests: Rests | None = None

@@ -62,6 +62,7 @@ def over_swings(problem: Problem) -> Problem:
         measured={name: mean_rows(values, count) for name, values in problem.measured.items()},
         model_error={},
         counts={},
+        shared_errors={},
         averaged_rows=count,
     )
     averaged = replace(

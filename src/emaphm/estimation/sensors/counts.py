@@ -5,89 +5,53 @@ follows from the quantity. Least squares take it for an effect of whatever looks
 one. A model's signal is therefore rounded as the recorded one was before the two are compared.
 """
 
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.arrays import Array, Flags
+from emaphm.arrays import Array
 from emaphm.recording.sensor_checks.resolution import runs_of_equal, step_of_counts
 
 Rows: TypeAlias = NDArray[np.intp]
-"""Indices or numbers of rows, (runs,)."""
+"""Indices or numbers of rows, (groups,)."""
 
 ON_GRID = 0.05
 """Distance from a whole count, in counts, below which a value is on it: files round."""
 
 LEAST_ROWS = 2.0
-"""Rows that share a count, averaged over the rows, from which on rounding does not act as white noise."""
+"""Rows that a count lasts at least, on average, for rounding not to pass for white noise."""
 
-MOST_REVERSALS = 0.3
-"""Reversals between neighbouring counts, per row, from which on rounding is dithered.
+MOST_RETURNS = 0.2
+"""Share of counts of one row that lead back to where they came from: where noise is as large as a third of a
+count there are more, and rounding is dithered (Widrow and Kollár 2008)."""
 
-A constant signal with white noise σ changes between counts of width q 2σ / (√π q) times per row, averaged
-over its position within a count (σ < q/3): 0.14 for σ = q/8, 0.3 for σ = 0.27 q, where noise dithers most of
-the error (Widrow and Kollár 2008).
-"""
-
-LEAST_ALTERNATIONS = 4
-"""Successive runs that alternate between two counts, from which on they are one rest near an edge."""
+LEAST_REST = 20
+"""Rows of a rest, from which on its rounding error is more than the white noise of as many rows explains."""
 
 ROUNDING = 12**0.5
-"""Count over the rms of the rounding error."""
+"""Count over the rms of what rounding to it leaves open."""
 
 
 def visible_count(values: Array) -> float:
-    """Return the count whose rounding error successive rows of a channel (n,) share, in the channel's unit.
+    """Return the count that a channel (n,) shows its quantity in, in its unit.
 
-    0 where the rows are on no grid, change with almost every row, or are dithered by noise. A position that
-    passes several counts a row in motion shares its rounding error over a rest.
+    0 where rows are on no grid, change with almost every row, or are dithered by noise.
     """
     first, lengths = runs_of_equal(values)
-    if lengths.size < 2:
+    if values.size < LEAST_ROWS * lengths.size or lengths.size < 2:
         return 0.0
     span, step = float(np.ptp(values)), step_of_counts(values)
     if step == 0:  # values differ by rounding alone
         return 0.0
     count = span / round(span / step)
-    levels = (values - values[0]) / count
-    if np.max(np.abs(levels - np.round(levels))) > ON_GRID or _is_dithered(levels, first, lengths):
+    levels = (values[first] - values[0]) / count
+    passed = float(np.abs(np.diff(levels)).sum())
+    if np.max(np.abs(levels - np.round(levels))) > ON_GRID or values.size < LEAST_ROWS * passed:
         return 0.0
-    first, lengths = shared_counts(values)
-    slow = _between_neighbours(levels, first, lengths)
-    sharing = float(np.sum(lengths[slow] ** 2) + np.sum(lengths[~slow])) / values.size
-    return count if sharing >= LEAST_ROWS else 0.0
-
-
-def shared_counts(values: Array) -> tuple[Rows, Rows]:
-    """Return the first rows and the lengths of the runs in which rows (n,) share a rounding error.
-
-    These are runs of equal values; where noise lets a rest alternate between two counts, all of the rest.
-    """
-    first, _ = runs_of_equal(values)
-    alternating = np.concatenate([[False], values[first][2:] == values[first][:-2], [False]])
-    changes = np.flatnonzero(np.diff(alternating))
-    begins = np.ones(first.size, bool)
-    for start, end in zip(changes[::2], changes[1::2], strict=True):
-        if end + 2 - start >= LEAST_ALTERNATIONS:
-            begins[start + 1 : end + 2] = False
-    begun = first[begins]
-    return begun, np.diff(np.concatenate([begun, [values.size]]))
-
-
-def _is_dithered(levels: Array, first: Rows, lengths: Rows) -> bool:
-    """Return whether slow rows reverse so often that their mean resolves fractions of a count."""
-    steps = np.round(np.diff(levels[first]))
-    reversals = np.count_nonzero((np.abs(steps[1:]) == 1) & (steps[1:] == -steps[:-1]))
-    slow = _between_neighbours(levels, first, lengths)
-    return bool(reversals >= max(1.0, MOST_REVERSALS * float(np.sum(lengths[slow]))))
-
-
-def _between_neighbours(levels: Array, first: Rows, lengths: Rows) -> Flags:
-    """Return of each run whether it is one count from the runs before and after it."""
-    last = first + lengths - 1
-    near = np.round(np.abs(levels[first[1:]] - levels[last[:-1]])) == 1
-    return np.asarray(np.concatenate([[True], near]) & np.concatenate([near, [True]]))
+    returns = (lengths[1:-1] == 1) & (np.round(levels[2:] - levels[:-2]) == 0)
+    return count if np.count_nonzero(returns) <= MOST_RETURNS * passed else 0.0
 
 
 def in_counts(signals: Array, values: Array, count: float) -> Array:
@@ -95,17 +59,80 @@ def in_counts(signals: Array, values: Array, count: float) -> Array:
     return np.asarray(values[0] + count * np.round((signals - values[0]) / count))
 
 
-def scores_of_counts(jacobian: Array, values: Array) -> Array:
-    """Return the covariance (d, d) of a `jacobian` (d, n) times what counts leave open, in squared counts.
+@dataclass(frozen=True, eq=False)
+class SharedErrors:
+    """Rounding errors that successive rows of a channel share.
 
-    `values` (n,) are the recorded ones. A count that the signal passes has its rows' errors on both sides,
-    which are taken as independent; of one that it turns or stands on, all rows share one error.
+    A group of rows begins at `first`, has `lengths` rows and an error whose rms is `errors`, in the unit of
+    the channel; (groups,) each. Errors of different groups are independent.
     """
-    first, lengths = shared_counts(values)
-    sums = np.add.reduceat(jacobian, first, axis=1)
-    steps = np.sign(values[first[1:]] - values[(first + lengths - 1)[:-1]])
+
+    first: Rows
+    lengths: Rows
+    errors: Array
+
+    def scores(self, jacobian: Array) -> Array:
+        """Return the covariance (d, d) of a `jacobian` (d, n) times the errors of the rows."""
+        ends = np.stack([self.first, self.first + self.lengths], axis=1).reshape(-1)
+        padded = np.pad(jacobian, ((0, 0), (0, 1)))
+        sums = np.add.reduceat(padded, ends, axis=1)[:, ::2] * self.errors
+        return np.asarray(sums @ sums.T)
+
+
+def shared_errors(values: Array) -> SharedErrors | None:
+    """Return the rounding errors that rows of a channel (n,) share, None where it has none."""
+    count = visible_count(values)
+    groups = errors_of_counts(values, count) if count > 0 else errors_of_rests(values)
+    return groups if groups.first.size else None
+
+
+def errors_of_counts(values: Array, count: float) -> SharedErrors:
+    """Return the rounding errors of a channel (n,) that shows its quantity in counts of width `count`.
+
+    A count that the signal passes has its rows' errors on both sides, which are taken as independent; of one
+    that it turns or stands on, all rows share one error.
+    """
+    first, lengths = runs_of_equal(values)
+    steps = np.sign(np.diff(values[first]))
     passes = np.zeros(first.size, bool)
     passes[1:-1] = steps[1:] == steps[:-1]
-    passed = jacobian[:, np.repeat(passes, lengths)]
-    open_sums = sums[:, ~passes]
-    return np.asarray(passed @ passed.T + open_sums @ open_sums.T) / ROUNDING**2
+    alone = np.repeat(passes, lengths)
+    begins = np.union1d(np.flatnonzero(alone), first[~passes])
+    sizes = np.diff(np.concatenate([begins, [values.size]]))
+    return SharedErrors(begins, sizes, np.full(begins.size, count / ROUNDING))
+
+
+def errors_of_rests(values: Array) -> SharedErrors:
+    """Return the rounding errors of the rests of a channel (n,) whose counts its motion hides.
+
+    At a rest of `LEAST_REST` rows and more, the channel stays at one count, or noise lets it alternate
+    between two. At one count, the error is that of rounding, q/√12. With a share p of the rows at the upper
+    one of two counts, the mean deviates by up to q |p - 1/2|: by that much for a small noise, by less for a
+    larger one, whose size such a rest does not show. Noise of more than half a count reaches a third count.
+    """
+    first, lengths = _rests(values)
+    rests = [values[start : start + length] for start, length in zip(first, lengths, strict=True)]
+    step = step_of_counts(values)
+    errors = np.array([_error_of_rest(rest, step) for rest in rests])
+    is_rounding = np.array([float(np.ptp(rest)) < 1.5 * step for rest in rests], bool)
+    return SharedErrors(first[is_rounding], lengths[is_rounding], errors[is_rounding])
+
+
+def _error_of_rest(rest: Array, step: float) -> float:
+    """Return the rms of the error that the rows of a rest share, see `errors_of_rests`."""
+    upper = float(np.mean(rest > rest.min()))
+    return step * abs(upper - 0.5) if upper > 0 else step / ROUNDING
+
+
+def _rests(values: Array) -> tuple[Rows, Rows]:
+    """Return first rows and lengths of stretches at one value, or alternating between two adjacent ones."""
+    first, _ = runs_of_equal(values)
+    alternating = np.concatenate([[False], values[first][2:] == values[first][:-2], [False]])
+    changes = np.flatnonzero(np.diff(alternating))
+    begins = np.ones(first.size, bool)
+    for start, end in zip(changes[::2], changes[1::2], strict=True):
+        begins[start + 1 : end + 2] = False
+    first = first[begins]
+    lengths = np.diff(np.concatenate([first, [values.size]]))
+    long = lengths >= LEAST_REST
+    return first[long], lengths[long]

@@ -11,7 +11,6 @@ from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
-from emaphm.estimation.sensors.counts import scores_of_counts
 from emaphm.estimation.uncertainty.covariance import sandwich_covariance
 from emaphm.estimation.uncertainty.model_error import error_scores
 
@@ -134,11 +133,10 @@ def local_covariance(
 
 
 def rounding_scores(problem: Problem, jacobian: Array) -> Array:
-    """Return the covariance (d, d) of a mean `jacobian` (d, channel rows) times what counts leave open."""
+    """Return the covariance (d, d) of a mean `jacobian` (d, channel rows) times shared rounding errors."""
     total = np.zeros((len(jacobian), len(jacobian)))
     by_channel = np.split(jacobian, len(problem.channels), axis=1)
     for name, weight, part in zip(problem.channels, problem.weights, by_channel, strict=True):
-        if name in problem.counts:
-            size = weight * problem.counts[name]
-            total += size**2 * scores_of_counts(part, problem.measured[name])
+        if name in problem.shared_errors:
+            total += weight**2 * problem.shared_errors[name].scores(part)
     return total
