@@ -22,7 +22,7 @@ from emaphm.simulated_recording import simulate
 from warm_processes import warm_processes
 
 # Examples are the same on every run, as everything else here; kernels compile on their first call.
-settings.register_profile("emaphm", deadline=None, derandomize=True, max_examples=60)
+settings.register_profile("emaphm", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("emaphm")
 
 
@@ -121,10 +121,16 @@ def no_model_error(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def few_paths(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a prognosis draw a quarter of its paths where no number of it needs them all, to save time."""
+    """Let a prognosis draw a quarter of its paths, of particles as few as for a long history, to save time.
+
+    For where no number of it needs them all.
+    """
     module = importlib.import_module("emaphm.prognosis.prognose")  # a function has its name
     few = replace(module.FORECAST, paths=module.FORECAST.paths // 4)
     monkeypatch.setattr(module, "FORECAST", few)
+    filtered = replace(module.FILTER, most=module.FILTER.particles)
+    monkeypatch.setattr(module, "FILTER", filtered)
+    monkeypatch.setattr("emaphm.prognosis.from_fleet.record.FILTER", filtered)
 
 
 @pytest.fixture

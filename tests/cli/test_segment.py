@@ -19,9 +19,9 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """Return the file of a recording with a movement between two rests."""
 
     def command(t: np.ndarray) -> np.ndarray:
-        return np.where((t >= 2.0) & (t < 4.0), 5e-3 * np.sin(2 * np.pi * 3.0 * (t - 2.0)), 0.0)
+        return np.where((t >= 1.0) & (t < 2.0), 5e-3 * np.sin(2 * np.pi * 3.0 * (t - 1.0)), 0.0)
 
-    made = simulate(Actuator.thesis(), command, model="averaged", duration=6.0, sample_rate=500.0, noise=0.05)
+    made = simulate(Actuator.thesis(), command, model="averaged", duration=3.0, sample_rate=500.0, noise=0.05)
     path = tmp_path_factory.mktemp("flown") / "flight.csv"
     write_recording(Recording({name: made[name] for name in ("time_s", "command_rad", "current_A")}), path)
     return path.read_bytes()

@@ -97,7 +97,8 @@ def test_noise_may_drown_a_signal_that_the_model_has(signal: float, seed: int) -
 
 def test_a_current_along_the_flux_that_is_held_at_0_may_be_recorded() -> None:
     pmsm = Actuator.pmsm()
-    whole = simulate(pmsm, Chirp(), faults=Faults(friction=0.3), noise=0.05, adc_bits=12)
+    command, faults = Chirp(duration=0.25), Faults(friction=0.3)
+    whole = simulate(pmsm, command, faults=faults, duration=0.25, noise=0.05, adc_bits=12)
     found = diagnose(Recording({name: whole[name] for name in ("time_s", "command_rad", *DQ)}), pmsm)
     assert found.explained
     assert found.components["friction"].verdict == "degraded"

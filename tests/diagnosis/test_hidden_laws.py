@@ -155,7 +155,7 @@ def test_narrow_flats_of_the_back_emf_are_no_short(monkeypatch: pytest.MonkeyPat
 
 
 def test_voltage_that_the_inverter_takes_is_no_other_inertia() -> None:
-    found = diagnose(on_a_rig(with_law("inverter-drop", 1.0), Faults(0.3), 0.3), THESIS)
+    found = diagnose(on_a_rig(with_law("inverter-drop", 1.0), Faults(0.3), 0.2), THESIS)
     assert found.explained
     assert found.laws == ("inverter-drop",)
     assert found.selected == ()

@@ -31,7 +31,7 @@ from emaphm.estimation.search_settings import SearchSettings
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
-pytestmark = pytest.mark.usefixtures("one_search")
+pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
 
 SPEED = 20.0
 STRIBECK = with_lumped_parameters(LAWS["stribeck"].added_to(THESIS), {"stribeck_speed": SPEED})
@@ -68,7 +68,7 @@ def found(recording: Recording, progress: list[float]) -> Iterator[Diagnosis]:
             patched.setattr(asked, "can_show_lag", lambda _: False)
         few = replace(SENSOR_SELECTION, most_corrected=1)
         patched.setattr("emaphm.diagnosis.selection.nuisance_selection.SENSOR_SELECTION", few)
-        yield diagnose(recording, THESIS, max_corrections=5, on_progress=progress.append)
+        yield diagnose(recording, THESIS, max_corrections=2, on_progress=progress.append)
 
 
 def test_the_law_is_named_and_its_parameter_found(found: Diagnosis) -> None:

@@ -89,6 +89,8 @@ def test_a_command_that_begins_slowly_in_the_first_row_does_not_hide_the_rest() 
     assert any("friction that holds the shaft" in one for one in found.recording_notes)
 
 
+# The rows that are left out: above; an offset that is found: `tests/diagnosis/test_nuisance_selection.py`.
+@pytest.mark.evidence
 def test_the_zero_of_a_sensor_is_found_in_the_motion() -> None:
     recording, zero = cut(FIRST, *ELECTRICAL), -0.3
     columns = {name: recording[name] + zero * (name == "current_A") for name in recording}

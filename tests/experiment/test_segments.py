@@ -68,8 +68,15 @@ def test_a_command_that_is_too_small_is_refused_with_what_would_be_known(whole: 
     assert "would be known to ±" in refused[0].reason
 
 
-def test_what_is_promised_of_a_stretch_from_rest_is_kept_by_a_diagnosis(cut: Segments) -> None:
+def test_what_is_promised_of_a_stretch_from_rest_is_kept_by_a_diagnosis() -> None:
+    # Shorter than the flight: a diagnosis takes its time by the row.
+    def brief(t: Array) -> Array:
+        return np.where((t >= 0.4) & (t < 0.9), 5e-3 * np.sin(2 * np.pi * 4.0 * (t - 0.4)), 0.0)
+
+    made = simulate(THESIS, brief, duration=1.2, sample_rate=RATE, noise=0.05, adc_bits=12)
+    cut = segments(Recording({name: made[name] for name in KEPT}), THESIS)
     first = cut.accepted[0]
+    assert {"friction", "gain"} <= set(first.identifies)
     found = diagnose(cut.recordings()[0], THESIS, nuisances=USUAL, workers=1)
     assert found.explained
     for name in first.identifies:
