@@ -174,9 +174,11 @@ def test_the_sensors_of_each_are_checked_and_what_speaks_against_each_is_said() 
     current = np.array(second["current_A"])
     rows = slice(current.size // 4, current.size // 2)
     current[rows] = current[rows.start]
-    spoilt = second.with_channels({**second.channels, "current_A": current}, [])
-    found = joint([first, spoilt])
+    spoilt = second.with_channels({**second.channels, "current_A": current}, ["a note on both", "on one"])
+    found = joint([first.with_channels(first.channels, ["a note on both"]), spoilt])
     assert found.explained
+    notes = [line for line in found.notes() if "on both" in line or "on one" in line]
+    assert notes == ["2 recordings: a note on both.", "2 recordings: day 2: on one."]
     assert [(one.channel, one.kind) for one in found.sensor_faults] == [("current_A", "frozen")]
     said = [line for line in found.notes() if "is frozen" in line]
     assert len(said) == 1

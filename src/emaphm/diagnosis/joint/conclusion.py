@@ -209,8 +209,17 @@ def _recording(
 
 
 def _of_all(single: Sequence[Diagnosis], sentences: Callable[[Diagnosis], Sequence[str]]) -> tuple[str, ...]:
-    """Return sentences of all recordings, each with the name of its own."""
-    return tuple(_named(one, sentence, len(single)) for one in single for sentence in sentences(one))
+    """Return sentences on all recordings once, then those on some, each with the name of its recording."""
+    shared = [
+        sentence for sentence in sentences(single[0]) if all(sentence in sentences(one) for one in single)
+    ]
+    some = [
+        _named(one, sentence, len(single))
+        for one in single
+        for sentence in sentences(one)
+        if sentence not in shared
+    ]
+    return (*shared, *some)
 
 
 def _named(diagnosis: Diagnosis, sentence: str, count: int) -> str:
