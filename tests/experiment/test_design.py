@@ -193,7 +193,7 @@ def test_a_command_that_never_changes_is_seen_by_the_position_alone(
     channels: tuple[str, ...], seen: bool
 ) -> None:
     found = design(EMPS, Step(0.1), duration=0.1, channels=channels, candidates=0, tests=0, workers=1)
-    assert any("sees no motion" in line for line in found.notes()) != seen
+    assert any("detects no motion" in line for line in found.notes()) != seen
 
 
 def test_chance_is_seldom_taken_for_a_gain() -> None:
