@@ -136,7 +136,7 @@ def test_cycles_taken_for_runs_show_no_rate() -> None:
     taken_for_runs, grouped = Detector.learn(cycles), Detector.learn(cycles, groups=groups)
     single = taken_for_runs.manoeuvres[0].levels[0]
     assert single.independent < 25
-    assert "each resembles the one before it" in str(taken_for_runs)
+    assert "each resembles the run before it" in str(taken_for_runs)
     assert "with 95 % confidence" not in str(taken_for_runs)
     assert taken_for_runs.to_dict()["manoeuvres"][0]["levels"][0]["shown_rate"] is None
     assert "at most 45 % of false alarms are shown" in str(grouped)  # 0 of 5: 1 - 0.05^(1/5)

@@ -209,9 +209,9 @@ class Detector(DetectorContent):
         bound = self.shown_rate(level)
         if bound is None:
             return (
-                f"{level.alarms} of {level.runs} healthy runs left out alarmed, but each resembles the one "
-                f"before it: they are worth {level.independent:.2g} independent ones, which show no rate of "
-                "false alarms; if several files are cycles of one run, say so (--group folder, groups=)"
+                f"{level.alarms} of {level.runs} healthy runs left out alarmed, but each resembles the run "
+                f"before it: they count as {level.independent:.2g} independent runs, which show no rate of "
+                "false alarms; if several files are cycles of one run, group them (--group folder, groups=)"
             )
         needed = runs_to_show(s.false_alarm_rate, s.confidence)
         text = (
