@@ -195,10 +195,7 @@ class Detector(DetectorContent):
         )
 
     def shown_rate(self, level: Level) -> float | None:
-        """Return the upper confidence bound on the rate of false alarms, from the healthy runs of `level`.
-
-        None if the runs are not independent, because each resembles the run before it.
-        """
+        """Return the confidence bound on the rate of false alarms; None if the runs are correlated."""
         if level.independent < level.runs:
             return None
         return highest_rate(level.alarms, level.runs, self.settings.confidence)

@@ -14,8 +14,7 @@ from emaphm.detection.thresholds import Labels
 from emaphm.random_streams import stream
 
 PERMUTATIONS = 10_000
-"""Permutations of a test: more than all orders of 7 runs, and enough to estimate a probability of 1 % to a
-tenth of it."""
+"""Permutations of a test: all orders of up to 7 runs; a probability of 1 % is estimated to a tenth of it."""
 
 AT_ONCE = 1000
 """Permutations that are drawn together: some megabytes for a hundred runs."""

@@ -27,9 +27,7 @@ def judged_left_out(
     actuator: Actuator | None = None,
     settings: DetectorSettings = DETECTOR,
 ) -> Iterator[LeftOut]:
-    """Yield the results of each healthy run by a detector learned without it; a run has one load.
-
-    The run is left out of means, scatter and thresholds.
+    """Yield the results of each healthy run, of one load, by a detector learned from the other runs.
 
     Parameters
     ----------

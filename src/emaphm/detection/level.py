@@ -1,7 +1,4 @@
-"""Levels of a detector: scatter and thresholds of single healthy cycles, or of the means of healthy runs.
-
-The thresholds are from runs that are left out in turn.
-"""
+"""Levels of a detector: scatter of healthy cycles or of means of runs, with cross-validated thresholds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +12,8 @@ from emaphm.detection.drift import serial_correlation
 from emaphm.detection.settings import DetectorSettings
 from emaphm.detection.statistics import HealthyScatter, shrunk_correlations
 from emaphm.detection.thresholds import Labels, joint_thresholds
+
+Selection = NDArray[np.bool_]
 
 LEAST_RATIO = 1.25
 """Ratio of the independent values of single cycles and of means above which a mean is judged by the scatter
@@ -135,24 +134,22 @@ class _Healthy:
     loads: Labels
     settings: DetectorSettings
 
-    def part(self, selected: NDArray[np.bool_]) -> "_Healthy":
+    def part(self, selected: Selection) -> "_Healthy":
         """Return the `selected` cycles (n,)."""
         return _Healthy(self.features[selected], self.runs[selected], self.loads[selected], self.settings)
 
     def scatter(self, cycles: int) -> HealthyScatter:
-        """Return the scatter of single cycles, or of the means of runs.
-
-        There are few means, so their correlations are averaged with those of single cycles.
-        """
+        """Return the scatter of single cycles, or of the means of runs."""
         if cycles == 1:
             return self._scatter_of_singles
-        means, _, _ = _cycles_or_means(self._deviations, self.runs, self.loads, cycles)
+        # There are few means, so their correlations are averaged with those of single cycles.
+        means, _, _ = _pooled(self._deviations, self.runs, self.loads, cycles)
         scale, correlations = shrunk_correlations(means)
         averaged = (correlations + self._correlations[1]) / 2
         return HealthyScatter.of(scale, averaged, self.settings.variance_share)
 
     @cached_property
-    def folds(self) -> list[tuple[NDArray[np.bool_], "_Healthy"]]:
+    def folds(self) -> list[tuple[Selection, "_Healthy"]]:
         """The cycles that each fold leaves out, (n,), and the other cycles.
 
         Runs at one load are in different folds, so that some runs at each load remain to learn from.
@@ -193,10 +190,7 @@ class _LeftOutScores:
     rate: float
 
     def thresholds(self, without: int | None = None) -> tuple[Array, float]:
-        """Return the thresholds of T² and Q, (2,), and the number of independent values.
-
-        They are computed from all runs, or from all except the run `without`.
-        """
+        """Return the thresholds of T² and Q, (2,), and the number of values, without the run `without`."""
         selected = self.runs != without
         return joint_thresholds(self.scores[selected], self.runs[selected], self.rate, self.correlation)
 
@@ -213,7 +207,7 @@ def _left_out_scores(healthy: _Healthy, cycles: int, correlation: float) -> _Lef
     for out, remaining in healthy.folds:
         scatter, single = remaining.scatter(cycles), remaining.scatter(1)
         centres = _centres(features, loads, ~out)
-        deviations, run, _ = _cycles_or_means(features[out] - centres[out], runs[out], loads[out], cycles)
+        deviations, run, _ = _pooled(features[out] - centres[out], runs[out], loads[out], cycles)
         scores.append(np.stack([scatter.t2(deviations), scatter.q(deviations)], axis=1))
         by_single.append(np.stack([single.t2(deviations), single.q(deviations)], axis=1))
         energies.append(np.sum(scatter.whitened(deviations) ** 2, axis=1))
@@ -249,9 +243,7 @@ def _alarms_left_out(run: int, scores: _LeftOutScores, singles: _LeftOutScores) 
     return bool(alarms)
 
 
-def _enough_runs(
-    runs: Labels, loads: Labels, selected: NDArray[np.bool_], settings: DetectorSettings
-) -> bool:
+def _enough_runs(runs: Labels, loads: Labels, selected: Selection, settings: DetectorSettings) -> bool:
     """Return whether the `selected` cycles (n,) are of enough runs for a level.
 
     These are the numbers of runs that a manoeuvre and each of its loads need, and half of all runs: the wide
@@ -263,7 +255,7 @@ def _enough_runs(
     return half and number >= settings.fewest_runs and min(at_loads) >= settings.fewest_runs_of_load
 
 
-def _centres(features: Array, loads: Labels, selected: NDArray[np.bool_]) -> Array:
+def _centres(features: Array, loads: Labels, selected: Selection) -> Array:
     """Return, for each cycle, the mean features of the `selected` cycles at its load, (n, p)."""
     means = np.zeros_like(features)
     for load in np.unique(loads):
@@ -271,9 +263,7 @@ def _centres(features: Array, loads: Labels, selected: NDArray[np.bool_]) -> Arr
     return means
 
 
-def _cycles_or_means(
-    deviations: Array, runs: Labels, loads: Labels, cycles: int
-) -> tuple[Array, Labels, Labels]:
+def _pooled(deviations: Array, runs: Labels, loads: Labels, cycles: int) -> tuple[Array, Labels, Labels]:
     """Return the cycles if `cycles` is 1, else the mean of each run at each load; with runs and loads."""
     if cycles == 1:
         return deviations, runs, loads

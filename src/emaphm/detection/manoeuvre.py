@@ -107,10 +107,7 @@ class HealthyManoeuvre:
 
 
 def command_difference(command: Array, interval_s: float, cycle: Cycle, settings: DetectorSettings) -> str:
-    """Return how the command of `cycle` differs from `command` (rows,), a clause; empty if it is the same.
-
-    `interval_s` is the sampling interval of `command` [s].
-    """
+    """Return how the command of `cycle` differs from `command` at `interval_s` [s], or an empty text."""
     if abs(cycle.interval_s / interval_s - 1) > settings.rows_tolerance:
         return f"a row every {cycle.interval_s:.4g} s, not {interval_s:.4g} s"
     if abs(cycle.command.size / command.size - 1) > settings.rows_tolerance:

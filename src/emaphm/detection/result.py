@@ -32,10 +32,7 @@ class Contribution:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The seeded fault with the largest share of a deviation along its direction.
-
-    `share` is this share; `alike` whether it is large enough to name the fault.
-    """
+    """The seeded fault with the largest `share` of a deviation; `alike` if this is enough to name it."""
 
     fault: str
     share: float

@@ -59,10 +59,7 @@ class StrokeCurrent:
 
 
 def current_per_load(currents: Sequence[StrokeCurrent], loads: Sequence[float]) -> float:
-    """Return the current per unit of load [A/N or A/(N·m)], by least squares through 0.
-
-    It is NaN if all loads are 0.
-    """
+    """Return the current per unit of load [A/N or A/(N·m)], by least squares through 0; NaN if all are 0."""
     known = np.asarray(loads, dtype=np.float64)
     measured = np.array([current.load_A for current in currents])
     return float(measured @ known / (known @ known)) if np.any(known) else float("nan")

@@ -13,8 +13,7 @@ FEWEST_POSITIVE = 1e-300
 """Replaces a statistic of 0, which has no logarithm."""
 
 LEAST_DEVIATION = 1e-6
-"""Least standard deviation of a statistic's logarithm, for healthy cycles that are the same, as in
-simulations."""
+"""Least standard deviation of a statistic's logarithm, for simulated healthy cycles that are the same."""
 
 FEWEST_INDEPENDENT = 3.0
 """Least number of independent values for serially correlated runs: Student's 99 % quantile is 7 for three
