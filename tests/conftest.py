@@ -155,7 +155,7 @@ def undrawn_prognosis(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def any_delay_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the estimators of `amortized.toys`, which compare nothing, answer as if they would see a delay."""
-    monkeypatch.setattr(delays, "DELAYS", replace(delays.DELAYS, shown=0.0))
+    monkeypatch.setattr(delays, "DELAYS", replace(delays.DELAYS, least_change=0.0))
 
 
 @pytest.fixture
@@ -164,5 +164,5 @@ def answers_taken(any_delay_shows: None, monkeypatch: pytest.MonkeyPatch) -> Non
 
     When they are is tested in `tests/amortized`.
     """
-    monkeypatch.setattr("emaphm.amortized.diagnosing._left_unexplained", lambda *_, **__: ())
+    monkeypatch.setattr("emaphm.amortized.diagnosing._reasons_not_explained", lambda *_, **__: ())
     monkeypatch.setattr("emaphm.amortized.diagnosing.other_explanations", lambda *_: ())

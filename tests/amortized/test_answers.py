@@ -106,11 +106,11 @@ def test_principal_components_are_those_of_the_singular_values() -> None:
     singular = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[:4] / 600**0.5
     np.testing.assert_allclose(projection.deviations, singular, rtol=5e-3)
     features = projection.features(rows)
-    # Half precision of the directions is what is left.
+    # The difference is the half precision of the directions.
     np.testing.assert_allclose(np.cov(features.T), np.eye(4), atol=0.02)
 
 
-def test_what_is_of_another_shape_is_far_from_the_training_set() -> None:
+def test_rows_off_the_principal_components_are_far_from_the_training_set() -> None:
     rng = np.random.default_rng(6)
     noise = np.full(2, 0.01, np.float32)
     clean = (rng.normal(size=(600, 4)) @ rng.normal(size=(4, 60))).reshape(600, 2, 30).astype(np.float32)
@@ -147,7 +147,7 @@ def exact_answers(count: int, stated: float, rng: np.random.Generator) -> tuple[
     return answers, truths
 
 
-def test_right_answers_are_judged_right_and_sure_ones_wrong() -> None:
+def test_coverage_and_ranks_accept_correct_and_reject_overconfident_answers() -> None:
     rng = np.random.default_rng(7)
     answers, truths = exact_answers(COUNT, 1.0, rng)
     right = judged(answers, truths, SPACE, rng)

@@ -1,4 +1,4 @@
-"""Delays of a row: found where the recording taken back is clearly understood better, and only there."""
+"""Delays of a row: detected if the residual of the shifted recording is clearly smaller, and only then."""
 
 from dataclasses import replace
 
@@ -38,79 +38,79 @@ def delayed(recording: Recording, rows: int, names: tuple[str, ...]) -> Recordin
     return Recording({name: recording[name][at] if name in names else recording[name] for name in recording})
 
 
-def found(recording: Recording, estimator: Estimator = SURE) -> str | None:
-    rows = delays.in_time_and_moved(estimator, recording)
+def clause_of(recording: Recording, estimator: Estimator = SURE) -> str | None:
+    rows = delays.shifted_rows(estimator, recording)
     answers, rng = estimator.answers(rows, INPUTS), np.random.default_rng(0)
-    return delays.found_delay(estimator, Comparison.of(SETUP, INPUTS, rows, answers, rng))
+    return delays.delay_clause(estimator, Comparison.of(SETUP, INPUTS, rows, answers, rng))
 
 
 @pytest.fixture
-def understood(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let an estimator leave what a recording differs by from the one in time, and a little noise."""
-    in_time = SURE.rows(recording)
+def residuals_of_shifts(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Replace residuals by the difference from the recording without a delay, plus a little noise."""
+    unshifted = SURE.rows(recording)
 
-    def left(_estimator: Estimator, compared: Comparison) -> tuple[list[float], float]:
-        return [float(np.mean((one - in_time) ** 2)) + 1e-3 for one in compared.rows], 100.0
+    def sizes(_estimator: Estimator, comparison: Comparison) -> tuple[list[float], float]:
+        return [float(np.mean((rows - unshifted) ** 2)) + 1e-3 for rows in comparison.rows], 100.0
 
-    monkeypatch.setattr(delays, "_left", left)
+    monkeypatch.setattr(delays, "_residual_sizes", sizes)
 
 
 @pytest.mark.parametrize("names", [BOTH, ("current_A",)])
-@pytest.mark.parametrize(("rows", "way"), [(1, "late"), (-1, "early")])
-@pytest.mark.usefixtures("understood")
-def test_a_row_of_delay_is_named(recording: Recording, rows: int, way: str, names: tuple[str, ...]) -> None:
-    what = "current_A" if names != BOTH else "all that was measured"
-    assert (
-        found(delayed(recording, rows, names))
-        == f"{what} seems to come a row {way}: taken back, it leaves less"
-    )
+@pytest.mark.parametrize(("rows", "direction"), [(1, "late"), (-1, "early")])
+@pytest.mark.usefixtures("residuals_of_shifts")
+def test_a_row_of_delay_is_detected(
+    recording: Recording, rows: int, direction: str, names: tuple[str, ...]
+) -> None:
+    group = "current_A" if names != BOTH else "all that was measured"
+    clause = f"{group} seems to come a row {direction}: shifted back, its residual is smaller"
+    assert clause_of(delayed(recording, rows, names)) == clause
 
 
-@pytest.mark.usefixtures("understood")
-def test_a_recording_in_time_has_none(recording: Recording) -> None:
-    assert found(recording) is None
+@pytest.mark.usefixtures("residuals_of_shifts")
+def test_a_recording_without_a_delay_has_none(recording: Recording) -> None:
+    assert clause_of(recording) is None
 
 
-def test_what_fits_about_as_well_both_ways_is_no_delay(
+def test_equal_residuals_for_both_shifts_are_no_delay(
     recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sizes: dict[str, list[float]] = {"now": []}
-    monkeypatch.setattr(delays, "_left", lambda *_: (sizes["now"], 100.0))
+    monkeypatch.setattr(delays, "_residual_sizes", lambda *_: (sizes["now"], 100.0))
     sizes["now"] = [1.2, 1.0, 1.3, 1.1, 1.2]
-    assert found(recording) is None
+    assert clause_of(recording) is None
     sizes["now"] = [1.2, 1.0, 1.5, 1.1, 1.2]
-    assert "all that was measured seems to come a row early" in str(found(recording))
+    assert "all that was measured seems to come a row early" in str(clause_of(recording))
 
 
-def test_a_degraded_gain_may_be_a_delay_where_that_would_not_show(
+def test_a_degraded_gain_may_be_a_delay_if_a_delay_hardly_changes_the_residual(
     recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    alike = [1.0] * 5
-    monkeypatch.setattr(delays, "_left", lambda *_: (alike, 7.9))
-    assert str(found(recording)).startswith("its gain may be a delay: one of a row would change")
-    whole = constant_estimator(SETUP, SETUP.space.points(replace(TRUTH, gain=0.5).vector), 1e-3)
-    assert found(recording, whole) is None
-    monkeypatch.setattr(delays, "_left", lambda *_: (alike, 8.1))
-    assert found(recording) is None
+    equal = [1.0] * 5
+    monkeypatch.setattr(delays, "_residual_sizes", lambda *_: (equal, 7.9))
+    assert str(clause_of(recording)).startswith("its gain may be a delay: a delay of one row would change")
+    healthy_gain = constant_estimator(SETUP, SETUP.space.points(replace(TRUTH, gain=0.5).vector), 1e-3)
+    assert clause_of(recording, healthy_gain) is None
+    monkeypatch.setattr(delays, "_residual_sizes", lambda *_: (equal, 8.1))
+    assert clause_of(recording) is None
 
 
-def test_a_delay_shows_by_its_length_less_what_the_answer_takes_up() -> None:
+def test_the_effect_of_a_delay_is_its_projected_length() -> None:
     rows = SETUP.samples // block_of(SETUP.samples) * len(BOTH)
-    seen = Whitening(np.ones(2), np.zeros(rows, np.float32), np.eye(rows, 40, dtype=np.float32))
-    estimator = replace(SURE, update=replace(SURE.update, whitening=seen))
+    first_rows = Whitening(np.ones(2), np.zeros(rows, np.float32), np.eye(rows, 40, dtype=np.float32))
+    estimator = replace(SURE, update=replace(SURE.update, whitening=first_rows))
     points = SETUP.space.points(TRUTH.vector)[np.newaxis]
     modelled = simulated(SETUP, INPUTS, AVERAGED, points)
     answers = [Mixture(np.ones(1), points, 1e-6 * np.eye(points.size)[np.newaxis])]
     compared = Comparison.of(SETUP, INPUTS, modelled, answers, np.random.default_rng(0))
-    residuals, shown = delays._left(estimator, compared)
+    residuals, change = delays._residual_sizes(estimator, compared)
     slope = np.gradient(modelled[0, 0].astype(float))[:40]
     assert residuals[0] < 1e-6
-    assert shown <= np.linalg.norm(slope) / block_of(SETUP.samples) * (1 + 1e-6)
-    assert shown > 0
+    assert change <= np.linalg.norm(slope) / block_of(SETUP.samples) * (1 + 1e-6)
+    assert change > 0
 
 
 @pytest.mark.usefixtures("any_delay_shows")
-def test_a_gain_that_a_delay_would_explain_is_not_taken_from_the_network() -> None:
+def test_a_gain_that_a_delay_would_explain_is_not_accepted_from_the_network() -> None:
     def of_gain(gain: float) -> tuple[Array, Recording]:
         faults = Faults(friction=0.3, gain=gain)
         whole = simulate(THESIS, Chirp(), faults=faults, noise=0.05, adc_bits=12)

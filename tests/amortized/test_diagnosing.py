@@ -1,4 +1,4 @@
-"""A diagnosis with an estimator: believed, corrected, not believed, refused."""
+"""A diagnosis with an estimator: the answer is accepted, corrected or rejected, or the recording refused."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -41,7 +41,7 @@ def test_the_answer_alone_is_the_networks(recording: Recording) -> None:
     diagnosis = diagnose_by(constant_estimator(SETUP, ANSWER, 0.01), recording, THESIS, fast=True)
     assert diagnosis.method == "estimator"
     assert diagnosis.explained
-    # Half precision of its weights is what is left.
+    # The difference is the half precision of the weights.
     np.testing.assert_allclose(diagnosis.faults.vector, TRUTH.vector, atol=1e-3)
     assert diagnosis.components["friction"].standard_error == pytest.approx(0.01, rel=1e-3)
     assert diagnosis.components["friction"].verdict == "degraded"
@@ -75,7 +75,7 @@ def test_the_answer_alone_has_the_cautions_of_any_diagnosis() -> None:
     assert any("the inertia is taken as described" in note for note in found.recording_notes)
 
 
-def test_an_estimator_of_a_manoeuvre_elsewhere_takes_what_starts_there(
+def test_an_estimator_of_another_start_position_accepts_recordings_that_start_there(
     recording: Recording, tmp_path: Path
 ) -> None:
     # Whole turns of the motor out, so that the phases are where they are at 0.
@@ -105,7 +105,7 @@ def test_the_answer_alone_is_had_without_a_search(recording: Recording) -> None:
     assert isinstance(found, Diagnosis)
     assert found.faults == diagnose_by(sure, recording, THESIS, fast=True).faults
     for unusable, why in (
-        (with_limit(sure, 1e-6), "than simulations are"),
+        (with_limit(sure, 1e-6), "larger than that of simulations"),
         (constant_estimator(SETUP, ANSWER + 0.05, 0.05), "residual"),
     ):
         reasons = answer_alone(unusable, recording, THESIS)
@@ -116,7 +116,7 @@ def test_the_answer_alone_is_had_without_a_search(recording: Recording) -> None:
 def test_a_delay_is_named_only_where_the_answer_explains_the_rest(
     recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(diagnosing, "found_delay", lambda *_: "current_A seems to come a row late")
+    monkeypatch.setattr(diagnosing, "delay_clause", lambda *_: "current_A seems to come a row late")
     sure, hardly_trained = (
         constant_estimator(SETUP, answer, 0.01)
         for answer in (ANSWER, SETUP.space.points(Faults(gain=0.9).vector))
@@ -130,7 +130,7 @@ def test_a_delay_is_named_only_where_the_answer_explains_the_rest(
 
 def test_a_search_begins_at_the_answer(recording: Recording) -> None:
     near = ANSWER + 0.02
-    # With nuisances named, nothing else is looked for after the search.
+    # With named nuisances, no selection follows the search.
     named = THESIS.nuisances.estimated
     diagnosis = diagnose_by(
         constant_estimator(SETUP, near, 0.03), recording, THESIS, nuisances=named, workers=1
@@ -154,11 +154,11 @@ def test_an_answer_that_explains_nothing_is_corrected(recording: Recording) -> N
 
 def test_a_recording_unlike_the_training_set_is_searched_in_full(recording: Recording) -> None:
     estimator = with_limit(constant_estimator(SETUP, ANSWER, 0.01), 1e-6)
-    # With nuisances named, nothing else is looked for after the search.
+    # With named nuisances, no selection follows the search.
     named = THESIS.nuisances.estimated
     diagnosis = diagnose_by(estimator, recording, THESIS, fast=True, nuisances=named, workers=1)
     assert diagnosis.method == "hybrid"
-    assert any("not believed" in note for note in diagnosis.recording_notes)
+    assert any("is not accepted" in note for note in diagnosis.recording_notes)
     assert error_percent(TRUTH.vector, diagnosis.faults.vector) < 1.5
 
 
@@ -179,10 +179,10 @@ def test_a_recording_of_a_frozen_sensor_is_searched_in_full(recording: Recording
     sure, frozen = constant_estimator(SETUP, ANSWER, 0.01), chirp(recording, voltage_V=voltage)
     diagnosis = diagnose_by(sure, frozen, THESIS, fast=True, max_corrections=0)
     assert diagnosis.method == "hybrid"
-    assert any("not believed: voltage_V" in note for note in diagnosis.recording_notes)
+    assert any("is not accepted: voltage_V" in note for note in diagnosis.recording_notes)
 
 
-def test_a_sure_and_wrong_answer_is_not_believed(recording: Recording) -> None:
+def test_a_wrong_answer_with_a_small_uncertainty_is_not_accepted(recording: Recording) -> None:
     wrong = constant_estimator(SETUP, SETUP.space.points(Faults(friction=0.9).vector), 1e-3, limit=3.0)
     wrong = replace(wrong, limits=replace(wrong.limits, distances=np.full(2, np.inf)))
     diagnosis = diagnose_by(wrong, recording, THESIS, fast=True, max_corrections=0, workers=1)
@@ -190,7 +190,7 @@ def test_a_sure_and_wrong_answer_is_not_believed(recording: Recording) -> None:
     assert any("answer's own uncertainty" in note for note in diagnosis.recording_notes)
 
 
-def test_an_answer_of_a_large_predicted_error_is_not_believed(recording: Recording) -> None:
+def test_an_answer_of_a_large_predicted_error_is_not_accepted(recording: Recording) -> None:
     estimator = constant_estimator(SETUP, ANSWER, 0.01)
     estimator = replace(estimator, limits=replace(estimator.limits, predicted_error=0.4))
     diagnosis = diagnose_by(estimator, recording, THESIS, fast=True, max_corrections=0, workers=1)
@@ -285,7 +285,7 @@ OTHERWISE: dict[str, tuple[Callable[[Recording], Recording], Callable[[], Record
 
 
 @pytest.mark.parametrize("case", OTHERWISE)
-def test_what_another_estimator_answers_is_refused_with_both_ways_out(
+def test_a_recording_for_another_estimator_is_refused_with_both_remedies(
     recording: Recording, case: str
 ) -> None:
     change, trained_for_it, complaint = OTHERWISE[case]
@@ -313,7 +313,7 @@ NEVER: dict[str, tuple[Callable[[Recording], Recording], Actuator, str]] = {
     ),
     "too many rows": (lambda r: longer(r, 20_001), THESIS, "20,001 rows"),
 }
-"""What no training makes an estimator for: nobody is sent to train one in vain."""
+"""Recordings for which no estimator can be trained: no message advises to train one."""
 
 
 def longer(recording: Recording, rows: int) -> Recording:
@@ -322,7 +322,7 @@ def longer(recording: Recording, rows: int) -> Recording:
 
 
 @pytest.mark.parametrize("case", NEVER)
-def test_what_no_estimator_answers_is_refused_with_the_one_way_out(recording: Recording, case: str) -> None:
+def test_a_recording_for_no_estimator_is_refused_with_one_remedy(recording: Recording, case: str) -> None:
     change, actuator, complaint = NEVER[case]
     with pytest.raises(MethodError, match=complaint) as error:
         diagnose_by(constant_estimator(SETUP, ANSWER, 0.01), change(recording), actuator, fast=True)

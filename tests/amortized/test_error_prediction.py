@@ -1,4 +1,4 @@
-"""What no simulation has, and whether it shows in what an answer leaves of a recording."""
+"""Deviations that the training set lacks, and their scores in the residual at an answer."""
 
 import numpy as np
 import pytest
@@ -8,10 +8,10 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.amortized.error_prediction.comparison import Comparison, predictor_feature_count
 from emaphm.amortized.error_prediction.deviations import (
     DeviationSettings,
+    delayed,
     deviating,
     deviation_count,
     deviation_directions,
-    later,
     other_descriptions,
     smooth_friction,
 )
@@ -44,7 +44,7 @@ def test_rows_come_later_as_a_delay_says() -> None:
     time = np.linspace(0.0, 1.0, 400)
     rows = np.sin(9 * time) + np.zeros((2, 3, 1))
     blocks = np.array([[0.0, 2.0, -3.0], [0.5, -0.25, 2.6]])
-    moved = later(rows, blocks)
+    moved = delayed(rows, blocks)
     expected = np.sin(9 * (time - blocks[..., np.newaxis] * time[1]))
     np.testing.assert_allclose(moved[..., 5:-5], expected[..., 5:-5], atol=1e-5)
     np.testing.assert_array_equal(moved[0, 1, :2], rows[0, 1, 0])
@@ -67,7 +67,7 @@ def test_a_friction_that_is_smooth_already_stays() -> None:
 
 
 def scores(rows: Single, setup: RecordingSetup = SETUP) -> Array:
-    """Return the scores of recordings of POINTS, whose answers are right and sure."""
+    """Return the scores of recordings of POINTS, with correct answers of small uncertainty."""
     width = rows.shape[1] * rows.shape[2]
     whitening = Whitening(
         np.full(len(setup.channels), 0.05), np.zeros(width, np.float32), np.eye(width, dtype=np.float32)
@@ -91,7 +91,7 @@ def test_each_deviation_shows_in_its_own_score(which: int) -> None:
     assert np.abs(scores(clean)).max() < 0.1
 
 
-def test_a_delay_of_all_channels_is_known_where_there_are_several() -> None:
+def test_a_common_delay_is_a_deviation_if_there_are_several_channels() -> None:
     assert deviation_count(1) == 2 + 3
     assert deviation_count(2) == 2 + 1 + 6
     assert block_of(SETUP.samples) == 1

@@ -1,4 +1,4 @@
-"""An estimator's file: what was written is read, and nothing else is."""
+"""An estimator's file: a written file is read, any other file is refused."""
 
 import io
 import json
@@ -136,8 +136,8 @@ WRONG = {
             )
         )
     },
-    "channels exchanged": (setup(channels=["voltage_V", "current_A"]), "the current first"),
-    "a channel twice": (setup(channels=["current_A", "current_A"]), "each once"),
+    "channels exchanged": (setup(channels=["voltage_V", "current_A"]), "do not begin with the current"),
+    "a channel twice": (setup(channels=["current_A", "current_A"]), "one occurs twice"),
     "an unknown channel": (setup(channels=["current_A", "voltage"]), "unknown channel 'voltage'"),
     "an unknown nuisance": (
         setup(nuisances=["lod"]),
@@ -145,7 +145,7 @@ WRONG = {
     ),
     "no interval": (setup(interval_s=1e-320), "setup.interval_s"),
     "endless noise": (setup(noise=1e308), "setup.noise"),
-    "other rows": (setup(sampling="instant"), "rows are not as"),
+    "other rows": (setup(sampling="instant"), "sampling differs from"),
     "a negative limit": (replaced("limits.ratios.npy", array(np.array([1.0, -1.0]))), "below 0"),
     "another actuator's laws": (header(setup={}), "setup.actuator"),
 }
@@ -218,7 +218,7 @@ def test_another_compression_than_ours_is_refused(written: Path, tmp_path: Path)
     with zipfile.ZipFile(written) as ours, zipfile.ZipFile(path, "w", zipfile.ZIP_LZMA) as theirs:
         for name in ours.namelist():
             theirs.writestr(name, ours.read(name), zipfile.ZIP_STORED if name == HEADER else None)
-    with pytest.raises(MethodError, match="compressed in another way"):
+    with pytest.raises(MethodError, match="compressed by a method"):
         Estimator.load(path)
 
 

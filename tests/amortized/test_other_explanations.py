@@ -1,4 +1,4 @@
-"""What else may be the faults that an answer alone names: nothing, or a law that nobody described."""
+"""Other explanations of the faults of an answer alone: none, or a law that the description lacks."""
 
 import numpy as np
 import pytest
@@ -21,9 +21,9 @@ FAULTS = Faults(friction=0.3, backlash=0.2, short_b=0.25, gain=0.4)
 def explanations(
     actuator: Actuator, faults: Faults, off: float = 0.0, hum: float = 0.0
 ) -> tuple[tuple[str, ...], int]:
-    """Return what else may be the estimate for a recording of `actuator`, and runs of the reference model.
+    """Return other explanations of an estimate for a recording of `actuator`, and the reference runs.
 
-    The estimate is `off` by so much in the friction, and the current has a `hum` of 50 Hz [A].
+    The error of the estimate is `off` in the friction, and the current has a `hum` of 50 Hz [A].
     """
     whole = on_a_rig(actuator, faults, 0.3)
     current = whole["current_A"] + hum * np.sin(2 * np.pi * 50.0 * whole["time_s"])
@@ -50,22 +50,23 @@ def test_faults_of_the_actuator_as_described_are_nothing_else() -> None:
     assert compared > 0
 
 
-def test_an_answer_that_the_reference_model_moves_is_not_believed() -> None:
+def test_an_answer_that_the_reference_model_moves_is_not_accepted() -> None:
     # 0.02 are six standard deviations of the answer; the averaged model explains the recording there.
     (clause,), _ = explanations(THESIS, FAULTS, off=0.02)
     assert "the reference model moves it by" in clause
     assert "in friction" in clause
 
 
-def test_an_answer_that_leaves_more_than_noise_wherever_it_is_moved_is_not_believed(
+def test_an_answer_with_a_large_residual_after_the_step_is_not_accepted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # Neither a law nor a parameter explains mains hum; one that resembles it would be named before.
     for name in ("suspected_laws", "possible_errors", "contradicted_control"):
         monkeypatch.setattr(module, name, lambda *_: [])
     (clause,), _ = explanations(THESIS, FAULTS, hum=0.3)
-    assert "times what noise and switching explain of current_A is left" in clause
+    assert "the residual of current_A is " in clause
+    assert "times that of noise and switching" in clause
 
 
-def test_nothing_is_asked_where_no_fault_is_named() -> None:
+def test_no_explanation_is_tested_if_no_fault_is_degraded() -> None:
     assert explanations(THESIS, Faults()) == ((), 0)

@@ -1,4 +1,4 @@
-"""Training: on a problem whose posterior is known, and from simulations to a file."""
+"""Training: on a problem with a known posterior, and from simulations to a file."""
 
 import json
 from dataclasses import replace
@@ -84,12 +84,12 @@ def test_the_posterior_of_a_linear_problem_is_learned() -> None:
 def test_numpy_and_torch_run_the_same_network() -> None:
     import torch
 
-    from emaphm.amortized.networks.torch_network import converted, made
+    from emaphm.amortized.networks.torch_network import converted, torch_module
 
     rows = linear(300, np.random.default_rng(0)).rows
     projection = Projection.of(rows, np.full(1, 0.1, np.float32), 3)
     torch.manual_seed(0)
-    module = made(3, 16, 2, 3, 4).eval()
+    module = torch_module(3, 16, 2, 3, 4).eval()
     for parameter in module.parameters():
         parameter.data = parameter.data.half().float()
     network = converted(module, projection, np.ones(4), 3)
@@ -139,7 +139,7 @@ def test_many_draws_are_learned_from_in_fewer_epochs() -> None:
     assert replace(settings, most_steps=None).of_draws(256_000).epochs == 40
 
 
-def test_divergence_is_said_and_the_best_state_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_divergence_is_reported_and_the_best_state_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     from emaphm.amortized.networks import training as module
 
     whole = module._Run.epoch
@@ -169,7 +169,7 @@ def test_divergence_is_said_and_the_best_state_kept(monkeypatch: pytest.MonkeyPa
     assert np.all(np.isfinite(trained.network.entry.weight))
 
 
-def test_training_stops_when_nothing_more_is_learned() -> None:
+def test_training_stops_when_the_validation_loss_no_longer_falls() -> None:
     settings = TrainingSettings(
         principal=3, width=32, depth=1, components=1, batch=32, epochs=60, patience=2, rate=1e-2, warm_up=1
     )
@@ -186,7 +186,7 @@ def test_training_stops_when_nothing_more_is_learned() -> None:
     assert trained.epochs[-1].validation_loss > min(one.validation_loss for one in trained.epochs)
 
 
-def test_an_estimator_is_poor_where_its_means_err() -> None:
+def test_an_estimator_with_large_errors_of_its_means_is_poor() -> None:
     space = short_setup().space
     truths = np.tile(space.points(Faults(friction=0.3, gain=0.6).vector), (64, 1))
 
@@ -201,11 +201,12 @@ def test_an_estimator_is_poor_where_its_means_err() -> None:
     assert str(judgement(0.11).poor).startswith("poor: its answers err by 11 % (median)")
 
 
-def test_a_second_network_that_loses_is_noted() -> None:
+def test_a_second_network_with_a_larger_error_is_noted() -> None:
     first, second = (Epoch(3, 9, 1.0, 2.0, error, 1.0) for error in (53.5, 72.5))
+    note = "72.5 % with the second network, 53.5 % with the first alone; give more --simulations"
     assert notes_on_second_network(second, first) == notes_on_second_network(first, first) == []
     assert notes_on_second_network(first, second) == [
-        "the second network errs by 72.5 %, the first alone by 53.5 % (median); give more --simulations"
+        f"the median error is {errors}; give more --simulations"
     ]
 
 
@@ -219,7 +220,7 @@ def small_shards(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("small_shards")
-def test_simulations_go_on_where_they_stopped(tmp_path: Path) -> None:
+def test_simulations_continue_after_an_interruption(tmp_path: Path) -> None:
     setup = short_setup()
     folder = training_folder(tmp_path / "work", setup, 0)
     with folder.locked():
@@ -262,7 +263,7 @@ def test_two_trainings_do_not_share_a_folder(tmp_path: Path) -> None:
         training_folder(tmp_path / "work", short_setup(channels=("current_A",)), 0)
 
 
-def test_shards_of_another_version_are_not_gone_on_with(tmp_path: Path) -> None:
+def test_shards_of_another_version_are_not_continued(tmp_path: Path) -> None:
     folder = training_folder(tmp_path / "work", short_setup(), 0)
     begun = json.loads(folder.settings.read_text(encoding="utf-8"))
     for there in ({"revision": "0123456789ab"}, {}):
@@ -307,7 +308,7 @@ def test_from_simulations_to_a_file(tmp_path: Path) -> None:
     one, other = (each.answers(held[1][:1], inputs)[0] for each in (estimator, again))
     np.testing.assert_allclose(one.mean, other.mean, atol=1e-6)
     assert again.facts["simulations"] == 128
-    # Of 128 simulations nothing can be learned, which the file says.
+    # 128 simulations are too few to learn from, and the file states it.
     assert again.facts["judgement"]["median_error_percent"] > 50
     assert any(note.startswith("poor: ") for note in again.facts["notes"])
     assert set(again.facts["judgement"]["coverage95"]) == set(setup.space.coordinates)

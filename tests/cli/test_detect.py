@@ -99,8 +99,8 @@ def test_a_diagnosis_says_beside_the_faults_whether_it_is_like_healthy(emaphm: E
 
 def test_what_it_cannot_do_is_refused_in_one_line(folder: Path, refused: Refusal) -> None:
     known = folder / "known.json"
-    assert "never seen healthy" in refused("detect", "judge", known, "good.csv")
-    assert "never seen healthy" in refused("diagnose", "good.csv", "--healthy", known)
+    assert "no healthy cycles" in refused("detect", "judge", known, "good.csv")
+    assert "no healthy cycles" in refused("diagnose", "good.csv", "--healthy", known)
     assert "no detector" in refused("detect", "judge", folder / "thesis.toml", "good.csv")
     assert "no recording to judge" in refused("detect", "judge", known)
     assert "no healthy recordings" in refused("detect", "learn", "--out", "new.json")

@@ -48,7 +48,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["diagnose", "{0}/0.csv", "--estimator", "{0}/unit.estimator", "--method", "ga"], "method 'hybrid'"),
         (
             ["diagnose", "{0}/0.csv", "--estimator", "{0}/unit.estimator", "--fast", "--nuisance", "load"],
-            "trained on",
+            "nuisances of its training",
         ),
         (
             ["diagnose", "{0}/0.csv", "{0}/1.csv", "--joint", "--estimator", "{0}/unit.estimator"],

@@ -1,4 +1,4 @@
-"""The detector: its rate of false alarms is the stated one, it finds what is not healthy, and says where."""
+"""The detector: rate of false alarms, detection of faults with their place, files and refused recordings."""
 
 import math
 from dataclasses import replace
@@ -38,7 +38,7 @@ def test_the_rate_of_false_alarms_is_the_stated_one(detectors: int) -> None:
     assert abs(alarms - expected) < 3 * (0.95 * expected) ** 0.5
 
 
-def test_it_finds_what_no_healthy_run_has_and_says_where(detector: Detector) -> None:
+def test_a_fault_is_detected_with_its_place(detector: Detector) -> None:
     recordings, _ = runs(STIFF_UP, 1, seed=5, cycles=3)
     result = detector.judge(recordings)
     assert not result.like_healthy
@@ -77,7 +77,7 @@ def test_an_angle_in_degrees_is_no_fault(detector: Detector) -> None:
         detector.judge(with_channel(one, "position_rad", 180 / math.pi))
 
 
-def test_a_channel_that_never_varies_is_not_looked_at() -> None:
+def test_a_channel_without_variation_is_not_evaluated() -> None:
     healthy, _ = runs(HEALTHY, 12, seed=0)
     noisy = [one["current_A"] for one in healthy]
     kept = ("time_s", "command_rad", "load_Nm", "position_rad")
@@ -103,7 +103,7 @@ def test_the_mean_of_a_run_is_more_sensitive_than_a_cycle() -> None:
     assert np.mean(together) > np.mean(single) + 0.1
 
 
-def test_it_says_what_so_few_runs_can_show() -> None:
+def test_the_bound_on_the_rate_is_stated() -> None:
     recordings, _ = runs(HEALTHY, 15, seed=8)
     result = Detector.learn(recordings).judge(recordings[0])
     assert "at most 1 % cannot be shown with fewer than 299 runs" in result.shown
@@ -123,11 +123,11 @@ def test_healthy_runs_that_drift_are_named() -> None:
     assert "drift" not in known.judge(steady[0]).shown
 
 
-def test_a_drift_is_as_unlikely_as_the_share_of_orders_that_are_as_steady() -> None:
+def test_the_probability_of_a_drift_is_the_share_of_orders_that_are_as_steady() -> None:
     # Of n! orders, one rises throughout and one falls.
     for count in (4, 5, 6, 7):
         assert drift_by_chance(np.arange(float(count))) == pytest.approx(2 / math.factorial(count))
-    # Of a drawn 10,000, none is as steady: 1 in 10,001 is what that shows.
+    # None of 10,000 random orders is as steady: the probability is 1 in 10,001.
     assert drift_by_chance(np.arange(20.0)) == pytest.approx(1 / 10_001)
 
 
@@ -136,7 +136,7 @@ def test_cycles_taken_for_runs_show_no_rate() -> None:
     taken_for_runs, grouped = Detector.learn(cycles), Detector.learn(cycles, groups=groups)
     single = taken_for_runs.manoeuvres[0].levels[0]
     assert single.independent < 25
-    assert "each resembles the one before it" in str(taken_for_runs)
+    assert "each resembles the run before it" in str(taken_for_runs)
     assert "with 95 % confidence" not in str(taken_for_runs)
     assert taken_for_runs.to_dict()["manoeuvres"][0]["levels"][0]["shown_rate"] is None
     assert "at most 45 % of false alarms are shown" in str(grouped)  # 0 of 5: 1 - 0.05^(1/5)
@@ -160,16 +160,16 @@ def test_the_nearest_seeded_fault_is_named(detector: Detector) -> None:
         nearest = taught.judge(runs(rig, 1, seed=11, cycles=3)[0]).nearest
         assert nearest is not None
         assert (nearest.fault, nearest.alike) == (name, True)
-    # What has the opposite direction is like none of them.
+    # A deviation in the opposite direction is like none of the seeded faults.
     opposite = taught.judge(runs(Rig(friction=0.7), 1, seed=12, cycles=3)[0])
     assert opposite.nearest is not None
     assert not opposite.nearest.alike
     assert "like none of the seeded faults" in opposite.sentence
 
 
-def test_left_out_runs_are_judged_without_themselves() -> None:
+def test_left_out_runs_are_judged_by_the_other_runs() -> None:
     recordings, groups = runs(HEALTHY, 8, seed=13, cycles=2)
-    # One run is far off: only a detector that never saw it can say so.
+    # The deviation of one run is large: only a detector that has not learned from it detects this.
     odd, _ = runs(Rig(friction=1.6), 1, seed=14, cycles=2)
     judged = {one.group: one for one in judged_left_out([*recordings, *odd], [*groups, "odd", "odd"])}
     assert len(judged) == 9
@@ -177,7 +177,7 @@ def test_left_out_runs_are_judged_without_themselves() -> None:
     assert len(judged["odd"].cycles) == 2
 
 
-def test_too_few_runs_to_leave_one_out_are_counted_as_they_are() -> None:
+def test_too_few_runs_to_leave_one_out_are_reported_with_their_number() -> None:
     recordings, _ = runs(HEALTHY, 5, seed=27)
     with pytest.raises(
         RecordingError, match=r"4 healthy runs .*counted without the run of .*, which is left out"
@@ -185,7 +185,7 @@ def test_too_few_runs_to_leave_one_out_are_counted_as_they_are() -> None:
         list(judged_left_out(recordings, "abcde"))
 
 
-def test_saved_and_loaded_it_says_the_same(detector: Detector, tmp_path: Path) -> None:
+def test_a_saved_and_loaded_detector_has_the_same_result(detector: Detector, tmp_path: Path) -> None:
     taught = detector.with_seeded({"friction": runs(WORN, 2, seed=15)[0]})
     taught.save(tmp_path / "detector.json")
     loaded = Detector.load(tmp_path / "detector.json")
@@ -196,7 +196,7 @@ def test_saved_and_loaded_it_says_the_same(detector: Detector, tmp_path: Path) -
     assert loaded.settings == taught.settings
 
 
-def test_loads_are_told_apart_and_judged_each_by_its_own() -> None:
+def test_each_load_is_judged_by_its_own_healthy_cycles() -> None:
     light, groups = runs(HEALTHY, 8, seed=17, load=100.0)
     heavy, _ = runs(HEALTHY, 8, seed=18, load=-300.0)
     known = Detector.learn([*light, *heavy], groups=[*groups, *(100 + k for k in groups)])
@@ -204,7 +204,7 @@ def test_loads_are_told_apart_and_judged_each_by_its_own() -> None:
     for load in (100.0, -300.0):
         assert known.judge(runs(HEALTHY, 1, seed=19, load=load)[0]).like_healthy
     with pytest.raises(
-        RecordingError, match=r"never seen healthy at the load 200 \(known: load 100, load -300"
+        RecordingError, match=r"no healthy cycles at the load 200 \(known: load 100, load -300"
     ):
         known.judge(runs(HEALTHY, 1, seed=20, load=200.0)[0])
     with pytest.raises(RecordingError, match="another manoeuvre or load"):
@@ -215,10 +215,11 @@ def changed(recording: Recording, **columns: object) -> Recording:
     return Recording({**recording.channels, **columns}, "instant", "changed.csv")  # type: ignore[dict-item]
 
 
-def test_a_manoeuvre_never_seen_healthy_is_refused(detector: Detector) -> None:
+def test_a_manoeuvre_without_healthy_cycles_is_refused(detector: Detector) -> None:
     one = runs(HEALTHY, 1, seed=21)[0][0]
     with pytest.raises(
-        RecordingError, match=r"changed\.csv: this manoeuvre was never seen healthy \(its command"
+        RecordingError,
+        match=r"changed\.csv: the detector has no healthy cycles of this manoeuvre \(its command",
     ):
         detector.judge(changed(one, command_rad=one["command_rad"] ** 2))
     with pytest.raises(RecordingError, match=r"a row every 0\.02 s, not 0\.04 s"):
@@ -231,7 +232,7 @@ def test_a_manoeuvre_never_seen_healthy_is_refused(detector: Detector) -> None:
 def test_a_missing_channel_is_named(detector: Detector) -> None:
     one = runs(HEALTHY, 1, seed=22)[0][0]
     rest = {name: values for name, values in one.channels.items() if name != "position_rad"}
-    with pytest.raises(RecordingError, match="no position_rad, which the detector was taught with"):
+    with pytest.raises(RecordingError, match="no position_rad, which the detector has learned with"):
         detector.judge(Recording(rest))
 
 
@@ -298,7 +299,7 @@ def test_the_figure_shows_both_statistics_and_every_segment(detector: Detector) 
     assert {"current_A", "position_rad"} <= labels
 
 
-def test_of_a_load_that_was_not_recorded_no_value_is_said(tmp_path: Path) -> None:
+def test_a_load_that_was_not_recorded_has_no_value(tmp_path: Path) -> None:
     def without_load(recordings: list[Recording]) -> list[Recording]:
         kept = [{name: one[name] for name in one.names if name != "load_Nm"} for one in recordings]
         return [one.with_channels(channels, []) for one, channels in zip(recordings, kept, strict=True)]
@@ -309,7 +310,7 @@ def test_of_a_load_that_was_not_recorded_no_value_is_said(tmp_path: Path) -> Non
     known = Detector.load(tmp_path / "known.json")
     assert known.to_dict()["manoeuvres"][0]["loads"] == ["load not recorded"]
     assert "load 0" not in str(known)
-    # A healthy unit under another load: not like healthy, and what else that may be is said.
+    # A healthy unit under another load is not like healthy, and the sentence names this possible cause.
     (loaded,) = without_load(runs(HEALTHY, 1, seed=41, load=600.0)[0])
     result = known.judge(loaded)
     assert not result.like_healthy

@@ -1,4 +1,4 @@
-"""By what the mean of a run is judged: by the scatter of means of healthy runs that are as long."""
+"""Levels: the mean of a run is judged by the scatter of means of healthy runs with as many cycles."""
 
 from collections.abc import Sequence
 
@@ -50,18 +50,18 @@ def test_a_level_needs_half_of_the_runs_and_twice_the_cycles_of_the_one_before()
     assert numbers(learned([1] * 4 + [5] * 4)) == [(1, 8)]
 
 
-def test_a_result_says_which_level_judged_it() -> None:
+def test_a_result_states_the_level_by_which_it_was_judged() -> None:
     detector = learned([5] * 10)
     five, _ = runs(HEALTHY, 1, seed=3, cycles=5)
     whole, part, single = detector.judge(five), detector.judge(five[:4]), detector.judge(five[0])
     assert [one.level_cycles for one in (whole, part, single)] == [5, 1, 1]
     assert "4 cycles by the scatter of single ones" in part.sentence
     assert "scatter of single ones" not in whole.sentence + single.sentence
-    assert "false alarms, of means of 5 cycles or more." in str(whole)
+    assert "false alarms, for means of 5 cycles or more." in str(whole)
     assert part.to_dict()["level_cycles"] == 1
 
 
-def test_of_few_runs_a_run_whose_cycles_all_alarm_is_found() -> None:
+def test_with_few_healthy_runs_a_run_with_alarms_in_all_cycles_is_detected() -> None:
     found, cycles_found, alarms = list[float](), list[float](), 0
     for seed in range(3):
         detector = learned([5] * 5, seed)

@@ -1,4 +1,4 @@
-"""What the model explains is taken off first: a fault that is none of the model's stands out from healthy."""
+"""Detection with the model's output subtracted: a fault that the model lacks is detected."""
 
 import numpy as np
 import pytest
@@ -43,22 +43,22 @@ def detector() -> Detector:
     return Detector.learn([recorded(seed) for seed in range(12)], actuator=THESIS)
 
 
-def test_a_fault_that_is_none_of_the_models_is_detected(detector: Detector) -> None:
+def test_a_fault_that_the_model_lacks_is_detected(detector: Detector) -> None:
     results = [detector.judge(recorded(seed, rattle=0.15)) for seed in range(100, 106)]
     assert not any(one.like_healthy for one in results)
     assert all(one.by_channel["current_A"] > 0.5 for one in results)
 
 
-def test_healthy_runs_are_not(detector: Detector) -> None:
+def test_healthy_runs_are_like_healthy(detector: Detector) -> None:
     results = [detector.judge(recorded(seed)) for seed in range(200, 212)]
     # At 1 %, two or more alarms of twelve have the probability 0.6 %.
     assert sum(not one.like_healthy for one in results) <= 1
 
 
-def test_the_model_takes_off_what_a_load_within_the_tolerance_changes() -> None:
+def test_the_model_removes_the_effect_of_a_load_within_the_tolerance() -> None:
     loads = np.linspace(0.0495, 0.0505, 8)
     recordings = [recorded(seed, float(load)) for seed, load in enumerate(loads)]
     raw = Detector.learn(recordings)
     modelled = Detector.learn(recordings, actuator=THESIS)
-    # The scale is the rms about the mean cycle: noise alone is left of the modelled one.
+    # The scale is the rms about the mean cycle: with the model, it is that of the noise.
     assert modelled.manoeuvres[0].scales[0] < raw.manoeuvres[0].scales[0]

@@ -29,13 +29,13 @@ def test_over_all_directions_it_is_the_mahalanobis_distance() -> None:
     oracle = LedoitWolf(assume_centered=True).fit(healthy / scale)
     whole = np.sum(scatter.whitened(later) ** 2, axis=1)
     np.testing.assert_allclose(whole, oracle.mahalanobis(later / scale), rtol=1e-9)
-    # Of the part off the kept directions, here one, T² leaves out what Q has, over its variance.
+    # T² lacks the contribution of the direction of Q, here one: Q over its variance.
     assert scatter.rank == 2
     np.testing.assert_allclose(whole - scatter.t2(later), scatter.q(later) / scatter.variances[2], rtol=1e-9)
 
 
 def test_t2_of_a_gaussian_is_chi_squared() -> None:
-    # Of 20,000 cycles the covariance is known to a percent: T² has as many degrees of freedom as directions.
+    # 20,000 cycles determine the covariance to 1 %: T² has as many degrees of freedom as directions.
     scatter = HealthyScatter.learn(gaussian(20_000, 3), variance_share=1.0)
     assert scatter.rank == 2
     assert stats.kstest(scatter.t2(gaussian(2000, 4)), stats.chi2(2).cdf).pvalue > 0.01
@@ -44,14 +44,14 @@ def test_t2_of_a_gaussian_is_chi_squared() -> None:
     assert stats.kstest(few.t2(gaussian(2000, 4)), stats.chi2(1).cdf).pvalue > 0.01
 
 
-def test_q_is_what_principal_components_leave() -> None:
+def test_q_is_the_squared_residual_from_the_principal_components() -> None:
     from sklearn.decomposition import PCA
 
     healthy, later = gaussian(20_000, 5), gaussian(50, 6)
     scatter = HealthyScatter.learn(healthy, variance_share=0.6)
     oracle = PCA(n_components=1).fit(healthy / scatter.scale)
     left = later / scatter.scale - oracle.inverse_transform(oracle.transform(later / scatter.scale))
-    # Of 20,000 cycles a direction is known to 1 / √20,000; the mean Q is 1.
+    # 20,000 cycles determine a direction to 1 / √20,000; the mean Q is 1.
     np.testing.assert_allclose(scatter.q(later), np.sum(left**2, axis=1), atol=0.02)
 
 
@@ -68,7 +68,7 @@ def test_contributions_add_up_and_are_where_the_deviation_is() -> None:
     assert both[0, 2] > 0.95 * both.sum()
 
 
-def test_a_feature_that_never_varied_counts_when_it_does() -> None:
+def test_a_change_of_a_feature_without_variation_is_detected() -> None:
     healthy = gaussian(50, 8)
     healthy[:, 2] = 0.0
     scatter = HealthyScatter.learn(healthy, variance_share=0.9)
@@ -98,13 +98,13 @@ def test_a_further_normal_value_exceeds_the_prediction_bound_at_its_rate() -> No
     assert abs(exceeded - 200) < 3 * 13.8
 
 
-def test_values_of_a_run_count_by_how_much_they_resemble_each_other() -> None:
+def test_the_effective_number_depends_on_the_correlation_within_a_run() -> None:
     runs = np.repeat(np.arange(4000), 5)
     rng = np.random.default_rng(10)
     alike = np.repeat(rng.normal(size=4000), 5)
     assert effective_number(alike, runs) == pytest.approx(4000)
     assert effective_number(alike[::5], np.arange(4000)) == 4000
-    # The correlation is known to √(2 / (5·4·4000)) = 0.005, three of which are worth 6 %.
+    # The standard error of the correlation is √(2 / (5·4·4000)) = 0.005; three of them change it by 6 %.
     assert effective_number(rng.normal(size=20_000), runs) > 0.94 * 20_000
     half = alike + rng.normal(size=20_000)  # correlation 1/2: n / (1 + 4/2)
     assert effective_number(half, runs) == pytest.approx(20_000 / 3, rel=0.05)

@@ -70,13 +70,13 @@ def test_a_cycle_has_a_wider_interval_than_a_run() -> None:
     assert reference.judge(0.98, single_cycle=True).verdict != "degraded"
 
 
-def test_what_cannot_be_estimated_is_refused() -> None:
+def test_recordings_without_current_or_both_directions_are_refused() -> None:
     one = runs(Rig(), 1, seed=2)[0][0]
     rest = {name: values for name, values in one.channels.items() if name != "current_A"}
     with pytest.raises(RecordingError, match="no current_A"):
         StrokeCurrent.of(Recording(rest))
     upwards = {**one.channels, "command_rad": np.linspace(0.02, 0.14, COMMAND.size)}
-    with pytest.raises(RecordingError, match="does not go both ways"):
+    with pytest.raises(RecordingError, match="does not move in both directions"):
         StrokeCurrent.of(Recording(upwards))
     with pytest.raises(RecordingError, match="2 healthy runs at this load"):
         HealthyFriction.learn([[StrokeCurrent(1.0, 0.0)]] * 2)

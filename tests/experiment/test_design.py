@@ -1,4 +1,4 @@
-"""A test planned before it is made: the predicted precision, and whether a better manoeuvre is better."""
+"""Design of a test: the predicted precision, and the improvement by a better manoeuvre."""
 
 import json
 from collections.abc import Callable
@@ -22,12 +22,12 @@ from emaphm.experiment.test_setup import TestSetup
 from emaphm.recording import read_signal
 
 EMPS = Actuator.from_toml(Path(__file__).resolve().parents[2] / "examples" / "emps" / "emps.toml")
-"""An actuator without electrical section: friction and gain are all that it can show."""
+"""An actuator without electrical section, which has the components friction and gain only."""
 
 THESIS_CHIRP = Excitation(Chirp(), 0.5)
 
 SHORT = 0.1
-"""Duration [s] of the poor manoeuvre: it is as poor as in half a second, and sooner simulated."""
+"""Duration [s] of the poor manoeuvre: as poor as one of half a second, but simulated faster."""
 
 
 def precision_of(
@@ -39,14 +39,14 @@ def precision_of(
     sample_rate: float = 5000.0,
     count: int = 4,
 ) -> Precision:
-    """Return the predicted precision of `manoeuvre` under `count` fault vectors."""
+    """Return the predicted precision of `manoeuvre` with `count` fault vectors."""
     conditions = TestSetup.of(actuator, channels, noise, sample_rate, workers=1)
     return predicted_precision(conditions, manoeuvre, conditions.faults(count, seed=3), seed=3)
 
 
 @pytest.fixture(scope="module")
 def improved() -> Design:
-    """Return the design that begins with a chirp to 2 Hz and may go to 15 Hz."""
+    """Return the design for a given chirp up to 2 Hz, with a frequency limit of 15 Hz."""
     poor = Chirp(5e-3, 0.0, 2.0, SHORT)
     return design(THESIS, poor, duration=SHORT, max_frequency=15.0, candidates=1, tests=4, workers=1)
 
@@ -69,11 +69,11 @@ def test_expected_intervals_are_those_of_diagnoses_of_reference_recordings() -> 
     before = predicted_precision(conditions, chirp, faults, seed=5)
     after = simulate_tests(conditions, [chirp], tests=4, seed=11)[0].precision
     ratios = [after.half_widths[name] / before.half_widths[name] for name in NAMES]
-    # Two draws of the residual and of the derivatives' points differ by a fifth or so; where a diagnosis
-    # says that its correction has not settled, it allows for more.
+    # Two draws of the residual and of the derivatives' points differ by about a fifth. The intervals of a
+    # diagnosis whose correction has not settled are wider.
     assert 0.5 < np.median(ratios) < 2
     assert 0.5 < np.exp(np.median(after.logarithms - before.logarithms)) < 2
-    # From the gain to the shorts they span a factor of thirty, which is to be foreseen as well.
+    # The intervals of gain and shorts differ by a factor of thirty, which has to be predicted too.
     sizes = [[np.log(widths.half_widths[name]) for name in NAMES] for widths in (before, after)]
     assert np.corrcoef(sizes)[0, 1] > 0.9
 
@@ -100,15 +100,15 @@ def base() -> Precision:
 def test_intervals_are_as_wide_as_noise_and_rows_demand(
     base: Precision, noise: float, sample_rate: float, ratio: float
 ) -> None:
-    # White noise and nothing else: in proportion to its rms, and to the root of the rows' distance.
+    # With white noise only, they are proportional to its rms, and to the root of the sampling interval.
     other = precision_of(LINEAR_CHIRP, EMPS, noise=noise, sample_rate=sample_rate, count=48)
-    # The gain shows in a few percent of the rows alone, and from one draw of noise its width is known to a
-    # third: the ratio of 48 to 7 %, and less where friction, which shows in all, has its share in the mean.
+    # Only a few percent of the rows depend on the gain, so that one draw of noise determines its width to a
+    # third, and the ratio of 48 widths to 7 %; less for the mean with friction, on which all rows depend.
     found = np.exp(np.mean(other.logarithms - base.logarithms))
     assert found == pytest.approx(ratio, rel=0.15)
 
 
-def test_every_manoeuvre_meets_the_same_faults_and_noise() -> None:
+def test_all_manoeuvres_have_the_same_faults_and_noise() -> None:
     noises = []
     for manoeuvre in (Excitation(Chirp(), 0.1), Excitation(Sine(3e-3, 9.0), 0.05)):
         quiet, loud = (
@@ -119,7 +119,7 @@ def test_every_manoeuvre_meets_the_same_faults_and_noise() -> None:
     for long, short in zip(*noises, strict=True):
         np.testing.assert_allclose(long[: short.size], short, atol=1e-12)  # of some 10 A, to rounding
     assert np.std(noises[0][0]) == pytest.approx(0.01, rel=0.15)  # three standard errors of 500 rows
-    # One fault vector's noise is not another's: three standard errors of a correlation of 500 rows.
+    # The noises of two fault vectors are independent: three standard errors of a correlation of 500 rows.
     assert np.mean(noises[0][0] * noises[0][1]) == pytest.approx(0.0, abs=0.135 * 0.01**2)
 
 
@@ -148,14 +148,14 @@ def test_a_poor_manoeuvre_is_improved(improved: Design) -> None:
 
 @pytest.mark.evidence
 def test_a_good_excitation_stays() -> None:
-    # The thesis's chirp uses all of its own constraints: fewer amplitude or frequency cannot be better.
+    # The thesis's chirp reaches all its own limits: a smaller amplitude or frequency cannot be better.
     result = design(THESIS, Chirp(duration=0.2), duration=0.2, candidates=2, tests=4, workers=1)
     assert result.found is result.given
     assert not result.better
     assert "Nothing better was found" in str(result)
 
 
-def test_of_two_finalists_that_with_the_narrower_intervals_in_simulated_tests_is_chosen(
+def test_the_finalist_with_the_narrower_intervals_in_simulated_tests_is_selected(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     predicted = Precision({}, np.zeros(4))
@@ -189,14 +189,14 @@ def test_tests_that_refute_the_prediction_do_not_confirm_it(improved: Design) ->
 
 
 @pytest.mark.parametrize(("channels", "seen"), [(("current",), False), (("current", "position"), True)])
-def test_a_command_that_never_changes_is_seen_by_the_position_alone(
+def test_a_constant_command_has_a_note_unless_the_position_is_recorded(
     channels: tuple[str, ...], seen: bool
 ) -> None:
     found = design(EMPS, Step(0.1), duration=0.1, channels=channels, candidates=0, tests=0, workers=1)
-    assert any("sees no motion" in line for line in found.notes()) != seen
+    assert any("detects no motion" in line for line in found.notes()) != seen
 
 
-def test_chance_is_seldom_taken_for_a_gain() -> None:
+def test_a_difference_by_chance_is_seldom_significant() -> None:
     rng = np.random.default_rng(0)
     tests, runs = 12, 4000
 
@@ -218,7 +218,7 @@ def test_narrower_intervals_with_larger_errors_are_no_gain() -> None:
     assert Gain.of(before, narrower).narrower == pytest.approx(0.2)
 
 
-def test_without_windings_the_fitted_model_proves_and_that_is_said(linear: Design) -> None:
+def test_without_windings_the_fitted_model_simulates_the_tests_and_a_note_states_it(linear: Design) -> None:
     assert linear.to_dict()["proven_by"] == "averaged"
     assert "of kind 'current' does not switch" in str(linear)
     assert set(linear.given.predicted.half_widths) == {"friction", "gain"}
@@ -229,7 +229,7 @@ def test_without_windings_the_fitted_model_proves_and_that_is_said(linear: Desig
         assert 0.5 < proven.precision.half_widths[name] / half < 2
 
 
-def test_the_same_seed_finds_the_same(linear: Design) -> None:
+def test_the_same_seed_has_the_same_result(linear: Design) -> None:
     again = linear_design(workers=2)
     assert again.to_dict() == linear.to_dict()
 
@@ -264,7 +264,7 @@ def test_the_command_found_is_written_whole(improved: Design, tmp_path: Path) ->
 
 
 def test_a_command_from_a_file_is_written_as_it_was_given(tmp_path: Path) -> None:
-    # At 10 kHz, with 60 Hz at its end: rows at 100 Hz show nothing of it.
+    # At 10 kHz, with 60 Hz at its end, which rows at 100 Hz would not resolve.
     t = np.arange(-100, 6001) * 1e-4
     given = Sampled(t, 5e-3 * np.sin(2 * np.pi * 60 * t * t))
     Excitation(given, 0.5).write(tmp_path / "given.csv", 100.0)
@@ -364,7 +364,7 @@ def test_a_given_excitation_may_use_the_longer_side_of_its_end_stops() -> None:
 
 
 def test_a_test_of_a_retracted_actuator_is_planned_in_the_middle_of_its_travel() -> None:
-    # Whole turns of the motor out, so that the phases are where they are at 0.
+    # Whole turns of the motor away, so that the electrical angle is the same as at 0.
     middle = 20 * 2 * np.pi * THESIS.mechanics.gear_ratio
     stops = THESIS.mechanics.model_copy(update={"end_stops": (0.0, 2 * middle)})
     retracted = THESIS.model_copy(update={"mechanics": stops})
@@ -375,7 +375,7 @@ def test_a_test_of_a_retracted_actuator_is_planned_in_the_middle_of_its_travel()
         assert isinstance(command, Chirp | DecayingChirp)
         expected = design(THESIS, replace(command, about=0.0), duration=SHORT, candidates=0, tests=0).given
         assert mine.predicted.half_widths == pytest.approx(expected.predicted.half_widths, rel=0.05)
-    # All of the travel, which rounding must not refuse; and a command that is counted from elsewhere.
+    # The complete travel, which rounding must not refuse, and a command about another position.
     assert design(retracted, Sine(middle, 2.0, middle), candidates=0, tests=0, duration=1.0)
     apart = design(THESIS, Chirp(about=0.1), initial_position=0.102, candidates=0, tests=0).given.excitation
     assert apart.amplitude == pytest.approx(7e-3)
@@ -390,7 +390,7 @@ def test_a_test_of_a_retracted_actuator_is_planned_in_the_middle_of_its_travel()
 
 
 @pytest.mark.parametrize(("call", "message"), BAD.values(), ids=BAD.keys())
-def test_what_cannot_be_is_refused_in_one_line(call: Callable[[], Any], message: str) -> None:
+def test_impossible_arguments_are_refused_in_one_line(call: Callable[[], Any], message: str) -> None:
     with pytest.raises(EmaphmError) as error:
         call()
     assert message in str(error.value)
@@ -402,12 +402,12 @@ def test_the_default_chirp_sweeps_to_15_hz_whatever_its_duration(duration: float
     result = design(EMPS, duration=duration, candidates=0, tests=0)
     t = np.linspace(0.0, duration, 200_001)
     crossings = t[1:][np.diff(np.sign(result.given.excitation.command(t))) != 0]
-    # The last two crossings are less than a period before the end, in which 1 Hz is swept at most.
+    # The last two crossings are less than a period before the end; in a period, it sweeps by 1 Hz at most.
     assert 0.5 / (crossings[-1] - crossings[-2]) == pytest.approx(15.0, abs=1.0)
     assert result.given.excitation.frequency_hz == 15.0
 
 
-def test_a_chirp_that_is_played_for_longer_sweeps_on_and_exceeds_its_limit() -> None:
+def test_a_chirp_beyond_its_own_duration_continues_its_sweep_and_exceeds_its_limit() -> None:
     chirp = Chirp(2e-3, 0.0, 15.0, 0.5)
     longer = Excitation(chirp, 2.0)
     t = np.linspace(0.0, 2.0, 400_001)
@@ -429,9 +429,7 @@ def test_a_chirp_that_is_played_for_longer_sweeps_on_and_exceeds_its_limit() -> 
         (lambda t: 2e-3 * np.sin(40 * t), 2e-3, None),
     ],
 )
-def test_a_manoeuvre_knows_its_own_limits(
-    command: Command, amplitude: float, frequency: float | None
-) -> None:
+def test_the_limits_of_a_manoeuvre(command: Command, amplitude: float, frequency: float | None) -> None:
     manoeuvre = Excitation(command, 0.5)
     assert manoeuvre.amplitude == pytest.approx(amplitude, rel=1e-5)
     assert manoeuvre.frequency_hz == frequency

@@ -1,4 +1,4 @@
-"""A flight cut into stretches: rests and small commands are refused with the reason, the rest identifies."""
+"""Segmentation of a flight: rests and small commands are refused with a reason, other stretches accepted."""
 
 import itertools
 from pathlib import Path
@@ -60,7 +60,7 @@ def test_rests_are_refused_and_motions_are_not(cut: Segments) -> None:
         assert all("friction" in one.identifies for one in inside)
 
 
-def test_a_command_that_is_too_small_is_refused_with_what_would_be_known(whole: Recording) -> None:
+def test_a_command_that_is_too_small_is_refused_with_the_best_precision(whole: Recording) -> None:
     strict = segments(whole, THESIS, wanted=1e-3).stretches
     refused = [one for one in strict if 3.5 < one.start_s < 4.5]
     assert refused
@@ -68,7 +68,7 @@ def test_a_command_that_is_too_small_is_refused_with_what_would_be_known(whole: 
     assert "would be known to ±" in refused[0].reason
 
 
-def test_what_is_promised_of_a_stretch_from_rest_is_kept_by_a_diagnosis() -> None:
+def test_the_expected_precision_of_a_stretch_from_rest_is_that_of_a_diagnosis() -> None:
     # Shorter than the flight: a diagnosis takes its time by the row.
     def brief(t: Array) -> Array:
         return np.where((t >= 0.4) & (t < 0.9), 5e-3 * np.sin(2 * np.pi * 4.0 * (t - 0.4)), 0.0)
@@ -84,7 +84,7 @@ def test_what_is_promised_of_a_stretch_from_rest_is_kept_by_a_diagnosis() -> Non
         assert np.ptp(found.interval[name]) / 2 < 2 * first.half_widths[name]
 
 
-def test_what_would_begin_in_motion_is_refused(whole: Recording, cut: Segments) -> None:
+def test_a_stretch_that_begins_in_motion_is_refused(whole: Recording, cut: Segments) -> None:
     assert sum(0.5 < one.start_s < 2.0 for one in cut.stretches) == 1
     short = [one for one in segments(whole, THESIS, longest_s=0.5).stretches if 0.5 < one.start_s < 2.0]
     assert len(short) > 1
@@ -118,7 +118,7 @@ def test_the_stretches_are_written_as_recordings(cut: Segments, tmp_path: Path) 
         np.testing.assert_array_equal(read_recording(path, THESIS)["current_A"], one["current_A"])
 
 
-def test_no_stretch_of_an_earlier_run_is_left_among_those_written(cut: Segments, tmp_path: Path) -> None:
+def test_stretches_of_an_earlier_run_are_removed(cut: Segments, tmp_path: Path) -> None:
     names = [f"stretch_{number:03d}.csv" for number in range(1, len(cut.accepted) + 1)]
     for name in ("stretch_001.csv", "stretch_041.csv", "stretch_notes.csv"):
         (tmp_path / name).write_text("earlier")
@@ -130,7 +130,7 @@ def test_no_stretch_of_an_earlier_run_is_left_among_those_written(cut: Segments,
 
 
 @pytest.mark.parametrize(("more", "message"), [({"wanted": 0.0}, "precision"), ({"longest_s": -1.0}, "-1 s")])
-def test_what_cannot_be_is_refused(whole: Recording, more: dict[str, float], message: str) -> None:
+def test_impossible_arguments_are_refused(whole: Recording, more: dict[str, float], message: str) -> None:
     with pytest.raises(MethodError, match=message):
         segments(whole, THESIS, **more)  # type: ignore[arg-type]
 
@@ -224,7 +224,7 @@ def test_the_healthy_motion_in_pieces_is_that_of_one_run() -> None:
     made = simulate(THESIS, command, model="averaged", duration=90.0, sample_rate=100.0)
     recording = Recording({name: made[name] for name in KEPT})
     found = healthy_position(recording, THESIS)
-    # The user lags by half a gap of 1e-5 rad, which each piece begins with centred.
+    # The user lags by half a gap of 1e-5 rad; each piece begins with the gap centred.
     np.testing.assert_allclose(found[:-1], made["position_rad"][:-1], atol=2e-5)
 
 

@@ -1,4 +1,4 @@
-"""Many recordings, each by itself: every result is that of the recording alone, in the order of the files."""
+"""A batch of recordings: each result is that of the recording alone, in the order of the files."""
 
 import json
 import shutil
@@ -79,7 +79,7 @@ def test_a_broken_file_is_named_and_the_others_are_done(
     assert "; 1 could not be diagnosed." in table
 
 
-def test_of_nothing_that_was_diagnosed_no_others_are_named(
+def test_if_no_recording_was_diagnosed_the_message_names_no_others(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for names, words in (
@@ -92,7 +92,7 @@ def test_of_nothing_that_was_diagnosed_no_others_are_named(
 
 
 @pytest.mark.parametrize(("verdict", "shown"), [("healthy", "none"), ("cannot tell", "cannot tell")])
-def test_what_cannot_be_told_is_not_called_sound(verdict: str, shown: str) -> None:
+def test_a_recording_without_a_verdict_is_not_called_healthy(verdict: str, shown: str) -> None:
     values = {
         "recording": "a.csv",
         "explained": True,
@@ -113,7 +113,7 @@ def test_one_file_alone_is_diagnosed_as_ever(made: list[Path], capsys: pytest.Ca
     assert "95 % interval" not in capsys.readouterr().out
 
 
-def test_what_is_kept_is_not_done_again(
+def test_stored_results_are_not_computed_again(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out, files = tmp_path / "out", recording_files([folder])
@@ -132,7 +132,7 @@ def test_what_is_kept_is_not_done_again(
 
     results = again()
     assert told == [2, 3, 4]
-    # What was kept comes back as it was, its seconds included.
+    # A stored result is unchanged, its seconds included.
     assert [one.values for one in results[:2]] == [one.values for one in first]
     # A file that has changed is another recording, and a broken one is tried again each time.
     shutil.copy(files[0], files[2])
@@ -209,7 +209,7 @@ def test_a_folder_of_something_else_is_refused(made: list[Path], tmp_path: Path)
         (["--joint", "--method", "de"], "--method is for recordings diagnosed one by one"),
     ],
 )
-def test_options_that_cannot_be_are_refused_before_the_work(
+def test_impossible_options_are_refused_before_the_work(
     made: list[Path], capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ) -> None:
     assert main(["diagnose", *map(str, made), *arguments]) == 2

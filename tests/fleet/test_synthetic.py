@@ -1,4 +1,4 @@
-"""A synthetic fleet: its laws against closed forms, its truth, and the whole chain over it."""
+"""A synthetic fleet: its laws against closed forms, its true levels, and its processing chain."""
 
 import json
 from dataclasses import replace
@@ -34,7 +34,7 @@ def progress(law: str, **parameters: float) -> np.ndarray:
     return LAWS[law].progress(U, parameters, np.random.default_rng(0))
 
 
-def test_laws_are_what_they_are_called() -> None:
+def test_laws_agree_with_closed_forms() -> None:
     at_1 = np.searchsorted(U, 1.0)
     assert progress("linear") == pytest.approx(U)
     for law, parameters in (("exponential", {"growth": 2.0}), ("power law", {"exponent": 1.7})):
@@ -57,7 +57,7 @@ def test_a_gamma_process_has_the_mean_and_variance_of_its_law() -> None:
     assert ends.var() == pytest.approx(2 / 40, rel=0.15)
 
 
-def test_stress_sets_how_fast_a_unit_ages() -> None:
+def test_stress_determines_the_rate_of_ageing() -> None:
     hours, random = np.linspace(0, 1000, 101), np.random.default_rng(0)
     quiet = StressModel(mission_K=0, flight_K=0, mission_load=0, flight_load=0)
     assert aged(hours, (0.0, 0.0), quiet, 100.0, random) == pytest.approx(hours)
@@ -65,7 +65,7 @@ def test_stress_sets_how_fast_a_unit_ages() -> None:
     assert aged(hours, (0.0, 0.1), quiet, 100.0, random) == pytest.approx(1.331 * hours)
 
 
-def test_a_unit_ends_where_a_limit_is_first_reached_and_not_by_the_size_of_its_fleet() -> None:
+def test_a_unit_ends_at_its_first_limit_and_does_not_depend_on_the_size_of_its_fleet() -> None:
     for number in range(6):
         unit = drawn_unit(PLAN, number)
         again = drawn_unit(replace(PLAN, units=50), number)
@@ -178,7 +178,7 @@ def test_a_history_is_of_one_synthetic_fleet(
         assert complaint in capsys.readouterr().err
 
 
-def test_a_history_that_cannot_be_used_is_said_before_anything_is_recorded(
+def test_an_unusable_history_is_refused_before_the_recordings_are_made(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     db = tmp_path / "missing" / "fleet.sqlite"
@@ -200,7 +200,7 @@ def test_a_history_that_cannot_be_used_is_said_before_anything_is_recorded(
         (["--workers", "0"], "--workers 0"),
     ],
 )
-def test_what_cannot_be_is_refused(
+def test_impossible_plans_are_refused(
     arguments: list[str], complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["fleet", "simulate", "-o", str(tmp_path / "fleet"), *arguments]) == 2

@@ -1,4 +1,4 @@
-"""What an estimator consists of: what was trained, for which recordings, and when it is believed."""
+"""Content of an estimator: its networks, the recordings that it is for, and the limits of its use."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,10 +15,11 @@ from emaphm.estimation.space.parameter_space import ParameterSpace
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What most held-out draws do not exceed, see `emaphm.amortized.applicability.likeness`.
+    """Limits beyond which an answer is not accepted; most held-out draws are within them.
 
-    `distances` (2,) are those of `Projection.distances`, `ratios` (channels,) those of the comparison with
-    the averaged model, `predicted_error` that of `ErrorPredictor`.
+    `distances` (2,) limit `Projection.distances`, `ratios` (channels,) limit the residuals of the averaged
+    model, `predicted_error` limits the output of `ErrorPredictor`. See
+    `emaphm.amortized.applicability.likeness`.
     """
 
     distances: Array
@@ -28,11 +29,12 @@ class Limits:
 
 @dataclass(frozen=True, eq=False)
 class EstimatorContent:
-    """What a file of `emaphm train` holds.
+    """The content of a file that `emaphm train` writes.
 
-    `network` answers from rows alone; `update` improves its answers by the averaged model. `temperature` (d,)
-    multiplies the standard deviations; `error_predictor` predicts the error of an answer, and `limits` say
-    when none is believed. `facts` are those of its training, for people to read. All else is in the setup.
+    `network` answers from the rows alone; `update` improves its answers with the averaged model.
+    `temperature` (d,) multiplies the standard deviations. `error_predictor` predicts the error of an answer.
+    Beyond `limits` an answer is not accepted. `facts` describe the training for the user; nothing is computed
+    from them. `setup` holds the actuator, the manoeuvre and the channels.
     """
 
     setup: RecordingSetup
@@ -50,5 +52,5 @@ class EstimatorContent:
 
     @cached_property
     def actuator_hash(self) -> str:
-        """What identifies the actuator that it was trained for."""
+        """The digest of the actuator that the estimator was trained for, see `actuator_hash`."""
         return actuator_hash(self.setup.actuator)

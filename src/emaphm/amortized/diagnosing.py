@@ -1,4 +1,4 @@
-"""A diagnosis with the help of an estimator: its answer alone, or corrected by a search that begins there."""
+"""Diagnosis by an estimator: its answer alone, or a search that starts at the answer."""
 
 import time
 from collections.abc import Sequence
@@ -9,11 +9,11 @@ import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.argument import check_actuator
-from emaphm.amortized.applicability.delays import found_delay, in_time_and_moved
-from emaphm.amortized.applicability.likeness import Unlikeness, unlikeness
+from emaphm.amortized.applicability.delays import delay_clause, shifted_rows
+from emaphm.amortized.applicability.likeness import Objections, objections_to
 from emaphm.amortized.drawing import PRIOR, SHORTS
 from emaphm.amortized.error_prediction.comparison import RUNS, Comparison
-from emaphm.amortized.error_prediction.deviations import OTHERS
+from emaphm.amortized.error_prediction.deviations import OTHER_RUNS
 from emaphm.amortized.error_prediction.other_explanations import other_explanations
 from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.networks.mixture import Mixture
@@ -43,22 +43,24 @@ from emaphm.recording.sensor_checks import check_sensors
 from emaphm.version import VERSION
 
 CORRECTED = ESTIMATOR + WITH_LEAST_SQUARES
-"""What a diagnosis is called where least squares have gone on from the network's answer."""
+"""Method of a diagnosis whose search started at the network's answer."""
 
 LEAST_WEIGHT, SEPARATION = 0.05, 3.0
-"""Weight of a mixture's component, and its distance from the mean in standard deviations, from which on a
-search begins there too: each start more leaves fewer runs of the reference model for the others."""
+"""Least weight of a mixture's component, and least distance from the mean in standard deviations, at which a
+search starts there too. With each further start, fewer runs of the reference model are left for the other
+starts."""
 
 WIDE, DRAWS = 0.04, 6
-"""Standard deviation of a fault from which on a search begins at draws from the answer too, and how many. It
-does so wherever all phases are shorted heavily: kinks hold a single descent there."""
+"""Standard deviation of a fault above which a search also starts at draws from the answer, and the number of
+these draws. The search also does so if all phases are shorted heavily: there, a single descent stops at a
+local minimum at a kink."""
 
 FARTHEST = 3.5
-"""Distance from the answer in its standard deviations from which on the end of a search that began there is
-not believed: kinks have led it astray, or the answer was wrong."""
+"""Largest distance from the answer, in its standard deviations, at which the end of a search from it is
+accepted. Farther away, the search has stopped at a kink, or the answer was wrong."""
 
 SAMPLES = 1000
-"""Samples of the answer that its credible intervals are taken from."""
+"""Samples of the answer from which its credible intervals are computed."""
 
 
 @one_blas_thread()
@@ -75,45 +77,46 @@ def diagnose_by(
     workers: int | None = None,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
-    """Return the faults of `actuator` that explain `recording`, found by its estimator.
+    """Return the diagnosis of `recording` by the estimator of `actuator`.
 
-    Where a sensor's own signal shows a fault, or the recording is unlike those that the estimator was trained
-    on, it is diagnosed as without one, and a note says why; `method` is "hybrid" then.
+    If a sensor's own signal indicates a fault, or the recording differs too much from the training set, the
+    recording is diagnosed as without an estimator. `method` is then "hybrid", and a note gives the reason.
 
     Parameters
     ----------
     fast
-        Whether the answer of the network alone will do, as long as the averaged model explains the recording
-        there: "estimator". Else it is where the search begins, in place of the global stage, and the bias
-        correction follows: "estimator+lsq".
+        Whether the answer of the networks is accepted without a search if the averaged model explains the
+        recording there; `method` is then "estimator". Otherwise a local search starts at the answer, in place
+        of the global search, and the bias correction follows: "estimator+lsq".
     max_corrections, nuisances, posterior, seed, workers, on_progress
-        As for `emaphm.diagnose`; what the network alone estimates is what it was trained on.
+        As for `emaphm.diagnose`. An answer without a search has the nuisances of the training.
 
     Raises
     ------
     MethodError
         The estimator is for another actuator, manoeuvre, rate or channels; or as for `emaphm.diagnose`.
     RecordingError
-        `recording` is no `Recording`, or cannot be of this actuator, by orders of magnitude.
+        `recording` is no `Recording`, or its channels differ by orders of magnitude from this actuator's.
     ActuatorError
         `actuator` is no `Actuator`.
     """
     began = time.perf_counter()
-    asked = _Asked.of(estimator, recording, actuator, seed, alone=fast)
-    recording, mixture = asked.recording, asked.mixture
+    evaluation = _Evaluation.of(estimator, recording, actuator, seed, alone=fast)
+    recording, mixture = evaluation.recording, evaluation.mixture
     starts = None
-    if asked.answer is None:
-        note = f"the estimator is not believed: {'; '.join(asked.reasons)}; all of the range was searched"
+    if evaluation.answer is None:
+        reasons = "; ".join(evaluation.reasons)
+        note = f"the estimator's answer is not accepted: {reasons}; all of the range was searched"
         recording = recording.with_channels(recording.channels, [note])
     else:
-        if fast and not asked.reasons:
-            return asked.answer.diagnosis(recording, seed, began)
+        if fast and not evaluation.reasons:
+            return evaluation.answer.diagnosis(recording, seed, began)
         if fast:
-            note = f"the estimator's answer was corrected: {'; '.join(asked.reasons)}"
+            note = f"the estimator's answer was corrected: {'; '.join(evaluation.reasons)}"
             recording = recording.with_channels(recording.channels, [note])
         starts = _starts(mixture, estimator.space, seed)
 
-    def searched(recording: Recording, starts: Starts | None) -> Diagnosis:
+    def search(recording: Recording, starts: Starts | None) -> Diagnosis:
         return diagnose(
             recording,
             actuator,
@@ -126,11 +129,11 @@ def diagnose_by(
             on_progress=on_progress,
         )
 
-    diagnosis = searched(recording, starts)
-    led_astray = _led_astray(mixture, estimator.space, diagnosis)
-    if led_astray is not None:
-        note = f"{led_astray}; all of the range was searched"
-        diagnosis = searched(recording.with_channels(recording.channels, [note]), None)
+    diagnosis = search(recording, starts)
+    reason = _reason_to_search_again(mixture, estimator.space, diagnosis)
+    if reason is not None:
+        note = f"{reason}; all of the range was searched"
+        diagnosis = search(recording.with_channels(recording.channels, [note]), None)
     return replace(diagnosis, seconds=time.perf_counter() - began)
 
 
@@ -138,16 +141,16 @@ def diagnose_by(
 def answer_alone(
     estimator: Estimator, recording: Recording, actuator: Actuator, *, seed: int = 0
 ) -> Diagnosis | tuple[str, ...]:
-    """Return the diagnosis by the network alone, or why it is not taken as it is, a clause each.
+    """Return the diagnosis by the networks alone, or the reasons why it is not accepted, a clause each.
 
-    As `diagnose_by` with `fast`, but nothing is searched where the answer will not do.
+    It is `diagnose_by` with `fast`, without the search that follows if the answer is not accepted.
 
     Parameters
     ----------
     estimator
-        One of `emaphm.train_estimator`, or `Estimator.load` of its file.
+        An estimator by `emaphm.train_estimator`, or from its file by `Estimator.load`.
     recording, actuator
-        Of the manoeuvre and the description that it was trained for.
+        A recording of the manoeuvre, and the description, for which the estimator was trained.
     seed
         Source of all randomness.
 
@@ -156,23 +159,23 @@ def answer_alone(
     MethodError
         The estimator is for another actuator, manoeuvre, rate or channels.
     RecordingError
-        The recording cannot be of this actuator, by orders of magnitude.
+        The recording's channels differ by orders of magnitude from this actuator's.
     """
     began = time.perf_counter()
-    asked = _Asked.of(estimator, recording, actuator, seed, alone=True)
-    if asked.answer is None or asked.reasons:
-        return asked.reasons
-    return asked.answer.diagnosis(asked.recording, seed, began)
+    evaluation = _Evaluation.of(estimator, recording, actuator, seed, alone=True)
+    if evaluation.answer is None or evaluation.reasons:
+        return evaluation.reasons
+    return evaluation.answer.diagnosis(evaluation.recording, seed, began)
 
 
-def _led_astray(mixture: Mixture, space: ParameterSpace, diagnosis: Diagnosis) -> str | None:
-    """Return why the end of a search that began at the answer is not believed, None where it is.
+def _reason_to_search_again(mixture: Mixture, space: ParameterSpace, diagnosis: Diagnosis) -> str | None:
+    """Return why the end of a search that started at the answer is not accepted; None if it is accepted.
 
-    A law that the description lacks takes up what a wrong answer leaves as well.
+    An added law is such a reason, because it can also reduce the residual that a wrong answer leaves.
     """
     if diagnosis.method != CORRECTED:
         return None
-    name, deviations = _farthest(mixture, space, diagnosis)
+    name, deviations = _largest_deviation(mixture, space, diagnosis)
     if deviations > FARTHEST:
         return (
             f"least squares led away from the estimator's answer, by {deviations:.2g} of its standard "
@@ -183,16 +186,19 @@ def _led_astray(mixture: Mixture, space: ParameterSpace, diagnosis: Diagnosis) -
     return None
 
 
-def _farthest(mixture: Mixture, space: ParameterSpace, diagnosis: Diagnosis) -> tuple[str, float]:
-    """Return the fault in which a diagnosis differs most from the answer, in its standard deviations."""
+def _largest_deviation(mixture: Mixture, space: ParameterSpace, diagnosis: Diagnosis) -> tuple[str, float]:
+    """Return the fault with the largest deviation of a diagnosis from the answer, and this deviation.
+
+    Deviations are in standard deviations of the answer.
+    """
     faults = len(space.columns)
-    away = np.abs(space.points(diagnosis.faults.vector) - mixture.mean)[:faults]
-    away /= np.sqrt(np.diag(mixture.covariance))[:faults]
-    return space.coordinates[int(away.argmax())], float(away.max())
+    deviations = np.abs(space.points(diagnosis.faults.vector) - mixture.mean)[:faults]
+    deviations /= np.sqrt(np.diag(mixture.covariance))[:faults]
+    return space.coordinates[int(deviations.argmax())], float(deviations.max())
 
 
 def _starts(mixture: Mixture, space: ParameterSpace, seed: int) -> Starts:
-    """Return where a search begins: at the answer, and where a descent may be held also at draws from it."""
+    """Return the starts of a search: the answer, and draws from it if a descent may stop at a kink."""
     points = mixture.starts(LEAST_WEIGHT, SEPARATION)
     deviations = np.sqrt(np.diag(mixture.covariance))[: len(space.columns)]
     shorts = space.faults(space.project(points[:1]))[0, SHORTS]
@@ -202,17 +208,19 @@ def _starts(mixture: Mixture, space: ParameterSpace, seed: int) -> Starts:
 
 
 def _objective(estimator: Estimator, recording: Recording, actuator: Actuator) -> MapObjective:
-    """Return the averaged model against the recording, in the coordinates of the estimator."""
+    """Return the objective of the averaged model for the recording, in the coordinates of the estimator."""
     problem = problem_of(recording, actuator, workers=1, channels=estimator.setup.channels)
-    # A recorded temperature is one of the coordinates here, which the network has estimated.
+    # The temperature is one of the coordinates that the network has estimated, even if it was recorded.
     return MapObjective.of(replace(problem, temperature_rise_K=0.0), estimator.space)
 
 
 @dataclass(frozen=True, eq=False)
 class _Answer:
-    """What the network says, and the residual that the averaged model has at its mean.
+    """The networks' answer, and the residual of the averaged model at its mean.
 
-    `compared` is how many recordings the network was asked about: the one, and it with channels moved.
+    `moves`: whether the actuator moves there. `reasons`: why the answer is not accepted without a search.
+    `compared`: number of recordings that the networks evaluated, which are the recording as it was measured
+    and, where delays were tested, with shifted channels.
     """
 
     mixture: Mixture
@@ -223,16 +231,16 @@ class _Answer:
 
     @classmethod
     def of(cls, mixture: Mixture, objective: MapObjective, seed: int, compared: int, *, alone: bool) -> Self:
-        """Return the answer, with the reasons why it will not do as it is.
+        """Return the answer, with the reasons why it is not accepted without a search.
 
-        The averaged model there does not explain the recording, or its faults may be something else; asked
-        where no search follows, `alone`.
+        The averaged model at the answer does not explain the recording, or the faults have another possible
+        explanation. Both are checked only if no search follows (`alone`).
         """
         result = SearchResult.at(objective, objective.space.project(mixture.mean))
         moves = moves_at(objective, result.point)
         if not alone:
             return cls(mixture, result, moves, (), compared)
-        reasons = _left_unexplained(result, seed, moves=moves)
+        reasons = _reasons_not_explained(result, seed, moves=moves)
         if moves and not reasons:
             reasons = other_explanations(result, mixture.covariance, seed)
         return cls(mixture, result, moves, reasons, compared)
@@ -255,7 +263,7 @@ class _Answer:
             fitness=self.result.cost,
             residual_rms_A=float(np.sqrt(np.mean(residual**2))),
             explained=True,
-            evaluations=averaged + self.compared * (RUNS + OTHERS + space.dimensions + 1),
+            evaluations=averaged + self.compared * (RUNS + OTHER_RUNS + space.dimensions + 1),
             reference_runs=reference,
             seconds=time.perf_counter() - began,
             seed=seed,
@@ -273,20 +281,20 @@ class _Answer:
         )
 
 
-def _left_unexplained(result: SearchResult, seed: int, *, moves: bool) -> tuple[str, ...]:
+def _reasons_not_explained(result: SearchResult, seed: int, *, moves: bool) -> tuple[str, ...]:
     """Return why the averaged model at an answer does not explain the recording, a clause each."""
     objective = result.objective
-    # No Jacobians: they are asked for after a correction only.
+    # Jacobians are needed after a correction only.
     none = np.zeros((1, objective.space.dimensions, objective.channel_rows))
     return reasons_against(result, none, {}, seed, moves=moves)
 
 
 @dataclass(frozen=True, eq=False)
-class _Asked:
-    """What an estimator makes of a recording.
+class _Evaluation:
+    """The evaluation of a recording by an estimator.
 
-    `answer` is None where it is not believed. `reasons` say why it is not, or why the averaged model at the
-    answer does not explain the recording; none where the answer will do.
+    `answer` is None if it is not accepted even as the start of a search. `reasons` say why it is not, or why
+    the averaged model at the answer does not explain the recording; without reasons, it is accepted.
     """
 
     recording: Recording
@@ -298,10 +306,10 @@ class _Asked:
     def of(
         cls, estimator: Estimator, recording: Recording, actuator: Actuator, seed: int, *, alone: bool
     ) -> Self:
-        """Return what the estimator makes of the recording, or raise as `diagnose_by` does.
+        """Return the evaluation of the recording; errors as in `diagnose_by`.
 
-        Whether the answer will do, and whether a channel comes a row late, is asked where no search follows,
-        `alone`: a search tests for both itself.
+        Whether the answer is accepted, and whether a channel is delayed by a row, is tested only if no search
+        follows (`alone`): a search tests both itself.
         """
         check_recording(recording)
         check_actuator(actuator)
@@ -309,44 +317,45 @@ class _Asked:
         recording = with_equivalent_current(recording, actuator)
         estimator.check(recording, actuator)
         objective = _objective(estimator, recording, actuator)
-        rows = in_time_and_moved(estimator, recording) if alone else estimator.rows(recording)
+        rows = shifted_rows(estimator, recording) if alone else estimator.rows(recording)
         answers = estimator.answers(rows, objective.problem.inputs)
         mixture = answers[0]
-        unlike = _elsewhere(estimator, recording, actuator, objective.problem)
-        if not unlike.reasons:
+        objections = _objections_to_any_answer(estimator, recording, actuator, objective.problem)
+        if not objections.reasons:
             rng = stream(seed, "likeness of the recording")
-            compared = Comparison.of(estimator.setup, objective.problem.inputs, rows, answers, rng)
-            unlike = unlikeness(estimator, compared[:1])
-            if alone and not (unlike.reasons or unlike.rare):
-                delay = found_delay(estimator, compared)
+            comparison = Comparison.of(estimator.setup, objective.problem.inputs, rows, answers, rng)
+            objections = objections_to(estimator, comparison[:1])
+            if alone and not (objections.reasons or objections.rare):
+                delay = delay_clause(estimator, comparison)
                 if delay is not None:
-                    unlike = Unlikeness(_not_in_time(delay, mixture, objective, seed))
-        if unlike.reasons:
-            return cls(recording, mixture, None, (*unlike.rare, *unlike.reasons))
+                    objections = Objections(_delay_or_not_explained(delay, mixture, objective, seed))
+        if objections.reasons:
+            return cls(recording, mixture, None, (*objections.rare, *objections.reasons))
         answer = _Answer.of(mixture, objective, seed, len(rows), alone=alone)
-        return cls(recording, mixture, answer, (*unlike.rare, *answer.reasons))
+        return cls(recording, mixture, answer, (*objections.rare, *answer.reasons))
 
 
-def _not_in_time(delay: str, mixture: Mixture, objective: MapObjective, seed: int) -> tuple[str, ...]:
-    """Return why an answer is not believed where another time leaves less, as the clause `delay` says.
+def _delay_or_not_explained(
+    delay: str, mixture: Mixture, objective: MapObjective, seed: int
+) -> tuple[str, ...]:
+    """Return why an answer is not accepted if a shift in time reduces the residual, stated in `delay`.
 
-    Where the answer explains nothing in time, answers for other times leave less by chance: no delay is
-    named then, but what is left.
+    If the answer does not explain the recording, answers for shifted recordings may have smaller residuals by
+    chance. The reasons why it is not explained are returned then, in place of the delay.
     """
     result = SearchResult.at(objective, objective.space.project(mixture.mean))
-    return _left_unexplained(result, seed, moves=moves_at(objective, result.point)) or (delay,)
+    return _reasons_not_explained(result, seed, moves=moves_at(objective, result.point)) or (delay,)
 
 
-def _elsewhere(
+def _objections_to_any_answer(
     estimator: Estimator, recording: Recording, actuator: Actuator, problem: Problem
-) -> Unlikeness:
-    """Return what speaks against any answer: a sensor's own signal, or another start."""
+) -> Objections:
+    """Return the objections to any answer: a fault in a sensor's own signal, or another initial state."""
     findings = check_sensors(recording, actuator).findings
     if findings:
-        return Unlikeness(tuple(finding.sentence.removesuffix(".") for finding in findings))
+        return Objections(tuple(finding.sentence.removesuffix(".") for finding in findings))
     if not estimator.setup.starts_there(problem.start):
-        where = f"{estimator.setup.initial_position:g}"
-        return Unlikeness(
-            (f"it starts elsewhere, or after a motion; the training's manoeuvre starts at rest at {where}",)
-        )
-    return Unlikeness(())
+        position = f"{estimator.setup.initial_position:g}"
+        text = "it starts at another position, or after a motion; the training's manoeuvre starts at rest at"
+        return Objections((f"{text} {position}",))
+    return Objections(())

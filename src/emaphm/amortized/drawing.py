@@ -1,15 +1,16 @@
-"""What an estimator learns from: faults and nuisances, drawn before any recording.
+"""The prior of the training set: random faults and nuisances.
 
-The prior is a mixture of three kinds of actuators, because an estimator is good where it has seen many:
+The prior is a mixture of three kinds of actuators, because an estimator is accurate where its training set is
+dense:
 
-- *any*: every component anywhere in its range, shorts up to `any_short`;
-- *heavy*: the same with every phase shorted by a share within `heavy_short`;
-- *slight*: a share `whole` of the components is near healthy, normal about it with one standard deviation,
-  drawn evenly from `slight`; the others are anywhere.
+- *any*: each component uniform in its range, shorts up to `any_short`;
+- *heavy*: the same, with each phase shorted by a share within `heavy_short`;
+- *slight*: a share `whole` of the components is near healthy: normal about healthy, with one standard
+  deviation for the actuator, uniform in `slight`; the other components are uniform in their range.
 
-The density of the last has no peak at healthy, where a component has its bound: normal distributions, cut
-there, can then describe what a recording leaves possible. Of a share of all, the friction is below healthy.
-Nuisances, and what the unit's baseline leaves open, have their own normal priors
+The density of the last kind has no peak at healthy, where a component has its bound. Normal distributions
+truncated there can therefore describe the posterior. In a share of all draws, the friction is below healthy.
+Nuisances, and the parameters that the unit's baseline leaves open, have their own normal priors
 (`emaphm.estimation.space.nuisances`).
 """
 
@@ -24,11 +25,11 @@ from emaphm.estimation.space.parameter_space import ParameterSpace
 
 @dataclass(frozen=True)
 class PriorSettings:
-    """Shares of the kinds, and their ranges, in the components' unit [0, 1].
+    """Shares and ranges of the three kinds of actuators, in the components' unit [0, 1].
 
-    `any_share` and `heavy_share` of the draws are of these kinds, the rest is slight. `low_friction` is the
-    share of all whose friction is below healthy. `emaphm train --help` names none of them: one prior for all
-    estimators, stated in each file.
+    `any_share` and `heavy_share` are the shares of these kinds; the remaining draws are slight.
+    `low_friction` is the share of all draws whose friction is below healthy. They are no options of
+    `emaphm train`: all estimators have the same prior, and each file states it.
     """
 
     any_share: float = 0.6
@@ -67,7 +68,7 @@ def draw(space: ParameterSpace, count: int, rng: np.random.Generator) -> Array:
 
 
 def _slight(even: Array, rng: np.random.Generator) -> Array:
-    """Return faults (n, 8), most of them near healthy, the others as in `even`."""
+    """Return faults (n, 8): most of them near healthy, the others equal to `even` (n, 8)."""
     low, high = PRIOR.slight
     size = low + (high - low) * rng.random((len(even), 1))
     near = size * rng.normal(size=even.shape)
@@ -75,6 +76,6 @@ def _slight(even: Array, rng: np.random.Generator) -> Array:
     others = np.arange(len(NAMES)) != GAIN
     near[:, others] = np.abs(near[:, others])
     whole = rng.random(even.shape) < PRIOR.whole
-    # A direction is neither small nor large.
+    # The phase of the eccentricity is a direction: no value of it is near healthy.
     whole[:, PHASE] = False
     return np.asarray(np.where(whole, np.clip(near, 0.0, 1.0), even))

@@ -1,4 +1,4 @@
-"""An estimator: a network, trained on an actuator's own simulations, that names a recording's faults."""
+"""The estimator: networks trained on simulations of one actuator, which infer the faults of a recording."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ from emaphm.simulation import Inputs
 
 @dataclass(frozen=True, eq=False)
 class Estimator(EstimatorContent):
-    """A trained estimator: its content, and what it makes of recordings."""
+    """A trained estimator: its content, and its answers for recordings."""
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -36,36 +36,37 @@ class Estimator(EstimatorContent):
         return read_estimator(Path(path), cls)
 
     def save(self, path: str | Path) -> None:
-        """Write one file, as a whole; `OutputError` where it cannot be written."""
+        """Write the estimator to one file, complete or not at all; `OutputError` if it cannot be written."""
         write_estimator(self, path)
 
     def check_trained_for(self, actuator: Actuator) -> None:
-        """Refuse another description than the one that it was trained for, `MethodError`."""
+        """Raise `MethodError` if `actuator` is not the description that the estimator was trained for."""
         check_trained_for(self.setup, actuator)
 
     def check(self, recording: Recording, actuator: Actuator) -> None:
-        """Refuse a recording that the estimator cannot be asked about; `MethodError` gives the way out."""
+        """Raise `MethodError` if the estimator cannot evaluate the recording; the message gives a remedy."""
         check_trained_for(self.setup, actuator)
         check_recording(self.setup, recording)
 
     def rows(self, recording: Recording) -> Single:
-        """Return what the network reads of a recording that `check` has accepted, (1, channels, blocks)."""
+        """Return the network's input for a recording that `check` has accepted, (1, channels, blocks)."""
         return in_blocks(rows_of(recording, self.setup.channels), block_of(self.setup.samples))
 
     @one_blas_thread()
     def answers(self, rows: Single, inputs: Inputs) -> list[Mixture]:
-        """Return what is known of each of n recordings, all driven by `inputs`; one mixture each.
+        """Return the posterior of each of n recordings, a mixture; all recordings are driven by `inputs`.
 
-        `rows` is (n, channels, blocks), in the channels' units: several of `Estimator.rows`, end to end.
+        `rows` is (n, channels, blocks), in the channels' units: the concatenated `Estimator.rows` of n
+        recordings.
         """
         return calibrated_answers(self.setup, self.network, self.update, self.temperature, rows, inputs)
 
     def distances(self, rows: Single) -> Array:
-        """Return how unlike the training set rows (n, channels, blocks) are, (n, 2)."""
+        """Return the distances T² and Q of rows (n, channels, blocks) from the training set, (n, 2)."""
         return self.network.distances(rows)
 
     def predicted_errors(self, comparison: Comparison) -> Array:
-        """Return the predicted error of each of the answers, relative to the allowed one, (n,)."""
+        """Return the predicted error of each answer, relative to the allowed error, (n,)."""
         distances = self.distances(comparison.rows)
         return self.error_predictor.predicted(
             comparison.features(self.setup, self.update.whitening, distances)
@@ -73,7 +74,7 @@ class Estimator(EstimatorContent):
 
 
 def first_answers(network: Network, rows: Single) -> list[Mixture]:
-    """Return what a network makes of rows (n, channels, blocks)."""
+    """Return the first network's posterior for each of the rows (n, channels, blocks)."""
     return network.mixtures(network.features(rows))
 
 
@@ -85,6 +86,9 @@ def calibrated_answers(
     rows: Single,
     inputs: Inputs,
 ) -> list[Mixture]:
-    """Return what both networks make of rows (n, channels, blocks), as sure as `temperature` (d,) allows."""
+    """Return the posterior by both networks for each of the rows (n, channels, blocks).
+
+    The standard deviations are multiplied by `temperature` (d,).
+    """
     updated = update.answers(setup, inputs, rows, first_answers(network, rows))
-    return [one.scaled(temperature) for one in updated]
+    return [mixture.scaled(temperature) for mixture in updated]

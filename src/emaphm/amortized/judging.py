@@ -1,8 +1,9 @@
-"""Whether an estimator's answers are as sure as they say, judged on draws that it has not learned from.
+"""Calibration of an estimator's uncertainty, and its assessment on held-out draws.
 
-*Temperature*: a factor for each coordinate's standard deviations, from one held-out set, by which 95 % of the
-truths lie within the 95 % intervals. *Coverage* and *ranks* are then counted on another: simulation-based
-calibration (Talts et al. 2018), in which the rank of the truth among samples of the posterior is even.
+*Temperature*: a factor on the standard deviations of each coordinate, so that 95 % of the true values of one
+held-out set lie within the 95 % intervals. *Coverage* and *ranks* are then counted on another held-out set:
+simulation-based calibration (Talts et al. 2018), in which the rank of the true value among samples of the
+posterior is uniform.
 """
 
 from dataclasses import dataclass
@@ -16,21 +17,20 @@ from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.quantiles import chi_squared_quantile
 
 RANK_SAMPLES, RANK_BINS = 255, 16
-"""Samples of each posterior that the truth is ranked among, and bins that the ranks are counted in: 16 ranks
-each."""
+"""Samples of each posterior among which the true value is ranked, and bins of the ranks: 16 ranks in each."""
 
 MOST_ERROR = 10.0
-"""Median error [%] beyond which an estimator is poor: 16,384 simulations make one that errs by 2 %."""
+"""Median error [%] beyond which an estimator is poor: with 16,384 simulations it is 2 %."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What held-out draws show: of each coordinate (d,), in the order of the space.
+    """Errors and calibration on held-out `draws`, for each coordinate (d,) in the order of the space.
 
-    `coverage` is the share of truths within the 95 % intervals, `ranks` (d, bins) counts the truths' ranks,
-    and `rank_statistic` (d,) is their χ² against even counts, below `rank_limit` in 99 % of the cases.
-    `median` and `p95` are those of the error of the means [%], the root of the sum of squares over the
-    faults.
+    `coverage` is the share of true values within the 95 % intervals. `ranks` (d, bins) are the counts of the
+    ranks of the true values, and `rank_statistic` (d,) is their χ² against uniform counts, below `rank_limit`
+    in 99 % of the cases. `median` and `p95` are the median and the 95th percentile of the error of the means
+    [%], which is the root of the sum of squares over the faults.
     """
 
     draws: int
@@ -47,12 +47,12 @@ class Judgement:
 
     @property
     def rank_limit(self) -> float:
-        """What χ² exceeds once in a hundred where the ranks are even."""
+        """The 99 % quantile of χ² for uniform ranks."""
         return chi_squared_quantile(self.ranks.shape[1] - 1, 0.99)
 
     @property
     def poor(self) -> str | None:
-        """Why the estimator is of little use, a clause; None where it is of use."""
+        """The clause that the estimator is of little use, with the reason; None if it is of use."""
         if self.median <= MOST_ERROR:
             return None
         return (
@@ -62,16 +62,16 @@ class Judgement:
 
 
 def temperature_of(mixtures: list[Mixture], truths: Array) -> Array:
-    """Return the factor (d,) of the standard deviations by which 95 % of `truths` (n, d) are covered."""
-    means = np.array([one.mean for one in mixtures])
-    deviations = np.array([np.sqrt(np.diag(one.covariance)) for one in mixtures])
+    """Return the factors (d,) on the standard deviations with which 95 % of `truths` (n, d) are covered."""
+    means = np.array([mixture.mean for mixture in mixtures])
+    deviations = np.array([np.sqrt(np.diag(mixture.covariance)) for mixture in mixtures])
     return np.asarray(np.quantile(np.abs(truths - means) / deviations, 0.95, axis=0) / Z95)
 
 
 def judged(
     mixtures: list[Mixture], truths: Array, space: ParameterSpace, rng: np.random.Generator
 ) -> Judgement:
-    """Return what the answers for draws with `truths` (n, d) show."""
+    """Return the errors, coverage and ranks of the answers for draws with the true values `truths` (n, d)."""
     n, d = truths.shape
     within, ranks, errors = np.zeros(d), np.zeros((d, RANK_BINS), int), np.empty(n)
     for i, (mixture, truth) in enumerate(zip(mixtures, truths, strict=True)):

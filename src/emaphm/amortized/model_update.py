@@ -1,19 +1,21 @@
-"""The update of a network's answer by the averaged model: one Gauss-Newton step, judged by a second network.
+"""Update of a network's answer by the averaged model: one Gauss-Newton step, corrected by a second network.
 
-A network that reads rows alone has seen few actuators like the one at hand. The averaged model says what
-those rows would be: it is run at the answer's mean θ₁ and, for each coordinate, one standard deviation away
-along the columns of F₁, Σ₁ = F₁ F₁ᵀ. With the residual r of that run and the differences J of the others,
+The training set of a network that reads rows alone has few actuators close to the given one. The averaged
+model predicts the rows: it is run at the answer's mean θ₁ and, for each coordinate, one standard deviation
+from it along the columns of F₁, Σ₁ = F₁ F₁ᵀ. With the residual r of the run at θ₁, and the differences J of
+the other runs from it,
 
     z = B (r - m),   x = (1 + Jᵀ BᵀB J)⁻¹ Jᵀ Bᵀ z,   θ₂ = θ₁ + F₁ x,   Σ₂ = F₁ (1 + Jᵀ BᵀB J)⁻¹ F₁ᵀ:
 
-least squares with the answer as the prior (Tarantola 2005, ch. 3). m is the mean of what separates the
-reference model from the averaged one over the training set, and B whitens its scatter: rows in which the two
-differ anyway, by the switching mostly, count for little.
+least squares with the answer as the prior (Tarantola 2005, ch. 3). m is the mean, over the training set, of
+the difference of the reference model from the averaged model, and B whitens the scatter of this difference:
+rows in which the two models differ, mostly because of the switching, have a small weight.
 
-Neither a linear model nor a discrepancy that is independent of the faults is right. A second network reads
-z, x, the information, θ₂ and the standard deviations, and gives the posterior as a mixture about θ₂, in units
-of Σ₂ and a share of Σ₁. It has learned from the same draws as the first, with other noise. Those answers are
-somewhat better than the ones for recordings, which held-out draws make up for (`emaphm.amortized.judging`).
+The linear model is an approximation, and the discrepancy depends on the faults. A second network therefore
+reads z, x, the information, θ₂ and the standard deviations, and returns the posterior as a mixture about θ₂,
+in units of Σ₂ and a share of Σ₁. It is trained on the same draws as the first network, with other noise. The
+first network's answers for these draws are somewhat better than for recordings; the temperature, from
+held-out draws, compensates this (`emaphm.amortized.judging`).
 """
 
 from collections.abc import Sequence
@@ -36,13 +38,14 @@ from emaphm.simulation import AVERAGED, Inputs
 
 @dataclass(frozen=True)
 class UpdateSettings:
-    """How an answer is compared with the averaged model.
+    """Settings of the comparison of an answer with the averaged model.
 
-    m and B are those of `differing` draws at most. B has `components` rows, chosen by `directions` answers at
-    most. A residual counts up to `largest_row` units in a row and up to `largest` standard deviations in z; a
-    step goes up to `longest` of the answer's. Differences are divided by moves with a `ridge`: a run that a
-    bound has held says little. Units are `floor` of the answer's standard deviations at least: no linear
-    model is as sure as a large J would have it. `at_once` answers are compared together, which takes 130 MB.
+    m and B are computed from at most `differing` draws. B has `components` rows, selected with at most
+    `directions` answers. Residuals are limited to `largest_row` units in a row and to `largest` standard
+    deviations in z; a step is limited to `longest` standard deviations of the answer. Differences are divided
+    by the steps of the runs with a `ridge`: a run that a bound has limited carries little information.
+    Units are at least `floor` times the answer's standard deviations: the error of the linear model limits
+    the precision that a large J suggests. `at_once` answers are compared together, which takes 130 MB.
     """
 
     differing: int = 65_536
@@ -60,12 +63,15 @@ UPDATE = UpdateSettings()
 
 
 AVERAGED_AT_ONCE = 1024
-"""Runs of the averaged model that are compared with the reference model's together, which takes 100 MB."""
+"""Runs of the averaged model that are compared together with those of the reference model: 100 MB."""
 
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
-    """`units` (channels,) of rows, and m (rows,) and Bᵀ (rows, k) in these units, all channels end to end."""
+    """Whitening of the rows.
+
+    `units` (channels,) of the rows, and m (rows,) and Bᵀ (rows, k) in these units, all channels concatenated.
+    """
 
     units: Array
     mean: Single
@@ -73,8 +79,9 @@ class Whitening:
 
     def z(self, rows: Single, runs: "_Runs") -> tuple[Array, Array]:
         """Return z (n, k) of rows (n, channels, blocks), and B times the runs' differences, (n, d, k)."""
-        whole = self.whitened(np.concatenate([rows, runs.rows]))
-        recorded, modelled = whole[: len(rows)], whole[len(rows) :].reshape(len(rows), -1, whole.shape[1])
+        whitened = self.whitened(np.concatenate([rows, runs.rows]))
+        recorded = whitened[: len(rows)]
+        modelled = whitened[len(rows) :].reshape(len(rows), -1, whitened.shape[1])
         residual = recorded - modelled[:, 0] - self.whitened_mean
         return residual.astype(float), (modelled[:, 1:] - modelled[:, :1]).astype(float)
 
@@ -97,54 +104,55 @@ class Whitening:
         answers: Sequence[Mixture],
         units: Array,
     ) -> Self:
-        """Return the whitening of what noise-free `draws` differ by from the averaged model, and of noise.
+        """Return the whitening of noise, and of the difference of noise-free `draws` from the averaged model.
 
-        Of its directions, those are kept in which the averaged model moves most about `answers` for `rows`,
-        and in which errors of sensors and of the description would show most.
+        It keeps the directions in which the averaged model varies most about `answers` for `rows`, and in
+        which errors of sensors and of the description change the rows most.
         """
-        mean, covariance = _differences(setup, inputs, draws, units)
+        mean, covariance = _discrepancy_moments(setup, inputs, draws, units)
         variances, directions = np.linalg.eigh(covariance)
         least = np.finfo(np.float32).eps * variances[-1]
         whitened = (directions / np.sqrt(np.maximum(variances, least))).astype(np.float32)
-        whole = cls(units, mean.astype(np.float32), whitened)
+        all_directions = cls(units, mean.astype(np.float32), whitened)
 
-        def informing(part: slice, _number: int) -> Single:
+        def information_of_part(part: slice, _number: int) -> Single:
             runs = _Runs.about(setup, inputs, answers[part])
-            moved = whole.z(rows[part], runs)[1].reshape(-1, len(mean))
+            effects = all_directions.z(rows[part], runs)[1].reshape(-1, len(mean))
             modelled = runs.rows.reshape(len(runs.means), -1, *rows.shape[1:])[:, 0]
-            along = deviation_directions(modelled, other_descriptions(setup, inputs, runs.means))
-            errors = whole.whitened(along.reshape(-1, *rows.shape[1:]))
-            seen = np.concatenate([moved, errors])
-            seen /= np.maximum(1.0, np.sqrt(np.mean(seen**2, axis=1, keepdims=True)))
-            return np.asarray(seen.T @ seen)
+            directions = deviation_directions(modelled, other_descriptions(setup, inputs, runs.means))
+            errors = all_directions.whitened(directions.reshape(-1, *rows.shape[1:]))
+            changes = np.concatenate([effects, errors])
+            changes /= np.maximum(1.0, np.sqrt(np.mean(changes**2, axis=1, keepdims=True)))
+            return np.asarray(changes.T @ changes)
 
         information = np.zeros_like(covariance)
-        for products in of_parts(informing, min(len(rows), UPDATE.directions), UPDATE.at_once):
+        for products in of_parts(information_of_part, min(len(rows), UPDATE.directions), UPDATE.at_once):
             information += products
-        _, chosen = np.linalg.eigh(information)
-        basis = whitened @ chosen[:, ::-1][:, : UPDATE.components]
-        # As a file has it: of half precision.
-        return cls(units, whole.mean, basis.astype(np.float16).astype(np.float32))
+        _, eigenvectors = np.linalg.eigh(information)
+        basis = whitened @ eigenvectors[:, ::-1][:, : UPDATE.components]
+        # In half precision, as in a file.
+        return cls(units, all_directions.mean, basis.astype(np.float16).astype(np.float32))
 
 
-def _differences(
+def _discrepancy_moments(
     setup: RecordingSetup, inputs: Inputs, draws: TrainingSet, units: Array
 ) -> tuple[Array, Array]:
-    """Return mean (rows,) and covariance of what noise-free draws differ by from the averaged model.
+    """Return mean (rows,) and covariance (rows, rows) of the difference of draws from the averaged model.
 
-    With that of the noise, in `units` (channels,), all channels end to end.
+    The draws are noise-free; the covariance of the noise is added. Both are in `units` (channels,), all
+    channels concatenated.
     """
     width = draws.rows[0].size
     total, products = np.zeros(width), np.zeros((width, width))
 
-    def of_part(part: slice, _number: int) -> tuple[Single, Single]:
-        some = draws[part]
-        averaged = simulated(setup, inputs, AVERAGED, some.points.astype(float))
-        found = _flat(some.rows - averaged, units)
-        found = np.clip(found, -UPDATE.largest_row, UPDATE.largest_row)
-        return found.sum(axis=0), found.T @ found
+    def moments_of_part(part: slice, _number: int) -> tuple[Single, Single]:
+        some_draws = draws[part]
+        averaged = simulated(setup, inputs, AVERAGED, some_draws.points.astype(float))
+        differences = _flat(some_draws.rows - averaged, units)
+        differences = np.clip(differences, -UPDATE.largest_row, UPDATE.largest_row)
+        return differences.sum(axis=0), differences.T @ differences
 
-    for sums, squares in of_parts(of_part, len(draws), AVERAGED_AT_ONCE):
+    for sums, squares in of_parts(moments_of_part, len(draws), AVERAGED_AT_ONCE):
         total += sums
         products += squares
     mean = total / len(draws)
@@ -153,7 +161,7 @@ def _differences(
 
 
 def _flat(rows: Single, units: Array) -> Single:
-    """Return rows (n, channels, blocks) in units, all channels end to end, (n, rows)."""
+    """Return rows (n, channels, blocks) in `units` (channels,), all channels concatenated, (n, rows)."""
     return np.asarray((rows / units[:, np.newaxis].astype(np.float32)).reshape(len(rows), -1))
 
 
@@ -161,8 +169,8 @@ def _flat(rows: Single, units: Array) -> Single:
 class _Runs:
     """Runs of the averaged model about n answers.
 
-    F₁ (n, d, d) and θ₁ (n, d), the `rows` at θ₁ and d points about it (n × (d + 1), channels, blocks), and
-    the `moves` of these in units of F₁ (n, d, d), a row a run.
+    `factors` F₁ (n, d, d) and `means` θ₁ (n, d); `rows` (n × (d + 1), channels, blocks) at θ₁ and at d points
+    about it; `moves` (n, d, d) are the steps from θ₁ to these points in units of F₁, one row per run.
     """
 
     factors: Array
@@ -172,29 +180,40 @@ class _Runs:
 
     @classmethod
     def about(cls, setup: RecordingSetup, inputs: Inputs, answers: Sequence[Mixture]) -> Self:
-        """Return the runs about each of the answers (n)."""
+        """Return the runs about each of the n answers."""
         space = setup.space
         d = space.dimensions
-        means = space.project(np.array([one.mean for one in answers]))
-        factors = np.linalg.cholesky(np.array([one.covariance for one in answers]))
-        points = _within(space, means, factors.transpose(0, 2, 1))
-        every = np.concatenate([means[:, np.newaxis], points], axis=1).reshape(-1, d)
-        away = (points - means[:, np.newaxis]).transpose(0, 2, 1)
-        moves = np.asarray(np.linalg.solve(factors, away), float).transpose(0, 2, 1)
-        return cls(factors, means, simulated(setup, inputs, AVERAGED, every), moves)
+        means = space.project(np.array([answer.mean for answer in answers]))
+        factors = np.linalg.cholesky(np.array([answer.covariance for answer in answers]))
+        points = _steps_within_bounds(space, means, factors.transpose(0, 2, 1))
+        all_points = np.concatenate([means[:, np.newaxis], points], axis=1).reshape(-1, d)
+        steps = (points - means[:, np.newaxis]).transpose(0, 2, 1)
+        moves = np.asarray(np.linalg.solve(factors, steps), float).transpose(0, 2, 1)
+        return cls(factors, means, simulated(setup, inputs, AVERAGED, all_points), moves)
 
 
-def _within(space: ParameterSpace, means: Array, steps: Array) -> Array:
-    """Return means (n, d) plus or minus `steps` (n, d, d), whichever the bounds leave more of."""
-    ways = [means[:, np.newaxis] + sign * steps for sign in (1.0, -1.0)]
-    moved = [space.project(way.reshape(-1, way.shape[-1])).reshape(way.shape) for way in ways]
-    lost = [np.abs(one - other).sum(axis=-1) for one, other in zip(ways, moved, strict=True)]
-    return np.where((lost[0] > lost[1])[..., np.newaxis], moved[1], moved[0])
+def _steps_within_bounds(space: ParameterSpace, means: Array, steps: Array) -> Array:
+    """Return the points (n, d, d) at means (n, d) plus or minus `steps` (n, d, d), within the bounds.
+
+    The sign is that with which the bounds shorten the step less.
+    """
+    candidates = [means[:, np.newaxis] + sign * steps for sign in (1.0, -1.0)]
+    inside = [
+        space.project(points.reshape(-1, points.shape[-1])).reshape(points.shape) for points in candidates
+    ]
+    shortened = [
+        np.abs(points - limited).sum(axis=-1) for points, limited in zip(candidates, inside, strict=True)
+    ]
+    return np.where((shortened[0] > shortened[1])[..., np.newaxis], inside[1], inside[0])
 
 
 @dataclass(frozen=True, eq=False)
 class UpdateStep:
-    """θ₂ (n, d), the Cholesky factors (n, d, d) of the units about it, and what the second network reads."""
+    """Gauss-Newton steps from n answers, as the second network reads them.
+
+    `means` θ₂ (n, d), the Cholesky `factors` (n, d, d) of the units about θ₂, and `features` (n,
+    `feature_count`), the network's input.
+    """
 
     means: Array
     factors: Array
@@ -216,16 +235,16 @@ class UpdateStep:
 
     @staticmethod
     def joined(parts: Sequence["UpdateStep"]) -> "UpdateStep":
-        """Return the steps of all the parts, in their order."""
-        every = ((one.means, one.factors, one.features) for one in parts)
-        return UpdateStep(*(np.concatenate(arrays) for arrays in zip(*every, strict=True)))
+        """Return the steps of all parts, in their order."""
+        fields = ((part.means, part.factors, part.features) for part in parts)
+        return UpdateStep(*(np.concatenate(arrays) for arrays in zip(*fields, strict=True)))
 
     def units_of(self, points: Array) -> Array:
-        """Return points (n, d) in these units about θ₂."""
+        """Return the deviations of points (n, d) from θ₂ in units of `factors`, (n, d)."""
         return np.asarray(np.linalg.solve(self.factors, (points - self.means)[..., np.newaxis])[..., 0])
 
     def points_of(self, units: Array) -> Array:
-        """Return the points (n, d) of what `units_of` returns."""
+        """Return the points (n, d) at deviations `units` (n, d); the inverse of `units_of`."""
         return np.asarray(self.means + np.einsum("nij,nj->ni", self.factors, units))
 
 
@@ -234,18 +253,18 @@ def _step(
 ) -> UpdateStep:
     """Return the steps from answers that are compared together."""
     runs = _Runs.about(setup, inputs, answers)
-    one = np.eye(runs.means.shape[1])
-    z, moved = whitening.z(rows, runs)
-    turned = runs.moves.transpose(0, 2, 1)
-    jacobians = np.linalg.solve(turned @ runs.moves + UPDATE.ridge * one, turned @ moved)
+    identity = np.eye(runs.means.shape[1])
+    z, differences = whitening.z(rows, runs)
+    transposed = runs.moves.transpose(0, 2, 1)
+    jacobians = np.linalg.solve(transposed @ runs.moves + UPDATE.ridge * identity, transposed @ differences)
     information = jacobians @ jacobians.transpose(0, 2, 1)
     gradient = jacobians @ np.clip(z, -UPDATE.largest, UPDATE.largest)[..., np.newaxis]
-    covariance = np.linalg.inv(information + one)
+    covariance = np.linalg.inv(information + identity)
     x = np.clip((covariance @ gradient)[..., 0], -UPDATE.longest, UPDATE.longest)
     means = runs.means + np.einsum("nij,nj->ni", runs.factors, x)
     covariance = runs.factors @ covariance @ runs.factors.transpose(0, 2, 1)
     variances = np.einsum("nij,nij->ni", runs.factors, runs.factors)
-    covariance += UPDATE.floor**2 * variances[:, :, np.newaxis] * one
+    covariance += UPDATE.floor**2 * variances[:, :, np.newaxis] * identity
     factors = np.linalg.cholesky((covariance + covariance.transpose(0, 2, 1)) / 2)
     features = [
         np.arcsinh(z),
@@ -269,15 +288,15 @@ class ModelUpdate:
     def answers(
         self, setup: RecordingSetup, inputs: Inputs, rows: Single, first: Sequence[Mixture]
     ) -> list[Mixture]:
-        """Return what is known of recordings (n), from their rows and the `first` answers."""
+        """Return the posteriors of n recordings, from their rows and the `first` answers."""
         step = UpdateStep.of(setup, inputs, self.whitening, rows, first)
-        found = self.network.mixtures(self.network.features(step.features))
+        mixtures = self.network.mixtures(self.network.features(step.features))
         return [
-            Mixture(one.weights, mean + one.means @ factor.T, factor @ one.factors)
-            for one, mean, factor in zip(found, step.means, step.factors, strict=True)
+            Mixture(mixture.weights, mean + mixture.means @ factor.T, factor @ mixture.factors)
+            for mixture, mean, factor in zip(mixtures, step.means, step.factors, strict=True)
         ]
 
 
 def feature_count(components: int, dimensions: int) -> int:
-    """Return how many features the second network reads."""
+    """Return the number of features that the second network reads."""
     return components + 4 * dimensions

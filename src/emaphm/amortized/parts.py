@@ -1,4 +1,4 @@
-"""Work on many draws, a part at a time, on all cores of this machine."""
+"""Parallel evaluation of many draws in parts of fixed size, on all cores of this machine."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -11,10 +11,11 @@ Part = TypeVar("Part")
 
 
 def of_parts(of_part: Callable[[slice, int], Part], count: int, size: int) -> Iterator[Part]:
-    """Yield what `of_part` makes of each part of `count` draws and its number, in order, on all cores.
+    """Yield the results of `of_part` for the parts of `count` draws, in order, evaluated on all cores.
 
-    Parts have `size` draws. The models let other threads run meanwhile. So does linear algebra, whose own
-    threads would compete with these: it has one for each. What a part draws must depend on its number alone.
+    `of_part` is called with a part's slice and number. A part has `size` draws. The models and linear algebra
+    release the interpreter's lock. BLAS has one thread in each of ours, because its own would compete with
+    them. The random numbers of a part may depend on its number alone.
     """
     parts = [slice(first, first + size) for first in range(0, count, size)]
     with one_blas_thread(), ThreadPoolExecutor(os.cpu_count()) as pool:

@@ -1,4 +1,4 @@
-"""What an estimator is for: one actuator, one manoeuvre, the channels recorded of it, and their noise."""
+"""The scope of an estimator: one actuator, one manoeuvre, the recorded channels, and their noise."""
 
 import hashlib
 import json
@@ -23,34 +23,35 @@ from emaphm.simulated_recording import simulate
 from emaphm.simulation import Initial, Inputs
 
 MOST_ROWS = 20_000
-"""Longest recording that an estimator is trained on [rows]: 4 s at 5 kHz. Shards take 8 bytes a row."""
+"""Longest recording that an estimator is trained on [rows]: 4 s at 5 kHz. A row takes 8 bytes of a shard."""
 
 COMMAND_TOLERANCE = 5e-3
-"""Largest difference of a recorded command from that of the training, relative to its range: more is another
-manoeuvre. Rows that are instants instead of means differ by 1 % of the range in the default chirp."""
+"""Largest difference of a recorded command from that of the training, relative to its range. With a larger
+difference it is another manoeuvre. In the default chirp, instantaneous rows differ from means by 1 % of the
+range."""
 
 RATE_TOLERANCE = 1e-3
-"""Largest relative difference of the rows' distance."""
+"""Largest relative difference of the sampling interval."""
 
 
 @dataclass(frozen=True, eq=False)
 class RecordingSetup:
-    """An actuator, a manoeuvre from rest, what is recorded of it, and how.
+    """An actuator, a manoeuvre from rest, and how it is recorded.
 
     Attributes
     ----------
     actuator
-        As described: its parameters, laws, sensors, priors of nuisances, and its baseline.
+        The description: parameters, laws, sensors, priors of nuisances, and baseline.
     command_rad, interval_s
-        Rows of the command (samples,), and their distance [s]; `sampling` as in `Recording`.
+        Rows of the command (samples,), and their sampling interval [s]; `sampling` as in `Recording`.
     channels
-        What the estimator reads, the current first.
+        The channels that the estimator reads, the current first.
     noise
-        White noise on the currents, rms [A]; `adc_bits` the resolution of the converters, None if exact.
+        White noise on the currents, rms [A]; `adc_bits` is the resolution of the converters, None if exact.
     nuisances
-        What is unknown of a recording and no fault: names, or None for the actuator's own.
+        Names of the nuisances, or None for those of the actuator's description.
     initial_position
-        Where the shaft rests first, at the user [rad; m if linear].
+        Position of the user at rest, before the manoeuvre [rad; m if linear].
     """
 
     actuator: Actuator
@@ -77,16 +78,16 @@ class RecordingSetup:
         nuisances: Sequence[str] | None = None,
         initial_position: float | None = None,
     ) -> Self:
-        """Return the setup of following `command` (see `emaphm.simulate`) with these sensors.
+        """Return the setup of a recording that follows `command` (see `emaphm.simulate`).
 
         `channels` are columns of a recording, or "current", "voltage", "position" and "speed" for short.
 
         Raises
         ------
         MethodError
-            The actuator has no three phases, so that there is no switching to learn from; or
-            a channel or a nuisance is not one that the models have, the recording would be too long, or its
-            command goes beyond the end stops.
+            The actuator has no three phases, so that there is no switching to learn from; or the models have
+            no such channel or nuisance, the recording would be too long, or its command goes beyond the end
+            stops.
         """
         check_windings(actuator)
         channels = [SHORT_NAMES.get(name, name) for name in channels]
@@ -114,32 +115,32 @@ class RecordingSetup:
         _check_stops(actuator, rows)
         named = None if nuisances is None else tuple(nuisances)
         ordered = tuple(sorted(dict.fromkeys(channels), key=lambda name: name != "current_A"))
-        NuisanceSet.of(actuator, named, ordered)  # asked for here, not by the first worker that simulates
+        NuisanceSet.of(actuator, named, ordered)  # raises here, not in the first worker that simulates
         command_rad = np.asarray(rows["command_rad"])
         return cls(actuator, command_rad, 1 / sample_rate, sampling, ordered, noise, adc_bits, named, first)
 
     @property
     def samples(self) -> int:
-        """Rows of a recording."""
+        """The number of rows of a recording."""
         return int(self.command_rad.size)
 
     @cached_property
     def space(self) -> ParameterSpace:
-        """The coordinates of what is estimated: faults, then nuisances and what the baseline leaves open."""
+        """The estimated coordinates: faults, nuisances, and parameters that the baseline leaves open."""
         duration = self.samples * self.interval_s
         chosen = NuisanceSet.of(self.actuator, self.nuisances, self.channels, duration=duration)
         return ParameterSpace.of(self.actuator, chosen)
 
     @property
     def noise_of(self) -> dict[str, float]:
-        """White noise of each channel, rms in its unit: its described sensor's, and `noise` on currents."""
+        """White noise of each channel, rms in its unit: the described sensor's, and `noise` on currents."""
         described = {name: self.actuator.sensors.of(name).noise for name in self.channels}
         added = {name: self.noise if name in CURRENTS else 0.0 for name in self.channels}
         return {name: float(np.hypot(described[name], added[name])) for name in self.channels}
 
     @property
     def resolution_of(self) -> dict[str, float]:
-        """Step of the converter of each channel in its unit, 0 where it is exact."""
+        """Step of the converter of each channel in its unit; 0 if it is exact."""
         ranges = full_scales(self.actuator) if self.adc_bits is not None else {}
         steps = {name: 2 * ranges[name] / 2 ** (self.adc_bits or 0) for name in ranges}
         return {
@@ -148,7 +149,7 @@ class RecordingSetup:
         }
 
     def inputs(self, command: Command, step: float) -> Inputs:
-        """Return what drives a run at every step, `step` [s] long at most."""
+        """Return the inputs of a run at each of its steps, which are at most `step` [s] long."""
         return Inputs.of(
             command,
             samples=self.samples,
@@ -159,25 +160,25 @@ class RecordingSetup:
 
     @property
     def start(self) -> Initial:
-        """Where the motor is first: at rest."""
+        """Initial state of the motor: at rest at the initial position."""
         return Initial(self.initial_position / self.actuator.mechanics.gear_ratio)
 
     @property
     def reach(self) -> float:
-        """How far the command goes, from its lowest to its highest or from where it starts, in its unit."""
+        """Range of the command, or its largest distance from the initial position if larger, in its unit."""
         farthest = float(np.max(np.abs(self.command_rad - self.initial_position)))
         return max(float(np.ptp(self.command_rad)), farthest)
 
     def starts_there(self, start: Initial) -> bool:
-        """Return whether a manoeuvre starts as those of the training do: at rest at the same position.
+        """Return whether a manoeuvre has the initial state of the training: at rest at the same position.
 
-        And after no motion, which leaves the motor at a side of the backlash.
+        No motion may have preceded it: a motion leaves the motor at a side of the backlash.
         """
         away = abs(start.angle - self.start.angle) * self.actuator.mechanics.gear_ratio
         return away <= COMMAND_TOLERANCE * self.reach and not (start.speed or start.rotor_offset or start.gap)
 
     def identity(self) -> dict[str, Any]:
-        """Return what a training set holds for, ready for `json.dumps`."""
+        """Return the values that identify a training set, ready for `json.dumps`."""
         return {
             "actuator": self.actuator.model_dump(mode="json", exclude_none=True),
             "command": hashlib.sha256(self.command_rad.astype("<f8").tobytes()).hexdigest()[:16],
@@ -191,13 +192,13 @@ class RecordingSetup:
 
 
 def actuator_hash(actuator: Actuator) -> str:
-    """Return a digest of what a description says of the actuator itself, not of its files' columns."""
+    """Return a digest of a description without the entries on files, requirements and the name."""
     values = actuator.model_dump(mode="json", exclude={"channels", "reading", "requirements", "name"})
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def check_windings(actuator: Actuator) -> None:
-    """Refuse an actuator without three phases; `MethodError` says what to do."""
+    """Raise `MethodError` for an actuator without three phases; the message gives a remedy."""
     if not actuator.three_phases:
         raise MethodError(
             f"actuator '{actuator.name}' has a drive of kind '{actuator.drive_kind}', not of three phases: a "
@@ -207,7 +208,7 @@ def check_windings(actuator: Actuator) -> None:
 
 
 def check_channels(actuator: Actuator, channels: Sequence[str]) -> None:
-    """Refuse channels that the models of `actuator` do not have, or no current among them."""
+    """Raise `MethodError` for channels that the models of `actuator` lack, or if no current is among them."""
     known = comparable_channels(actuator)
     for name in channels:
         if name not in known:
@@ -217,7 +218,7 @@ def check_channels(actuator: Actuator, channels: Sequence[str]) -> None:
 
 
 def rows_of(recording: Mapping[str, Array] | Recording, channels: Sequence[str]) -> Array:
-    """Return `channels` of a recording as single precision, (1, channels, samples)."""
+    """Return `channels` of a recording in single precision, (1, channels, samples)."""
     return np.stack([recording[name] for name in channels])[np.newaxis].astype(np.float32)
 
 

@@ -1,9 +1,9 @@
-"""The training set: draws of the prior, each simulated once, in shards that are kept as they finish.
+"""The training set: draws of the prior, each simulated once, stored in shards as these finish.
 
-Shards hold what the sensors show before noise and converters, which are added anew whenever a shard is
-learned from (`noise_rms`): a simulation serves many times, its noise once. Rows are averaged in blocks to
-`MOST_KEPT_ROWS` a channel at most. A shard depends on the setup, its number and the seed, and not on how many
-there are: more simulations of the same setup go on where fewer ended.
+Shards hold the sensors' signals before noise and rounding of the converters. Noise is drawn anew each time a
+shard is used (`noise_rms`), so that one simulation serves with many noises. Rows are averaged in blocks to at
+most `MOST_KEPT_ROWS` per channel. A shard depends on the setup, its number and the seed, not on the number of
+shards: a larger training set of the same setup continues a smaller one.
 """
 
 import io
@@ -32,11 +32,11 @@ from emaphm.random_streams import stream
 from emaphm.simulation import REFERENCE, Inputs, Model, Plant, observe_batch
 
 SHARD_DRAWS = 1024
-"""Draws of a shard: 7 s of the reference model on the base setting, so that an interruption costs little."""
+"""Draws in a shard: 7 s of the reference model in the base setting, so that an interruption costs little."""
 
 MOST_KEPT_ROWS = 1250
-"""Rows of a channel that a network reads: 2.5 kHz of the base setting, at which commutation has six rows at
-top speed."""
+"""Largest number of rows of a channel that a network reads: 2.5 kHz in the base setting, where the interval
+between commutations has six rows at top speed."""
 
 SETTINGS = "training.json"
 
@@ -51,7 +51,7 @@ DECIDING = (
     "arrays.py",
     "random_streams.py",
 )
-"""The rooms and files whose code decides what a shard holds."""
+"""The sub-packages and files whose code decides the content of a shard."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,21 +62,21 @@ class TrainingSet:
     rows: Single
 
     def __len__(self) -> int:
-        """Return how many draws there are."""
+        """Return the number of draws."""
         return len(self.points)
 
     def __getitem__(self, part: slice) -> "TrainingSet":
-        """Return some of the draws."""
+        """Return the draws of the slice `part`."""
         return TrainingSet(self.points[part], self.rows[part])
 
 
 def block_of(samples: int) -> int:
-    """Return the rows that are averaged to one."""
+    """Return the number of rows in a block, which are averaged, for a recording of `samples` rows."""
     return max(1, -(-samples // MOST_KEPT_ROWS))
 
 
 def in_blocks(rows: Array | Single, block: int) -> Single:
-    """Return rows (…, samples) as means over blocks, (…, samples // block); what is over is left out."""
+    """Return the means of rows (…, samples) over complete blocks, (…, samples // block)."""
     blocks = rows.shape[-1] // block
     # A reduction over an axis as short as a block would take NumPy ten times as long.
     total = sum(rows[..., i : blocks * block : block] for i in range(block))
@@ -84,10 +84,10 @@ def in_blocks(rows: Array | Single, block: int) -> Single:
 
 
 def noise_rms(setup: RecordingSetup) -> Single:
-    """Return the noise of a block of each channel, rms (channels,): white noise and the converters' rounding.
+    """Return the rms noise (channels,) of a block mean: white noise and rounding by the converters.
 
-    A converter of step q adds q²/12 to the variance of a row (Widrow 1956), independent from row to row where
-    the signal crosses several steps between rows or has noise of half a step.
+    A converter of step q adds q²/12 to the variance of a row (Widrow 1956). Its errors are independent from
+    row to row if the signal crosses several steps between rows or has noise of half a step.
     """
     white, steps = setup.noise_of, setup.resolution_of
     variances = [white[name] ** 2 + steps[name] ** 2 / 12 for name in setup.channels]
@@ -103,10 +103,10 @@ def simulated(
     actuator: Actuator | None = None,
     inertia: Array | None = None,
 ) -> Single:
-    """Return the noise-free rows of `points` (n, d) in blocks, (n, channels, blocks); on one thread.
+    """Return the noise-free block means (n, channels, blocks) at `points` (n, d), simulated on one thread.
 
-    Of the setup's actuator, or of another `actuator` with the same coordinates; `inertia` (n,) is added to
-    its inertia, relative to it.
+    They are of the setup's actuator, or of another `actuator` with the same coordinates. `inertia` (n,) is a
+    relative change of the inertia.
     """
     space = setup.space
     lumped = space.nuisances.lumped_parameters(setup.actuator, space.nuisance_values(points))
@@ -120,7 +120,7 @@ def simulated(
 
 
 def shard(setup: RecordingSetup, command: Command, seed: int, number: int) -> tuple[Single, Single]:
-    """Return points (n, d) and rows of one shard, on whichever worker."""
+    """Return points (n, d) and rows (n, channels, blocks) of one shard; the task of a worker."""
     points = draw(setup.space, SHARD_DRAWS, stream(seed, "training draws", number))
     inputs = setup.inputs(command, REFERENCE.step_for(setup.actuator))
     return points.astype(np.float32), simulated(setup, inputs, REFERENCE, points)
@@ -137,14 +137,14 @@ def simulate_shards(
     scheduler: str | None = None,
     on_shard: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Simulate those of the first `count` shards that `folder` lacks; it is locked by the caller.
+    """Simulate those of the first `count` shards that `folder` lacks; the caller holds the folder's lock.
 
     Raises
     ------
     ExecutionError
         A worker died, or a simulation failed.
     OutputError
-        The disk is full, say: what finished is kept.
+        A shard cannot be written, for example because the disk is full; finished shards are kept.
     """
     missing = [number for number in range(count) if read_shard(_path(folder, number)) is None]
     tasks = [
@@ -168,7 +168,7 @@ def simulate_shards(
 
 
 def read_shards(folder: WorkFolder, numbers: Sequence[int]) -> TrainingSet:
-    """Return the draws of the shards `numbers`, which `simulate_shards` has made."""
+    """Return the draws of the shards `numbers`, which `simulate_shards` has stored."""
     points: list[Single] = []
     rows = np.zeros((0, 0, 0), np.float32)
     for i, number in enumerate(numbers):
@@ -178,7 +178,7 @@ def read_shards(folder: WorkFolder, numbers: Sequence[int]) -> TrainingSet:
                 f"{folder.path}: a shard is gone or damaged; start again to have it made again"
             )
         if i == 0:
-            # Whole at once: a list of all shards and what is made of it would take twice the memory.
+            # Allocated once: a list of all shards and its concatenation would take twice the memory.
             rows = np.empty((len(numbers) * len(held[1]), *held[1].shape[1:]), np.float32)
         points.append(held[0])
         rows[i * len(held[1]) : (i + 1) * len(held[1])] = held[1]
@@ -186,12 +186,12 @@ def read_shards(folder: WorkFolder, numbers: Sequence[int]) -> TrainingSet:
 
 
 def training_folder(path: Path, setup: RecordingSetup, seed: int) -> WorkFolder:
-    """Return the folder of a training set at `path`, begun or of the same setup and code.
+    """Return the folder of a training set at `path`: a new one, or one of the same setup and code.
 
     Raises
     ------
     ExecutionError
-        It holds the training set of another setup, one of another version, or something else.
+        The folder holds the training set of another setup or version, or other files.
     """
     folder = _work_folder(path)
     here = {
@@ -210,12 +210,12 @@ def training_folder(path: Path, setup: RecordingSetup, seed: int) -> WorkFolder:
 
 
 def revision() -> str:
-    """Return a fingerprint of the code and libraries that decide what a shard holds."""
+    """Return a fingerprint of the code and libraries that decide the content of a shard."""
     return revision_of(DECIDING, NOT_DECIDING)
 
 
 def remove_training_folder(path: Path) -> None:
-    """Remove a training set, unless another process has begun to use it."""
+    """Remove a training set, unless another process uses it."""
     _work_folder(path).remove()
 
 
@@ -224,7 +224,7 @@ def _work_folder(path: Path) -> WorkFolder:
 
 
 def read_shard(path: Path) -> tuple[Single, Single] | None:
-    """Return points and rows of the shard at `path`, None where it is absent or damaged."""
+    """Return points and rows of the shard at `path`; None if it is absent or damaged."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
             return held["points"], held["rows"]

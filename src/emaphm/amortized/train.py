@@ -1,4 +1,4 @@
-"""From a setup to its estimator: simulate, train, calibrate, judge."""
+"""Training of an estimator from its setup: simulation, networks, calibration, and assessment."""
 
 import time
 from collections.abc import Callable
@@ -23,10 +23,11 @@ from emaphm.simulation import AVERAGED
 from emaphm.version import VERSION
 
 HELD_OUT = 2
-"""Shards that decide when training stops and how sure the answers are; as many again judge the result."""
+"""Shards of the validation set, which decides the end of training and the temperature. As many shards again
+assess the estimator."""
 
 PREDICTOR_DRAWS = 49_152
-"""Draws that the error predictor learns from, at most."""
+"""Largest number of draws that the error predictor learns from."""
 
 
 def train_estimator(
@@ -50,19 +51,20 @@ def train_estimator(
     setup
         The actuator, manoeuvre and channels: `RecordingSetup.of`.
     command
-        Function of time [s] giving the user's position [rad; m if linear]: that of the setup.
+        Function of time [s] giving the user's position [rad; m if linear]: the command of the setup.
     folder
-        Where simulations are kept as they finish. A later call with the same folder and setup goes on. No
-        other training uses it meanwhile.
+        Folder in which simulations are stored as they finish. A later call with the same folder and setup
+        continues them. The folder is locked against other trainings meanwhile.
     simulations
-        How many to learn from, in whole shards of `SHARD_DRAWS`; four shards more are held out.
+        Number of simulations to learn from, rounded up to shards of `SHARD_DRAWS`; four more shards are held
+        out.
     seed, settings
         Source of all randomness; size and training of the first network.
     workers, scheduler
-        Of the simulations, as for `emaphm.execution.outcomes`. Training itself is on this machine.
+        For the simulations, as in `emaphm.execution.outcomes`. The networks are trained on this machine.
     on_shard, on_stage, on_epoch
-        Called after each shard with how many are done, of how many; with what comes next, before each stage;
-        and after each epoch.
+        Called after each shard with the number of finished shards and of all shards; before each stage with a
+        sentence on it; and after each epoch.
 
     Raises
     ------
@@ -79,10 +81,10 @@ def train_estimator(
     count = -(-simulations // SHARD_DRAWS)
     inputs = setup.inputs(command, AVERAGED.step_for(setup.actuator))
     shards = 2 * HELD_OUT + count
-    say = on_stage or (lambda _: None)
+    report = on_stage or (lambda _: None)
     with place.locked():
         place.clear()
-        say(f"{shards * SHARD_DRAWS:,} recordings are simulated, less those that {folder} has already")
+        report(f"{shards * SHARD_DRAWS:,} recordings are simulated, except those already in {folder}")
         began = time.perf_counter()
         simulate_shards(
             setup,
@@ -94,27 +96,27 @@ def train_estimator(
             scheduler=scheduler,
             on_shard=on_shard,
         )
-        simulating = time.perf_counter() - began
+        simulation_s = time.perf_counter() - began
 
-        # The first are held out: with more simulations they stay the same.
+        # The first shards are held out: they stay the same with more simulations.
         ends = (0, HELD_OUT, 2 * HELD_OUT, shards)
         validation, judging, training = (
             read_shards(place, range(first, stop)) for first, stop in pairwise(ends)
         )
-        say(f"the first network learns from {len(training):,} simulations")
+        report(f"training the first network on {len(training):,} simulations")
         trained = first_network(setup, training, validation, seed, settings, on_epoch)
-        say(_kept("first", trained.kept))
-        say("the averaged model is compared with them, and the second network learns from that")
-        update, kept, second = learned_update(setup, inputs, trained, training, validation, seed, on_epoch)
-        say(_kept("second", kept))
+        report(_kept_state("first", trained.kept))
+        report("training the second network on comparisons of the averaged model with the simulations")
+        update, kept, second_s = learned_update(setup, inputs, trained, training, validation, seed, on_epoch)
+        report(_kept_state("second", kept))
         answering = Answering.of(setup, inputs, trained, update, validation, seed)
-        say("training the error predictor on simulations with deviations")
-        predictor, third = learned_error_predictor(answering, training[:PREDICTOR_DRAWS], validation, seed)
+        report("training the error predictor on simulations with deviations")
+        predictor, third_s = learned_error_predictor(answering, training[:PREDICTOR_DRAWS], validation, seed)
         facts = {
             "version": VERSION,
             "simulations": len(training),
-            "simulation_seconds": round(simulating, 1),
-            "training_seconds": round(trained.seconds + second + third, 1),
+            "simulation_seconds": round(simulation_s, 1),
+            "training_seconds": round(trained.seconds + second_s + third_s, 1),
             "epochs": len(trained.epochs),
             "notes": [*trained.notes, *notes_on_second_network(trained.kept, kept)],
             "seed": seed,
@@ -124,17 +126,18 @@ def train_estimator(
         return finished(answering, predictor, validation, judging, seed, facts)
 
 
-def _kept(which: str, epoch: Epoch) -> str:
-    """Return which state of a network is kept: the last one's error, where it is smaller, is not its."""
+def _kept_state(network: str, epoch: Epoch) -> str:
+    """Return the sentence on which state of a network is kept; a later state may have a smaller error."""
     return (
-        f"the {which} network is kept as after epoch {epoch.number}, of the least loss: validation error "
-        f"{epoch.validation_error:.2f} %"
+        f"the {network} network is kept as after epoch {epoch.number}, which has the least validation loss: "
+        f"validation error {epoch.validation_error:.2f} %"
     )
 
 
 def notes_on_second_network(first: Epoch, second: Epoch) -> list[str]:
-    """Return a note where the second network errs more than the first, of the kept states."""
+    """Return a note if the kept second network has a larger error than the kept first one."""
     if second.validation_error <= first.validation_error:
         return []
-    errors = f"{second.validation_error:.3g} %, the first alone by {first.validation_error:.3g} %"
-    return [f"the second network errs by {errors} (median); give more --simulations"]
+    both, alone = second.validation_error, first.validation_error
+    errors = f"{both:.3g} % with the second network, {alone:.3g} % with the first alone"
+    return [f"the median error is {errors}; give more --simulations"]

@@ -1,4 +1,4 @@
-"""What the physics does not explain: whether a cycle is like healthy ones of its manoeuvre and load."""
+"""Anomaly detection: comparison of a cycle with healthy cycles of the same manoeuvre and load."""
 
 from emaphm.detection.detector import Detector
 from emaphm.detection.left_out import LeftOut, judged_left_out

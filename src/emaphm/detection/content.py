@@ -1,4 +1,4 @@
-"""What a detector has learned: the manoeuvres of healthy cycles, and seeded faults."""
+"""Content of a detector: the learned manoeuvres of healthy cycles, and seeded faults."""
 
 from dataclasses import dataclass, field
 
@@ -10,18 +10,18 @@ from emaphm.detection.settings import DETECTOR, DetectorSettings
 
 @dataclass(frozen=True, eq=False)
 class DetectorContent:
-    """What a file of `emaphm detect learn` holds.
+    """The content of a file that `emaphm detect learn` writes.
 
     Attributes
     ----------
     channels
-        What it looks at.
+        The channels that it evaluates.
     manoeuvres
-        Those that it has healthy cycles of.
+        The manoeuvres for which it has healthy cycles.
     actuator
-        Whose model explains what it can of a recording before; None where channels are taken as measured.
+        The description whose model's output is subtracted first; None if channels are evaluated as measured.
     seeded
-        Deviations of recordings with known faults.
+        Mean deviations of recordings with known faults.
     """
 
     channels: tuple[str, ...]

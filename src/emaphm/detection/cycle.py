@@ -1,4 +1,4 @@
-"""A recording as the detector sees it: one cycle of a manoeuvre, its channels less what a model explains."""
+"""One cycle of a manoeuvre for the detector: its channels, less the output of a model where there is one."""
 
 import hashlib
 from collections.abc import Sequence
@@ -15,25 +15,25 @@ from emaphm.recording import Recording
 from emaphm.recording.schema import PHASES, RESPONSES
 
 COMPARED = (*RESPONSES, *PHASES)
-"""Channels that a detector looks at, where all recordings have them."""
+"""Channels that a detector evaluates if all recordings have them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cycle:
-    """One cycle.
+    """One cycle of a manoeuvre.
 
     Attributes
     ----------
     signals
-        (rows, channels), each in its channel's unit: measured, less the model's where one replays it.
+        Channels (rows, channels), each in its unit: as measured, less the model's output where there is one.
     command, load
-        At each row, (rows,); the load is 0 where none was recorded.
+        Command and load (rows,); the load is 0 if none was recorded.
     interval_s
-        Between rows [s].
+        Sampling interval [s].
     source
-        Where it comes from, for messages.
+        Name of the recording, for messages.
     load_recorded
-        Whether the load is a recorded one.
+        Whether the load was recorded.
     """
 
     signals: Array
@@ -43,39 +43,41 @@ class Cycle:
     source: str
     load_recorded: bool
 
-    def along(self, command: Array, most_share: float) -> "Cycle":
-        """Return the cycle at the rows of `command` (rows,), with its own command where that one is.
+    def aligned_to(self, command: Array, most_share: float) -> "Cycle":
+        """Return the cycle shifted by rows so that its command fits `command` (rows,) best, at its rows.
 
-        Loggers do not begin every cycle at the same row: one that lacks its first is not taken for one that
-        lags. In rows that it lacks, its signals are NaN, and its command and load those of the nearest row.
+        Loggers do not begin each cycle at the same row. Without the shift, a cycle that lacks its first row
+        would look like one with a delay. In missing rows the signals are NaN, and command and load are those
+        of the nearest row.
 
         Parameters
         ----------
         most_share
-            By which share of the rows it may begin earlier or later.
+            Largest shift in either direction, as a share of the rows.
         """
         most = max(1, int(most_share * command.size))
         rows = np.arange(command.size) - row_offset(self.command, command, most)
-        keep = np.clip(rows, 0, self.command.size - 1)
-        signals = np.where((rows == keep)[:, np.newaxis], self.signals[keep], np.nan)
-        return replace(self, signals=signals, command=self.command[keep], load=self.load[keep])
+        nearest = np.clip(rows, 0, self.command.size - 1)
+        signals = np.where((rows == nearest)[:, np.newaxis], self.signals[nearest], np.nan)
+        return replace(self, signals=signals, command=self.command[nearest], load=self.load[nearest])
 
 
 def with_nearest(residuals: Array) -> Array:
-    """Return residuals (rows, channels) whose rows of NaN, at the ends, are the nearest other row."""
+    """Return residuals (rows, channels) with missing rows (NaN) at the ends replaced by the nearest row."""
     known = np.flatnonzero(~np.isnan(residuals[:, 0]))
     return residuals[np.clip(np.arange(len(residuals)), known[0], known[-1])]
 
 
 def common_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return the channels that a detector learns from: those that all recordings have.
+    """Return the channels that a detector learns from: `shared_channels` without `repeated_channels`.
 
-    Without those of `repeated_channels`: any deviation from what never varies would be infinite.
+    A channel that does not vary between healthy recordings has no scatter, so that any deviation of it would
+    be infinite.
 
     Raises
     ------
     RecordingError
-        They have none in common, or differ in none.
+        The recordings have no channel in common, or do not differ in any.
     """
     channels = shared_channels(recordings)
     if not channels:
@@ -96,22 +98,22 @@ def common_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
 def repeated_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
     """Return the shared channels that are the same, row by row, in all recordings of the same command.
 
-    So they are in simulations with noise on other channels, and where a sensor is dead.
+    They occur in simulations with noise on other channels only, and if a sensor is dead.
     """
     by_command: dict[bytes, list[Recording]] = {}
-    for one in recordings:
-        by_command.setdefault(one["command_rad"].tobytes(), []).append(one)
-    pairs = [(alike[0], one) for alike in by_command.values() for one in alike[1:]]
+    for recording in recordings:
+        by_command.setdefault(recording["command_rad"].tobytes(), []).append(recording)
+    pairs = [(group[0], recording) for group in by_command.values() for recording in group[1:]]
     return tuple(
         name
         for name in shared_channels(recordings)
-        if pairs and all(np.array_equal(one[name], other[name]) for one, other in pairs)
+        if pairs and all(np.array_equal(first[name], second[name]) for first, second in pairs)
     )
 
 
 def shared_channels(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return the channels that all recordings have, of those that a detector looks at."""
-    return tuple(name for name in COMPARED if all(name in one for one in recordings))
+    """Return those of the `COMPARED` channels that all recordings have."""
+    return tuple(name for name in COMPARED if all(name in recording for recording in recordings))
 
 
 def cycle_of(recording: Recording, channels: Sequence[str], actuator: Actuator | None) -> Cycle:
@@ -120,23 +122,23 @@ def cycle_of(recording: Recording, channels: Sequence[str], actuator: Actuator |
     Parameters
     ----------
     recording
-        Of one cycle.
+        A recording of one cycle.
     channels
-        What is looked at, in this order.
+        The channels to evaluate, in this order.
     actuator
-        Replays command and load, so that the residual to its model is looked at; None where the
-        measured channels themselves are.
+        The description whose model replays command and load, so that its residual is evaluated; None if the
+        measured channels are evaluated.
 
     Raises
     ------
     RecordingError
-        A channel is missing; or the recording cannot be meant for the actuator.
+        A channel is missing, or the recording cannot be of this actuator.
     """
     missing = [name for name in channels if name not in recording]
     if missing:
         raise RecordingError(
-            f"{recording.source}: no {', '.join(missing)}, which the detector was taught with; record it, "
-            "or learn again without"
+            f"{recording.source}: no {', '.join(missing)}, which the detector has learned with; record it, "
+            "or learn again without it"
         )
     modelled = replay(recording, actuator).signals if actuator else {}
     signals = [recording[name] - modelled[name] if name in modelled else recording[name] for name in channels]
@@ -152,21 +154,21 @@ def cycle_of(recording: Recording, channels: Sequence[str], actuator: Actuator |
 
 
 def check_each_once(cycles: Sequence[Cycle]) -> None:
-    """Refuse cycles that are the same, row by row: a cycle given twice would count as two.
+    """Raise an error for cycles that are the same, row by row: a repeated cycle would count as two.
 
     Raises
     ------
     RecordingError
-        Two are the same.
+        Two cycles are the same.
     """
     first: dict[bytes, Cycle] = {}
     for cycle in cycles:
         content = hashlib.sha256()
         for values in (cycle.signals, cycle.command, cycle.load):
             content.update(np.ascontiguousarray(values).tobytes())
-        same = first.setdefault(content.digest(), cycle)
-        if same is not cycle:
+        earlier = first.setdefault(content.digest(), cycle)
+        if earlier is not cycle:
             raise RecordingError(
-                f"{cycle.source}: the same, row by row, as {same.source}; give each cycle once, or, if these "
-                "are simulations, with the noise of their sensors"
+                f"{cycle.source}: the same, row by row, as {earlier.source}; give each cycle once, or, if "
+                "these are simulations, with the noise of their sensors"
             )

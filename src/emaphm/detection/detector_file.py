@@ -1,4 +1,4 @@
-"""A detector in one JSON file: written, and read back with every size checked."""
+"""The JSON file of a detector: writing, and reading with a check of all sizes."""
 
 import json
 from dataclasses import asdict, replace
@@ -28,7 +28,7 @@ Content = TypeVar("Content", bound=DetectorContent)
 FORMAT = "emaphm detector 1"
 
 MOST_BYTES = 256 * 2**20
-"""Largest file that is read [bytes]; a detector of ten channels and fifty segments has some 60 MB."""
+"""Largest file that is read [bytes]; a detector of ten channels and fifty segments has about 60 MB."""
 
 Row = list[float]
 Matrix = list[list[float]]
@@ -50,7 +50,7 @@ class _Load(_Part):
     load: Row
     mean: Matrix
     centre: Row
-    recorded: bool = True  # older files do not say, and called a load that was not recorded 0
+    recorded: bool = True  # older files lack it; in these, an unrecorded load is a load of 0
 
 
 class _Level(_Part):
@@ -64,7 +64,7 @@ class _Level(_Part):
     energy: Annotated[float, Field(ge=0)]
     alarms: Count
     runs: Annotated[int, Field(ge=2)]
-    independent: Positive | None = None  # older files have none: as many as runs
+    independent: Positive | None = None  # older files lack it; it is then the number of runs
 
 
 class _HealthyManoeuvre(_Part):
@@ -95,13 +95,13 @@ class _DetectorFile(_Part):
 
     @model_validator(mode="after")
     def _sizes_agree(self) -> Self:
-        for one in self.manoeuvres:
-            _check_sizes(
-                one, len(self.channels), _count_features(one, self.channels, _settings(self.settings))
-            )
+        settings = _settings(self.settings)
+        for manoeuvre in self.manoeuvres:
+            features = _count_features(manoeuvre, self.channels, settings)
+            _check_sizes(manoeuvre, len(self.channels), features)
         for seeded in self.seeded:
             if seeded.manoeuvre >= len(self.manoeuvres):
-                raise ValueError("a seeded fault is of a manoeuvre that is not there")
+                raise ValueError("a seeded fault is of a manoeuvre that the detector lacks")
             known = self.manoeuvres[seeded.manoeuvre]
             if seeded.load >= len(known.loads) or len(seeded.deviation) != len(known.loads[0].centre):
                 raise ValueError("a seeded fault has another size than its manoeuvre")
@@ -109,7 +109,7 @@ class _DetectorFile(_Part):
 
 
 def write_detector(detector: DetectorContent, path: str | Path) -> None:
-    """Write a detector as JSON; `OutputError` where it cannot be written."""
+    """Write a detector as JSON; `OutputError` if it cannot be written."""
     content = {
         "format": FORMAT,
         "version": VERSION,
@@ -118,8 +118,8 @@ def write_detector(detector: DetectorContent, path: str | Path) -> None:
         "actuator": detector.actuator.model_dump(mode="json", exclude_none=True)
         if detector.actuator
         else None,
-        "manoeuvres": [_manoeuvre_dict(one) for one in detector.manoeuvres],
-        "seeded": [asdict(one) for one in detector.seeded],
+        "manoeuvres": [_manoeuvre_dict(manoeuvre) for manoeuvre in detector.manoeuvres],
+        "seeded": [asdict(seeded) for seeded in detector.seeded],
     }
     text = json.dumps(content, allow_nan=False, default=np.ndarray.tolist)
     with written_whole(path) as temporary:
@@ -127,7 +127,7 @@ def write_detector(detector: DetectorContent, path: str | Path) -> None:
 
 
 def read_detector(path: Path, kind: type[Content]) -> Content:
-    """Return the detector in a JSON file, of a `kind` of content.
+    """Return the detector in a JSON file, as an object of the class `kind`.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def read_detector(path: Path, kind: type[Content]) -> Content:
     """
     content = read_bytes(path, MOST_BYTES, MethodError)
     try:
-        held = _DetectorFile.model_validate_json(content)
+        file = _DetectorFile.model_validate_json(content)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
@@ -149,13 +149,16 @@ def read_detector(path: Path, kind: type[Content]) -> Content:
         raise MethodError(
             f"{path}: no detector ({where}{first['msg']}); write one with 'emaphm detect learn'"
         ) from None
-    actuator = None if held.actuator is None else Actuator.from_dict(held.actuator, where=str(path))
+    actuator = None if file.actuator is None else Actuator.from_dict(file.actuator, where=str(path))
     return kind(
-        tuple(held.channels),
-        tuple(_manoeuvre(one) for one in held.manoeuvres),
+        tuple(file.channels),
+        tuple(_manoeuvre(manoeuvre) for manoeuvre in file.manoeuvres),
         actuator,
-        tuple(Seeded(one.fault, one.manoeuvre, one.load, np.array(one.deviation)) for one in held.seeded),
-        _settings(held.settings),
+        tuple(
+            Seeded(seeded.fault, seeded.manoeuvre, seeded.load, np.array(seeded.deviation))
+            for seeded in file.seeded
+        ),
+        _settings(file.settings),
     )
 
 
@@ -163,33 +166,33 @@ def _settings(values: dict[str, float]) -> DetectorSettings:
     unknown = [name for name in values if not hasattr(DETECTOR, name)]
     if unknown:
         raise ValueError(f"unknown setting '{unknown[0]}'")
-    whole: dict[str, Any] = {
+    typed: dict[str, Any] = {
         name: int(value) if isinstance(getattr(DETECTOR, name), int) else value
         for name, value in values.items()
     }
-    return replace(DETECTOR, **whole)
+    return replace(DETECTOR, **typed)
 
 
-def _manoeuvre_dict(one: HealthyManoeuvre) -> dict[str, Any]:
-    values = asdict(one)
+def _manoeuvre_dict(manoeuvre: HealthyManoeuvre) -> dict[str, Any]:
+    values = asdict(manoeuvre)
     return values | {"levels": [_level_dict(level) for level in values["levels"]]}
 
 
 def _level_dict(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the `values` of a level with its scatter's among them."""
+    """Return the `values` of a level with the values of its scatter on the same level."""
     return {"cycles": values.pop("cycles"), **values.pop("scatter"), **values}
 
 
-def _manoeuvre(one: _HealthyManoeuvre) -> HealthyManoeuvre:
+def _manoeuvre(held: _HealthyManoeuvre) -> HealthyManoeuvre:
     return HealthyManoeuvre(
-        np.array(one.command),
-        one.interval_s,
-        tuple(StrokeSegment(s.first, s.stop, s.stroke) for s in one.segments),
-        np.array(one.scales),
-        tuple(one.drifting),
+        np.array(held.command),
+        held.interval_s,
+        tuple(StrokeSegment(s.first, s.stop, s.stroke) for s in held.segments),
+        np.array(held.scales),
+        tuple(held.drifting),
         tuple(
             HealthyAtLoad(np.array(at.load), np.array(at.mean), np.array(at.centre), at.recorded)
-            for at in one.loads
+            for at in held.loads
         ),
         tuple(
             Level(
@@ -204,29 +207,30 @@ def _manoeuvre(one: _HealthyManoeuvre) -> HealthyManoeuvre:
                 runs=level.runs,
                 independent=level.independent or float(level.runs),
             )
-            for level in one.levels
+            for level in held.levels
         ),
     )
 
 
-def _count_features(one: _HealthyManoeuvre, channels: list[str], settings: DetectorSettings) -> int:
-    segments = [StrokeSegment(s.first, s.stop, s.stroke) for s in one.segments]
+def _count_features(held: _HealthyManoeuvre, channels: list[str], settings: DetectorSettings) -> int:
+    segments = [StrokeSegment(s.first, s.stop, s.stroke) for s in held.segments]
     return len(feature_names(channels, segments, settings))
 
 
-def _check_sizes(one: _HealthyManoeuvre, channels: int, features: int) -> None:
-    rows = len(one.command)
-    edges = [(s.first, s.stop) for s in one.segments]
+def _check_sizes(held: _HealthyManoeuvre, channels: int, features: int) -> None:
+    rows = len(held.command)
+    edges = [(s.first, s.stop) for s in held.segments]
     adjoin = edges[0][0] == 0 and edges[-1][1] == rows and all(a < b for a, b in edges)
     adjoin = adjoin and all(before[1] == after[0] for before, after in pairwise(edges))
-    right = adjoin and len(one.scales) == channels and all(place < len(one.loads) for place in one.drifting)
-    for at in one.loads:
-        right = right and len(at.load) == rows and len(at.centre) == features
-        right = right and _shape(at.mean) == (rows, channels)
-    for level in one.levels:
-        right = right and len(level.scale) == len(level.variances) == features and level.rank <= features
-        right = right and _shape(level.directions) == (features, features)
-    if not right or one.levels[0].cycles != 1:
+    agree = adjoin and len(held.scales) == channels
+    agree = agree and all(place < len(held.loads) for place in held.drifting)
+    for at in held.loads:
+        agree = agree and len(at.load) == rows and len(at.centre) == features
+        agree = agree and _shape(at.mean) == (rows, channels)
+    for level in held.levels:
+        agree = agree and len(level.scale) == len(level.variances) == features and level.rank <= features
+        agree = agree and _shape(level.directions) == (features, features)
+    if not agree or held.levels[0].cycles != 1:
         raise ValueError("the sizes of a manoeuvre's parts do not agree")
 
 

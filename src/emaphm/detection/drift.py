@@ -1,7 +1,8 @@
-"""Healthy runs that are not in an order by chance: they drift with it, or resemble the run before.
+"""Tests of the order of healthy runs: a drift with the order, and serial correlation of successive runs.
 
-What is learned from runs that drift holds for between, not for later. Runs that resemble their neighbours are
-not independent, and count for fewer: so where each file was taken for a run and several are cycles of one.
+A detector learned from drifting runs holds for the time of these runs, not for later runs. Serially
+correlated runs are not independent, and count as fewer runs. They occur if each file was taken as a run,
+although several files are cycles of one run.
 """
 
 import numpy as np
@@ -13,39 +14,39 @@ from emaphm.detection.thresholds import Labels
 from emaphm.random_streams import stream
 
 PERMUTATIONS = 10_000
-"""By which an order is judged: all of 7 runs, and enough to know a probability of 1 % to a tenth."""
+"""Permutations of a test: all orders of up to 7 runs; a probability of 1 % is estimated to a tenth of it."""
 
 AT_ONCE = 1000
-"""Of these, drawn together: some megabytes for a hundred runs."""
+"""Permutations that are drawn together: some megabytes for a hundred runs."""
 
 ROUNDING = 1e-9
-"""Of a sum of products, relative: an order and its reverse have the same."""
+"""Relative rounding error of a sum of products: the sums of an order and of its reverse are equal."""
 
 
 def drifting_loads(
     features: Array, runs: Labels, loads: Labels, scatter: HealthyScatter, settings: DetectorSettings
 ) -> tuple[int, ...]:
-    """Return the loads at which healthy runs drift, in the order in which they were given.
+    """Return the loads at which healthy runs drift with the order in which they were given.
 
-    The means of the runs along the first principal directions are compared with their order, by Spearman's
-    rank correlation; a load drifts where one is significant at `drift_significance`, all tests taken together
-    (Bonferroni). Its probability by chance is that among permutations: of few runs, that of the limit of many
-    calls three times as many drifting as it says.
+    The order of the runs is compared with their means along the first principal directions, by Spearman's
+    rank correlation. A load drifts if one correlation is significant at `drift_significance`, for all tests
+    together (Bonferroni). The probability by chance is computed from permutations: for few runs, the
+    asymptotic distribution rejects three times as often as stated.
 
     Parameters
     ----------
     features
-        Of all cycles, (n, p).
+        Features of all cycles, (n, p).
     runs, loads
-        Which run, in their order, and load each is of, (n,).
+        Run (numbered in order) and load of each cycle, (n,).
     scatter
-        Whose directions are looked at.
+        Scatter of single cycles, whose first principal directions are tested.
     """
     directions = scatter.directions[:, : settings.drift_directions]
     significance = settings.drift_significance / (np.unique(loads).size * directions.shape[1])
     drifting = []
     for load, means in _means(features, runs, loads, scatter, settings).items():
-        # Rounding, so that runs without any difference have equal ranks.
+        # Rounded, so that runs without any difference have equal ranks.
         columns = [np.round(column, 9) for column in (means @ directions).T if np.ptp(column) > 1e-9]
         if any(drift_by_chance(column) < significance for column in columns):
             drifting.append(load)
@@ -55,28 +56,28 @@ def drifting_loads(
 def serial_correlation(
     features: Array, runs: Labels, loads: Labels, scatter: HealthyScatter, settings: DetectorSettings
 ) -> float:
-    """Return how much a healthy run resembles the one before it: a correlation from 0 to 1.
+    """Return the correlation, from 0 to 1, of a healthy run with the run before it.
 
-    A load counts where `likeness_by_chance` of the means of its runs, or of them along the first principal
-    directions, is significant at `drift_significance`, all tests taken together (Bonferroni); its correlation
-    is the largest lag-one autocorrelation along those directions. 0 where no load does. Arguments as in
-    `drifting_loads`.
+    A load is serially correlated if `similarity_by_chance` of the means of its runs, or of their projections
+    on the first principal directions, is significant at `drift_significance`, for all tests together
+    (Bonferroni). Its correlation is the largest lag-one autocorrelation along these directions. The largest
+    of all loads is returned, 0 if no load is serially correlated. Arguments as in `drifting_loads`.
     """
-    found, significance = 0.0, settings.drift_significance / (2 * np.unique(loads).size)
+    correlation, significance = 0.0, settings.drift_significance / (2 * np.unique(loads).size)
     for means in _means(features, runs, loads, scatter, settings).values():
-        away = means - means.mean(axis=0)
-        along = away @ scatter.directions[:, : settings.drift_directions]
-        if min(likeness_by_chance(away), likeness_by_chance(along)) < significance:
-            lag_one = np.sum(along[1:] * along[:-1], axis=0) / np.sum(along**2, axis=0)
-            found = max(found, float(np.max(lag_one)))
-    return found
+        centred = means - means.mean(axis=0)
+        projected = centred @ scatter.directions[:, : settings.drift_directions]
+        if min(similarity_by_chance(centred), similarity_by_chance(projected)) < significance:
+            lag_one = np.sum(projected[1:] * projected[:-1], axis=0) / np.sum(projected**2, axis=0)
+            correlation = max(correlation, float(np.max(lag_one)))
+    return correlation
 
 
 def drift_by_chance(values: Array) -> float:
-    """Return how often `values` (n,) in an order by chance go up or down as steadily as in theirs.
+    """Return the probability that `values` (n,) in a random order rise or fall as steadily as in theirs.
 
-    By Spearman's rank correlation, in all permutations where they are no more than `PERMUTATIONS`, in as many
-    drawn ones else.
+    The statistic is Spearman's rank correlation, over all permutations, or over `PERMUTATIONS` random ones if
+    there are more.
     """
     from scipy.stats import permutation_test, rankdata
 
@@ -85,7 +86,7 @@ def drift_by_chance(values: Array) -> float:
     def steadiness(ranks: Array, axis: int = -1) -> Array:
         return np.asarray(np.abs(np.sum(np.moveaxis(ranks, axis, -1) * order, axis=-1)))
 
-    found = permutation_test(
+    test = permutation_test(
         (rankdata(values),),
         steadiness,
         permutation_type="pairings",
@@ -94,36 +95,37 @@ def drift_by_chance(values: Array) -> float:
         n_resamples=PERMUTATIONS,
         rng=stream(0, "permutations of runs"),
     )
-    return float(found.pvalue)
+    return float(test.pvalue)
 
 
-def likeness_by_chance(values: Array) -> float:
-    """Return how often the rows of `values` (n, p), of mean 0, resemble the one before as much by chance.
+def similarity_by_chance(values: Array) -> float:
+    """Return the probability that successive rows of `values` (n, p), of mean 0, are as similar by chance.
 
-    By the sum of the scalar products of successive rows, among `PERMUTATIONS` drawn ones and their own order.
+    The statistic is the sum of the scalar products of successive rows, over `PERMUTATIONS` random orders and
+    the given one.
     """
     products = values @ values.T
     random = stream(0, "orders of runs")
     own = float(np.diagonal(products, 1).sum())
-    as_alike = 1
+    as_similar = 1
     for _ in range(PERMUTATIONS // AT_ONCE):
         orders = random.permuted(np.tile(np.arange(len(values)), (AT_ONCE, 1)), axis=1)
         drawn = products[orders[:, 1:], orders[:, :-1]].sum(axis=1)
-        as_alike += int(np.count_nonzero(drawn >= own * (1 - ROUNDING)))
-    return as_alike / (PERMUTATIONS + 1)
+        as_similar += int(np.count_nonzero(drawn >= own * (1 - ROUNDING)))
+    return as_similar / (PERMUTATIONS + 1)
 
 
 def _means(
     features: Array, runs: Labels, loads: Labels, scatter: HealthyScatter, settings: DetectorSettings
 ) -> dict[int, Array]:
-    """Return the means of the runs at each load, (runs, p), relative to the healthy standard deviations.
+    """Return the means of the runs (runs, p), relative to the healthy standard deviations, by load.
 
-    Of loads with enough runs to judge their order.
+    Loads with too few runs for a test of their order are left out.
     """
-    found = {}
+    by_load = {}
     for load in np.unique(loads).tolist():
         order = np.unique(runs[loads == load])
         if order.size >= settings.fewest_runs:
             means = [features[(loads == load) & (runs == run)].mean(axis=0) for run in order]
-            found[load] = np.stack(means) / scatter.scale
-    return found
+            by_load[load] = np.stack(means) / scatter.scale
+    return by_load

@@ -1,4 +1,4 @@
-"""Features of a cycle: each channel's residual in each segment, in a few numbers."""
+"""Features of a cycle: mean and shape of each channel's residual in each segment."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from emaphm.arrays import Array
 from emaphm.detection.segments import StrokeSegment
 from emaphm.detection.settings import DetectorSettings
 
-NO_SCATTER = 1e-6
-"""Scatter, relative to a channel's own, that counts as none: a constant has no logarithm of its scatter."""
+LEAST_SCATTER = 1e-6
+"""Least scatter, relative to the channel's healthy residual: a constant has no logarithm of its scatter."""
 
 
 @dataclass(frozen=True)
 class Feature:
-    """One number of a cycle: of which channel and segment (its place in the list), and what."""
+    """Identity of a feature: channel, segment (index in the list), and kind ("mean" or one of `SHAPES`)."""
 
     channel: str
     segment: int
@@ -23,8 +23,8 @@ class Feature:
 
 
 SHAPES = ("scatter", "roughness", "coarse roughness")
-"""Logarithms of the rms about the mean, of the difference of successive rows, and of the difference of
-successive means of two rows: they tell a trend, a ripple and noise apart."""
+"""Logarithms of the standard deviation, of that of the differences of successive rows, and of that of the
+differences of successive means of two rows. Together they separate a trend, a ripple and noise."""
 
 
 def feature_names(
@@ -32,28 +32,28 @@ def feature_names(
 ) -> tuple[Feature, ...]:
     """Return the features in the order of `features_of`."""
     names = []
-    for place, segment in enumerate(segments):
-        names += [Feature(channel, place, "mean") for channel in channels]
+    for k, segment in enumerate(segments):
+        names += [Feature(channel, k, "mean") for channel in channels]
         if _has_shape(segment, settings):
-            names += [Feature(channel, place, shape) for shape in SHAPES for channel in channels]
+            names += [Feature(channel, k, shape) for shape in SHAPES for channel in channels]
     return tuple(names)
 
 
 def features_of(
     residuals: Array, segments: Sequence[StrokeSegment], scales: Array, settings: DetectorSettings
 ) -> Array:
-    """Return the features of cycles.
+    """Return the features of cycles, (cycles, features).
 
     Parameters
     ----------
     residuals
         Residual of each channel, (cycles, rows, channels), in its unit.
     scales
-        Size of each channel's residual in health, (channels,), in its unit.
+        Healthy rms residual of each channel, (channels,), in its unit.
 
     Returns
     -------
-    (cycles, features), without a unit: means are relative to `scales`.
+    Features without a unit, (cycles, features): residuals are divided by `scales`.
     """
     relative = residuals / scales
     values = []
@@ -64,7 +64,7 @@ def features_of(
             pairs = part[:, : part.shape[1] // 2 * 2]
             coarse = pairs.reshape(len(part), -1, 2, part.shape[2]).mean(axis=2)
             shapes = (part, np.diff(part, axis=1), np.diff(coarse, axis=1))
-            values += [np.log(np.maximum(one.std(axis=1), NO_SCATTER)) for one in shapes]
+            values += [np.log(np.maximum(shape.std(axis=1), LEAST_SCATTER)) for shape in shapes]
     return np.concatenate(values, axis=1)
 
 

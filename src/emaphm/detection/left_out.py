@@ -1,4 +1,4 @@
-"""Healthy runs judged by detectors that never saw them: what a detector's figures on healthy data must be."""
+"""Cross-validation of a detector: each healthy run is judged by a detector learned from the other runs."""
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from emaphm.recording import Recording
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A healthy run as the detector learned from all other runs judges it: its cycles, and all together."""
+    """Results of the detector learned from the other runs, for the cycles of run `group` and their mean."""
 
     group: Hashable
     cycles: tuple[DetectorResult, ...]
@@ -27,29 +27,29 @@ def judged_left_out(
     actuator: Actuator | None = None,
     settings: DetectorSettings = DETECTOR,
 ) -> Iterator[LeftOut]:
-    """Yield each healthy run as judged without it in means, scatter and thresholds; a run has one load.
+    """Yield the results of each healthy run, of one load, by a detector learned from the other runs.
 
     Parameters
     ----------
     recordings, actuator, settings
         As in `Detector.learn`.
     groups
-        The run that each recording is a cycle of, one a recording.
+        The run of each recording.
 
     Raises
     ------
     RecordingError
-        Too few runs without the one left out, no channel in common, or a recording cannot be meant for the
-        actuator.
+        There are too few runs without the one left out, there is no channel in common, or a recording cannot
+        be of this actuator.
     MethodError
         A rate is impossible, or scikit-learn is not installed.
     """
     channels = common_channels(recordings)
-    cycles = [cycle_of(one, channels, actuator) for one in recordings]
+    cycles = [cycle_of(recording, channels, actuator) for recording in recordings]
     check_each_once(cycles)
     for group in dict.fromkeys(groups):
-        inside = [k for k, one in enumerate(groups) if one == group]
-        others = [k for k, one in enumerate(groups) if one != group]
+        inside = [k for k, label in enumerate(groups) if label == group]
+        others = [k for k, label in enumerate(groups) if label != group]
         try:
             detector = Detector.of_cycles(
                 [cycles[k] for k in others], [groups[k] for k in others], channels, actuator, settings

@@ -1,4 +1,4 @@
-"""What healthy cycles of one manoeuvre look like, at each of its loads, and how much they scatter."""
+"""Healthy cycles of one manoeuvre: their mean at each load, their features and their scatter."""
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from emaphm.recording.noise import robust_noise_level
 Groups = NDArray[np.int64]
 
 LOAD_NOISE = 3.0
-"""Of the noise of two loads, how far apart they may be to be one: white noise takes them once as far."""
+"""Largest rms difference of two recordings of one load, in units of their noise; white noise makes it 1."""
 
 LEAST_SCALE = 1e-9
-"""Scatter of a channel, relative to its largest value, that counts as none: rounding alone makes more."""
+"""Least scatter of a channel, relative to its largest value; rounding alone causes more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,13 +32,13 @@ class HealthyAtLoad:
     Attributes
     ----------
     load
-        At each row, (rows,) [N·m or N]; 0 where none was recorded.
+        Load (rows,) [N·m or N]; 0 if none was recorded.
     mean
-        The mean cycle, (rows, channels), in the channels' units.
+        Mean cycle (rows, channels), in the channels' units.
     centre
-        Mean features of the residuals of healthy cycles, (features,).
+        Mean features (features,) of the residuals of healthy cycles.
     recorded
-        Whether one of the cycles at least has a recorded load.
+        Whether at least one of the cycles has a recorded load.
     """
 
     load: Array
@@ -61,24 +61,24 @@ class HealthyAtLoad:
 
 @dataclass(frozen=True, eq=False)
 class HealthyManoeuvre:
-    """A manoeuvre as healthy cycles do it.
+    """A manoeuvre with its healthy cycles.
 
     Attributes
     ----------
     command
-        At each row, (rows,) [rad or m].
+        Command (rows,) [rad or m].
     interval_s
-        Between rows [s].
+        Sampling interval [s].
     segments
-        Its parts.
+        Segments of its strokes.
     scales
         Healthy rms about the mean cycle, (channels,), in the channels' units.
     drifting
-        Places of the loads at which healthy runs drift in the order in which they were given.
+        Indices of the loads at which healthy runs drift with the order in which they were given.
     loads
-        Its loads.
+        Healthy cycles at each load.
     levels
-        Scatter and thresholds of one cycle, and of means at the numbers of cycles that enough runs have.
+        Scatter and thresholds of single cycles and of means, see `learn_levels`.
     """
 
     command: Array
@@ -96,24 +96,24 @@ class HealthyManoeuvre:
         return f"command {low:.4g} to {high:.4g} in {self.command.size * self.interval_s:.4g} s"
 
     def difference(self, cycle: Cycle, settings: DetectorSettings) -> str:
-        """Return how `cycle` is another manoeuvre, or nothing."""
+        """Return why `cycle` is of another manoeuvre, a clause; empty if it is of this manoeuvre."""
         return command_difference(self.command, self.interval_s, cycle, settings)
 
     def deviations(self, cycles: Sequence[Cycle], at: HealthyAtLoad, settings: DetectorSettings) -> Array:
-        """Return the features of `cycles` less the healthy ones at that load, (cycles, features)."""
-        signals = [one.along(self.command, settings.rows_tolerance).signals for one in cycles]
-        residuals = np.stack([with_nearest(one - at.mean) for one in signals])
+        """Return the features of `cycles` less the healthy mean features at a load, (cycles, features)."""
+        aligned = [cycle.aligned_to(self.command, settings.rows_tolerance).signals for cycle in cycles]
+        residuals = np.stack([with_nearest(signals - at.mean) for signals in aligned])
         return features_of(residuals, self.segments, self.scales, settings) - at.centre
 
 
 def command_difference(command: Array, interval_s: float, cycle: Cycle, settings: DetectorSettings) -> str:
-    """Return how the command of `cycle` differs from `command` (rows,) every `interval_s`, or nothing."""
+    """Return how the command of `cycle` differs from `command` at `interval_s` [s], or an empty text."""
     if abs(cycle.interval_s / interval_s - 1) > settings.rows_tolerance:
         return f"a row every {cycle.interval_s:.4g} s, not {interval_s:.4g} s"
     if abs(cycle.command.size / command.size - 1) > settings.rows_tolerance:
         return f"{cycle.command.size} rows, not {command.size}"
     size = float(np.ptp(command)) or float(np.abs(command).max())
-    difference = rms(cycle.along(command, settings.rows_tolerance).command - command) / size
+    difference = rms(cycle.aligned_to(command, settings.rows_tolerance).command - command) / size
     if difference > settings.command_tolerance:
         return f"its command differs by {100 * difference:.3g} % of the range"
     return ""
@@ -122,10 +122,10 @@ def command_difference(command: Array, interval_s: float, cycle: Cycle, settings
 def learn_manoeuvre(
     cycles: Sequence[Cycle], groups: Sequence[Hashable], largest_load: float, settings: DetectorSettings
 ) -> HealthyManoeuvre:
-    """Return what healthy `cycles` of one manoeuvre, from the runs `groups` (one a cycle), look like.
+    """Return the healthy manoeuvre of `cycles`, whose runs are `groups`.
 
-    The residual of a cycle is taken to the mean of the other runs at its load, as that of a later cycle is:
-    to a mean that it is part of, it would be nearer.
+    The residual of a cycle is its difference from the mean of the other runs at its load, as for a later
+    cycle. From a mean that includes the cycle, the difference would be smaller.
 
     Raises
     ------
@@ -133,13 +133,13 @@ def learn_manoeuvre(
         There are too few runs, of the manoeuvre or of one of its loads.
     """
     first = cycles[0]
-    aligned = [one.along(first.command, settings.rows_tolerance) for one in cycles]
+    aligned = [cycle.aligned_to(first.command, settings.rows_tolerance) for cycle in cycles]
     numbers = {group: k for k, group in enumerate(dict.fromkeys(groups))}
     runs = np.array([numbers[group] for group in groups])
-    profiles, at = _loads(aligned, largest_load, settings)
+    profiles, at = _distinct_loads(aligned, largest_load, settings)
     _check_runs(cycles, runs, at, settings)
-    signals = np.stack([one.signals for one in aligned])
-    rows = _rows_of_several(signals, runs, at)
+    signals = np.stack([cycle.signals for cycle in aligned])
+    rows = _rows_of_several_runs(signals, runs, at)
     signals, command = signals[:, rows], first.command[rows]
     residuals = np.empty_like(signals)
     for run, load in np.unique(np.stack([runs, at], axis=1), axis=0):
@@ -156,7 +156,7 @@ def learn_manoeuvre(
             load[rows],
             np.nanmean(signals[at == k], axis=0),
             features[at == k].mean(axis=0),
-            any(cycle.load_recorded for cycle, place in zip(cycles, at, strict=True) if place == k),
+            any(cycle.load_recorded for cycle, number in zip(cycles, at, strict=True) if number == k),
         )
         for k, load in enumerate(profiles)
     )
@@ -166,57 +166,59 @@ def learn_manoeuvre(
 
 
 def at_load(cycle: Cycle) -> str:
-    """Return the load of a cycle in words, for errors."""
+    """Return the load of a cycle in words, for error messages."""
     return f"at the load {cycle.load.mean():.4g}" if cycle.load_recorded else "without a recorded load"
 
 
-def same_load(one: Array, other: Array, largest: float, settings: DetectorSettings) -> bool:
-    """Return whether two loads (rows,) are the same, where `largest` is the largest that was learned.
+def same_load(first: Array, second: Array, largest: float, settings: DetectorSettings) -> bool:
+    """Return whether two loads (rows,) are the same; `largest` is the largest learned load.
 
-    What a load cell's noise makes of them is no difference.
+    A difference within the noise of the load cell does not count.
     """
-    difference = rms(one - other)
+    difference = rms(first - second)
     if difference <= settings.load_tolerance * largest:
         return True
-    noise = np.hypot(robust_noise_level(one, 2), robust_noise_level(other, 2))
+    noise = np.hypot(robust_noise_level(first, 2), robust_noise_level(second, 2))
     return bool(difference <= LOAD_NOISE * noise)
 
 
-def _loads(cycles: Sequence[Cycle], largest: float, settings: DetectorSettings) -> tuple[list[Array], Groups]:
-    """Return the different loads, (rows,) each, and which of them each cycle has, (cycles,)."""
+def _distinct_loads(
+    cycles: Sequence[Cycle], largest: float, settings: DetectorSettings
+) -> tuple[list[Array], Groups]:
+    """Return the distinct loads, (rows,) each, and the index of each cycle's load, (cycles,)."""
     profiles: list[Array] = []
     at = []
     for cycle in cycles:
-        known = [k for k, one in enumerate(profiles) if same_load(cycle.load, one, largest, settings)]
+        known = [k for k, load in enumerate(profiles) if same_load(cycle.load, load, largest, settings)]
         if not known:
             profiles.append(cycle.load)
         at.append(known[0] if known else len(profiles) - 1)
     return profiles, np.array(at)
 
 
-def _rows_of_several(signals: Array, runs: Groups, at: Groups) -> NDArray[np.bool_]:
-    """Return which rows of `signals` (cycles, rows, channels) two runs or more have at each load, (rows,)."""
+def _rows_of_several_runs(signals: Array, runs: Groups, at: Groups) -> NDArray[np.bool_]:
+    """Return the mask (rows,) of the rows of `signals` (cycles, rows, channels) in two runs at each load."""
     known = ~np.isnan(signals[:, :, 0])
     rows = np.ones(signals.shape[1], dtype=bool)
     for load in np.unique(at):
-        having = [known[(at == load) & (runs == run)].any(axis=0) for run in np.unique(runs[at == load])]
-        rows &= np.sum(having, axis=0) >= 2
+        in_run = [known[(at == load) & (runs == run)].any(axis=0) for run in np.unique(runs[at == load])]
+        rows &= np.sum(in_run, axis=0) >= 2
     return rows
 
 
 def _check_runs(cycles: Sequence[Cycle], runs: Groups, at: Groups, settings: DetectorSettings) -> None:
-    found = np.unique(runs).size
-    if found < settings.fewest_runs:
+    number = np.unique(runs).size
+    if number < settings.fewest_runs:
         raise RecordingError(
-            f"{cycles[0].source}: {found} healthy runs of this manoeuvre, at least {settings.fewest_runs} "
+            f"{cycles[0].source}: {number} healthy runs of this manoeuvre, at least {settings.fewest_runs} "
             "are needed for a threshold; record more, each on its own (cycles of one run resemble each other)"
         )
     for load in np.unique(at):
-        found = np.unique(runs[at == load]).size
-        if found < settings.fewest_runs_of_load:
-            one = cycles[int(np.flatnonzero(at == load)[0])]
+        number = np.unique(runs[at == load]).size
+        if number < settings.fewest_runs_of_load:
+            cycle = cycles[int(np.flatnonzero(at == load)[0])]
             raise RecordingError(
-                f"{one.source}: {found} healthy runs {at_load(one)}, at least "
+                f"{cycle.source}: {number} healthy runs {at_load(cycle)}, at least "
                 f"{settings.fewest_runs_of_load} are needed for a mean cycle; record more there, or leave "
                 "this load out"
             )

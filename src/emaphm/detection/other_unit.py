@@ -1,4 +1,4 @@
-"""A channel in another unit than that of the healthy cycles: no fault makes it a thousand times as large."""
+"""Check for channels in another unit than the healthy cycles: no fault changes a size by a factor of 1000."""
 
 import math
 from collections.abc import Sequence
@@ -9,43 +9,43 @@ from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 
 SAME_SHAPE = 0.95
-"""Least correlation, about 0, of a channel and its healthy mean: a fault that strong bends the shape too."""
+"""Least uncentred correlation of a channel with its healthy mean: a fault of this size changes the shape."""
 
 WITHIN = 2.0
-"""Ratio to a factor between units that a fault and the load may make in addition."""
+"""Largest further ratio, in either direction, by which a fault and the load may change a channel."""
 
 FACTORS = {"a thousandth of the unit": 1e3, "thousands of the unit": 1e-3}
-"""How much larger a channel looks, by the unit it seems to be in."""
+"""Apparent unit of a channel, and the factor by which its values are larger."""
 
 ANGLE_FACTORS = {"degrees": 180 / math.pi}
-"""The same, of angles and their speeds where healthy ones are in radians."""
+"""The same for angles and their speeds, which are in radians in healthy cycles."""
 
 ANGLES = ("position_rad", "speed_rad_s", "angle_rad")
 
 
 def check_units(source: str, signals: Sequence[Array], mean: Array, channels: Sequence[str]) -> None:
-    """Refuse cycles with a channel in another unit.
+    """Raise an error for cycles with a channel in another unit.
 
-    The ratio of a channel y to its healthy mean m is Σ y m / Σ m², over the rows that the cycles have.
+    The ratio of a channel y to its healthy mean m is |Σ y m| / Σ m², over the rows that the cycles have.
 
     Parameters
     ----------
     source
-        Where the cycles come from, for the message.
+        Name of the recording, for the message.
     signals
-        Of each cycle, (rows, channels), as measured; NaN where a row is missing.
+        Measured channels of each cycle, (rows, channels); NaN in missing rows.
     mean
-        The healthy mean, (rows, channels).
+        Healthy mean, (rows, channels).
     channels
-        Their names.
+        Names of the channels.
 
     Raises
     ------
     RecordingError
-        A channel has the shape of the healthy one, and is larger by the factor between two units.
+        A channel has the shape of the healthy one, and its size differs by the factor between two units.
     """
     for k, name in enumerate(channels):
-        measured = np.concatenate([one[:, k] for one in signals])
+        measured = np.concatenate([cycle[:, k] for cycle in signals])
         healthy = np.tile(mean[:, k], len(signals))
         known = np.isfinite(measured)
         unit = _other_unit(name, measured[known], healthy[known])
@@ -57,7 +57,7 @@ def check_units(source: str, signals: Sequence[Array], mean: Array, channels: Se
 
 
 def _other_unit(name: str, measured: Array, healthy: Array) -> tuple[str, float] | None:
-    """Return the unit that a channel seems to be in and how many times as large it is, or None."""
+    """Return the apparent unit of a channel and its ratio to the healthy size; None for the same unit."""
     sizes = float(np.linalg.norm(measured)), float(np.linalg.norm(healthy))
     if not all(sizes):
         return None

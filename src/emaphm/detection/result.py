@@ -1,4 +1,4 @@
-"""What the detector says of a cycle or a run: how far from healthy, and where."""
+"""Result of the detector for a cycle or a run: its distance from healthy, and the contributions to it."""
 
 import json
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_ROWS = 8
-"""Contributions in the table, the largest."""
+"""Number of the largest contributions in the table."""
 
-ANOTHER_LOAD = "; no load was recorded, and another load than that of the healthy runs looks like that too"
-"""What a recording that is not like healthy may be where its load is not known."""
+ANOTHER_LOAD = "; no load was recorded, and another load than that of the healthy runs has the same effect"
+"""Addition to the verdict "not like healthy" if the load is not known."""
 
 
 @dataclass(frozen=True)
 class Contribution:
-    """What a feature of a channel in a segment adds to T² and to Q."""
+    """Contribution of a feature of a channel in a segment to T² and to Q."""
 
     channel: str
     segment: str
@@ -32,7 +32,7 @@ class Contribution:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The seeded fault along whose direction a deviation lies most, its share, and if that is enough."""
+    """The seeded fault with the largest `share` of a deviation; `alike` if this is enough to name it."""
 
     fault: str
     share: float
@@ -41,29 +41,30 @@ class Nearest:
 
 @dataclass(frozen=True)
 class DetectorResult:
-    """How far a cycle, or the mean of several, is from healthy ones of the same manoeuvre and load.
+    """Distance of a cycle, or of the mean of several, from healthy cycles of the same manoeuvre and load.
 
     Attributes
     ----------
     cycles
-        How many were judged together.
+        Number of cycles that were judged together.
     cycles_alarming
-        How many of them are not like healthy singly.
+        Number of these cycles that, judged singly, are not like healthy.
     level_cycles
-        By whose scatter they are farthest from healthy: 1, that of single cycles; else that of means of as
-        many cycles.
+        Level with the largest excess: 1 for the scatter of single cycles, otherwise the least number of
+        cycles of the means.
     t2, q, t2_threshold, q_threshold
-        The statistics and what a healthy one exceeds with the rate of false alarms in one of the two.
+        The statistics and their thresholds: a healthy cycle exceeds one of the two with the probability
+        `false_alarm_rate`.
     contributions
-        To both, by channel, segment and feature; none below 0, their sums are T² and Q.
+        Contributions to T² and Q by channel, segment and feature; none is negative, their sums are T² and Q.
     nearest
-        Of the seeded faults; None where there are none.
+        The nearest seeded fault; None if the detector has none.
     false_alarm_rate
-        What the thresholds are set for.
+        Rate of false alarms for which the thresholds are computed.
     shown
-        What of it the healthy runs can show.
+        Sentence on the rate of false alarms that the healthy runs show.
     load_recorded
-        Whether all of the cycles have a recorded load: without, another load is not like healthy either.
+        Whether all cycles have a recorded load; otherwise another load may be the cause of a deviation.
     """
 
     recording: str
@@ -112,13 +113,12 @@ class DetectorResult:
         t2, q = self.t2 / self.t2_threshold, self.q / self.q_threshold
         if self.like_healthy:
             sizes = f"T² {with_digits(t2)}, Q {with_digits(q)} × threshold"
-            return f"like healthy ({sizes}{self._coarse}){self._contradicted}"
+            return f"like healthy ({sizes}{self._level_clause}){self._alarms_clause}"
         size = f"Q {with_digits(q)} × threshold" if q >= t2 else f"T² {with_digits(t2)} × threshold"
-        channel, stroke, share = self._most()
+        channel, stroke, share = self._largest_share()
         place = f"in the {stroke}" if stroke == "hold" else f"on the {stroke}"
-        text = (
-            f"not like healthy ({size}{self._coarse}), mostly {_short(channel)} {place} ({100 * share:.0f} %)"
-        )
+        where = f"{_channel_name(channel)} {place} ({100 * share:.0f} %)"
+        text = f"not like healthy ({size}{self._level_clause}), mostly {where}"
         if self.nearest is not None and self.nearest.alike:
             text += f"; nearest seeded fault: {self.nearest.fault} ({100 * self.nearest.share:.0f} %)"
         elif self.nearest is not None:
@@ -126,7 +126,7 @@ class DetectorResult:
         return text if self.load_recorded else f"{text}{ANOTHER_LOAD}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `--json` prints under "detector"."""
+        """Return the values that `--json` prints under "detector"."""
         return {
             "recording": self.recording,
             "cycles": self.cycles,
@@ -145,13 +145,13 @@ class DetectorResult:
             "by_feature": self.by_feature,
             "contributions": [
                 {
-                    "channel": one.channel,
-                    "segment": one.segment,
-                    "feature": one.feature,
-                    "t2": one.t2,
-                    "q": one.q,
+                    "channel": contribution.channel,
+                    "segment": contribution.segment,
+                    "feature": contribution.feature,
+                    "t2": contribution.t2,
+                    "q": contribution.q,
                 }
-                for one in self.contributions
+                for contribution in self.contributions
             ],
             "nearest": None
             if self.nearest is None
@@ -171,59 +171,59 @@ class DetectorResult:
         return draw_detection(self)
 
     def __str__(self) -> str:
-        """Return the verdict, the largest contributions and what the thresholds rest on."""
+        """Return the verdict, the largest contributions, and the rate of false alarms of the thresholds."""
         total = self._total()
         largest = sorted(self.contributions, key=self._value, reverse=True)[:MOST_ROWS]
         rows = [
-            (one.channel, one.segment, one.feature, f"{100 * self._value(one) / total:.1f} %")
-            for one in largest
+            (item.channel, item.segment, item.feature, f"{100 * self._value(item) / total:.1f} %")
+            for item in largest
         ]
-        statistic = "Q" if self._by_q() else "T²"
+        statistic = "Q" if self._q_exceeds_most() else "T²"
         lines = [f"{self.recording}: {self.sentence}."]
         if not self.like_healthy:
             lines.append(format_table(["channel", "segment", "feature", f"share of {statistic}"], rows))
-        rate = f"{100 * self.false_alarm_rate:g} % of false alarms, of {level_name(self.level_cycles)}"
+        rate = f"{100 * self.false_alarm_rate:g} % of false alarms, for {level_name(self.level_cycles)}"
         return "\n".join([*lines, f"Thresholds for {rate}. {self.shown}."])
 
     @property
-    def _coarse(self) -> str:
-        """Return that it was the scatter of single cycles that judged a mean, or nothing."""
+    def _level_clause(self) -> str:
+        """The clause that a mean was judged by the scatter of single cycles; else empty."""
         if self.cycles == 1 or self.level_cycles > 1:
             return ""
         return f", {self.cycles} cycles by the scatter of single ones"
 
     @property
-    def _contradicted(self) -> str:
-        """Return how many cycles of a run that is like healthy are not so singly, or nothing."""
+    def _alarms_clause(self) -> str:
+        """The clause on the number of cycles with an alarm in a run that is like healthy; else empty."""
         if self.cycles == 1 or not self.cycles_alarming:
             return ""
         return f", but {self.cycles_alarming} of {self.cycles} cycles alarm singly"
 
-    def _by_q(self) -> bool:
+    def _q_exceeds_most(self) -> bool:
         return self.q / self.q_threshold >= self.t2 / self.t2_threshold
 
-    def _value(self, one: Contribution) -> float:
-        return one.q if self._by_q() else one.t2
+    def _value(self, contribution: Contribution) -> float:
+        return contribution.q if self._q_exceeds_most() else contribution.t2
 
     def _total(self) -> float:
         return sum(map(self._value, self.contributions)) or 1.0
 
     def _shares(self, by: str) -> dict[str, float]:
         shares: dict[str, float] = {}
-        for one in self.contributions:
-            name = getattr(one, by)
-            shares[name] = shares.get(name, 0.0) + self._value(one) / self._total()
+        for contribution in self.contributions:
+            name = getattr(contribution, by)
+            shares[name] = shares.get(name, 0.0) + self._value(contribution) / self._total()
         return shares
 
-    def _most(self) -> tuple[str, str, float]:
-        """Return the channel and the kind of stroke that contribute most together, and their share."""
+    def _largest_share(self) -> tuple[str, str, float]:
+        """Return the pair of channel and kind of stroke with the largest contribution, and its share."""
         shares: dict[tuple[str, str], float] = {}
-        for one in self.contributions:
-            pair = (one.channel, one.stroke)
-            shares[pair] = shares.get(pair, 0.0) + self._value(one) / self._total()
-        pair = max(shares, key=lambda one: shares[one])
+        for contribution in self.contributions:
+            pair = (contribution.channel, contribution.stroke)
+            shares[pair] = shares.get(pair, 0.0) + self._value(contribution) / self._total()
+        pair = max(shares, key=lambda key: shares[key])
         return *pair, shares[pair]
 
 
-def _short(channel: str) -> str:
+def _channel_name(channel: str) -> str:
     return "current" if channel == "current_A" else SCHEMA[channel].meaning

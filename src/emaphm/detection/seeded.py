@@ -1,4 +1,4 @@
-"""Seeded faults: in which direction each lies from healthy, and along which of them a deviation is."""
+"""Seeded faults: their directions from healthy, and the one nearest to the direction of a deviation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ from emaphm.detection.settings import DetectorSettings
 
 @dataclass(frozen=True, eq=False)
 class Seeded:
-    """Mean deviation of recordings with a seeded fault, (features,), at a load of a manoeuvre.
+    """Mean deviation (features,) of recordings with a seeded fault, at a load of a manoeuvre.
 
-    `manoeuvre` and `load` are the places in the detector's and the manoeuvre's list.
+    `manoeuvre` is an index of the detector's manoeuvres, `load` of the manoeuvre's loads.
     """
 
     fault: str
@@ -31,37 +31,39 @@ def nearest_seeded(
     deviation: Array,
     settings: DetectorSettings,
 ) -> Nearest | None:
-    """Return the seeded fault along whose direction most of a deviation lies; None where there are none.
+    """Return the seeded fault with the largest share of a deviation along its direction; None without faults.
 
-    Directions are those of whitened features, in which healthy scatter is alike in all directions. Of the
-    squared deviation, what healthy scatter has in the mean is no fault's; the share is of the rest.
+    Directions are those of whitened features, whose healthy scatter is equal in all directions. The mean
+    contribution of healthy scatter is subtracted from the squared deviation; the share is that of the
+    remainder.
 
     Parameters
     ----------
     seeded
-        Of the detector. Those at the same load count, or those of the manoeuvre where a fault has none there.
+        Seeded faults of the detector. For each fault, those at the same load are used, or all of the
+        manoeuvre if there is none at this load.
     level
-        Whose scatter whitens.
+        Level whose scatter whitens the features.
     place
-        Manoeuvre and load of the deviation, by their places.
+        Indices of the manoeuvre and the load of the deviation.
     deviation
-        Features less the healthy ones, (1, features).
+        Features less the healthy mean features, (1, features).
     """
-    others = [one for one in seeded if one.manoeuvre == place[0]]
-    found = level.scatter.whitened(deviation)[0]
-    excess = max(float(found @ found) - level.energy, 0.0)
+    same_manoeuvre = [example for example in seeded if example.manoeuvre == place[0]]
+    whitened = level.scatter.whitened(deviation)[0]
+    excess = max(float(whitened @ whitened) - level.energy, 0.0)
     best: Nearest | None = None
-    for fault in dict.fromkeys(one.fault for one in others):
-        ones = [one for one in others if one.fault == fault]
-        for one in [one for one in ones if one.load == place[1]] or ones:
-            along = _along(found, level.scatter.whitened(one.deviation))
-            share = min(along**2 / excess, 1.0) if along > 0 and excess > 0 else 0.0
+    for fault in dict.fromkeys(example.fault for example in same_manoeuvre):
+        examples = [example for example in same_manoeuvre if example.fault == fault]
+        for example in [example for example in examples if example.load == place[1]] or examples:
+            length = _projected_length(whitened, level.scatter.whitened(example.deviation))
+            share = min(length**2 / excess, 1.0) if length > 0 and excess > 0 else 0.0
             if best is None or share > best.share:
                 best = Nearest(fault, share, share >= settings.alike)
     return best
 
 
-def _along(deviation: Array, direction: Array) -> float:
-    """Return the length of `deviation` along `direction`, (features,) both; 0 where that has none."""
+def _projected_length(deviation: Array, direction: Array) -> float:
+    """Return the projection of `deviation` on `direction`, both (features,); 0 if `direction` is 0."""
     size = float(np.linalg.norm(direction))
     return float(deviation @ direction) / size if size > 0 else 0.0

@@ -1,4 +1,4 @@
-"""Segments of a manoeuvre: strokes of the command, cut finely where they begin."""
+"""Segments of a manoeuvre: strokes of the command, divided more finely at their beginning."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,17 +10,17 @@ from emaphm.detection.settings import DetectorSettings
 from emaphm.recording.sensor_checks.resolution import runs_of_equal
 
 AT_REST = 0.01
-"""Rate of the command, relative to its largest, below which it holds."""
+"""Rate of the command, relative to its largest rate, below which the command holds."""
 
 LONGEST_COUNT = 1.05
-"""Mean rows that a moving command keeps a value for, up to which it is not shown in coarse counts."""
+"""Mean number of rows with equal values in a moving command above which it counts as coarsely resolved."""
 
 STROKES = {1: "up-stroke", -1: "down-stroke", 0: "hold"}
 
 
 @dataclass(frozen=True)
 class StrokeSegment:
-    """Rows `first` to `stop` (exclusive) of a manoeuvre, on the stroke of that name."""
+    """Rows `first` to `stop` (exclusive) of a manoeuvre, on a stroke of the kind `stroke` (`STROKES`)."""
 
     first: int
     stop: int
@@ -32,21 +32,22 @@ class StrokeSegment:
         return slice(self.first, self.stop)
 
     def label(self, interval_s: float) -> str:
-        """Return its name: the stroke, and from when to when [s]."""
+        """Return the name of the segment: the stroke, and its first and last time [s]."""
         return f"{self.stroke}, {self.first * interval_s:.3g} to {self.stop * interval_s:.3g} s"
 
 
 def segments_of(command: Array, settings: DetectorSettings) -> tuple[StrokeSegment, ...]:
     """Return the segments of a manoeuvre.
 
-    A stroke lasts while the command moves one way or holds. The segments of a stroke grow from
-    `first_segment` of the manoeuvre, each `growth` times as long as the one before; the last one takes what
-    remains. A stroke shorter than the first segment joins the one before.
+    During a stroke, the command moves in one direction or holds. The first segment of a stroke has the share
+    `first_segment` of the manoeuvre, each further one is `growth` times as long as the one before; the last
+    segment has the remaining rows. A stroke that is shorter than the first segment is joined to the stroke
+    before.
 
     Parameters
     ----------
     command
-        At each row, (n,) [rad or m].
+        Command (n,) [rad or m].
     """
     first = _first_length(command.size, settings)
     segments: list[StrokeSegment] = []
@@ -69,26 +70,26 @@ def strokes_of(command: Array, settings: DetectorSettings) -> tuple[StrokeSegmen
     edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), command.size]
     strokes: list[tuple[int, int, int]] = []
     for start, stop in pairwise(edges):
-        way = int(direction[start])
-        same = bool(strokes) and strokes[-1][2] == way
+        sign = int(direction[start])
+        same = bool(strokes) and strokes[-1][2] == sign
         if strokes and (stop - start < fewest or same):
             strokes[-1] = (strokes[-1][0], stop, strokes[-1][2])
         else:
-            strokes.append((start, stop, way))
+            strokes.append((start, stop, sign))
     if len(strokes) > 1 and strokes[0][1] < fewest:
         strokes[:2] = [(0, strokes[1][1], strokes[1][2])]
-    return tuple(StrokeSegment(start, stop, STROKES[way]) for start, stop, way in strokes)
+    return tuple(StrokeSegment(start, stop, STROKES[sign]) for start, stop, sign in strokes)
 
 
 def _rate(command: Array, fewest: int) -> Array:
-    """Return how far `command` (n,) goes in a row, (n,).
+    """Return the change of `command` (n,) per row, (n,).
 
-    Over `fewest` rows where it is shown in counts and passes less than one a row: it seems to rest between
-    them.
+    If the command is recorded in coarse counts, and changes by less than a count per row, the change over
+    `fewest` rows is returned: from row to row, it would seem to rest between two counts.
     """
     _, lengths = runs_of_equal(command)
-    passing = lengths[lengths < fewest]
-    if passing.size and passing.mean() > LONGEST_COUNT:
+    short = lengths[lengths < fewest]
+    if short.size and short.mean() > LONGEST_COUNT:
         padded = np.pad(command, (fewest // 2, fewest - fewest // 2), mode="edge")
         return np.asarray(padded[fewest:] - padded[:-fewest])
     rate = np.diff(command, append=command[-1])

@@ -1,4 +1,4 @@
-"""What tunes the detector, in one place."""
+"""Settings of the detector."""
 
 from dataclasses import dataclass
 
@@ -10,39 +10,40 @@ class DetectorSettings:
     Attributes
     ----------
     false_alarm_rate
-        Share of further healthy cycles, or runs, that may be called not like healthy. An owner who looks at
-        a cycle a day has one false alarm in three months.
+        Probability that a further healthy cycle, or run, is called not like healthy. With 0.01 and one cycle
+        a day, there is a false alarm in three months.
     confidence
-        Of the bound on the rate that the runs left out can show.
+        Confidence of the bound on the rate of false alarms that the runs left out show.
     first_segment, growth
         Length of the first segment after a change of the command's direction, as a share of the manoeuvre,
-        and how many times as long the next is: reversals show lost motion, settling and steady motion show
-        friction. More segments say better where, but their covariance needs more healthy cycles: equal ones
-        of a twelfth detect half as many single cycles of the Cranfield rig's backlash.
+        and ratio of the lengths of successive segments. Lost motion appears after reversals, friction during
+        settling and steady motion. More segments locate a deviation better, but their covariance needs more
+        healthy cycles: with equal segments of a twelfth, half as many single cycles of the Cranfield rig's
+        backlash are detected.
     fewest_rows
-        Rows of a segment at least.
+        Least number of rows of a segment.
     fewest_rows_of_shape
-        Rows from which on scatter and roughness are features; of fewer, only the mean is known.
+        Least number of rows for which scatter and roughness are features; with fewer, only the mean is one.
     variance_share
-        Share of the healthy variance whose directions make up T²; the others make up Q.
+        Share of the healthy variance in the directions of T²; the other directions are those of Q.
     fewest_runs, fewest_runs_of_load
-        Independent healthy runs of a manoeuvre, and of each of its loads: Student's quantile of the threshold
-        grows without bound below.
+        Least number of independent healthy runs of a manoeuvre, and of each of its loads. With fewer,
+        Student's quantile, and with it the threshold, becomes very large.
     most_folds
-        Folds of the cross-validation at most; each run is left out in turn where there are no more runs.
+        Largest number of folds of the cross-validation; with no more runs than this, each run is a fold.
     command_tolerance
         Largest rms difference of two commands of one manoeuvre, as a share of the command's range.
     load_tolerance
-        Largest rms difference of two loads that count as one, as a share of the largest load learned.
+        Largest rms difference of two recordings of one load, as a share of the largest learned load.
     rows_tolerance
-        Largest relative difference in rows, and in sample rate, of cycles of one manoeuvre, and the share of
-        its rows by which they may begin earlier or later.
+        Largest relative difference in rows, and in sample rate, of cycles of one manoeuvre, and the largest
+        shift of their beginnings as a share of the rows.
     drift_directions, drift_significance
-        Principal directions in which healthy runs are tested for a drift with their order, and the
-        significance of all tests together; also of the test whether runs resemble those before them.
+        Number of principal directions in which healthy runs are tested for a drift with their order, and
+        significance of all these tests together; also that of the test for serial correlation of the runs.
     alike
-        Share of a deviation, less what healthy scatter adds to its square, that must lie along a seeded
-        fault's direction to be called alike: half.
+        Least share of a squared deviation, less the mean contribution of healthy scatter, along a seeded
+        fault's direction for the fault to be named.
 
     `python examples/cranfield/cranfield.py` measures detections and false alarms on a rig.
     """

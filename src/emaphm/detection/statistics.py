@@ -1,4 +1,4 @@
-"""T² and Q of a feature vector against the healthy scatter, and what each feature contributes."""
+"""Statistics T² and Q of a feature vector relative to the healthy scatter, and contributions to them."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,12 @@ from emaphm.arrays import Array
 from emaphm.optional_library import import_library
 
 LEAST_SCALE = 1e-6
-"""Standard deviation of a feature that did not vary: any change of it then counts."""
+"""Assumed standard deviation of a feature without variation, so that any change of it is detected."""
 
 
 @dataclass(frozen=True, eq=False)
 class HealthyScatter:
-    """Principal directions of healthy features, by a covariance that few cycles suffice for.
+    """Principal directions of healthy features, from a shrunk covariance, for which few cycles suffice.
 
     With z = x / s, whose shrunk covariance [1] has the directions v_i and the variances λ_i in falling order,
 
@@ -44,7 +44,7 @@ class HealthyScatter:
 
     @classmethod
     def learn(cls, deviations: Array, variance_share: float) -> "HealthyScatter":
-        """Return the scatter of healthy `deviations` from their mean, (n, p); as `of` their correlations.
+        """Return the scatter of healthy `deviations` from their mean, (n, p), by `of`.
 
         Raises
         ------
@@ -57,8 +57,8 @@ class HealthyScatter:
     def of(cls, scale: Array, correlations: Array, variance_share: float) -> "HealthyScatter":
         """Return the scatter of features with the standard deviations `scale` (p,) and `correlations` (p, p).
 
-        `rank` is the smallest whose directions hold `variance_share` of the variance; one direction at least
-        is left for Q.
+        `rank` is the least number of directions with `variance_share` of the variance, so that at least one
+        direction remains for Q.
         """
         variances, directions = np.linalg.eigh(correlations)
         variances, directions = variances[::-1].copy(), np.ascontiguousarray(directions[:, ::-1])
@@ -75,20 +75,26 @@ class HealthyScatter:
         return np.asarray(self.q_contributions(deviations).sum(axis=-1))
 
     def t2_contributions(self, deviations: Array) -> Array:
-        """Return what each feature adds to T², (n, p), none below 0: its squared entry of Λ^(-1/2) z."""
-        kept = slice(0, self.rank)
-        along = (deviations / self.scale) @ self.directions[:, kept] / np.sqrt(self.variances[kept])
-        return np.asarray((along @ self.directions[:, kept].T) ** 2)
+        """Return the contribution of each feature to T², (n, p), not negative.
+
+        It is the squared entry of V Λ^(-1/2) Vᵀ z, with the first k directions V and their variances Λ.
+        """
+        first = slice(0, self.rank)
+        projected = (deviations / self.scale) @ self.directions[:, first] / np.sqrt(self.variances[first])
+        return np.asarray((projected @ self.directions[:, first].T) ** 2)
 
     def q_contributions(self, deviations: Array) -> Array:
-        """Return what each feature adds to Q, (n, p): its squared entry of z off the k directions."""
-        off = self.directions[:, self.rank :]
-        return np.asarray(((deviations / self.scale) @ off @ off.T) ** 2)
+        """Return the contribution of each feature to Q, (n, p), not negative.
+
+        It is the squared entry of z projected on the other directions.
+        """
+        others = self.directions[:, self.rank :]
+        return np.asarray(((deviations / self.scale) @ others @ others.T) ** 2)
 
     def whitened(self, deviations: Array) -> Array:
-        """Return Λ^(-1/2) z over all directions, (n, p), whose healthy covariance is the identity."""
-        along = (deviations / self.scale) @ self.directions / np.sqrt(self.variances)
-        return np.asarray(along @ self.directions.T)
+        """Return V Λ^(-1/2) Vᵀ z over all directions, (n, p), whose healthy covariance is the identity."""
+        projected = (deviations / self.scale) @ self.directions / np.sqrt(self.variances)
+        return np.asarray(projected @ self.directions.T)
 
 
 def shrunk_correlations(deviations: Array) -> tuple[Array, Array]:

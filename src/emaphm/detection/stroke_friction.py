@@ -1,4 +1,4 @@
-"""Friction from the size of the current alone: strokes in either direction against the same load."""
+"""Estimation of friction from the size of the current alone, on strokes in both directions at one load."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,18 +14,17 @@ from emaphm.errors import RecordingError
 from emaphm.recording import Recording
 
 SETTLED = 0.5
-"""Share of a stroke, its last, in which the start has settled and the speed is the command's."""
+"""Last share of a stroke, in which transients have settled and the speed is that of the command."""
 
 
 @dataclass(frozen=True)
 class StrokeCurrent:
-    """Parts of the current's size on steady strokes: what friction takes, and what the load takes [A].
+    """Parts of the current's size on steady strokes: `friction_A` for friction, `load_A` for the load [A].
 
-    With friction F and load L against the motor's torque, both as currents, an up-stroke takes |F - L| and a
-    down-stroke |F + L| (the load helps up where it is positive). As long as the load does not drive the
-    actuator, |L| < F, half their sum is F and half their difference is L. A current that the drive takes
-    without torque is part of `friction_A`: differences of it are friction, its absolute value is an upper
-    bound.
+    With friction F and load L, both as currents, the size of the current is |F - L| on an up-stroke and
+    |F + L| on a down-stroke (a positive load supports the up-stroke). While the load does not drive the
+    actuator, |L| < F, half the sum is F and half the difference is L. A current that the drive takes without
+    torque is included in `friction_A`: its differences are those of friction, its value is an upper bound.
     """
 
     friction_A: float
@@ -38,34 +37,31 @@ class StrokeCurrent:
         Raises
         ------
         RecordingError
-            There is no current, or the command does not go both ways.
+            There is no current, or the command does not move in both directions.
         """
         if "current_A" not in recording:
             raise RecordingError(
-                f"{recording.source}: no current_A, which friction is estimated from; record it"
+                f"{recording.source}: no current_A, from which friction is estimated; record it"
             )
         size = np.abs(recording["current_A"])
         strokes = strokes_of(recording["command_rad"], DETECTOR)
-        ways = [
-            [_steady(size, one) for one in strokes if one.stroke == way]
-            for way in ("up-stroke", "down-stroke")
+        currents = [
+            [_steady_mean(size, stroke) for stroke in strokes if stroke.stroke == kind]
+            for kind in ("up-stroke", "down-stroke")
         ]
-        if not all(ways):
+        if not all(currents):
             raise RecordingError(
-                f"{recording.source}: the command does not go both ways, so friction cannot be separated "
-                "from the load; record an up-stroke and a down-stroke"
+                f"{recording.source}: the command does not move in both directions, so friction cannot be "
+                "separated from the load; record an up-stroke and a down-stroke"
             )
-        up, down = (float(np.mean(one)) for one in ways)
+        up, down = (float(np.mean(steady)) for steady in currents)
         return cls((up + down) / 2, (down - up) / 2)
 
 
 def current_per_load(currents: Sequence[StrokeCurrent], loads: Sequence[float]) -> float:
-    """Return the current that a unit of load takes [A/N or A/(N·m)], by least squares through 0.
-
-    NaN where no load is other than 0.
-    """
+    """Return the current per unit of load [A/N or A/(N·m)], by least squares through 0; NaN if all are 0."""
     known = np.asarray(loads, dtype=np.float64)
-    measured = np.array([one.load_A for one in currents])
+    measured = np.array([current.load_A for current in currents])
     return float(measured @ known / (known @ known)) if np.any(known) else float("nan")
 
 
@@ -93,20 +89,20 @@ class HealthyFriction:
         if len(runs) < DETECTOR.fewest_runs_of_load:
             raise RecordingError(
                 f"{len(runs)} healthy runs at this load, at least {DETECTOR.fewest_runs_of_load} are needed "
-                "to say how much friction scatters; record more"
+                "to estimate the scatter of friction; record more"
             )
-        cycles = [np.array([one.friction_A for one in run]) for run in runs]
-        means = np.array([one.mean() for one in cycles])
-        every = np.concatenate(cycles)
-        return cls(float(means.mean()), float(means.std(ddof=1)), float(every.std(ddof=1)), len(runs))
+        by_run = [np.array([cycle.friction_A for cycle in run]) for run in runs]
+        means = np.array([cycles.mean() for cycles in by_run])
+        all_cycles = np.concatenate(by_run)
+        return cls(float(means.mean()), float(means.std(ddof=1)), float(all_cycles.std(ddof=1)), len(runs))
 
     def judge(self, friction_A: float, *, single_cycle: bool = False) -> Estimate:
-        """Return the fault component `friction` of a friction current [A], with interval and verdict.
+        """Return the fault component `friction` for a friction current [A], with interval and verdict.
 
-        The value is (F / F_healthy - 1) over the scale of the component; below 0 there is less friction than
-        in health. The interval is Student's prediction interval for one further healthy run (or cycle): a
-        mean of many runs has no shorter one, because what changes between days does not average out. The
-        rules of the verdict are those of a diagnosis (`VERDICT`).
+        The value is (F / F_healthy - 1) divided by the scale of the component; it is negative for less
+        friction than healthy. The interval is Student's prediction interval for one further healthy run (or
+        cycle). The mean of many runs has the same interval, because changes between days do not average out.
+        The verdict has the rules of a diagnosis (`VERDICT`).
         """
         from scipy.stats import t
 
@@ -124,6 +120,6 @@ class HealthyFriction:
         return Estimate(value, error, (low, high), high - low <= VERDICT.longest_interval, verdict)
 
 
-def _steady(size: Array, stroke: StrokeSegment) -> float:
+def _steady_mean(size: Array, stroke: StrokeSegment) -> float:
     begin = stroke.stop - max(1, round(SETTLED * (stroke.stop - stroke.first)))
     return float(size[begin : stroke.stop].mean())

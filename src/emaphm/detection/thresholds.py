@@ -1,4 +1,4 @@
-"""Thresholds of a statistic, and how rare false alarms can be shown to be."""
+"""Thresholds of statistics, and confidence bounds on the rate of false alarms."""
 
 import math
 
@@ -10,39 +10,40 @@ from emaphm.arrays import Array
 Labels = NDArray[np.int64]
 
 FEWEST_POSITIVE = 1e-300
-"""Stands for a statistic of 0, which has no logarithm."""
+"""Replaces a statistic of 0, which has no logarithm."""
 
 LEAST_DEVIATION = 1e-6
-"""Standard deviation of a statistic's logarithm where all healthy cycles are the same, as in simulations."""
-
+"""Least standard deviation of a statistic's logarithm, for simulated healthy cycles that are the same."""
 
 FEWEST_INDEPENDENT = 3.0
-"""Values that runs of which each resembles the one before are worth at least: Student's quantile of 1 % is 7
-for them, and 32 for two."""
+"""Least number of independent values for serially correlated runs: Student's 99 % quantile is 7 for three
+values, and 32 for two."""
 
 
-def joint_thresholds(scores: Array, runs: Labels, rate: float, likeness: float = 0.0) -> tuple[Array, float]:
-    """Return what a further healthy cycle exceeds, in any of several statistics, with the probability `rate`.
+def joint_thresholds(
+    scores: Array, runs: Labels, rate: float, correlation: float = 0.0
+) -> tuple[Array, float]:
+    """Return thresholds of several statistics, and the number of independent values they are computed from.
 
-    The logarithms of each statistic are brought to mean 0 and standard deviation 1; what counts is the
-    largest of a cycle's, whose bound is that of `prediction_bound`. Statistics that go together cost no rate
-    twice.
+    A further healthy cycle exceeds at least one of them with the probability `rate`. The logarithms of each
+    statistic are standardised; the bound of the largest in a cycle is that of `prediction_bound`. Correlated
+    statistics therefore do not increase the rate.
 
     Parameters
     ----------
     scores
-        Of cycles left out of the training, (n, statistics), 0 or above.
+        Statistics of cycles left out of the training, (n, statistics), not negative.
     runs
-        Which run each is of, (n,).
+        Run of each cycle, (n,).
     rate
-        Above 0, below 1.
-    likeness
-        Correlation r of a run with the one before it, from 0 to 1: as many values of an autoregressive series
-        of first order are worth (1 - r) / (1 + r) of as many independent ones [1].
+        Probability of a false alarm, between 0 and 1.
+    correlation
+        Correlation r of a run with the run before it, from 0 to 1: n values of a first-order autoregressive
+        series have the information of n (1 - r) / (1 + r) independent values [1].
 
     Returns
     -------
-    (statistics,), in their units, and how many independent values they rest on.
+    Thresholds (statistics,), in the statistics' units, and the number of independent values.
 
     References
     ----------
@@ -53,14 +54,14 @@ def joint_thresholds(scores: Array, runs: Labels, rate: float, likeness: float =
     deviation = np.maximum(deviation, LEAST_DEVIATION)
     largest = ((logs - mean) / deviation).max(axis=1)
     number = effective_number(largest, runs)
-    if likeness:
-        number = max(number * (1 - likeness) / (1 + likeness), FEWEST_INDEPENDENT)
+    if correlation:
+        number = max(number * (1 - correlation) / (1 + correlation), FEWEST_INDEPENDENT)
     bound = prediction_bound(largest, number, rate)
     return np.asarray(np.exp(mean + deviation * bound)), number
 
 
 def prediction_bound(values: Array, number: float, rate: float) -> float:
-    """Return what a further value exceeds with the probability `rate`, by a normal prediction interval.
+    """Return the upper prediction bound, which a further normal value exceeds with the probability `rate`.
 
         m + t s √(1 + 1/n)
 
@@ -78,10 +79,10 @@ def prediction_bound(values: Array, number: float, rate: float) -> float:
 
 
 def effective_number(values: Array, runs: Labels) -> float:
-    """Return how many independent values are worth as much as `values` (n,) of `runs` (n,), of g runs.
+    """Return the effective number of independent values among `values` (n,), which are of `runs` (n,).
 
-    With the correlation ρ between values of a run, by analysis of variance, and m values a run in the mean,
-    it is n / (1 + (m - 1) ρ), between g and n [1].
+    With g runs, the correlation ρ between values of a run, by analysis of variance, and the mean number m of
+    values in a run, it is n / (1 + (m - 1) ρ), between g and n [1].
 
     References
     ----------
@@ -101,9 +102,10 @@ def effective_number(values: Array, runs: Labels) -> float:
 
 
 def highest_rate(alarms: int, of: int, confidence: float) -> float:
-    """Return the upper bound on a rate of which `alarms` in `of` independent trials were seen.
+    """Return the upper confidence bound on a rate, from `alarms` in `of` independent trials.
 
-    Exact binomial (Clopper and Pearson 1934), one-sided: 1 - (1 - confidence)^(1/of) where there were none.
+    It is the exact one-sided binomial bound (Clopper and Pearson 1934): 1 - (1 - confidence)^(1/of) without
+    an alarm.
     """
     from scipy.stats import beta
 
@@ -111,5 +113,5 @@ def highest_rate(alarms: int, of: int, confidence: float) -> float:
 
 
 def runs_to_show(rate: float, confidence: float) -> int:
-    """Return how many runs without an alarm would show at most `rate`."""
+    """Return the number of runs without an alarm for which the bound of `highest_rate` is at most `rate`."""
     return math.ceil(math.log(1 - confidence) / math.log(1 - rate))

@@ -1,4 +1,4 @@
-"""The search for a chirp of higher predicted precision, and the choice among the best by simulation."""
+"""Search for a chirp with a higher predicted precision, and selection among the best by simulated tests."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,16 +18,17 @@ from emaphm.progress import Progress
 from emaphm.random_streams import child_seed
 
 FEWEST_TESTS = 4
-"""Simulated tests below which a standard error over them is no measure of chance."""
+"""Least number of simulated tests for which their standard error is a useful measure of chance."""
 
 
 @dataclass(frozen=True)
 class CandidateSearchSettings:
-    """How chirps are tried, in shares of the constraints: amplitude, first and last frequency.
+    """Settings of the search over chirps: amplitude, first and last frequency, as shares of the constraints.
 
     `box_sizes` are half the size of the box around the best chirp in each round. No amplitude or last
-    frequency is below `least_share`. The `finalists` are the best of the search, `separation` apart at least;
-    simulated tests choose one of them, as no search of the averaged model foresees how the models differ.
+    frequency is below `least_share`. The best chirps of the search, at least `separation` apart, are the
+    `finalists`. Simulated tests select one of them, because the search by the averaged model does not predict
+    the effect of the difference between the models.
     """
 
     box_sizes: tuple[float, ...] = (1.0, 0.4, 0.15)
@@ -41,7 +42,7 @@ CANDIDATES = CandidateSearchSettings()
 
 @dataclass(frozen=True, eq=False)
 class PlannedTest:
-    """An excitation, its `predicted` precision, and the results of simulated tests, if there were any."""
+    """An excitation, its `predicted` precision, and the results of simulated tests (None without tests)."""
 
     excitation: Excitation
     predicted: Precision
@@ -67,25 +68,25 @@ def search_candidates(
     seed: int,
     on_progress: Progress | None,
 ) -> list[PlannedTest]:
-    """Return the finalists: chirps of higher predicted precision than the `given` test, the best first."""
-    tried: list[tuple[float, Array, PlannedTest]] = []
+    """Return the finalists: chirps with a higher predicted precision than the `given` test, best first."""
+    evaluated: list[tuple[float, Array, PlannedTest]] = []
     lower = np.array([CANDIDATES.least_share, 0.0, CANDIDATES.least_share])
     rounds = np.array_split(np.arange(candidates), len(CANDIDATES.box_sizes))
     for turn, (size, members) in enumerate(zip(CANDIDATES.box_sizes, rounds, strict=True)):
         if not members.size:
             continue
-        middle = min(tried, key=lambda one: one[0])[1] if tried else np.ones(3)
+        middle = min(evaluated, key=lambda candidate: candidate[0])[1] if evaluated else np.ones(3)
         low, high = np.maximum(middle - size, lower), np.minimum(middle + size, 1.0)
         box_seed = child_seed(seed, "candidates", turn)
         for number, shares in zip(members, space_filling(members.size, low, high, box_seed), strict=True):
             planned = _planned(setup, constraints.chirp(shares), faults, seed)
             if planned is not None:
-                tried.append((float(planned.predicted.logarithms.mean()), shares, planned))
+                evaluated.append((float(planned.predicted.logarithms.mean()), shares, planned))
             if on_progress is not None:
                 on_progress((number + 1) / candidates)
     chosen: list[tuple[Array, PlannedTest]] = []
-    for value, shares, planned in sorted(tried, key=lambda one: one[0]):
-        near = any(np.linalg.norm(shares - other) < CANDIDATES.separation for other, _ in chosen)
+    for value, shares, planned in sorted(evaluated, key=lambda candidate: candidate[0]):
+        near = any(np.linalg.norm(shares - earlier) < CANDIDATES.separation for earlier, _ in chosen)
         better = value < given.predicted.logarithms.mean()
         if better and not near and len(chosen) < CANDIDATES.finalists:
             chosen.append((shares, planned))
@@ -99,17 +100,20 @@ def choose_finalist(
     seed: int,
     on_progress: Progress | None,
 ) -> PlannedTest | None:
-    """Return the finalist with the narrowest intervals in simulated tests, half as many as `tests`."""
+    """Return the finalist with the narrowest intervals in simulated tests; None without finalists.
+
+    The number of simulated tests is `tests` / 2, but at least `FEWEST_TESTS`.
+    """
     if len(finalists) < 2:
         return finalists[0] if finalists else None
-    few = max(tests // 2, FEWEST_TESTS)
+    number = max(tests // 2, FEWEST_TESTS)
     excitations = [planned.excitation for planned in finalists]
-    results = simulate_tests(setup, excitations, few, seed, on_progress)
-    return finalists[int(np.argmin([one.precision.logarithms.mean() for one in results]))]
+    results = simulate_tests(setup, excitations, number, seed, on_progress)
+    return finalists[int(np.argmin([result.precision.logarithms.mean() for result in results]))]
 
 
 def _planned(setup: TestSetup, excitation: Excitation, faults: Array, seed: int) -> PlannedTest | None:
-    """Return the planned test of `excitation`, None where it is too small to move the actuator."""
+    """Return the planned test of `excitation`; None if it is too small to move the actuator."""
     try:
         return PlannedTest(excitation, predicted_precision(setup, excitation, faults, seed))
     except SignalError:

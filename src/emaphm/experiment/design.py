@@ -1,4 +1,4 @@
-"""Designing a test: the precision that it will give for each fault, and a chirp that gives more."""
+"""Design of a test: the predicted precision of each fault, and the search for a better chirp."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,10 +23,10 @@ from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import child_seed
 
 VECTORS = 16
-"""Fault vectors that a precision is predicted for: the kernels advance as many at once."""
+"""Fault vectors for which the precision is predicted; the kernels advance this number at once."""
 
-SEARCHED, CHOSEN = 0.5, 0.75
-"""Shares of the time after which the search and the choice of a finalist are done."""
+SEARCH_END, SELECTION_END = 0.5, 0.75
+"""Shares of the time at the end of the search, and of the selection of a finalist."""
 
 
 @one_blas_thread()
@@ -48,38 +48,37 @@ def design(
     workers: int | None = None,
     on_progress: Progress | None = None,
 ) -> Design:
-    """Return the precision that `command` will give for each fault, and a better chirp if there is one.
+    """Return the precision of each fault for a test with `command`, and a better chirp if there is one.
 
     The search minimises the mean, over faults and over representative fault vectors, of the logarithm of the
-    predicted half-width. Of the best few, tests simulated by the reference model choose one, and further
-    tests under other faults and noise compare it with the given excitation. It counts as better if its
-    intervals are narrower by more than two standard errors, and its errors are not larger by as much.
+    predicted half-width. Tests simulated by the reference model select one of the best chirps. Further tests
+    with other faults and noise compare it with the given excitation. It is better if its intervals are
+    narrower by more than two standard errors, and its errors are not larger by more than this.
 
     Parameters
     ----------
     actuator
         Description of the unit to be tested.
     command, duration
-        The excitation given: position of the user [rad; m if linear] as a function of time, and how long
-        it lasts [s].
-        The default is `Chirp`, over that duration, about 0 or in the middle of the travel where an end stop
-        is nearer.
+        The given excitation: position of the user [rad; m if linear] as a function of time, and its duration
+        [s]. The default is a `Chirp` of this duration about 0, or about the middle of the travel if an end
+        stop is too near.
     max_amplitude, max_frequency, max_duration
-        Constraints of a better one, [rad] at the user, [Hz], [s]; those of the given one where left out. The
-        given one must keep them too, without a search as well.
+        Constraints of a better excitation, [rad] at the user, [Hz], [s]; the default is those of the given
+        excitation. The given excitation must satisfy them too, even without a search.
     initial_position
-        Where the shaft rests first, at the user [rad; m if linear], and a better chirp moves about; as for
-        `emaphm.simulate` where left out.
+        Initial rest position at the user [rad; m if linear], and centre of a better chirp; default as for
+        `emaphm.simulate`.
     channels
-        What will be recorded: "current" and, if any, "voltage", "position", "speed"; or their columns,
+        Recorded channels: "current" and, if any, "voltage", "position", "speed"; or their columns,
         "current_A" and so on.
     noise, sample_rate
-        Of the current's sensor, rms [A]; rows a second [Hz].
+        Noise of the current sensor, rms [A]; sample rate [Hz].
     candidates
-        Chirps to try; 0 to report on the given excitation only.
+        Number of chirps to evaluate; 0 to evaluate the given excitation only.
     tests
-        Simulated for the given excitation and for the best found, 4 or more, and half as many, but 4 or
-        more, for each finalist; 0 to report predictions only, without `candidates`.
+        Number of simulated tests, at least 4, of the given excitation and of the best chirp; half as many, at
+        least 4, of each finalist. 0 for predictions only, without `candidates`.
     seed, workers
         The same seed gives the same bits, whatever the number of threads.
     on_progress
@@ -88,8 +87,8 @@ def design(
     Raises
     ------
     MethodError, SignalError
-        A channel, limit, noise, rate or number is impossible, the given excitation exceeds a limit or moves
-        nothing.
+        A channel, limit, noise, rate or number is impossible, or the given excitation exceeds a limit or does
+        not move the actuator.
     """
     _check_work(candidates, tests, seed)
     setup = TestSetup.of(actuator, channels, noise, sample_rate, workers)
@@ -105,25 +104,25 @@ def design(
     )
     planned, best = PlannedTest(given, predicted_precision(setup, given, faults, seed)), None
     if candidates:
-        searching = subprogress(on_progress, 0.0, SEARCHED)
+        searching = subprogress(on_progress, 0.0, SEARCH_END)
         finalists = search_candidates(setup, constraints, planned, faults, candidates, seed, searching)
-        choosing = subprogress(on_progress, SEARCHED, CHOSEN)
+        choosing = subprogress(on_progress, SEARCH_END, SELECTION_END)
         best = choose_finalist(setup, finalists, tests, child_seed(seed, "choice"), choosing)
     if not tests:
         return Design(setup, planned, planned, None, candidates, tests, seed)
-    # Under faults and noise that have chosen nothing.
+    # With other faults and noise than those of the selection, which would favour the selected chirp.
     compared = [planned] if best is None else [planned, best]
-    confirming = subprogress(on_progress, CHOSEN if candidates else 0.0, 1.0)
-    excitations = [one.excitation for one in compared]
+    confirming = subprogress(on_progress, SELECTION_END if candidates else 0.0, 1.0)
+    excitations = [test.excitation for test in compared]
     results = simulate_tests(setup, excitations, tests, child_seed(seed, "comparison"), confirming)
-    confirmed = [replace(one, simulated=result) for one, result in zip(compared, results, strict=True)]
+    tested = [replace(test, simulated=result) for test, result in zip(compared, results, strict=True)]
     gain = None if best is None else Gain.of(results[0], results[1])
-    found = confirmed[1] if gain is not None and gain.significant else confirmed[0]
-    return Design(setup, confirmed[0], found, gain, candidates, tests, seed)
+    better = tested[1] if gain is not None and gain.significant else tested[0]
+    return Design(setup, tested[0], better, gain, candidates, tests, seed)
 
 
 def _check_work(candidates: int, tests: int, seed: int) -> None:
-    """Refuse work that cannot be done, or would show nothing."""
+    """Raise an error for impossible numbers, and for a search whose result would not be tested."""
     if seed < 0:
         raise SignalError(f"seed {seed} is negative; give 0 or more")
     if candidates < 0:
@@ -132,6 +131,6 @@ def _check_work(candidates: int, tests: int, seed: int) -> None:
         raise MethodError(f"{tests} tests prove nothing; give {FEWEST_TESTS} or more, or 0 for no proof")
     if candidates and not tests:
         raise MethodError(
-            "what is found without tests is not proven to be better; give some (--tests), or try no others "
+            "without tests, a chirp is not proven to be better; give some (--tests), or search no chirps "
             "(--candidates 0)"
         )

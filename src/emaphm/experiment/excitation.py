@@ -1,4 +1,4 @@
-"""The excitation of a test: a command, and for how long it is played."""
+"""The excitation of a test: a command and its duration."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,17 +12,17 @@ from emaphm.actuator.quantity import USER_ANGLE, unit_for
 from emaphm.arrays import Array
 
 PERIOD_ROWS = 200
-"""Rows of a written command in its shortest period: between them it is off by a ten-thousandth."""
+"""Rows of a written command in its shortest period: linear interpolation has an error of a ten-thousandth."""
 
 EDGE_S = 1e-9
-"""Time in which a written step rises [s]: far less than a step of any model."""
+"""Rise time of a written step [s]: far less than a time step of any model."""
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """A `command` and the `duration` [s] that it is played for, from rest at `start` [rad] at the user.
+    """A `command` of the `duration` [s], from rest at `start` [rad] at the user.
 
-    Where `start` is left out, it is what the command is counted from.
+    If `start` is None, the command starts at its own rest position (`rest_position`).
     """
 
     command: Command
@@ -31,15 +31,15 @@ class Excitation:
 
     @property
     def rests_at(self) -> float:
-        """Where the shaft rests first [rad] at the user."""
+        """The initial rest position [rad] at the user."""
         return rest_position(self.command, self.start)
 
     @property
     def amplitude(self) -> float:
-        """The largest distance of the command from where the shaft rests first [rad] at the user."""
+        """The largest distance of the command from the initial rest position [rad] at the user."""
         if isinstance(self.command, Chirp | DecayingChirp | Sine | Step):
             return abs(self.command.amplitude) + abs(self.command.about - self.rests_at)
-        return max(abs(one - self.rests_at) for one in self.range)
+        return max(abs(extreme - self.rests_at) for extreme in self.range)
 
     @property
     def range(self) -> tuple[float, float]:
@@ -49,37 +49,37 @@ class Excitation:
 
     @property
     def frequency_hz(self) -> float | None:
-        """The highest frequency [Hz], nothing where the command is not described by any."""
+        """The highest frequency [Hz]; None if the command is not described by frequencies."""
         if isinstance(self.command, Chirp | DecayingChirp):
             return max(abs(self.command.start_hz), abs(self._last_hz(self.command)))
         return abs(self.command.frequency_hz) if isinstance(self.command, Sine) else None
 
     def words(self, coordinates: str) -> str:
-        """Return what the excitation is, in a few words; lengths in the unit of the `coordinates`."""
+        """Return the excitation in words; lengths in the unit of the `coordinates`."""
         unit = unit_for(USER_ANGLE, coordinates)
         size = f"{getattr(self.command, 'amplitude', self.amplitude):.4g} {unit}"
         if isinstance(self.command, Chirp | DecayingChirp):
             kind = "chirp" if isinstance(self.command, Chirp) else "decaying chirp"
             last = self._last_hz(self.command)
-            what = f"{kind} of {size}, {self.command.start_hz:.3g} to {last:.3g} Hz"
+            signal = f"{kind} of {size}, {self.command.start_hz:.3g} to {last:.3g} Hz"
         elif isinstance(self.command, Sine):
-            what = f"sine of {size}, {self.command.frequency_hz:.3g} Hz"
+            signal = f"sine of {size}, {self.command.frequency_hz:.3g} Hz"
         else:
-            what = f"{self._kind} of up to {size}"
+            signal = f"{self._kind} of up to {size}"
         about, rest = rest_position(self.command), self.rests_at
         place = f" about {about:.4g} {unit}" if about else ""
         start = f", from rest at {rest:.4g} {unit}" if rest != about else ""
-        return f"{what}{place}, {self.duration:.3g} s{start}"
+        return f"{signal}{place}, {self.duration:.3g} s{start}"
 
     def played(self, coordinates: str) -> str:
-        """Return how long the excitation lasts, and where the shaft rests first if not at 0, in words."""
+        """Return the duration, and the initial rest position if it is not 0, in words."""
         place = (
             f", from rest at {self.rests_at:.4g} {unit_for(USER_ANGLE, coordinates)}" if self.rests_at else ""
         )
         return f"it lasts {self.duration:g} s{place}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the excitation for JSON: its kind, what describes it, and how long it lasts."""
+        """Return the excitation for JSON: its kind, parameters and duration."""
         known = isinstance(self.command, Chirp | DecayingChirp | Sine | Step)
         described: dict[str, Any] = vars(self.command) if known else {}
         return described | {
@@ -90,9 +90,9 @@ class Excitation:
         }
 
     def write(self, path: str | Path, sample_rate: float) -> None:
-        """Write the command to a CSV file that `emaphm simulate --command` plays.
+        """Write the command to a CSV file for `emaphm simulate --command`.
 
-        A signal from a file in its own rows, any other at `sample_rate` [Hz] or faster.
+        A command from a file is written with its own rows, any other command at `sample_rate` [Hz] or faster.
         """
         import polars as pl
 
@@ -100,7 +100,7 @@ class Excitation:
         pl.DataFrame({"time_s": t, "command_rad": self.command(t)}).write_csv(path)
 
     def _written_times(self, sample_rate: float) -> Array:
-        """Return the times [s] between which straight lines are the command."""
+        """Return the times [s] of the rows, between which the command is interpolated linearly."""
         if isinstance(self.command, Sampled):
             t = self.command.time_s
             return np.concatenate([[0.0], t[(t > 0) & (t < self.duration)], [self.duration]])
@@ -112,7 +112,7 @@ class Excitation:
         return t
 
     def _last_hz(self, chirp: Chirp | DecayingChirp) -> float:
-        """Return the frequency [Hz] at the end: played for longer than described, a chirp sweeps on."""
+        """Return the frequency [Hz] at the end; a chirp continues its sweep beyond its own duration."""
         share = self.duration / chirp.duration
         if isinstance(chirp, DecayingChirp):
             share = min(share, 1.0)  # 0 from then on

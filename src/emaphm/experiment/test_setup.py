@@ -1,4 +1,4 @@
-"""The set-up of a planned test: what is recorded, with which noise, and which faults may be there."""
+"""The set-up of a planned test: recorded channels, their noise, and representative faults."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,20 +23,24 @@ from emaphm.recording.schema import SHORT_NAMES
 from emaphm.simulation import AVERAGED, OBSERVABLE, REFERENCE, Initial, Model, Plant, observe_batch
 
 CONVERTER_BITS = 12
-"""Resolution assumed for the channels other than the current."""
+"""Assumed resolution of all channels except the current."""
 
 LARGEST_SHORT = 0.7
-"""Largest short that the averaged model is meant for (docs/physics.md, section 5)."""
+"""Largest short within the validity of the averaged model (docs/physics.md, section 5)."""
 
 FEWEST_ROWS = 50
-"""Rows of the shortest excitation: fewer have next to no information on ten unknowns."""
+"""Rows of the shortest excitation: fewer have hardly any information on ten unknowns."""
 
 
 @dataclass(frozen=True, eq=False)
 class TestSetup:
-    """What is recorded of a test: `channels` by schema name, the current first, and its `noise` [A rms]."""
+    """The recording of a test.
 
-    __test__ = False  # no test case, whatever pytest makes of the name
+    `channels` are schema names, the current first; `noise` is that of the current [A rms], and `sample_rate`
+    is in Hz.
+    """
+
+    __test__ = False  # pytest would collect the class by its name
 
     actuator: Actuator
     channels: tuple[str, ...]
@@ -53,13 +57,13 @@ class TestSetup:
         sample_rate: float,
         workers: int | None = None,
     ) -> Self:
-        """Return the set-up, `channels` being those of `emaphm.recording.schema.SHORT_NAMES`, by either name.
+        """Return the set-up; `channels` are short or column names in `emaphm.recording.schema.SHORT_NAMES`.
 
         Raises
         ------
         MethodError, SignalError
-            A channel is unknown, impossible for the actuator, or the current missing; the noise or rate
-            is no positive number.
+            A channel is unknown or impossible for the actuator, the current is missing, or the noise or rate
+            is not a positive number.
         """
         named = [SHORT_NAMES.get(name, name) for name in channels]
         known = SHORT_NAMES.values()
@@ -76,16 +80,16 @@ class TestSetup:
             raise SignalError(f"noise of {noise:g} A is no sensor's rms; give more than 0")
         if not 0 < sample_rate < np.inf:
             raise SignalError(f"sample rate of {sample_rate:g} Hz is impossible; give more than 0")
-        kept = tuple(name for name in known if name in named)
-        return cls(actuator, kept, noise, sample_rate, workers)
+        ordered = tuple(name for name in known if name in named)
+        return cls(actuator, ordered, noise, sample_rate, workers)
 
     @property
     def truth(self) -> Model:
-        """The model that stands for the actuator: the reference model where it has three phases."""
+        """The model that simulates the actuator: the reference model if it has three phases."""
         return REFERENCE if self.actuator.three_phases else AVERAGED
 
     def objective(self, excitation: Excitation) -> MapObjective:
-        """Return what a diagnosis would minimise on a recording of `excitation`, each channel at its noise.
+        """Return the objective of a diagnosis for a recording of `excitation`, weighted by the noise.
 
         Raises
         ------
@@ -110,28 +114,28 @@ class TestSetup:
         return faults_objective(weighted, None).scale_prior(self.noise)
 
     def record(self, excitation: Excitation, faults: Array, seed: int) -> list[Recording]:
-        """Return what would be recorded of `excitation` under `faults` (n, 8), by the model `truth`.
+        """Return simulated recordings of `excitation` with each of `faults` (n, 8), by the model `truth`.
 
-        The current with its noise, the other channels with a converter's rounding. The same row of the same
-        fault vector has the same noise under every excitation.
+        The current has its noise, the other channels the rounding of a converter. With the same seed, a row
+        of a fault vector has the same noise for all excitations.
         """
         recordings = []
         for i, exact in enumerate(self._signals(excitation, faults, self.truth)):
-            kept = {name: exact[name] for name in ("time_s", "command_rad", *self.channels)}
-            others = self._full_scales(exact)
+            recorded = {name: exact[name] for name in ("time_s", "command_rad", *self.channels)}
+            scales = self._full_scales(exact)
             recordings.append(
                 acquire(
-                    Recording(kept, self.actuator.channels.sampling, "simulated"),
+                    Recording(recorded, self.actuator.channels.sampling, "simulated"),
                     noise={"current_A": self.noise},
-                    adc_bits=CONVERTER_BITS if others else None,
-                    full_scale=others,
+                    adc_bits=CONVERTER_BITS if scales else None,
+                    full_scale=scales,
                     seed=child_seed(seed, "sensor noise", i),
                 )
             )
         return recordings
 
     def faults(self, count: int, seed: int) -> Array:
-        """Return representative fault vectors (count, 8): the healthy one, and others that fill the space."""
+        """Return representative fault vectors (count, 8): the healthy vector, and a space-filling design."""
         upper = np.ones(len(NAMES))
         upper[2:5] = LARGEST_SHORT
         if count == 1:
@@ -154,23 +158,23 @@ class TestSetup:
         return Initial(excitation.rests_at / self.actuator.mechanics.gear_ratio)
 
     def _signals(self, excitation: Excitation, faults: Array, model: Model) -> list[dict[str, Array]]:
-        """Return every observable channel, noise-free, for each of `faults` (n, 8)."""
+        """Return all observable channels, noise-free, for each of `faults` (n, 8)."""
         inputs = self._driving(excitation).inputs(model.step_for(self.actuator))
         given = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command)}
         plant, start = Plant.of(self.actuator, faults), self._start(excitation)
         exact = observe_batch(model, plant, inputs, start, workers=self.workers)
         signals = all_as_described(exact, OBSERVABLE, self.actuator, inputs.interval)
-        return [given | dict(zip(OBSERVABLE, one, strict=True)) for one in signals]
+        return [given | dict(zip(OBSERVABLE, rows, strict=True)) for rows in signals]
 
     def _noises(self, signals: dict[str, Array]) -> Array:
-        """Return the rms of each channel's noise (channels,): a converter's rounding but for the current."""
+        """Return the rms noise (channels,): that of the current, and the rounding of the other converters."""
         steps = [2 * scale / 2**CONVERTER_BITS for scale in self._full_scales(signals).values()]
         return np.array([self.noise, *(step / 12**0.5 for step in steps)])
 
     def _full_scales(self, signals: dict[str, Array]) -> dict[str, float]:
-        """Return half the range of each channel's converter but for the current's.
+        """Return half the converter's range of each channel except the current.
 
-        Where the description has no range for a channel, twice its peak.
+        It is twice the channel's peak if the description has no range for the channel.
         """
         described = full_scales(self.actuator)
         return {

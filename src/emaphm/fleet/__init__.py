@@ -1,4 +1,4 @@
-"""Many recordings: each diagnosed by itself, on processes or a cluster, kept as they finish."""
+"""Diagnosis of many recordings, each alone, on processes or a cluster; results are stored as they finish."""
 
 from emaphm.fleet.batch import diagnose_all
 from emaphm.fleet.result import BatchResult, batch_table

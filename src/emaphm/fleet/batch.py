@@ -1,4 +1,4 @@
-"""Diagnosing many recordings: each by itself, side by side, the results in the order of the files."""
+"""Diagnosis of many recordings in parallel, with the results in the order of the files."""
 
 import json
 from collections.abc import Generator, Sequence
@@ -39,37 +39,37 @@ def diagnose_all(
     folder: str | Path | None = None,
     on_file: OnTask | None = None,
 ) -> Generator[BatchResult]:
-    """Diagnose every recording in `files`; return an iterator of the results, in the order of the files.
+    """Diagnose all recordings in `files`; return an iterator of the results, in the order of the files.
 
-    Each result is that of `emaphm.diagnose` on the recording alone, whatever the number of workers. What
-    cannot be read or diagnosed is a result with an error. Memory does not grow with the number of files, but
-    for results that wait for an earlier file.
+    Each result is that of `emaphm.diagnose` for the recording alone, for any number of workers. A recording
+    that cannot be read or diagnosed has a result with an error. Memory does not grow with the number of
+    files, except for results that wait for an earlier file.
 
     Parameters
     ----------
     files
-        Of recordings; see `emaphm.fleet.recording_files` for folders.
+        Files of recordings; see `emaphm.fleet.recording_files` for folders.
     actuator
-        The description that all are diagnosed by, and that names their channels.
+        The description for all diagnoses, which also names the channels.
     settings
-        The same for all: the arguments of `emaphm.diagnose`, or an estimator's file.
+        Settings of all diagnoses: the arguments of `emaphm.diagnose`, or an estimator's file.
     reading
-        How files are read: what each is cut by, what is known of all of it.
+        How files are read: the column by which a file is split, and known values.
     workers
-        Processes on this machine; one a core where left out. More than one needs the usual
+        Number of processes on this machine; default: one per core. More than one needs the usual
         ``if __name__ == "__main__":`` in a script.
     scheduler
-        Address of a Dask scheduler to run on instead; its workers see the files by their absolute paths.
+        Address of a Dask scheduler to run on instead; its workers open the files by their absolute paths.
     folder
-        Where results are kept as they finish. A later call with the same folder, actuator and settings goes
-        on: what is kept is not done again, unless its file has changed.
+        Folder in which results are stored as they finish. A later call with the same folder, actuator and
+        settings continues: a stored result is used unless its file has changed.
     on_file
-        Called at the start and after each file: how many are done, of how many.
+        Called at the start and after each file with the number of finished files and of all files.
 
     Raises
     ------
     MethodError
-        A setting is unknown, or does not go with another one or the actuator.
+        A setting is unknown, or not compatible with another one or the actuator.
     ExecutionError, OutputError
         The workers, the scheduler or the folder cannot be used, or the folder holds results of other
         settings.
@@ -80,7 +80,7 @@ def diagnose_all(
     paths = [Path(file).absolute() if scheduler else Path(file) for file in files]
     if scheduler and settings.estimator is not None:
         settings = replace(settings, estimator=str(Path(settings.estimator).absolute()))
-    kept = None if folder is None else _prepared(Path(folder), actuator, settings, reading)
+    work = None if folder is None else _work_folder(Path(folder), actuator, settings, reading)
     return _results(
         _Batch(
             paths=paths,
@@ -89,7 +89,7 @@ def diagnose_all(
             reading=reading,
             workers=workers,
             scheduler=scheduler,
-            folder=kept,
+            folder=work,
             on_file=on_file,
         )
     )
@@ -97,7 +97,7 @@ def diagnose_all(
 
 @dataclass(frozen=True, eq=False)
 class _Batch:
-    """The arguments of `diagnose_all`, checked."""
+    """The checked arguments of `diagnose_all`."""
 
     paths: Sequence[Path]
     actuator: Actuator
@@ -109,12 +109,12 @@ class _Batch:
     on_file: OnTask | None
 
     def tasks(self) -> list[Task]:
-        """Return one task a file."""
+        """Return one task for each file."""
         expected = revision() if self.folder or self.scheduler else ""
         return [self._task(i, path, expected) for i, path in enumerate(self.paths)]
 
     def _task(self, number: int, path: Path, expected: str) -> Task:
-        """Return a file's task; in the folder, its name and its content identify the result."""
+        """Return the task of a file; in a folder, the file's name and content identify the stored result."""
         content = None if self.folder is None else content_digest(path)
         arguments = (str(path), self.actuator, self.settings, self.reading, expected, content)
         return Task(number, perform, arguments, "" if content is None else f"{content} {path}", str(path))
@@ -130,20 +130,21 @@ def _results(batch: _Batch) -> Generator[BatchResult]:
             store = ResultStore(batch.folder.results)
             done = store.finished(tasks)
         missing = [task for task in tasks if task.index not in done]
-        arriving = stack.enter_context(closing(_counted(_running(batch, missing, store), len(done), batch)))
+        running = _outcomes(batch, missing, store)
+        arriving = stack.enter_context(closing(_with_progress(running, len(done), batch)))
         for task, outcome in in_order(tasks, arriving, store, done, keeps=is_whole):
             for values in [broken(task.name, outcome.failure)] if outcome.failure else outcome.result:
                 yield BatchResult(values)
 
 
-def _running(batch: _Batch, tasks: list[Task], store: ResultStore | None) -> Generator[Outcome]:
+def _outcomes(batch: _Batch, tasks: list[Task], store: ResultStore | None) -> Generator[Outcome]:
     if store is None:
         return outcomes(tasks, workers=batch.workers, scheduler=batch.scheduler)
     return run_missing(tasks, store, workers=batch.workers, scheduler=batch.scheduler, keeps=is_whole)
 
 
-def _counted(arriving: Generator[Outcome], done: int, batch: _Batch) -> Generator[Outcome]:
-    """Pass outcomes on, and call `on_file` after each."""
+def _with_progress(arriving: Generator[Outcome], done: int, batch: _Batch) -> Generator[Outcome]:
+    """Yield the outcomes unchanged, and call `on_file` before the first and after each."""
     total = len(batch.paths)
     with closing(arriving):
         if batch.on_file:
@@ -154,10 +155,10 @@ def _counted(arriving: Generator[Outcome], done: int, batch: _Batch) -> Generato
             yield outcome
 
 
-def _prepared(
+def _work_folder(
     path: Path, actuator: Actuator, settings: DiagnosisSettings, reading: FileReading
 ) -> WorkFolder:
-    """Return the folder at `path`, begun or of the same settings."""
+    """Return the folder at `path`: a new one, or one of the same settings."""
     folder = WorkFolder(path, SETTINGS, "batch of diagnoses", ExecutionError)
     here = {
         "revision": revision(),

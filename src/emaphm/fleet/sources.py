@@ -1,4 +1,4 @@
-"""Where recordings come from: files and folders named by the user, and what a file holds."""
+"""Sources of recordings: files and folders that the user names, and the recordings in a file."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -12,9 +12,9 @@ from emaphm.recording.io.read import READERS
 
 
 def recording_files(paths: Iterable[Path]) -> list[Path]:
-    """Return the files that `paths` name: themselves, and of a folder its recordings, by name.
+    """Return the files that `paths` name: the files themselves, and the recordings in folders by name.
 
-    A folder's hidden files are left out, and files with other endings than those of recordings.
+    Hidden files in a folder, and files without the ending of a recording, are left out.
 
     Raises
     ------
@@ -23,8 +23,8 @@ def recording_files(paths: Iterable[Path]) -> list[Path]:
     """
     files: list[Path] = []
     for path in paths:
-        files += _of_folder(path) if path.is_dir() else [path]
-    twice = next((path for path in files if files.count(path) > 1), None) if _repeats(files) else None
+        files += _files_in(path) if path.is_dir() else [path]
+    twice = next((path for path in files if files.count(path) > 1), None) if _has_repeats(files) else None
     if twice is not None:
         raise RecordingError(f"{twice}: is named twice; name each recording once")
     return files
@@ -32,7 +32,7 @@ def recording_files(paths: Iterable[Path]) -> list[Path]:
 
 @dataclass(frozen=True)
 class FileReading:
-    """How each file of a batch is read: the arguments of `emaphm.read_recordings` by these names."""
+    """How the files of a batch are read: the arguments of `emaphm.read_recordings` by the same names."""
 
     split: str | None = None
     known: Mapping[str, float | str] = field(default_factory=dict)
@@ -47,21 +47,21 @@ def recordings_in(path: Path, actuator: Actuator, reading: FileReading) -> list[
     return read_recordings(path, actuator, split=reading.split, known=reading.known)
 
 
-def _repeats(files: list[Path]) -> bool:
+def _has_repeats(files: list[Path]) -> bool:
     return len(set(files)) < len(files)
 
 
-def _of_folder(folder: Path) -> list[Path]:
+def _files_in(folder: Path) -> list[Path]:
     try:
-        found = sorted(
+        files = sorted(
             path
             for path in folder.iterdir()
             if path.suffix.lower() in READERS and not path.name.startswith(".") and path.is_file()
         )
     except OSError as error:
         raise RecordingError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from None
-    if not found:
+    if not files:
         raise RecordingError(
             f"{folder}: is a folder without recordings ({', '.join(READERS)}); name another one, or the files"
         )
-    return found
+    return files

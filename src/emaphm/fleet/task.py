@@ -1,4 +1,4 @@
-"""Diagnosing the recordings of one file, on whichever worker."""
+"""Diagnosis of the recordings in one file: the task of a worker."""
 
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from emaphm.input_files import content_digest
 from emaphm.recording import Recording
 
 DECIDING = (*diagnosis.DECIDING, "amortized", "fleet/task.py", "fleet/settings.py", "fleet/sources.py")
-"""The rooms and files whose code decides what a recording is found to show."""
+"""The sub-packages and files whose code decides the result of a recording."""
 
 
 def revision() -> str:
@@ -29,15 +29,15 @@ def perform(
     expected: str,
     content: str | None,
 ) -> list[dict[str, Any]]:
-    """Return what `emaphm diagnose --json` prints, of each recording in the file at `path`.
+    """Return the values of `emaphm diagnose --json` for each recording in the file at `path`.
 
-    Of one that cannot be diagnosed, its name and the `error`. A result is kept for the revision `expected` of
-    the code, empty where it does not matter, and for the `content` of the file, a digest, or None.
+    A recording that cannot be diagnosed has its name and the `error`. `expected` is the required revision of
+    the code, empty for any; `content` is the required digest of the file, None for any.
 
     Raises
     ------
     ExecutionError
-        The code here is another one.
+        The code of this worker has another revision.
     """
     if expected and revision() != expected:
         raise ExecutionError(
@@ -52,8 +52,8 @@ def perform(
 
 
 def _recordings(path: Path, actuator: Actuator, reading: FileReading, content: str | None) -> list[Recording]:
-    """Return the recordings in a file, `RecordingError` where that does not hold `content` any more."""
-    # Around the reading: a batch may take hours, and its files lie where others write.
+    """Return the recordings in a file; `RecordingError` if its digest is no longer `content`."""
+    # Checked before and after reading: a batch may take hours, and others may write to its files.
     before = content if content is None else content_digest(path)
     recordings = recordings_in(path, actuator, reading)
     if content is not None and (before != content or content_digest(path) != content):
@@ -62,13 +62,13 @@ def _recordings(path: Path, actuator: Actuator, reading: FileReading, content: s
 
 
 def broken(recording: str, error: str) -> dict[str, Any]:
-    """Return what stands for a recording that cannot be diagnosed."""
+    """Return the result of a recording that cannot be diagnosed."""
     return {"recording": recording, "error": error}
 
 
 def is_whole(results: list[dict[str, Any]]) -> bool:
-    """Return whether every recording of a file could be diagnosed; else it is worth another try later."""
-    return not any("error" in one for one in results)
+    """Return whether all recordings of a file were diagnosed; otherwise a later call tries again."""
+    return not any("error" in result for result in results)
 
 
 def _diagnosed(recording: Recording, actuator: Actuator, settings: DiagnosisSettings) -> dict[str, Any]:

@@ -1,1 +1,1 @@
-"""Whether an estimator can be asked about a recording, and whether its answer is believed."""
+"""Applicability of an estimator: whether it can evaluate a recording, and whether its answer is accepted."""

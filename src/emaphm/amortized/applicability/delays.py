@@ -1,10 +1,11 @@
-"""Whether a recording would be understood better had it come a row earlier or later.
+"""Test for a delay of one row, of all channels or of the current, by the residuals of shifted recordings.
 
-A channel that comes a row late is taken up as another gain, and what is left of it at the answer looks like
-little. Asked about the same recording with the row taken back, the estimator finds an answer that leaves
-less; with a row more in the same direction, one that leaves much more. Only both together say that there is
-a delay: of some actuators, healthy ones for instance, current and voltage do not tell a delay from a gain,
-and all three leave about the same. Where a row of delay would hardly show, a degraded gain may be one.
+A delay of a channel by one row is confounded with a changed gain: the residual at the answer stays small.
+If the recording is shifted back by the row, the residual at the estimator's answer becomes smaller; if it is
+shifted by another row in the direction of the delay, the residual becomes much larger. A delay is accepted if
+both are the case. Of some actuators, healthy ones for instance, current and voltage cannot separate a delay
+from a gain, and all three residuals are about equal. If a delay of a row would hardly change the residual, a
+degraded gain may be a delay.
 """
 
 from dataclasses import dataclass
@@ -24,81 +25,84 @@ from emaphm.recording import Recording
 
 @dataclass(frozen=True)
 class DelaySettings:
-    """When another time fits better.
+    """Thresholds of the test for a delay.
 
-    Taken `rows` back, a recording leaves less than a share of 1 / `better` of the mean squared residual, and
-    less than 1 / `decided` of what it leaves `rows` farther off. Of 100 random vectors that came one row late
-    or early 94 to 96 did, of as many in time none; of 100 small faults in time 1 or 2, of 100 vectors with
-    heavy shorts 9.
+    There is a delay if, shifted back by `rows`, a recording has a mean squared residual below
+    1 / `least_improvement` of that without a shift, and below 1 / `least_contrast` of that with the opposite
+    shift. This was so for 94 to 96 of 100 random fault vectors with a delay of plus or minus one row, and for
+    none of 100 without a delay; for 1 or 2 of 100 small faults without a delay, and for 9 of 100 vectors with
+    heavy shorts.
 
-    A delay of `rows` hardly shows where it changes the whitened residual by less than `shown` standard
-    deviations, what the answer's uncertainty takes up apart: of actuators with little but a degraded gain.
+    A delay of `rows` hardly changes the whitened residual if it does so by less than `least_change` standard
+    deviations, after projection on the complement of the answer's uncertainty. This is the case of actuators
+    with hardly any fault except a degraded gain.
     """
 
     rows: int = 1
-    better: float = 1.04
-    decided: float = 1.4
-    shown: float = 8.0
+    least_improvement: float = 1.04
+    least_contrast: float = 1.4
+    least_change: float = 8.0
 
 
 DELAYS = DelaySettings()
 
 
-def in_time_and_moved(estimator: Estimator, recording: Recording) -> Single:
-    """Return what the network reads of a `recording`, and of it with channels a row earlier and later.
+def shifted_rows(estimator: Estimator, recording: Recording) -> Single:
+    """Return the network's input for `recording` without a shift, and with channels a row earlier and later.
 
-    (n, channels, blocks): as recorded first; then a pair for all that was measured, and one for the current.
+    (n, channels, blocks): without a shift first, then a pair for all channels, and a pair for the current.
     """
     setup = estimator.setup
     rows = rows_of(recording, setup.channels)[0]
     rows = rows.reshape(len(setup.channels), -1)
-    tried = [rows]
-    for which in _kinds(setup).values():
-        for late in (-DELAYS.rows, DELAYS.rows):
-            moved = rows.copy()
-            moved[which] = taken_back(rows[which], late)
-            tried.append(moved)
-    return in_blocks(np.array(tried), block_of(setup.samples))
+    candidates = [rows]
+    for group in _channel_groups(setup).values():
+        for delay in (-DELAYS.rows, DELAYS.rows):
+            shifted = rows.copy()
+            shifted[group] = taken_back(rows[group], delay)
+            candidates.append(shifted)
+    return in_blocks(np.array(candidates), block_of(setup.samples))
 
 
-def found_delay(estimator: Estimator, comparison: Comparison) -> str | None:
-    """Return what of a recording seems to come late or early, a clause; None where nothing does.
+def delay_clause(estimator: Estimator, comparison: Comparison) -> str | None:
+    """Return the clause that channels seem late or early, or that the gain may be a delay; None if neither.
 
-    `comparison` is that of `in_time_and_moved`. Where a delay would not show, a degraded gain may be one.
+    `comparison` is that of `shifted_rows` with its answers. A degraded gain may be a delay if a delay of a
+    row would hardly change the residual.
     """
-    kinds = _kinds(estimator.setup)
-    (in_time, *others), shown = _left(estimator, comparison)
-    found = [
+    groups = _channel_groups(estimator.setup)
+    (unshifted, *shifted), change = _residual_sizes(estimator, comparison)
+    delayed = [
         (min(pair), name, "late" if pair[1] < pair[0] else "early")
-        for name, pair in zip(kinds, zip(others[::2], others[1::2], strict=True), strict=True)
-        if in_time > DELAYS.better * min(pair) and max(pair) > DELAYS.decided * min(pair)
+        for name, pair in zip(groups, zip(shifted[::2], shifted[1::2], strict=True), strict=True)
+        if unshifted > DELAYS.least_improvement * min(pair) and max(pair) > DELAYS.least_contrast * min(pair)
     ]
-    if found:
-        _, name, way = min(found)
-        return f"{name} seems to come a row {way}: taken back, it leaves less"
+    if delayed:
+        _, name, direction = min(delayed)
+        return f"{name} seems to come a row {direction}: shifted back, its residual is smaller"
     space, answer = estimator.space, comparison.answers[0]
     gain = estimates(space, space.project(answer.mean), answer.covariance)["gain"]
-    if gain.verdict == "degraded" and shown < DELAYS.shown:
+    if gain.verdict == "degraded" and change < DELAYS.least_change:
         return (
-            "its gain may be a delay: one of a row would change what the answer leaves of it by "
-            f"{shown:.2g} standard deviations only, less than {DELAYS.shown:g}"
+            "its gain may be a delay: a delay of one row would change the residual by only "
+            f"{change:.2g} standard deviations, less than {DELAYS.least_change:g}"
         )
     return None
 
 
-def _kinds(setup: RecordingSetup) -> dict[str, slice]:
-    """Return which channels may come late together, by name."""
-    kinds = {"all that was measured": slice(None)}
+def _channel_groups(setup: RecordingSetup) -> dict[str, slice]:
+    """Return the groups of channels that may have a common delay, by name."""
+    groups = {"all that was measured": slice(None)}
     if len(setup.channels) > 1:
-        kinds[setup.channels[0]] = slice(1)
-    return kinds
+        groups[setup.channels[0]] = slice(1)
+    return groups
 
 
-def _left(estimator: Estimator, comparison: Comparison) -> tuple[list[float], float]:
-    """Return the mean squared residual of each recording at its answer, whitened.
+def _residual_sizes(estimator: Estimator, comparison: Comparison) -> tuple[list[float], float]:
+    """Return the mean squared whitened residual of each recording at its answer.
 
-    And how many standard deviations a delay of a row makes in that of the first one.
+    Second: the change of the first recording's residual by a delay of a row, in standard deviations.
     """
     residuals, lengths = comparison.residuals(estimator.update.whitening)
-    shown = DELAYS.rows * lengths[0, ALL_LATE] / block_of(estimator.setup.samples)
-    return [float(value) for value in np.mean(residuals**2, axis=1)], float(shown)
+    change = DELAYS.rows * lengths[0, ALL_LATE] / block_of(estimator.setup.samples)
+    return [float(value) for value in np.mean(residuals**2, axis=1)], float(change)

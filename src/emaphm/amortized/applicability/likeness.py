@@ -1,19 +1,19 @@
-"""When an estimator is not to be believed: recordings unlike those that it was trained on.
+"""Test whether an estimator's answer is accepted: whether the recording is like the training set.
 
-What a recording and its answer show is compared with what held-out simulations do, in three ways.
+A network answers for any recording. Only a comparison with physics detects an answer that is wrong despite
+its small uncertainty. Three statistics of a recording and its answer are compared with their values for
+held-out simulations.
 
-1. Two distances of the recording alone from the training set (`Projection.distances`).
-2. Sixteen points of the answer are run by the averaged model, at the price of one, and the recording has to
-   lie among them: for each channel
+1. Two distances of the recording from the training set (`Projection.distances`).
+2. The averaged model is run at sixteen points of the answer, in the time of one run, and the recording has to
+   lie among these runs: for each channel
 
        ratio = rms(recorded - mean) / √(variance of the runs + noise² + (model error)²).
 
-3. What is left of the recording may look like what no simulation has, a late sensor for instance
-   (`emaphm.amortized.error_prediction`).
+3. The predicted error of the answer. It is large if the residual is similar to that of a deviation which no
+   simulation has, a delayed sensor for instance (`emaphm.amortized.error_prediction`).
 
-A fourth is for answers that no search follows: see `emaphm.amortized.applicability.delays`.
-
-A network answers whatever it is asked; only a comparison with physics shows an answer that is sure and wrong.
+A fourth test is for answers without a search: see `emaphm.amortized.applicability.delays`.
 """
 
 from dataclasses import dataclass
@@ -31,11 +31,12 @@ from emaphm.estimation.signal_size import row_sizes
 
 @dataclass(frozen=True)
 class LikenessSettings:
-    """How a recording is compared with the training set.
+    """Settings of the comparison of a recording with the training set.
 
-    The averaged model's error `model`, relative to a channel's rms; and limits: the `quantile` of held-out
-    draws, times `margin`. Beyond are draws with heavy shorts, mostly: a full search for one of them costs
-    less than a wrong answer. That of the predicted error is its own quantile.
+    `model` is the error of the averaged model, relative to a channel's rms. A limit is the `quantile` of the
+    statistic over held-out draws, times `margin`; that of the predicted error is `predicted_error_quantile`,
+    without a margin. Draws beyond the limits mostly have heavy shorts: a full search for such a draw costs
+    less than a wrong answer.
     """
 
     model: float = 0.02
@@ -48,7 +49,7 @@ LIKENESS = LikenessSettings()
 
 
 def predictive_ratios(setup: RecordingSetup, comparison: Comparison) -> Array:
-    """Return the ratio at the top of this file, (n, channels)."""
+    """Return the ratio of statistic 2 at the top of this file, (n, channels)."""
     rows, runs = comparison.rows, comparison.runs
     residual = np.mean((rows - runs[:, 0]) ** 2, axis=-1)
     variance = np.mean((runs[:, 1:] - runs[:, :1]) ** 2, axis=(1, 3))
@@ -57,28 +58,33 @@ def predictive_ratios(setup: RecordingSetup, comparison: Comparison) -> Array:
 
 
 @dataclass(frozen=True)
-class Unlikeness:
-    """What speaks against an answer, a clause each: `reasons` not to believe it, and what makes it `rare`.
+class Objections:
+    """Objections to an answer, a clause each: `reasons` why it is not accepted, and why it is `rare`.
 
-    A recording may be rare, farther out than most of the training set, and the model at its answer reproduce
-    it all the same. The answer is then a start for a search as good as any.
+    A recording is rare if it is farther from the middle than most of the training set. If the model at its
+    answer reproduces it nevertheless, the answer is still a good start of a search.
     """
 
     reasons: tuple[str, ...]
     rare: tuple[str, ...] = ()
 
 
-def unlikeness(estimator: Estimator, comparison: Comparison) -> Unlikeness:
-    """Return what speaks against the answer for a recording, of which `comparison` is, the only one."""
+def objections_to(estimator: Estimator, comparison: Comparison) -> Objections:
+    """Return the objections to the answer for a recording; `comparison` is of this recording alone."""
     setup, limits, rows = estimator.setup, estimator.limits, comparison.rows
-    what = ("farther from the middle of the training set", "of another shape than the training set")
+    statistics = (
+        "its distance from the middle of the training set",
+        "its residual from the principal components of the training set",
+    )
     rare = tuple(
-        f"the recording is {text} than simulations are ({distance:.3g}, at most {limit:.3g})"
-        for text, distance, limit in zip(what, estimator.distances(rows)[0], limits.distances, strict=True)
+        f"{name} is larger than that of simulations ({distance:.3g}, at most {limit:.3g})"
+        for name, distance, limit in zip(
+            statistics, estimator.distances(rows)[0], limits.distances, strict=True
+        )
         if not distance <= limit
     )
-    found = [
-        f"the model at its answer is farther from {name} than the answer's own uncertainty allows "
+    reasons = [
+        f"the residual of {name} at the answer is larger than the answer's own uncertainty allows "
         f"({ratio:.3g} times, at most {limit:.3g})"
         for name, ratio, limit in zip(
             setup.channels, predictive_ratios(setup, comparison)[0], limits.ratios, strict=True
@@ -87,12 +93,12 @@ def unlikeness(estimator: Estimator, comparison: Comparison) -> Unlikeness:
     ]
     predicted = float(estimator.predicted_errors(comparison)[0])
     if not predicted <= limits.predicted_error:
-        found.append(
-            "what the model at its answer leaves of the recording is as where sensors err or the actuator is "
-            "not as described, and answers are wrong "
+        reasons.append(
+            "the residual at the answer is like that of simulations with sensor errors or deviations from "
+            "the description, for which answers are wrong "
             f"(predicted error {predicted:.3g} of the allowed one, at most {limits.predicted_error:.3g})"
         )
-    return Unlikeness(tuple(found), rare)
+    return Objections(tuple(reasons), rare)
 
 
 def limits_of(distances: Array, ratios: Array, predicted_errors: Array) -> Limits:
@@ -105,6 +111,6 @@ def limits_of(distances: Array, ratios: Array, predicted_errors: Array) -> Limit
 
 
 def are_beyond(limits: Limits, distances: Array, ratios: Array, predicted_errors: Array) -> Array:
-    """Return which of n draws are beyond a limit, (n,); arguments as for `limits_of`."""
+    """Return whether each of n draws is beyond a limit, (n,); arguments as for `limits_of`."""
     within = np.all(distances <= limits.distances, axis=1) & np.all(ratios <= limits.ratios, axis=1)
     return np.asarray(~(within & (predicted_errors <= limits.predicted_error)))

@@ -1,7 +1,7 @@
-"""What an estimator cannot be asked about, and what to do then.
+"""Actuators and recordings that an estimator cannot evaluate, and the remedies.
 
-Only what a search with the estimator's help could not mend is refused. What no estimator is trained for is
-looked at first: nobody is to train another one in vain.
+Recordings are refused only if a search from the estimator's answer is impossible too. Properties that no
+estimator is trained for are checked first, so that no message advises another training in vain.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ OR_TRAIN = f"{LEAVE_OUT}, or train one for it with 'emaphm train'"
 
 
 def check_trained_for(setup: RecordingSetup, actuator: Actuator) -> None:
-    """Refuse another description than the one that an estimator was trained for, `MethodError`."""
+    """Raise `MethodError` if `actuator` is not the description that an estimator was trained for."""
     if not actuator.three_phases:
         raise MethodError(
             f"actuator '{actuator.name}' has a drive of kind '{actuator.drive_kind}', which no estimator is "
@@ -38,20 +38,20 @@ def check_trained_for(setup: RecordingSetup, actuator: Actuator) -> None:
 
 
 def check_recording(setup: RecordingSetup, recording: Recording) -> None:
-    """Refuse a recording that an estimator cannot be asked about, `MethodError`.
+    """Raise `MethodError` for a recording that an estimator cannot evaluate.
 
-    Of another manoeuvre, rate or duration, without a channel, or of what no estimator is trained for.
+    It is of another manoeuvre, rate or duration, lacks a channel, or has what no estimator is trained for.
     """
-    never = _never_trained(recording)
-    if never is not None:
-        raise MethodError(f"{recording.source} {never}; {LEAVE_OUT}")
-    other = _trained_otherwise(setup, recording)
-    if other is not None:
-        raise MethodError(f"{recording.source} {other}; {OR_TRAIN}")
+    untrainable = _untrainable_property(recording)
+    if untrainable is not None:
+        raise MethodError(f"{recording.source} {untrainable}; {LEAVE_OUT}")
+    difference = _difference_from_training(setup, recording)
+    if difference is not None:
+        raise MethodError(f"{recording.source} {difference}; {OR_TRAIN}")
 
 
-def _never_trained(recording: Recording) -> str | None:
-    """Return what a recording has that those of no training have."""
+def _untrainable_property(recording: Recording) -> str | None:
+    """Return a property of the recording for which no estimator can be trained; None if it has none."""
     if "current_A" not in recording:
         return "has no current_A, without which no estimator is trained"
     if recording.samples > MOST_ROWS:
@@ -66,8 +66,8 @@ def _never_trained(recording: Recording) -> str | None:
     return None
 
 
-def _trained_otherwise(setup: RecordingSetup, recording: Recording) -> str | None:
-    """Return what a recording has that an estimator could be trained on, but this one was not."""
+def _difference_from_training(setup: RecordingSetup, recording: Recording) -> str | None:
+    """Return a difference of the recording from the setup, which another training would remove; or None."""
     missing = [name for name in setup.channels if name not in recording]
     if missing:
         return f"has no {', '.join(missing)}, which the estimator was trained on"

@@ -1,1 +1,1 @@
-"""Predicted error of an answer, from what the averaged model at the answer leaves of the recording."""
+"""Predicted error of an answer, from the residual of the averaged model at the answer."""

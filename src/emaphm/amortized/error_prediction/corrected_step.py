@@ -1,8 +1,8 @@
-"""Where the reference model would move an estimator's answer, and what it would leave.
+"""Step by which the reference model would correct an estimator's answer, and the residual after it.
 
-An answer that is right to its standard deviations has the optimum of the corrected model within these, and
-noise and switching for a residual there. Neither holds of most recordings of another actuator, which the
-averaged model, with its known error, may explain all the same.
+If an answer is correct within its standard deviations, the optimum of the corrected model lies within these,
+and its residual is noise and switching. Neither is the case for most recordings of an actuator that deviates
+from the description, although the averaged model, with its known error, may explain them.
 """
 
 from dataclasses import dataclass
@@ -14,27 +14,28 @@ from emaphm.arrays import Array
 from emaphm.estimation.search_result import SearchResult
 
 FARTHEST = 3.5
-"""Standard deviations of the answer from which on a step from it is not believed. Of 48 recordings as in the
-training 2.6 at most; 3.8 to 7.8 of a Stribeck speed, a pole pair more, an inductance 14 % off, and a load
-five standard deviations of its prior off."""
+"""Largest step from an accepted answer, in its standard deviations. For 48 recordings like those of the
+training it was 2.6 at most. It was 3.8 to 7.8 with a Stribeck speed, with one more pole pair, with an
+inductance that deviated by 14 %, and with a load that deviated by five standard deviations of its prior."""
 
-MOST_LEFT = 1.3
-"""Residual over noise and switching from which on it is not that of a right model: of the same 48 recordings
-1.14 at most; 1.7 of the Stribeck speed, 24 of rows that come one early."""
+LARGEST_RESIDUAL_RATIO = 1.3
+"""Largest residual of a correct model, relative to noise and switching: it was 1.14 at most for the same 48
+recordings, 1.7 with the Stribeck speed, and 24 with rows that were one early."""
 
 
 @dataclass(frozen=True)
 class CorrectedStep:
-    """The step to the optimum of the linear model, by an answer's prior and the corrected residual.
+    """The step to the optimum of the linear model, with the answer as prior and the corrected residual.
 
-    `name` is the coordinate that it moves farthest, by `deviations` of the answer; `left` the largest rms
-    residual of a channel after it, over that of noise and switching, and `channel` which that is.
+    `name` is the coordinate with the largest step, of `deviations` standard deviations of the answer.
+    `channel` is the channel with the largest rms residual after the step, relative to that of noise and
+    switching, which is `residual_ratio`.
     """
 
     name: str
     deviations: float
     channel: str
-    left: float
+    residual_ratio: float
 
     @classmethod
     def of(cls, result: SearchResult, covariance: Array) -> Self:
@@ -44,27 +45,28 @@ class CorrectedStep:
         residual, jacobian = result.residual[: objective.channel_rows], result.jacobians.mean(axis=0)
         variance = float(np.mean(residual**2))
         deviations = np.sqrt(np.diag(covariance))
-        # In standard deviations of the answer: the prior is then well conditioned.
+        # The unit is the standard deviation of the answer, so that the prior is well conditioned.
         scaled = jacobian * deviations[:, np.newaxis]
         prior = np.linalg.inv(covariance / np.outer(deviations, deviations))
         step = np.linalg.solve(scaled @ scaled.T / variance + prior, scaled @ residual / variance)
         farthest = int(np.abs(step).argmax())
-        left = result.ratios_to_switching(result.by_channel(residual - scaled.T @ step))
-        channel = max(left, key=left.__getitem__)
-        return cls(objective.space.coordinates[farthest], float(abs(step[farthest])), channel, left[channel])
+        ratios = result.ratios_to_switching(result.by_channel(residual - scaled.T @ step))
+        channel = max(ratios, key=ratios.__getitem__)
+        name = objective.space.coordinates[farthest]
+        return cls(name, float(abs(step[farthest])), channel, ratios[channel])
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the answer is not believed, a clause each."""
+        """The reasons why the answer is not accepted, a clause each."""
         reasons = []
         if self.deviations > FARTHEST:
             reasons.append(
                 f"the reference model moves it by {self.deviations:.2g} of its standard deviations in "
                 f"{self.name}"
             )
-        if self.left > MOST_LEFT:
+        if self.residual_ratio > LARGEST_RESIDUAL_RATIO:
             reasons.append(
-                f"{self.left:.2g} times what noise and switching explain of {self.channel} is left, also "
-                "where the reference model moves it to"
+                f"the residual of {self.channel} is {self.residual_ratio:.2g} times that of noise and "
+                "switching, even where the reference model moves it to"
             )
         return tuple(reasons)

@@ -1,9 +1,9 @@
-"""What a recording may have and no simulation has: sensors that err, an actuator not as described.
+"""Deviations that the training set lacks: sensor errors, and differences from the description.
 
-A network that has seen faithful recordings alone takes up a late sensor as faults. Here are the deviations
-that the error predictor is trained on: of each sensor a delay, another scale and another zero; a delay of all
-sensors together; another inertia; and a dry friction that passes smoothly through standstill (the laws
-"stribeck" and "transition", as strong as the library assumes them before a calibration).
+A network that was trained on simulations without deviations infers faults from a delayed sensor. The error
+predictor is therefore trained on these deviations: a delay, a scale error and a zero error of each sensor; a
+common delay of all sensors; another inertia; and a dry friction that passes smoothly through standstill (the
+laws "stribeck" and "transition", with the strengths that they have before a calibration).
 """
 
 from dataclasses import dataclass
@@ -21,13 +21,14 @@ from emaphm.simulation import AVERAGED, Inputs
 
 @dataclass(frozen=True)
 class DeviationSettings:
-    """How often training recordings deviate, and by how much; sizes are even on a logarithmic scale.
+    """Probabilities and sizes of the deviations; sizes are uniform on a logarithmic scale.
 
-    Four in ten do not deviate, four in ten in one respect.
+    Four in ten training recordings have no deviation, four in ten have one.
 
-    Sensors come `rows` late or early, all together `often`, each by itself `seldom`. Scales and inertia are
-    off by `relative`, each `often`; zeros by `relative` of the channel's rms, `seldom`. Of the difference
-    that a smooth friction makes, `smooth` is there, `seldom`.
+    Delays of either sign are within `rows`: a common delay of all sensors with probability `often`, one of
+    each sensor with `seldom`. Relative errors of scales and of the inertia are within `relative`, each with
+    `often`; zero errors are within `relative` of the channel's rms, with `seldom`. The effect of a smooth
+    friction is multiplied by a factor within `smooth`, with `seldom`.
     """
 
     rows: tuple[float, float] = (0.3, 5.0)
@@ -43,26 +44,26 @@ SMOOTH = ("stribeck", "transition")
 """Laws of a smooth friction."""
 
 INERTIA_STEP = 0.05
-"""Relative change of the inertia that `other_descriptions` runs with."""
+"""Relative change of the inertia in the runs of `other_descriptions`."""
 
-OTHERS = 2
-"""Runs that `other_descriptions` returns for each point."""
+OTHER_RUNS = 2
+"""Number of runs that `other_descriptions` returns for each point."""
 
-ALL_LATE = OTHERS
-"""Place of the delay of all channels among `deviation_directions`."""
+ALL_LATE = OTHER_RUNS
+"""Index of the common delay of all channels in `deviation_directions`."""
 
 
 def smooth_friction(actuator: Actuator) -> Actuator:
-    """Return `actuator` with a smooth friction; as it is where its description has one."""
+    """Return `actuator` with a smooth friction; unchanged if its description has one."""
     for name in SMOOTH:
         actuator = law_named(name).added_to(actuator)
     return actuator
 
 
 def other_descriptions(setup: RecordingSetup, inputs: Inputs, points: Array) -> Single:
-    """Return rows of the averaged model at points (n, d), (n, 2, channels, blocks).
+    """Return rows (n, 2, channels, blocks) of the averaged model with other descriptions, at points (n, d).
 
-    With an inertia that is larger by `INERTIA_STEP`, and with a smooth friction.
+    The first description has an inertia that is larger by `INERTIA_STEP`, the second a smooth friction.
     """
     heavier = simulated(setup, inputs, AVERAGED, points, inertia=np.full(len(points), INERTIA_STEP))
     smooth = simulated(setup, inputs, AVERAGED, points, actuator=smooth_friction(setup.actuator))
@@ -70,26 +71,27 @@ def other_descriptions(setup: RecordingSetup, inputs: Inputs, points: Array) -> 
 
 
 def deviation_directions(modelled: Single, others: Single) -> Single:
-    """Return what a unit of each deviation would add to rows, (n, m, channels, blocks); m: `deviation_count`.
+    """Return the change of the rows by a unit of each deviation, (n, m, channels, blocks).
 
-    To the averaged model's `modelled` (n, channels, blocks); `others` are as from `other_descriptions`.
+    `modelled` (n, channels, blocks) are rows of the averaged model, `others` those of `other_descriptions`;
+    m is `deviation_count`.
     """
     channels = modelled.shape[1]
-    late = np.gradient(modelled, axis=-1)
-    found = [others - modelled[:, np.newaxis]]
+    derivative = np.gradient(modelled, axis=-1)
+    directions = [others - modelled[:, np.newaxis]]
     if channels > 1:
-        found.append(late[:, np.newaxis])
-    for values in (late, modelled, np.ones_like(modelled)):
-        of_one = np.zeros((len(values), channels, *values.shape[1:]), np.float32)
+        directions.append(derivative[:, np.newaxis])
+    for values in (derivative, modelled, np.ones_like(modelled)):
+        by_channel = np.zeros((len(values), channels, *values.shape[1:]), np.float32)
         for i in range(channels):
-            of_one[:, i, i] = values[:, i]
-        found.append(of_one)
-    return np.concatenate(found, axis=1)
+            by_channel[:, i, i] = values[:, i]
+        directions.append(by_channel)
+    return np.concatenate(directions, axis=1)
 
 
 def deviation_count(channels: int) -> int:
-    """Return how many deviations are known of recordings with this number of channels."""
-    return OTHERS + 3 * channels + (channels > 1)
+    """Return the number of deviations for recordings with this number of channels."""
+    return OTHER_RUNS + 3 * channels + (channels > 1)
 
 
 def deviating(
@@ -99,9 +101,9 @@ def deviating(
     rng: np.random.Generator,
     settings: DeviationSettings = DEVIATIONS,
 ) -> TrainingSet:
-    """Return noise-free draws as they would have been recorded with deviations, of most of them several.
+    """Return noise-free `draws` with random deviations, drawn with `rng`.
 
-    Another inertia and another friction change a recording by what they change of the averaged model's run.
+    The effects of another inertia and another friction on the rows are those on the averaged model's run.
     """
     n, channels = len(draws), len(setup.channels)
     often, seldom = settings.often, settings.seldom
@@ -120,23 +122,24 @@ def deviating(
     rows += smooth * (
         simulated(setup, inputs, AVERAGED, points, actuator=smooth_friction(setup.actuator)) - as_described
     )
-    late = drawn(settings.rows, often, 1) + drawn(settings.rows, seldom, channels)
-    rows = later(rows, late / block_of(setup.samples))
+    delays = drawn(settings.rows, often, 1) + drawn(settings.rows, seldom, channels)
+    rows = delayed(rows, delays / block_of(setup.samples))
     sizes = row_sizes(setup.channels, rows)[..., np.newaxis]
     rows = rows * (1 + drawn(settings.relative, often, channels)[:, :, np.newaxis])
     rows += sizes * drawn(settings.relative, seldom, channels)[:, :, np.newaxis]
     return TrainingSet(draws.points, rows.astype(np.float32))
 
 
-def later(rows: Array, blocks: Array) -> Array:
-    """Return rows (n, channels, blocks) that come `blocks` (n, channels) later; the end values are held.
+def delayed(rows: Array, blocks: Array) -> Array:
+    """Return rows (n, channels, blocks) delayed by `blocks` (n, channels); the end values are held.
 
-    Between two blocks by the cubic of Catmull and Rom (1974), which smooths less than a straight line.
+    Values between two blocks are interpolated by the cubic of Catmull and Rom (1974), which smooths less than
+    a straight line.
     """
     last = rows.shape[-1] - 1
-    at = np.arange(last + 1) - blocks[..., np.newaxis]
-    before = np.floor(at)
-    part = at - before
+    times = np.arange(last + 1) - blocks[..., np.newaxis]
+    before = np.floor(times)
+    part = times - before
     a, b, c, d = (
         np.take_along_axis(rows, np.clip(before + k, 0, last).astype(int), axis=-1) for k in (-1, 0, 1, 2)
     )

@@ -1,6 +1,6 @@
-"""Whether faults that an answer alone names may be something else: a delay, or what is not as described.
+"""Other explanations of an answer's faults: a delay, or deviations from the description.
 
-Asked where no search follows, and where a component is called degraded: a search asks for both itself.
+They are tested if no search follows and the answer calls a component degraded. A search tests both itself.
 """
 
 from dataclasses import replace
@@ -19,24 +19,24 @@ from emaphm.random_streams import stream
 
 
 def other_explanations(result: SearchResult, covariance: Array, seed: int) -> tuple[str, ...]:
-    """Return what else may be the faults of an answer, a clause each; nothing where it calls none degraded.
+    """Return other possible explanations of an answer's faults, a clause each; none if none is degraded.
 
-    `result` is the averaged model at the answer's mean, whose `covariance` is (d, d).
+    `result` is the averaged model at the answer's mean; `covariance` (d, d) is the answer's.
     """
     components = estimates(result.objective.space, result.point, covariance)
-    if all(one.verdict != "degraded" for one in components.values()):
+    if all(component.verdict != "degraded" for component in components.values()):
         return ()
     weighted = result.reweighted()
     jacobians = jacobians_at(weighted.objective, result.point, stream(seed, "Jacobians at the answer"))
-    delay = _delay(components["gain"], weighted, jacobians)
-    return delay or _undescribed(replace(weighted, jacobians=jacobians), covariance, seed)
+    delay = _delay_instead_of_gain(components["gain"], weighted, jacobians)
+    return delay or _deviations_from_description(replace(weighted, jacobians=jacobians), covariance, seed)
 
 
-def _delay(gain: Estimate, result: SearchResult, jacobians: Array) -> tuple[str, ...]:
-    """Return why the gain may be a delay; nothing where it is none.
+def _delay_instead_of_gain(gain: Estimate, result: SearchResult, jacobians: Array) -> tuple[str, ...]:
+    """Return the clause that the gain may be a delay; none if it cannot be one.
 
-    The residual at the answer shows no delay of a row where the actuator is nearly healthy. The search, which
-    has the reference model, knows the gain better, and says what it cannot exclude.
+    If the actuator is nearly healthy, a delay of a row does not change the residual at the answer. A search
+    has the reference model, estimates the gain more precisely, and states what it cannot exclude.
     """
     if gain.verdict != "degraded":
         return ()
@@ -44,14 +44,17 @@ def _delay(gain: Estimate, result: SearchResult, jacobians: Array) -> tuple[str,
     return () if checked.verdict == "degraded" else (f"its gain may be a delay: {checked.reason}",)
 
 
-def _undescribed(result: SearchResult, covariance: Array, seed: int) -> tuple[str, ...]:
-    """Return what the residual shows that is not described, once the reference model has corrected it."""
+def _deviations_from_description(result: SearchResult, covariance: Array, seed: int) -> tuple[str, ...]:
+    """Return the laws or parameters that the residual after the reference model's correction indicates.
+
+    If it indicates none, the clauses of `CorrectedStep`.
+    """
     corrected = with_discrepancy(result, seed)
     if names := suspected_laws(corrected, seed):
         laws = " or ".join(f"'{name}'" for name in names)
         return (f"its faults may be a law that the actuator's description lacks: {laws}",)
-    parameters = [name for one in possible_errors(corrected, (), seed) for name in one.parameters]
+    parameters = [name for error in possible_errors(corrected, (), seed) for name in error.parameters]
     parameters += contradicted_control(corrected, seed)
     if parameters:
-        return (f"its faults may be parameters that are not as described: {', '.join(parameters)}",)
+        return (f"its faults may be parameters that deviate from the description: {', '.join(parameters)}",)
     return CorrectedStep.of(corrected, covariance).reasons

@@ -1,7 +1,7 @@
-"""The error of an answer, relative to the error that is allowed, as a small network predicts it.
+"""A small network that predicts the error of an answer, relative to the allowed error.
 
-It has learned from simulations, as they are and with what no simulation has
-(`emaphm.amortized.error_prediction.deviations`), whose answers' errors are known.
+It is trained on simulations with and without deviations (`emaphm.amortized.error_prediction.deviations`); the
+errors of their answers are known.
 """
 
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ from emaphm.diagnosis.verdict import Z95
 
 @dataclass(frozen=True)
 class WrongSettings:
-    """From when on an answer is wrong.
+    """Definition of a wrong answer.
 
-    A fault is off by more than `error`, in its unit [0, 1], and by more than `half_widths` of its 95 %
-    interval. Ratios are learned from `least` on.
+    The error of a fault is larger than `error`, in its unit [0, 1], and larger than `half_widths` half-widths
+    of its 95 % interval. Error ratios below `least` are learned as `least`.
     """
 
     error: float = WRONG_ERROR
@@ -37,16 +37,15 @@ class ErrorPredictor:
     network: Network
 
     def predicted(self, features: Single) -> Array:
-        """Return the predicted ratio of each of the answers with these features (n, k), (n,)."""
-        found = self.network.mixtures(self.network.features(features))
-        return np.asarray(np.exp([float(one.mean[0]) for one in found]))
+        """Return the predicted error ratio of each of the answers with `features` (n, k), (n,)."""
+        mixtures = self.network.mixtures(self.network.features(features))
+        return np.asarray(np.exp([float(mixture.mean[0]) for mixture in mixtures]))
 
 
 def error_ratios(means: Array, variances: Array, truths: Array, faults: int) -> Array:
-    """Return how many times as large as allowed the largest error of a fault is, (n,).
+    """Return the largest error of a fault, relative to the error that `WRONG` allows, for n answers, (n,).
 
-    Of answers with `means` and `variances` (n, d), whose first coordinates are the `faults`; 1 is what
-    `WRONG` allows.
+    `means`, `variances` and `truths` are (n, d); their first `faults` coordinates are the faults.
     """
     errors = np.abs(means - truths)[:, :faults]
     allowed = WRONG.half_widths * Z95 * np.sqrt(variances[:, :faults])

@@ -1,7 +1,7 @@
-"""Products with matrices of half precision, for a few recordings at once: the compiled inner loop.
+"""Compiled product with a matrix in half precision, for a few recordings.
 
-Of one recording, the time of a product is that of reading the matrix. Numbers of half precision are half as
-many bytes as those of single precision, and become these one row at a time, in the nearest cache.
+For one recording, a product takes the time of reading the matrix. In half precision, the matrix has half the
+bytes of single precision. It is converted row by row, in the processor's first cache.
 """
 
 from typing import Any
@@ -13,24 +13,24 @@ from numpy.typing import NDArray
 from emaphm.arrays import Single
 
 Bits = NDArray[np.uint16]
-"""Numbers of half precision (IEEE 754 binary16) as bits: the sign, 5 of the exponent, 10 of the fraction."""
+"""Half-precision numbers (IEEE 754 binary16) as bits: 1 for the sign, 5 the exponent, 10 the fraction."""
 
 MAGNITUDE = np.uint32(0x7FFF)
-"""All bits but the sign."""
+"""Mask of all bits except the sign."""
 
 LONGER = np.uint32(13)
-"""Bits that the fraction of single precision has more."""
+"""Difference of the fraction's bits in single and half precision."""
 
 EXPONENTS_APART, EXPONENT = np.uint32((127 - 15) << 23), np.uint32(1 << 23)
-"""What exponents of single precision have more, and 1 of it, as bits."""
+"""Difference of the exponents' biases in single and half precision, and an exponent of 1, as bits."""
 
 LEAST_NORMAL, LEAST_NORMAL_VALUE = np.uint32(1 << 10), np.float32(2.0**-14)
-"""The least number with an exponent: below, the fraction alone counts, in the steps of that exponent."""
+"""The smallest normal number in half precision, as bits and as value; smaller numbers are subnormal."""
 
 
 @njit(cache=True, fastmath=True, nogil=True)
 def add_product(left: Single, right: Bits, total: Any) -> None:
-    """Add `left` (n, k) times `right` (k, m), which is finite, to `total` (n, m) of single precision."""
+    """Add `left` (n, k) times `right` (k, m) to `total` (n, m); `right` is finite, in half precision."""
     row = np.empty(right.shape[1], np.float32)
     for i in range(right.shape[0]):
         for j in range(row.size):

@@ -1,7 +1,4 @@
-"""The layers of an estimator's networks, for values (n, width) of n recordings.
-
-`network` has their equations.
-"""
+"""Layers of an estimator's networks, for values (n, width) of n recordings; equations in `network`."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,19 +9,19 @@ from emaphm.amortized.networks.half_precision import Bits, add_product
 from emaphm.arrays import Single
 
 EPSILON = 1e-5
-"""Added to the variance that a layer is normalised by."""
+"""Added to the variance by which a layer is normalised."""
 
 
 @dataclass(frozen=True, eq=False)
 class Normalisation:
-    """g and c of a layer's norm, (width,) each."""
+    """Layer normalisation: g (`scale`) and c (`shift`), (width,) each."""
 
     scale: Single
     shift: Single
 
     def __call__(self, h: Single) -> Single:
-        """Return the normalised (n, width) values."""
-        # Sums, not means: of one recording, half of the time would be spent in calling `mean`.
+        """Return the normalised values of `h` (n, width)."""
+        # Sums are used because for one recording, the calls of `mean` would take half of the time.
         width = np.float32(h.shape[1])
         centred = h - np.add.reduce(h, axis=1, keepdims=True) / width
         variance = np.add.reduce(centred * centred, axis=1, keepdims=True) / width
@@ -33,18 +30,19 @@ class Normalisation:
 
 
 FEW = 5
-"""Recordings up to which a product reads half-precision numbers: of eight, BLAS takes as long (measured)."""
+"""Largest number of recordings for which a product reads half-precision weights. For eight recordings, BLAS
+in single precision takes as long (measured)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Dense:
-    """W (inputs, outputs), of half precision though single in memory, and b (outputs,) of a layer."""
+    """Dense layer: W (inputs, outputs), half-precision values in single precision, and b (outputs,)."""
 
     weight: Single
     bias: Single
 
     def __call__(self, x: Single) -> Single:
-        """Return W x + b of values (n, inputs)."""
+        """Return W x + b (n, outputs) of values (n, inputs)."""
         if len(x) > FEW:
             return np.asarray(x @ self.weight + self.bias)
         total = np.empty((len(x), self.bias.size), np.float32)
@@ -59,14 +57,14 @@ class Dense:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A residual block."""
+    """Residual block of two dense layers."""
 
     norm: Normalisation
     first: Dense
     second: Dense
 
     def __call__(self, h: Single) -> Single:
-        """Return values (n, width) after the block."""
+        """Return the values (n, width) after the block."""
         return h + self.second(silu(self.first(self.norm(h))))
 
 

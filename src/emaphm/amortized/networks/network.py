@@ -1,16 +1,16 @@
 """The network of an estimator, in NumPy: from rows of channels to a mixture of normal distributions.
 
-Rows, in units of their scatter, are projected on the principal components of the training set, and go through
-residual blocks of two dense layers:
+Rows, in the channels' units, are projected on the principal components of the training set. Residual blocks
+of two dense layers follow:
 
     z = B (x - m),   h ← W₀ z + b₀,   h ← h + W₂ silu(W₁ norm(h) + b₁) + b₂ (each block),   o = W norm(h) + b,
 
-with silu(x) = x / (1 + exp(-x)) and norm(h) = g (h - mean h) / std h + c (Ba et al. 2016). Of each
-component of the mixture, o has a logit of its weight, its mean μ, and the lower triangle of L, Σ⁻¹ = Lᵀ L,
-with the logarithm of its diagonal in place of the diagonal itself. Coordinates are in units of their prior
+with silu(x) = x / (1 + exp(-x)) and norm(h) = g (h - mean h) / std h + c (Ba et al. 2016). For each
+component of the mixture, o has the logit of its weight, its mean μ, and the lower triangle of L, Σ⁻¹ = Lᵀ L,
+with the logarithm of the diagonal in place of the diagonal. Coordinates are in units of their prior
 deviation.
 
-One product of a matrix and a vector a layer: no further library is needed for that.
+The evaluation needs one product of a matrix and a vector per layer, and therefore no library except NumPy.
 """
 
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ from emaphm.arrays import Array, Single
 
 LOWEST_LOG, HIGHEST_LOG = -6.0, 9.0
 """Bounds of the logarithm of a standard deviation's inverse, in units of the prior's: a standard deviation is
-between 400 times the prior's and 0.01 % of it."""
+between 0.01 % and 400 times that of the prior."""
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """All layers.
+    """The projection and all layers of a network.
 
-    `deviations` (d,) are the units of the coordinates, `components` is how many the mixture has.
+    `deviations` (d,) are the units of the coordinates, `components` is the number of mixture components.
     """
 
     projection: Projection
@@ -46,17 +46,17 @@ class Network:
 
     @property
     def dimensions(self) -> int:
-        """How many coordinates are estimated."""
+        """The number of estimated coordinates."""
         return int(self.deviations.size)
 
     @property
     def parameters(self) -> int:
-        """How many numbers the network has."""
+        """The number of parameters of the network, including the projection."""
         dense = [self.projection.layer, self.entry, self.exit]
         dense += [layer for block in self.blocks for layer in (block.first, block.second)]
         norms = [self.norm, *(block.norm for block in self.blocks)]
-        return sum(one.weight.size + one.bias.size for one in dense) + sum(
-            2 * one.scale.size for one in norms
+        return sum(layer.weight.size + layer.bias.size for layer in dense) + sum(
+            2 * norm.scale.size for norm in norms
         )
 
     def features(self, rows: Single) -> Single:
@@ -64,18 +64,18 @@ class Network:
         return self.projection.features(rows)
 
     def distances(self, rows: Single) -> Array:
-        """Return how unlike the training set rows (n, channels, blocks) are, (n, 2)."""
+        """Return the distances T² and Q of rows (n, channels, blocks) from the training set, (n, 2)."""
         return self.projection.distances(rows, self.features(rows))
 
     def outputs(self, features: Single) -> Single:
-        """Return o (n, components × (1 + d + d (d + 1) / 2)) of `features` (n, k)."""
+        """Return o (n, components × (1 + d + d (d + 1) / 2)) for `features` (n, k)."""
         h = self.entry(features)
         for block in self.blocks:
             h = block(h)
         return self.exit(self.norm(h))
 
     def mixtures(self, features: Single) -> list[Mixture]:
-        """Return the mixture for each of `features` (n, k)."""
+        """Return the mixture for each row of `features` (n, k)."""
         d = self.dimensions
         outputs = self.outputs(features).astype(float).reshape(len(features), self.components, -1)
         logits = outputs[..., 0] - outputs[..., 0].max(axis=1, keepdims=True)
@@ -88,12 +88,12 @@ class Network:
         diagonal[...] = np.exp(np.clip(diagonal, LOWEST_LOG, HIGHEST_LOG))
         # Σ = (Lᵀ L)⁻¹ = L⁻¹ L⁻ᵀ.
         factors = np.linalg.inv(lower) * self.deviations[:, np.newaxis]
-        return [Mixture(*one) for one in zip(weights, means, factors, strict=True)]
+        return [Mixture(*fields) for fields in zip(weights, means, factors, strict=True)]
 
 
 @cache
 def _triangle(d: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return rows and columns of a lower triangle (d, d); to make them takes as long as a dense layer."""
+    """Return the indices of a lower triangle (d, d); computing them takes as long as a dense layer."""
     return np.tril_indices(d)
 
 

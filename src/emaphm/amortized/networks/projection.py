@@ -1,4 +1,4 @@
-"""The principal components of a training set: what a network reads, and how unlike it a recording is."""
+"""Principal components of a training set: a network's input, and the distances of recordings from the set."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,16 +9,16 @@ from emaphm.amortized.networks.layers import Dense
 from emaphm.arrays import Array, Single
 
 MOST_FITTED = 16_384
-"""Draws that the components are computed from; more change none of those that matter."""
+"""Largest number of draws from which the components are computed; more do not change the relevant ones."""
 
 
 @dataclass(frozen=True, eq=False)
 class Projection:
     """Principal components of rows (n, channels, blocks).
 
-    `units` (channels,) are what rows are divided by, `mean` (channels × blocks,) is the training set's in
-    these units, `basis` (channels × blocks, k) its principal directions, `deviations` (k,) its standard
-    deviations along them.
+    Rows are divided by `units` (channels,). In these units, `mean` (channels × blocks,) is the mean of the
+    training set, `basis` (channels × blocks, k) are its principal directions, and `deviations` (k,) are its
+    standard deviations along them.
     """
 
     units: Array
@@ -28,21 +28,21 @@ class Projection:
 
     @classmethod
     def of(cls, rows: Single, noise: Single, components: int) -> "Projection":
-        """Return the `components` first directions of noise-free `rows` with `noise` (channels,) added.
+        """Return the first `components` principal directions of noise-free `rows` plus `noise` (channels,).
 
-        A channel's unit is its noise, and a hundredth of its scatter at least: what is exact is not known
-        to be so.
+        The unit of a channel is its rms noise, but at least `LEAST_NOISE` of its scatter, because a channel
+        without described noise need not be exact.
         """
-        taken = rows[:MOST_FITTED]
-        units = np.maximum(noise, LEAST_NOISE * taken.std(axis=(0, 2)))
-        flat = (taken / units[:, np.newaxis]).reshape(len(taken), -1)
+        fitted = rows[:MOST_FITTED]
+        units = np.maximum(noise, LEAST_NOISE * fitted.std(axis=(0, 2)))
+        flat = (fitted / units[:, np.newaxis]).reshape(len(fitted), -1)
         mean = flat.mean(axis=0)
         flat -= mean
         covariance = (flat.T @ flat).astype(float) / len(flat)
         covariance += np.diag(np.repeat((noise / units) ** 2, rows.shape[2]))
         variances, directions = np.linalg.eigh(covariance)
-        first = np.argsort(variances)[::-1][: min(components, len(taken) // 2)]
-        # The rows have single precision: below it, a direction is rounding.
+        first = np.argsort(variances)[::-1][: min(components, len(fitted) // 2)]
+        # The rows have single precision: directions with a smaller variance are rounding errors.
         first = first[variances[first] > np.finfo(np.float32).eps * variances.max()]
         return cls(
             units.astype(float),
@@ -57,7 +57,7 @@ class Projection:
 
     @cached_property
     def layer(self) -> Dense:
-        """What makes components, in units of the rows', of rows in the channels' units, end to end."""
+        """The layer from rows in the channels' units, concatenated, to the components in these units."""
         return Dense(self.basis, -(self.mean @ self.basis))
 
     @cached_property
@@ -69,14 +69,15 @@ class Projection:
         return self.deviations.astype(np.float32)
 
     def _flat(self, rows: Single) -> Single:
-        """Return rows in the channels' units, end to end, (n, channels × blocks)."""
+        """Return rows in the channels' units, concatenated, (n, channels × blocks)."""
         return np.asarray((rows.reshape(len(rows), self.units.size, -1) / self._units).reshape(len(rows), -1))
 
     def distances(self, rows: Single, features: Single) -> Array:
-        """Return two distances from the training set, (n, 2), each 1 or so for what belongs to it.
+        """Return two distances from the training set, (n, 2), each about 1 for recordings like its draws.
 
-        The rms of the standardised components (Hotelling's T²), and the rms of what the components leave of
-        the rows, in the channels' units (the Q statistic of process monitoring, Jackson and Mudholkar 1979).
+        The rms of the standardised components (Hotelling's T²), and the rms residual of the rows from the
+        components, in the channels' units (the Q statistic of process monitoring, Jackson and Mudholkar
+        1979).
         """
         flat = (rows / self.units[:, np.newaxis]).reshape(len(rows), -1) - self.mean
         within = np.sum((features * self.deviations) ** 2, axis=1)
@@ -90,5 +91,5 @@ LEAST_NOISE = 0.01
 
 
 def _half(values: Array) -> Single:
-    """Return numbers as a file has them: of half precision."""
+    """Return values rounded to half precision, as in a file."""
     return np.asarray(values.astype(np.float16).astype(np.float32))

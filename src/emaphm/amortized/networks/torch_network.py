@@ -1,4 +1,4 @@
-"""The same network as `emaphm.amortized.networks.network`, for PyTorch to train."""
+"""The network of `emaphm.amortized.networks.network` as a PyTorch module, for its training."""
 
 import math
 from typing import Any
@@ -15,15 +15,16 @@ from emaphm.optional_library import import_library
 LOG_ROOT_2PI = 0.5 * math.log(2 * math.pi)
 
 FIRST_SCATTER = 0.3
-"""Scatter of the components' first means, in prior deviations: components that begin alike stay alike."""
+"""Scatter of the components' initial means, in prior deviations: components with equal initial means would
+stay equal."""
 
 
 def library() -> Any:
-    """Return the module `torch`, which need not be installed."""
+    """Return the module `torch`, an optional dependency; `MethodError` if it is not installed."""
     return import_library("training, unlike asking an estimator,", "torch", "train")
 
 
-def made(
+def torch_module(
     principal: int,
     width: int,
     depth: int,
@@ -32,10 +33,11 @@ def made(
     *,
     half_precision: bool = False,
 ) -> Any:
-    """Return a module with the layers of `Network` that read features (n, principal).
+    """Return a module with the layers of `Network`, whose input are features (n, principal).
 
-    With `half_precision` its blocks multiply in bfloat16 while it learns, where that is faster. All else is
-    in single precision: eight bits of a leading component are less than a sensor knows.
+    With `half_precision`, its blocks multiply in bfloat16 during training if that is faster. The other layers
+    have single precision: the eight significant bits of bfloat16 resolve a leading component less finely than
+    a sensor does.
     """
     torch = library()
     nn = torch.nn
@@ -76,34 +78,34 @@ def made(
 def has_half_precision(torch: Any) -> bool:
     """Return whether the processor multiplies matrices of bfloat16 faster than those of single precision.
 
-    Intel's do by their tiles alone: with the instructions of AVX-512 for it, a step of the first network took
-    52 ms in place of 36 (measured). AMD's have no tiles, and twice the rate by these instructions (as they
-    are documented; not measured).
+    Intel's processors do so with AMX tiles only: with AVX-512 instructions for bfloat16, a step of the first
+    network took 52 ms instead of 36 ms (measured). AMD's processors have no tiles, and twice the rate with
+    these instructions (documented, not measured).
     """
     is_amd = str(llvm.get_host_cpu_name()).startswith("znver")
-    # There is no public way to ask; another release of PyTorch may have none at all.
-    asked = getattr(torch.cpu, "_is_avx512_bf16_supported" if is_amd else "_is_amx_tile_supported", None)
-    return bool(asked and asked())
+    # PyTorch has no public function for this; another release may lack the private one.
+    supported = getattr(torch.cpu, "_is_avx512_bf16_supported" if is_amd else "_is_amx_tile_supported", None)
+    return bool(supported and supported())
 
 
 def loss(outputs: Any, points: Any, components: int) -> Any:
-    """Return -log p(points) (n,) of the mixtures in `outputs`; `points` (n, d) in prior deviations."""
+    """Return -log p(points) (n,) for the mixtures in `outputs`; `points` (n, d) in prior deviations."""
     torch = library()
     n, d = points.shape
     outputs = outputs.reshape(n, components, -1)
     means, lower = outputs[..., 1 : 1 + d], outputs[..., 1 + d :]
     rows, columns = torch.tril_indices(d, d)
-    filled = torch.zeros(n, components, d, d, dtype=outputs.dtype)
-    filled[..., rows, columns] = lower
-    logs = torch.diagonal(filled, dim1=2, dim2=3).clamp(LOWEST_LOG, HIGHEST_LOG)
-    factor = torch.tril(filled, -1) + torch.diag_embed(logs.exp())
+    matrix = torch.zeros(n, components, d, d, dtype=outputs.dtype)
+    matrix[..., rows, columns] = lower
+    logs = torch.diagonal(matrix, dim1=2, dim2=3).clamp(LOWEST_LOG, HIGHEST_LOG)
+    factor = torch.tril(matrix, -1) + torch.diag_embed(logs.exp())
     standard = torch.einsum("nmij,nmj->nmi", factor, points[:, None] - means)
-    each = logs.sum(-1) - 0.5 * standard.square().sum(-1) - d * LOG_ROOT_2PI
-    return -torch.logsumexp(torch.log_softmax(outputs[..., 0], dim=1) + each, dim=1)
+    log_densities = logs.sum(-1) - 0.5 * standard.square().sum(-1) - d * LOG_ROOT_2PI
+    return -torch.logsumexp(torch.log_softmax(outputs[..., 0], dim=1) + log_densities, dim=1)
 
 
 def converted(module: Any, projection: Projection, deviations: Array, components: int) -> Network:
-    """Return the network of a trained module, its numbers rounded to half precision as a file has them."""
+    """Return the network of a trained module, its weights rounded to half precision as in a file."""
 
     def half(values: Any) -> Any:
         return values.detach().numpy().astype(np.float16).astype(np.float32)
@@ -117,7 +119,7 @@ def converted(module: Any, projection: Projection, deviations: Array, components
     return Network(
         projection,
         dense(module.entry),
-        tuple(Block(norm(one.norm), dense(one.first), dense(one.second)) for one in module.blocks),
+        tuple(Block(norm(block.norm), dense(block.first), dense(block.second)) for block in module.blocks),
         norm(module.norm),
         dense(module.exit),
         deviations,

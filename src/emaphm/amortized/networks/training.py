@@ -1,4 +1,4 @@
-"""Training of an estimator's network: from a training set to the network whose validation loss was least."""
+"""Training of an estimator's network: the network with the least validation loss, from a training set."""
 
 import copy
 import math
@@ -11,7 +11,7 @@ import numpy as np
 
 from emaphm.amortized.networks.network import Network
 from emaphm.amortized.networks.projection import Projection
-from emaphm.amortized.networks.torch_network import converted, library, loss, made
+from emaphm.amortized.networks.torch_network import converted, library, loss, torch_module
 from emaphm.amortized.simulating import TrainingSet
 from emaphm.arrays import Array, Single
 from emaphm.errors import MethodError
@@ -20,15 +20,16 @@ from emaphm.random_streams import child_seed, stream
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """The network and how it is trained; docs/estimator_development.md says what more would bring.
+    """Sizes of a network and settings of its training.
 
-    A network of `principal` components, `width`, and `depth` blocks, whose mixture has `components`. AdamW
-    (Loshchilov and Hutter 2019) with batches of `batch`, a `rate` that rises over `warm_up` steps and falls
-    along a cosine over `epochs`, weight `decay`, and gradients clipped at `longest_gradient`. Noise is
-    multiplied by an even factor within `noise_factor`, drawn anew for every draw and epoch. Training ends
-    early after `patience` epochs without a smaller validation loss. One that diverges goes on from the best
-    state at half the rate, `restarts` times at most. Epochs are fewer where they would make more than
-    `most_steps` batches. Wide blocks learn in `half_precision` where the processor is faster so.
+    The network has `principal` input components, blocks of `width`, `depth` blocks, and a mixture of
+    `components`. It is trained by AdamW (Loshchilov and Hutter 2019) with batches of `batch`, a `rate` that
+    rises over `warm_up` steps and falls along a cosine over `epochs`, weight `decay`, and gradients clipped
+    at `longest_gradient`. The noise is multiplied by a uniform factor within `noise_factor`, drawn anew for
+    each draw and epoch. Training ends after `patience` epochs without a smaller validation loss. After a
+    divergence, it continues from the best state at half the rate, at most `restarts` times. The number of
+    epochs is reduced to at most `most_steps` batches. Blocks are trained in `half_precision` if the processor
+    is faster with it. The effects of larger settings are in docs/estimator_development.md.
     """
 
     principal: int = 512
@@ -48,7 +49,7 @@ class TrainingSettings:
     half_precision: bool = True
 
     def of_draws(self, count: int) -> "TrainingSettings":
-        """Return the settings with as many epochs as `count` draws are learned from."""
+        """Return the settings with the number of epochs for a training set of `count` draws."""
         if self.most_steps is None:
             return self
         return replace(self, epochs=min(self.epochs, max(1, self.most_steps // max(1, count // self.batch))))
@@ -57,24 +58,24 @@ class TrainingSettings:
 TRAINING = TrainingSettings()
 
 OF_FEATURES = TrainingSettings(principal=1024, noise_factor=(0.0, 0.0), patience=4, half_precision=False)
-"""Of a network that reads all of its features, which have their noise already."""
+"""Settings of a network that reads all its features; noise is not added, because the features have it."""
 
 UPDATE_TRAINING = replace(OF_FEATURES, width=256, depth=2, epochs=20, decay=0.1)
-"""Of the second network."""
+"""Settings of the second network."""
 
 PREDICTOR_TRAINING = replace(OF_FEATURES, width=64, depth=1, components=1, epochs=16)
-"""Of the error predictor."""
+"""Settings of the error predictor."""
 
 DIVERGED = 50.0
-"""Rise of the validation loss above its least that counts as divergence: no training recovers from it."""
+"""Rise of the validation loss above its least value that counts as divergence: no training recovers then."""
 
 
 @dataclass(frozen=True)
 class Epoch:
-    """What is reported after each epoch.
+    """Report of an epoch.
 
-    Losses are negative log densities. The error is that of the validation set, as `median_error`. `note` says
-    what went wrong.
+    `number` of the epoch, `of` all epochs. Losses are negative log densities. The error is `median_error` [%]
+    of the validation set. `note` reports a divergence.
     """
 
     number: int
@@ -86,7 +87,7 @@ class Epoch:
     note: str = ""
 
     def __str__(self) -> str:
-        """Return one line."""
+        """Return the report in one line."""
         text = (
             f"epoch {self.number} of {self.of}: validation error {self.validation_error:.2f} %, loss "
             f"{self.validation_loss:.2f} (training {self.training_loss:.2f}), {self.seconds:.0f} s"
@@ -100,7 +101,7 @@ ErrorOf = Callable[[Array], float]
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """The network of the least validation loss, and how it came about."""
+    """The network with the least validation loss, and the reports of its training."""
 
     network: Network
     epochs: tuple[Epoch, ...]
@@ -108,12 +109,13 @@ class Trained:
 
     @property
     def kept(self) -> Epoch:
-        """The epoch after which `network` was as it is: that of the least validation loss."""
-        return min((epoch for epoch in self.epochs if not epoch.note), key=lambda one: one.validation_loss)
+        """The epoch with the least validation loss, after which `network` was stored."""
+        converging = (epoch for epoch in self.epochs if not epoch.note)
+        return min(converging, key=lambda epoch: epoch.validation_loss)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What went wrong on the way, in order."""
+        """The notes of divergences, in order."""
         return tuple(epoch.note for epoch in self.epochs if epoch.note)
 
 
@@ -128,30 +130,31 @@ def train_network(
     settings: TrainingSettings = TRAINING,
     on_epoch: OnEpoch | None = None,
 ) -> Trained:
-    """Return the network that learned most from `training`.
+    """Return the network with the least validation loss, trained on `training`.
 
     Parameters
     ----------
     training, validation
-        Noise-free draws; the second ones decide when to stop.
+        Noise-free draws; those of `validation` decide the end of the training.
     noise
-        Of a block of each channel, rms (channels,).
+        Noise of a block of each channel, rms (channels,).
     deviations
-        Of each coordinate before a recording, (d,).
+        Prior standard deviation of each coordinate, (d,).
     error_of
-        Returns the error [%] of answers' means (n, d) for the validation set, which is reported.
+        Function of the answers' means (n, d) for the validation set; returns their error [%], which is
+        reported.
 
     Raises
     ------
     MethodError
-        PyTorch is not installed, or training diverged before it had learned anything.
+        PyTorch is not installed, or training diverged in its first epochs.
     """
     torch = library()
     settings = settings.of_draws(len(training))
     began = time.perf_counter()
     torch.manual_seed(child_seed(seed, "initial weights"))
     projection = Projection.of(training.rows, noise, settings.principal)
-    module = made(
+    module = torch_module(
         projection.deviations.size,
         settings.width,
         settings.depth,
@@ -163,11 +166,11 @@ def train_network(
     points = (training.points / deviations).astype(np.float32)
     noise_factor = noise_of_features(projection, noise)
 
-    def run_on(restarts: int, step: int) -> _Run:
+    def new_run(restarts: int, step: int) -> _Run:
         child = child_seed(seed, "training")
         return _Run(torch, module, features, points, noise_factor, settings, child, restarts, step)
 
-    run = run_on(0, 0)
+    run = new_run(0, 0)
     held_out = features_of(projection, with_noise(validation, noise, stream(seed, "validation noise")))
     epochs: list[Epoch] = []
     best = _BestState(module, settings)
@@ -176,7 +179,7 @@ def train_network(
         validation_loss, means = _validated(torch, module, held_out, validation, deviations, settings)
         note = best.judge(training_loss, validation_loss)
         if note:
-            run = run_on(best.restarts, run.step)
+            run = new_run(best.restarts, run.step)
         seconds = time.perf_counter() - began
         epochs.append(
             Epoch(number, settings.epochs, training_loss, validation_loss, error_of(means), seconds, note)
@@ -187,8 +190,8 @@ def train_network(
             break
     if not math.isfinite(best.loss):
         raise MethodError(
-            "training diverged before anything was learned; give more --simulations, or check the actuator's "
-            "description: do its simulations look right?"
+            "training diverged in its first epochs; give more --simulations, or check the actuator's "
+            "description by its simulations"
         )
     module.load_state_dict(best.weights)
     network = converted(module, projection, deviations, settings.components)
@@ -225,7 +228,7 @@ class _BestState:
 
 
 class _Run:
-    """The state of an optimisation: its optimiser and the numbers of its steps."""
+    """The state of a training run: the optimiser and the number of its steps."""
 
     def __init__(
         self,
@@ -250,17 +253,17 @@ class _Run:
         )
 
     def epoch(self, number: int) -> float:
-        """Learn once from every draw; return the mean loss, nan where it diverged."""
+        """Train with each draw once; return the mean loss, nan if it diverged."""
         torch, settings = self.torch, self.settings
         generator = torch.Generator().manual_seed(child_seed(self.seed, "epoch", number))
         order = torch.randperm(len(self.features), generator=generator)
         self.module.train()
         total = 0.0
         for batch in range(self.per_epoch):
-            chosen = order[batch * settings.batch : (batch + 1) * settings.batch]
+            draws = order[batch * settings.batch : (batch + 1) * settings.batch]
             self._set_rate()
-            outputs = self.module(self._noisy(self.features[chosen], generator))
-            value = loss(outputs, self.points[chosen], settings.components).mean()
+            outputs = self.module(self._with_noise(self.features[draws], generator))
+            value = loss(outputs, self.points[draws], settings.components).mean()
             self.optimizer.zero_grad()
             value.backward()
             torch.nn.utils.clip_grad_norm_(self.module.parameters(), settings.longest_gradient)
@@ -271,8 +274,8 @@ class _Run:
                 return math.nan
         return total / self.per_epoch
 
-    def _noisy(self, features: Any, generator: Any) -> Any:
-        """Return features (n, k) of recordings that each have a noise of their own."""
+    def _with_noise(self, features: Any, generator: Any) -> Any:
+        """Return features (n, k) with independent noise for each recording."""
         low, high = self.settings.noise_factor
         if high == 0:
             return features
@@ -289,11 +292,11 @@ class _Run:
 
 
 AT_ONCE = 4096
-"""Draws that noise is added to, or that are projected, together: copies of all would not fit into memory."""
+"""Draws that are projected, or get noise, together: a copy of all would not fit into memory."""
 
 
 def with_noise(held_out: TrainingSet, noise: Single, rng: np.random.Generator) -> Single:
-    """Return the rows of a set with the sensors' noise, rms (channels,)."""
+    """Return the rows of a set plus the sensors' noise, of rms `noise` (channels,)."""
     rows = np.empty_like(held_out.rows)
     for i in range(0, len(rows), AT_ONCE):
         part = held_out.rows[i : i + AT_ONCE]
@@ -304,15 +307,15 @@ def with_noise(held_out: TrainingSet, noise: Single, rng: np.random.Generator) -
 
 
 def features_of(projection: Projection, rows: Single) -> Single:
-    """Return what a network reads of rows (n, channels, blocks), (n, k)."""
+    """Return the features (n, k) of rows (n, channels, blocks)."""
     return np.concatenate([projection.features(rows[i : i + AT_ONCE]) for i in range(0, len(rows), AT_ONCE)])
 
 
 def noise_of_features(projection: Projection, noise: Single) -> Single:
-    """Return S (k, k) by which n S, n (k,) standard normal, is the noise of rows in the features.
+    """Return the factor S (k, k) of the features' noise: it is n S with n (k,) standard normal.
 
-    With noise of rms σ in the rows of a channel, in its unit, and W the directions over the components'
-    deviations: S² = Wᵀ diag(σ²) W, S symmetric.
+    With noise of rms σ in the rows of a channel, in its unit, and W the directions divided by the components'
+    standard deviations: S² = Wᵀ diag(σ²) W, S symmetric.
     """
     relative = np.repeat(noise / projection.units, projection.mean.size // noise.size)
     weight = projection.basis / projection.deviations * relative[:, np.newaxis]
@@ -329,7 +332,7 @@ def _validated(
     deviations: Array,
     settings: TrainingSettings,
 ) -> tuple[float, Array]:
-    """Return the mean loss, and the means (n, d) of the answers."""
+    """Return the mean validation loss, and the means (n, d) of the answers."""
     module.eval()
     with torch.no_grad():
         outputs = module(torch.from_numpy(features))
@@ -342,5 +345,5 @@ def _validated(
 
 
 def median_error(means: Array, truths: Array, faults: int) -> float:
-    """Return the median of the root of the sum of squares over the first `faults` coordinates [%]."""
+    """Return the median error [%]: the root of the sum of squares over the first `faults` coordinates."""
     return 100 * float(np.median(np.sqrt(np.sum((means - truths)[:, :faults] ** 2, axis=1))))

@@ -1,1 +1,1 @@
-"""The stages of a training, in the order in which they follow each other."""
+"""The stages of a training, from the answering networks to the finished estimator."""

@@ -1,4 +1,4 @@
-"""Trained networks, before their error can be predicted."""
+"""The answering networks with their temperature, before the error predictor is trained."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ from emaphm.simulation import Inputs
 
 @dataclass(frozen=True, eq=False)
 class Answering:
-    """What answers, before its error can be predicted; fields as those of `Estimator`."""
+    """An estimator without error predictor and limits; fields as those of `Estimator`."""
 
     setup: RecordingSetup
     inputs: Inputs
@@ -40,30 +40,31 @@ class Answering:
         validation: TrainingSet,
         seed: int,
     ) -> Self:
-        """Return the trained networks with the temperature that `validation` asks for."""
-        as_learned = cls(setup, inputs, first, update, np.ones(setup.space.dimensions))
+        """Return the trained networks with the temperature from the draws of `validation`."""
+        uncalibrated = cls(setup, inputs, first, update, np.ones(setup.space.dimensions))
         rows = with_noise(validation, noise_rms(setup), stream(seed, "noise of the calibration"))
-        found = temperature_of(as_learned.answers(rows), validation.points.astype(float))
-        return replace(as_learned, temperature=found)
+        temperature = temperature_of(uncalibrated.answers(rows), validation.points.astype(float))
+        return replace(uncalibrated, temperature=temperature)
 
     def answers(self, rows: Single) -> list[Mixture]:
-        """Return what both networks make of rows (n, channels, blocks)."""
+        """Return the posteriors by both networks for rows (n, channels, blocks)."""
         return calibrated_answers(
             self.setup, self.first.network, self.update, self.temperature, rows, self.inputs
         )
 
     def distances(self, rows: Single) -> Array:
-        """Return how unlike the training set rows (n, channels, blocks) are, (n, 2)."""
+        """Return the distances T² and Q of rows (n, channels, blocks) from the training set, (n, 2)."""
         return self.first.network.distances(rows)
 
     def compared(
         self, rows: Single, answers: Sequence[Mixture], rng: np.random.Generator
     ) -> tuple[Single, Array]:
-        """Return what the error predictor reads of answers (n, k), and their ratios (n, channels)."""
+        """Return the error predictor's features (n, k) for answers, and their ratios (n, channels)."""
         features, ratios = [], []
         for i in range(0, len(rows), UPDATE.at_once):
             part = slice(i, i + UPDATE.at_once)
-            one = Comparison.of(self.setup, self.inputs, rows[part], answers[part], rng)
-            features.append(one.features(self.setup, self.update.whitening, self.distances(rows[part])))
-            ratios.append(predictive_ratios(self.setup, one))
+            comparison = Comparison.of(self.setup, self.inputs, rows[part], answers[part], rng)
+            distances = self.distances(rows[part])
+            features.append(comparison.features(self.setup, self.update.whitening, distances))
+            ratios.append(predictive_ratios(self.setup, comparison))
         return np.concatenate(features), np.concatenate(ratios)

@@ -1,4 +1,4 @@
-"""The two networks that answer: one reads rows alone, the other compares the averaged model with them."""
+"""Training of the two answering networks: one reads rows, one their comparison with the averaged model."""
 
 import time
 
@@ -23,12 +23,12 @@ from emaphm.arrays import Single
 from emaphm.random_streams import stream
 from emaphm.simulation import Inputs
 
-FARTHEST = 60.0
-"""Largest error of a step in its own standard deviations that the second network is shown: a step that is
-farther off is wrong altogether."""
+LARGEST_ERROR = 60.0
+"""Error of a step, in its own standard deviations, to which the second network's targets are limited: a step
+with a larger error is altogether wrong."""
 
 LEAST_DIFFERENCE = 1e-3
-"""Smallest difference of a feature that means anything."""
+"""Smallest significant difference of a feature."""
 
 
 def first_network(
@@ -39,7 +39,7 @@ def first_network(
     settings: TrainingSettings,
     on_epoch: OnEpoch | None,
 ) -> Trained:
-    """Return the network that reads rows alone."""
+    """Return the trained first network, which reads rows alone."""
     space = setup.space
     return train_network(
         training,
@@ -62,9 +62,9 @@ def learned_update(
     seed: int,
     on_epoch: OnEpoch | None,
 ) -> tuple[ModelUpdate, Epoch, float]:
-    """Return the update, learned from the draws of the `first` network with other noise.
+    """Return the update, trained on the draws of the `first` network with other noise.
 
-    Also the epoch whose state it is, and the time that all took [s].
+    Second and third: the epoch whose state was kept, and the time of the training [s].
     """
     began = time.perf_counter()
     rng = stream(seed, "noise of the update")
@@ -74,7 +74,7 @@ def learned_update(
     whitening = Whitening.of(setup, inputs, compared, rows, answers, first.network.projection.units)
 
     def steps(draws: TrainingSet, name: str) -> UpdateStep:
-        """Return the steps of draws with noise, a part at a time: that of all would not fit into memory."""
+        """Return the steps for draws with noise, in parts: the rows of all would not fit into memory."""
 
         def of_part(part: slice, number: int) -> UpdateStep:
             rows = with_noise(draws[part], noise_rms(setup), stream(seed, name, number))
@@ -100,6 +100,6 @@ def learned_update(
 
 
 def _in_units(step: UpdateStep, points: Single) -> TrainingSet:
-    """Return what the second network learns: a step's features as one channel, and what the step misses."""
-    missed = np.clip(step.units_of(points.astype(float)), -FARTHEST, FARTHEST)
-    return TrainingSet(missed.astype(np.float32), step.features[:, np.newaxis])
+    """Return the second network's training set: the steps' features as one channel, and their errors."""
+    errors = np.clip(step.units_of(points.astype(float)), -LARGEST_ERROR, LARGEST_ERROR)
+    return TrainingSet(errors.astype(np.float32), step.features[:, np.newaxis])

@@ -1,4 +1,4 @@
-"""The network that predicts the error of an answer, from recordings that deviate from the description."""
+"""Training of the error predictor, on simulated recordings with deviations from the description."""
 
 import time
 
@@ -18,31 +18,31 @@ from emaphm.random_streams import stream
 def learned_error_predictor(
     answering: Answering, training: TrainingSet, validation: TrainingSet, seed: int
 ) -> tuple[ErrorPredictor, float]:
-    """Return the error predictor, learned from draws that deviate, and its time [s]."""
+    """Return the error predictor, trained on draws with deviations, and the time of its training [s]."""
     began = time.perf_counter()
     setup = answering.setup
     faults = len(setup.space.columns)
 
-    def learned_from(draws: TrainingSet, name: str) -> TrainingSet:
-        """Return the features as one channel, and the logarithms of the ratios as points."""
+    def training_set(draws: TrainingSet, name: str) -> TrainingSet:
+        """Return the features as one channel, and the logarithms of the error ratios as points."""
 
         def of_part(part: slice, number: int) -> tuple[Single, Array]:
             rng = stream(seed, name, number)
-            some = deviating(setup, answering.inputs, draws[part], rng)
-            rows = with_noise(some, noise_rms(setup), rng)
+            some_draws = deviating(setup, answering.inputs, draws[part], rng)
+            rows = with_noise(some_draws, noise_rms(setup), rng)
             answers = answering.answers(rows)
-            means = np.array([one.mean for one in answers])
-            variances = np.array([np.diag(one.covariance) for one in answers])
-            ratios = error_ratios(means, variances, some.points.astype(float), faults)
+            means = np.array([answer.mean for answer in answers])
+            variances = np.array([np.diag(answer.covariance) for answer in answers])
+            ratios = error_ratios(means, variances, some_draws.points.astype(float), faults)
             return answering.compared(rows, answers, rng)[0], ratios
 
         features, ratios = zip(*of_parts(of_part, len(draws), SHARD_DRAWS), strict=True)
         points = np.log(np.concatenate(ratios))[:, np.newaxis].astype(np.float32)
         return TrainingSet(points, np.concatenate(features)[:, np.newaxis])
 
-    held_out = learned_from(validation, "deviations of the validation")
+    held_out = training_set(validation, "deviations of the validation")
     trained = train_network(
-        learned_from(training, "deviations"),
+        training_set(training, "deviations"),
         held_out,
         np.full(1, LEAST_DIFFERENCE, np.float32),
         np.ones(1),

@@ -1,4 +1,4 @@
-"""The limits of an estimator, and how it is judged on simulations that it has not seen."""
+"""Last stage of a training: the limits of the estimator, and its assessment on held-out simulations."""
 
 from typing import Any
 
@@ -16,8 +16,8 @@ from emaphm.amortized.stages.answering import Answering
 from emaphm.arrays import Array
 from emaphm.random_streams import stream
 
-LOOKED_AT_ONCE = 512
-"""Held-out draws that one core looks at together."""
+PART_DRAWS = 512
+"""Held-out draws that one core evaluates together."""
 
 
 def finished(
@@ -28,11 +28,11 @@ def finished(
     seed: int,
     facts: dict[str, Any],
 ) -> Estimator:
-    """Return the estimator with its limits, and how it was judged among its facts."""
+    """Return the estimator with its limits, and with its assessment among its facts."""
     setup, space = answering.setup, answering.setup.space
 
-    def looked_at(draws: TrainingSet, name: str) -> tuple[list[Mixture], Array, Array, Array]:
-        """Return answers, and what is limited: distances, ratios and predicted errors."""
+    def evaluate(draws: TrainingSet, name: str) -> tuple[list[Mixture], Array, Array, Array]:
+        """Return the answers, and the statistics with limits: distances, ratios and predicted errors."""
         rows = with_noise(draws, noise_rms(setup), stream(seed, f"noise of the {name}"))
 
         def of_part(part: slice, number: int) -> tuple[list[Mixture], Array, Array, Array]:
@@ -40,16 +40,16 @@ def finished(
             features, ratios = answering.compared(rows[part], answers, stream(seed, "likeness", name, number))
             return answers, answering.distances(rows[part]), ratios, predictor.predicted(features)
 
-        parts = list(of_parts(of_part, len(rows), LOOKED_AT_ONCE))
-        answers = [one for part in parts for one in part[0]]
+        parts = list(of_parts(of_part, len(rows), PART_DRAWS))
+        answers = [answer for part in parts for answer in part[0]]
         distances, ratios, errors = (np.concatenate([part[i] for part in parts]) for i in (1, 2, 3))
         return answers, distances, ratios, errors
 
-    limits = limits_of(*looked_at(validation, "calibration")[1:])
-    answers, *found = looked_at(judging, "judgement")
+    limits = limits_of(*evaluate(validation, "calibration")[1:])
+    answers, *statistics = evaluate(judging, "judgement")
     rng = stream(seed, "samples of the judgement")
     judgement = judged(answers, judging.points.astype(float), space, rng)
-    beyond = float(np.mean(are_beyond(limits, *found)))
+    beyond = float(np.mean(are_beyond(limits, *statistics)))
     facts = {
         **facts,
         "notes": [*facts["notes"], *([judgement.poor] if judgement.poor else [])],

@@ -1,1 +1,1 @@
-"""An estimator in one file."""
+"""Reading and writing of an estimator's file."""

@@ -1,4 +1,4 @@
-"""The arrays of an estimator's file: which it has, of which shape and kind, and how each is read."""
+"""The arrays of an estimator's file: their names, shapes and number types, and their reading."""
 
 import io
 import math
@@ -19,10 +19,10 @@ from emaphm.amortized.storage.header import Header, NetworkHeader, no_estimator
 from emaphm.arrays import Array
 
 WEIGHTS, EXACT = "<f2", "<f8"
-"""Kinds of numbers: half precision of the network's, which costs 0.01 % of an error; double of the others."""
+"""Number types: half precision for the networks, which adds 0.01 % to an error; double for other arrays."""
 
 ORDERS: tuple[Literal["C"], Literal["F"]] = ("C", "F")
-"""Of the numbers of an array, by rows or by columns."""
+"""Memory orders of an array: by rows or by columns."""
 
 DOUBLE = (
     "command_rad",
@@ -35,17 +35,17 @@ DOUBLE = (
     "ratios",
     "predicted_error",
 )
-"""Last parts of the names of what is kept exactly."""
+"""Last parts of the names of the arrays that are stored in double precision."""
 
 POSITIVE = ("units", "scatter", "deviations", "temperature")
-"""Of these what others are divided or scaled by."""
+"""Last parts of the names of divisors and scale factors, which must be positive."""
 
 FIRST, UPDATE, PREDICTOR = "network", "update", "error_predictor"
 """Names of the networks."""
 
 
 def kind_of(name: str) -> str:
-    """Return as which kind of numbers an array is kept."""
+    """Return the number type in which an array is stored."""
     return EXACT if name.rpartition(".")[2] in DOUBLE else WEIGHTS
 
 
@@ -81,8 +81,8 @@ def _network_arrays(of: str, network: Network) -> dict[str, Array]:
         f"{of}.deviations": network.deviations,
     }
     for name, layer in layers.items():
-        one, other = (layer.weight, layer.bias) if isinstance(layer, Dense) else (layer.scale, layer.shift)
-        arrays |= {f"{of}.{name}.weight": one, f"{of}.{name}.bias": other}
+        weight, bias = (layer.weight, layer.bias) if isinstance(layer, Dense) else (layer.scale, layer.shift)
+        arrays |= {f"{of}.{name}.weight": weight, f"{of}.{name}.bias": bias}
     return arrays
 
 
@@ -108,7 +108,7 @@ def shapes_of(header: Header) -> dict[str, tuple[int, ...]]:
 def _network_shapes(
     of: str, net: NetworkHeader, channels: int, inputs: int, d: int
 ) -> dict[str, tuple[int, ...]]:
-    """Return the shapes of the arrays of the network named `of`, which reads `inputs` numbers."""
+    """Return the shapes of the arrays of the network named `of`, which has `inputs` inputs."""
     width = net.width
     shapes: dict[str, tuple[int, ...]] = {
         "units": (channels,),
@@ -131,29 +131,29 @@ def _network_shapes(
 
 
 def read_array(archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], path: Path) -> Array:
-    """Return an array of a file, in the kind of numbers that was kept.
+    """Return the array `name` of a file, in the number type in which it is stored.
 
     Raises
     ------
     MethodError
-        It is missing, of another shape or kind, or holds what no estimator has.
+        The array is missing, has another shape or number type, or has values that no estimator has.
     """
-    wanted = np.dtype(kind_of(name))
-    size = wanted.itemsize * math.prod(shape)
-    headers = {order: _array_header(wanted, shape, order) for order in ORDERS}
+    kind = np.dtype(kind_of(name))
+    size = kind.itemsize * math.prod(shape)
+    headers = {order: _array_header(kind, shape, order) for order in ORDERS}
     try:
         member = archive.getinfo(f"{name}.npy")
     except KeyError:
         raise no_estimator(path, f"'{name}' is missing") from None
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise no_estimator(path, f"'{name}' is compressed in another way than ours")
-    # The header that was written is compared, not read: one that is made up never is.
+        raise no_estimator(path, f"'{name}' is compressed by a method that emaphm does not use")
+    # The header is compared with the expected bytes and never parsed, so that a forged one is harmless.
     fits = member.file_size in {len(header) + size for header in headers.values()}
     content = archive.read(member) if fits else b""
-    order = next((one for one, header in headers.items() if content.startswith(header)), None)
+    order = next((order for order, header in headers.items() if content.startswith(header)), None)
     if order is None or len(content) != len(headers[order]) + size:
         raise no_estimator(path, f"'{name}' has another shape or kind than the estimator's header says")
-    values = np.frombuffer(content, wanted, offset=len(headers[order])).reshape(shape, order=order)
+    values = np.frombuffer(content, kind, offset=len(headers[order])).reshape(shape, order=order)
     if not np.all(np.isfinite(values)):
         raise no_estimator(path, f"'{name}' is not finite")
     if name.rpartition(".")[2] in POSITIVE and not np.all(values > 0):
@@ -164,15 +164,15 @@ def read_array(archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], path
 
 
 def _array_header(kind: np.dtype[Any], shape: tuple[int, ...], order: Literal["C", "F"]) -> bytes:
-    """Return what NumPy writes before the numbers of an array, by rows or by columns."""
-    begin = io.BytesIO()
-    about = {"descr": kind.str, "fortran_order": order == "F", "shape": shape}
-    np.lib.format.write_array_header_1_0(begin, about)
-    return begin.getvalue()
+    """Return the header that NumPy writes before the numbers of an array in the memory `order`."""
+    buffer = io.BytesIO()
+    description = {"descr": kind.str, "fortran_order": order == "F", "shape": shape}
+    np.lib.format.write_array_header_1_0(buffer, description)
+    return buffer.getvalue()
 
 
 def network_of(of: str, header: NetworkHeader, arrays: dict[str, Array]) -> Network:
-    """Return the network named `of`."""
+    """Return the network named `of` from its header and the arrays of the file."""
 
     def dense(name: str) -> Dense:
         return Dense(_single(arrays[f"{of}.{name}.weight"]), _single(arrays[f"{of}.{name}.bias"]))
@@ -201,7 +201,7 @@ def network_of(of: str, header: NetworkHeader, arrays: dict[str, Array]) -> Netw
 
 
 def whitening_of(arrays: dict[str, Array]) -> Whitening:
-    """Return how the second network's comparison is whitened."""
+    """Return the whitening of the second network's comparison."""
     return Whitening(
         arrays["compared.units"], _single(arrays["compared.mean"]), _single(arrays["compared.basis"])
     )

@@ -1,6 +1,6 @@
-"""An estimator in one file: a zip of a JSON header and plain arrays, nothing of which can be executed.
+"""File of an estimator: a zip archive of a JSON header and plain arrays, without executable content.
 
-Every member's name, kind and shape is known before it is read, and so is the size of the whole.
+The name, number type and shape of each member are known before it is read, and so is the size of the archive.
 """
 
 import io
@@ -36,7 +36,7 @@ Content = TypeVar("Content", bound=EstimatorContent)
 HEADER = "header.json"
 
 MOST_BYTES = 64 * 2**20
-"""Largest file that is read [bytes], and largest content; one of the usual network has 8 MB."""
+"""Largest file, and largest content, that is read [bytes]; with the default network, a file has 8 MB."""
 
 MOST_HEADER_BYTES = 4 * 2**20
 
@@ -49,11 +49,11 @@ DAMAGED = (
     NotImplementedError,
     RuntimeError,
 )
-"""What reading a damaged zip raises."""
+"""Errors that reading a damaged zip archive raises."""
 
 
 def write_estimator(estimator: EstimatorContent, path: str | Path) -> None:
-    """Write an estimator to one file; `OutputError` where it cannot be written."""
+    """Write an estimator to one file; `OutputError` if it cannot be written."""
     header = header_of(estimator)
     with written_whole(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(HEADER, json.dumps(header.model_dump(), indent=1, allow_nan=False))
@@ -64,7 +64,7 @@ def write_estimator(estimator: EstimatorContent, path: str | Path) -> None:
 
 
 def read_estimator(path: Path, kind: type[Content]) -> Content:
-    """Return the estimator in a file, of a `kind` of content; errors as in `Estimator.load`."""
+    """Return the estimator in a file, as an object of the class `kind`; errors as in `Estimator.load`."""
     checked_size(path, MOST_BYTES, MethodError)
     try:
         with zipfile.ZipFile(path) as archive:
@@ -76,7 +76,7 @@ def read_estimator(path: Path, kind: type[Content]) -> Content:
 
 
 def _estimator(archive: zipfile.ZipFile, path: Path, kind: type[Content]) -> Content:
-    sizes = {one.filename: one.file_size for one in archive.infolist()}
+    sizes = {member.filename: member.file_size for member in archive.infolist()}
     if HEADER not in sizes or sizes[HEADER] > MOST_HEADER_BYTES:
         raise no_estimator(path, f"it has no {HEADER}")
     header = read_header(archive.read(HEADER), path)

@@ -1,4 +1,4 @@
-"""The header of an estimator's file, as JSON: the setup, the networks' sizes, and facts of the training."""
+"""The header of an estimator's file, as JSON: the setup, the sizes of the networks, and training facts."""
 
 import json
 import platform
@@ -30,7 +30,7 @@ Size = Annotated[int, Field(ge=1, le=WIDEST)]
 
 
 class SetupHeader(BaseModel):
-    """A `RecordingSetup` without its command, which is an array."""
+    """A `RecordingSetup` without its command, which is stored as an array."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -46,7 +46,7 @@ class SetupHeader(BaseModel):
 
 
 class NetworkHeader(BaseModel):
-    """The sizes of a network; it reads `principal` numbers and answers with a mixture of `components`."""
+    """The sizes of a network: `principal` inputs, and a mixture of `components` as output."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -63,7 +63,7 @@ class NetworkHeader(BaseModel):
 
 
 class Header(BaseModel):
-    """What the header says; `compared` is how many numbers the second network reads of the comparison."""
+    """The content of the header; `compared` is the length of the whitened residual (`Whitening.basis`)."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -109,16 +109,16 @@ def header_of(content: EstimatorContent) -> Header:
 
 
 def read_header(content: bytes, path: Path) -> Header:
-    """Return what the header of the file at `path` says; `MethodError` where that is no estimator's."""
+    """Return the header of the file at `path`; `MethodError` if it is no header of an estimator."""
     try:
         values = json.loads(content)
     except (ValueError, RecursionError):
         raise no_estimator(path, "its header is no JSON") from None
-    found = values.get("format") if isinstance(values, dict) else None
-    if isinstance(found, str) and found.startswith("emaphm estimator") and found != FORMAT:
-        remedy = "update emaphm" if is_newer_format(found, FORMAT) else "train it again"
+    form = values.get("format") if isinstance(values, dict) else None
+    if isinstance(form, str) and form.startswith("emaphm estimator") and form != FORMAT:
+        remedy = "update emaphm" if is_newer_format(form, FORMAT) else "train it again"
         raise MethodError(
-            f"{path}: is of the format '{found[:40]}', this emaphm {VERSION} reads '{FORMAT}'; {remedy}"
+            f"{path}: is of the format '{form[:40]}', this emaphm {VERSION} reads '{FORMAT}'; {remedy}"
         )
     try:
         return Header.model_validate(values)
@@ -128,15 +128,15 @@ def read_header(content: bytes, path: Path) -> Header:
 
 
 def setup_of(header: SetupHeader, command: Array, path: Path) -> RecordingSetup:
-    """Return the setup of a header, with its command (rows,); `MethodError` where it is none."""
+    """Return the setup of a header, with its command (rows,); `MethodError` if it is invalid."""
     try:
         actuator = Actuator.from_dict(header.actuator, where=str(path))
     except ActuatorError as error:
         raise MethodError(f"{error}; {DAMAGED_OR_OTHER}") from None
     if header.sampling != actuator.channels.sampling:
-        raise no_estimator(path, "its rows are not as its actuator's channels say")
+        raise no_estimator(path, "its sampling differs from that of its actuator's channels")
     if header.channels[0] != "current_A" or len({*header.channels}) < len(header.channels):
-        raise no_estimator(path, "its channels are not the current first, and each once")
+        raise no_estimator(path, "its channels do not begin with the current, or one occurs twice")
     setup = RecordingSetup(
         actuator=actuator,
         command_rad=command,
@@ -150,12 +150,12 @@ def setup_of(header: SetupHeader, command: Array, path: Path) -> RecordingSetup:
     )
     try:
         check_channels(actuator, setup.channels)
-        _ = setup.space  # made here, for what it refuses
+        _ = setup.space  # evaluated here, because it raises for unknown nuisances
     except MethodError as error:
         raise MethodError(f"{path}: {error}; {DAMAGED_OR_OTHER}") from None
     return setup
 
 
 def no_estimator(path: Path, why: str) -> MethodError:
-    """Return the error of a file that holds no estimator, and `why` it does not."""
+    """Return the error for a file that holds no estimator; `why` is the reason."""
     return MethodError(f"{path}: is no estimator, or damaged ({why}); write one with 'emaphm train'")

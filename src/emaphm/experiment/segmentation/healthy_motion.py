@@ -1,4 +1,4 @@
-"""How the healthy actuator would follow a recorded command, of whatever length."""
+"""Simulated motion of the healthy actuator for a recorded command of any length."""
 
 from collections.abc import Callable
 
@@ -14,36 +14,36 @@ from emaphm.recording import Recording
 from emaphm.simulation import AVERAGED, Initial, Inputs, Plant, observe_batch
 
 PIECE_S = 20.0
-"""Longest run [s]: a model's own steps take memory, whatever the rows."""
+"""Longest run [s]; the memory of a run depends on the model's time steps, not on the rows."""
 
 
 def healthy_position(recording: Recording, actuator: Actuator) -> Array:
     """Return the user's position [rad] by the averaged model of the healthy actuator, (samples,).
 
-    In pieces of `PIECE_S`, each from the position and speed of the last row before: the backlash gap is
-    centred there and the controller's integrals are 0, which shifts a motion by less than the gap. A piece
-    in which nothing changes, from rest, is not simulated.
+    The command is simulated in pieces of `PIECE_S`. A piece starts from position and speed of the last row of
+    the piece before, with the backlash gap centred and the controller's integrals 0, which shifts the motion
+    by less than the gap. A piece with constant inputs that starts at rest is not simulated.
     """
     actuator = with_recorded_supply(actuator, recording)
     plant = Plant.of(actuator, HEALTHY.vector[np.newaxis])
     driving, start = DrivingSignals.of(recording), initial_state(recording, actuator)
-    command, others_change = recording["command_rad"], callable(driving.load) or driving.enabled is not None
+    command, inputs_vary = recording["command_rad"], callable(driving.load) or driving.enabled is not None
     interval = recording.interval_s
     position = np.empty(recording.samples)
     most, rests = max(1, int(PIECE_S / interval)), False
     for first in range(0, recording.samples, most):
         count, begin = min(most, recording.samples - first), first * interval
-        if rests and not others_change and np.ptp(command[first - 1 : first + count + 1]) == 0:
+        if rests and not inputs_vary and np.ptp(command[first - 1 : first + count + 1]) == 0:
             position[first : first + count] = position[first - 1]
             continue
         inputs = Inputs.of(
-            _from(driving.command, begin),
-            _from(driving.load, begin) if callable(driving.load) else driving.load,
+            _shifted(driving.command, begin),
+            _shifted(driving.load, begin) if callable(driving.load) else driving.load,
             samples=count,
             interval=interval,
             step=AVERAGED.step_for(actuator),
             sampling=recording.sampling,
-            enabled=_from(driving.enabled, begin) if driving.enabled is not None else None,
+            enabled=_shifted(driving.enabled, begin) if driving.enabled is not None else None,
         )
         rows, speed = observe_batch(AVERAGED, plant, inputs, start, channels=("position_rad", "speed_rad_s"))[
             0
@@ -54,6 +54,6 @@ def healthy_position(recording: Recording, actuator: Actuator) -> Array:
     return position
 
 
-def _from(signal: Command, begin: float) -> Callable[[Array], Array]:
-    """Return a function of time [s] as one of the time since `begin`."""
+def _shifted(signal: Command, begin: float) -> Callable[[Array], Array]:
+    """Return a signal of time [s] as a function of the time since `begin` [s]."""
     return lambda times: signal(times + begin)

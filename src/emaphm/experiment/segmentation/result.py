@@ -1,4 +1,4 @@
-"""The result of a segmentation: each stretch with what it identifies, or why it is of no use."""
+"""Result of a segmentation: each stretch with the components that it identifies, or why it is refused."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ class Segment:
     """A stretch of a recording: its rows and times, and the expected precision of each fault.
 
     `rows` are the first and the last (exclusive), `start_s` and `end_s` their times [s]. `half_widths` are
-    the expected half-widths of 95 % intervals by component, without those that the actuator cannot show;
-    `identifies` those that become known as well as was asked. `reason` says why a stretch is refused; it is
-    empty where the stretch identifies something.
+    the expected half-widths of 95 % intervals by component, without components that the actuator does not
+    have. `identifies` are the components with the requested precision. `reason` says why a stretch is
+    refused; it is empty if it is accepted.
     """
 
     rows: tuple[int, int]
@@ -33,11 +33,11 @@ class Segment:
 
     @property
     def accepted(self) -> bool:
-        """Whether the stretch identifies something."""
+        """Whether the stretch identifies at least one component."""
         return not self.reason
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the stretch as `emaphm segment --json` prints it."""
+        """Return the values of the stretch that `emaphm segment --json` prints."""
         return {
             "rows": list(self.rows),
             "start_s": self.start_s,
@@ -51,7 +51,7 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """All stretches of a `recording`, in order, accepted or refused; `wanted` is the half-width asked for."""
+    """All stretches of a `recording`, in order, accepted or refused; `wanted` is the requested half-width."""
 
     recording: Recording
     actuator: str
@@ -61,80 +61,83 @@ class Segments:
 
     @property
     def accepted(self) -> tuple[Segment, ...]:
-        """The stretches that identify something."""
-        return tuple(one for one in self.stretches if one.accepted)
+        """The stretches that identify at least one component."""
+        return tuple(segment for segment in self.stretches if segment.accepted)
 
     def recordings(self) -> list[Recording]:
-        """Return the accepted stretches as recordings, their times those of the whole."""
-        return [stretch(self.recording, *one.rows) for one in self.accepted]
+        """Return the accepted stretches as recordings, with the times of the whole recording."""
+        return [stretch(self.recording, *segment.rows) for segment in self.accepted]
 
     def write(self, folder: str | Path, *, force: bool = False) -> list[Path]:
-        """Write the accepted stretches as stretch_001.csv and on, and no others; return their paths.
+        """Write the accepted stretches as stretch_001.csv, stretch_002.csv, …; return their paths.
 
-        With `force`, those of an earlier run are replaced, and removed where there are fewer now.
+        With `force`, files of an earlier run are replaced, and removed if there are fewer stretches now.
 
         Raises
         ------
         OutputError
-            As `check_folder`, or an earlier stretch cannot be removed.
+            As in `check_folder`, or a file of an earlier run cannot be removed.
         """
         folder = Path(folder)
         check_folder(folder, force=force)
         paths = [_path(folder, number) for number in range(1, len(self.accepted) + 1)]
-        for path, one in zip(paths, self.recordings(), strict=True):
-            write_recording(one, path, force=force)
-        for path in set(_earlier(folder)) - set(paths):
+        for path, recording in zip(paths, self.recordings(), strict=True):
+            write_recording(recording, path, force=force)
+        for path in set(_earlier_files(folder)) - set(paths):
             _remove(path)
         return paths
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `emaphm segment --json` prints."""
+        """Return the values that `emaphm segment --json` prints."""
         return {
             "recording": self.recording.source,
             "actuator": self.actuator,
             "wanted": self.wanted,
             "accepted": len(self.accepted),
-            "segments": [one.to_dict() for one in self.stretches],
+            "segments": [segment.to_dict() for segment in self.stretches],
             "seed": self.seed,
             "version": VERSION,
         }
 
     def __str__(self) -> str:
-        """Return a table of what identifies something, one of what is refused, and how much that is."""
-        used = sum(one.end_s - one.start_s for one in self.accepted)
+        """Return a table of the accepted stretches, a table of the refused ones, and a summary."""
+        used = sum(segment.end_s - segment.start_s for segment in self.accepted)
         summary = (
             f"{len(self.accepted)} of {len(self.stretches)} stretches identify something to "
             f"±{self.wanted:g}: {used:.4g} of {self.recording.duration_s:.4g} s."
         )
-        return "\n\n".join(filter(None, (self._precision(), self._refusals(), summary)))
+        return "\n\n".join(filter(None, (self._precision_table(), self._refusals_table(), summary)))
 
-    def _precision(self) -> str:
+    def _precision_table(self) -> str:
         if not self.accepted:
             return ""
-        names = [name for name in NAMES if any(name in one.identifies for one in self.accepted)]
+        names = [name for name in NAMES if any(name in segment.identifies for segment in self.accepted)]
         rows = [
             (
-                _times(one),
-                *(f"{one.half_widths[name]:.2g}" if name in one.identifies else NOTHING for name in names),
+                _times(segment),
+                *(
+                    f"{segment.half_widths[name]:.2g}" if name in segment.identifies else NOTHING
+                    for name in names
+                ),
             )
-            for one in self.accepted
+            for segment in self.accepted
         ]
         title = (
             f"Expected half-width [-] of each fault's 95 % interval, where that is ±{self.wanted:g} or less:"
         )
         return f"{title}\n{format_table(('time [s]', *names), rows)}"
 
-    def _refusals(self) -> str:
-        rows = [(_times(one), one.reason) for one in self.stretches if not one.accepted]
+    def _refusals_table(self) -> str:
+        rows = [(_times(segment), segment.reason) for segment in self.stretches if not segment.accepted]
         return format_table(("time [s]", "refused because"), rows) if rows else ""
 
 
-def _times(one: Segment) -> str:
-    return f"{one.start_s:.2f} to {one.end_s:.2f}"
+def _times(segment: Segment) -> str:
+    return f"{segment.start_s:.2f} to {segment.end_s:.2f}"
 
 
 def check_folder(folder: str | Path, *, force: bool = False) -> None:
-    """Make a folder for stretches, or refuse it; to be called before long work.
+    """Make a folder for stretches and check that they can be written; to be called before long work.
 
     Raises
     ------
@@ -143,7 +146,7 @@ def check_folder(folder: str | Path, *, force: bool = False) -> None:
     """
     folder = Path(folder)
     make_folder(folder)
-    for path in (_path(folder, 1), *_earlier(folder)):
+    for path in (_path(folder, 1), *_earlier_files(folder)):
         check_writable(path, force=force)
 
 
@@ -151,8 +154,8 @@ def _path(folder: Path, number: int) -> Path:
     return folder / f"stretch_{number:03d}.csv"
 
 
-def _earlier(folder: Path) -> list[Path]:
-    """Return the stretches that are in a folder."""
+def _earlier_files(folder: Path) -> list[Path]:
+    """Return the files of stretches in a folder."""
     return sorted(path for path in folder.glob("stretch_*.csv") if path.stem[len("stretch_") :].isdigit())
 
 

@@ -1,4 +1,4 @@
-"""The folder of a synthetic fleet: recordings as an operator would have them, and the truth apart."""
+"""The folder of a synthetic fleet: the recordings of an operator, and separately the true levels."""
 
 import json
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ SETTINGS = "synthetic-fleet.json"
 README = """\
 A synthetic fleet: no unit of it exists. Made by `emaphm fleet simulate`.
 
-synthetic-fleet.json   what was asked
+synthetic-fleet.json   the plan of the fleet
 actuator.toml          the actuator that the units are of, with its requirements
 flights.csv            the check flights: unit, hours, cycles, file of the recording
-recordings/            a folder a unit, a file a check flight, by the reference model with noise
+recordings/            a folder for each unit, a file for each check flight: reference model with noise
 history.sqlite         diagnoses, removals, findings (unless another history was named)
-prognoses.ndjson       a line a unit that still works: its remaining useful life
-truth/                 what an operator would not have: levels, laws, hours of failure
+prognoses.ndjson       a line for each unit that still works: its remaining useful life
+truth/                 true levels, laws and hours of failure, which an operator does not have
 """
 
 HOURS_A_CYCLE = 2.0
@@ -46,29 +46,29 @@ class CheckFlight:
 
     @property
     def cycles(self) -> int:
-        """Flights of the unit until then."""
+        """Number of flights of the unit up to this check flight."""
         return round(self.hours / HOURS_A_CYCLE)
 
 
 @dataclass(frozen=True)
 class FleetFolder:
-    """The folder at `path`."""
+    """The folder of a synthetic fleet at `path`."""
 
     path: Path
 
     @property
     def work(self) -> WorkFolder:
-        """The folder as one that a process at a time works in."""
+        """The folder with a lock, so that one process at a time works in it."""
         return WorkFolder(self.path, SETTINGS, "synthetic fleet", ExecutionError)
 
     @property
     def history(self) -> Path:
-        """The history, unless another one was named."""
+        """The file of the history, unless another history was named."""
         return self.path / "history.sqlite"
 
     @property
     def prognoses(self) -> Path:
-        """The remaining useful lives, a line of JSON each."""
+        """The file of the prognoses, a line of JSON for each."""
         return self.path / "prognoses.ndjson"
 
     def flights(self, unit: SyntheticUnit, plan: FleetPlan) -> tuple[CheckFlight, ...]:
@@ -80,12 +80,12 @@ class FleetFolder:
         )
 
     def begin(self, plan: FleetPlan) -> None:
-        """Make the folder, or go on in one that was begun with the same plan and code.
+        """Make the folder, or continue in a folder of the same plan and code.
 
         Raises
         ------
         ExecutionError
-            The folder holds another fleet, one of another version, or something else.
+            The folder holds a fleet of another plan or version, or other files.
         """
         here = {"synthetic": True, "plan": plan.to_dict(), "revision": revision()}
         differing = self.work.begin_or_resume(json.dumps(here, indent=1))
@@ -96,12 +96,12 @@ class FleetFolder:
             )
 
     def write_description(self, units: list[SyntheticUnit], plan: FleetPlan, actuator: Actuator) -> None:
-        """Write all but recordings and results: the actuator, the list of check flights, the truth.
+        """Write the actuator, the list of check flights, and the true levels.
 
         Raises
         ------
         OutputError
-            The operating system refuses.
+            A file cannot be written.
         """
         import polars as pl
 
@@ -125,13 +125,13 @@ class FleetFolder:
 
 
 def revision() -> str:
-    """Return a fingerprint of the code that decides what is recorded of a fleet, and diagnosed."""
+    """Return a fingerprint of the code that decides the recordings and diagnoses of a fleet."""
     own = tuple(f"fleet/synthetic/{name}.py" for name in DECIDING_HERE)
     return revision_of((*DECIDING, "simulated_recording.py", *own), NOT_DECIDING)
 
 
 def _levels(units: list[SyntheticUnit]) -> Any:
-    """Return a frame of the true levels, a row an instant of a unit."""
+    """Return a frame of the true levels, with a row for each unit and time."""
     import polars as pl
 
     from emaphm.actuator.faults import NAMES

@@ -1,7 +1,7 @@
-"""Laws by which components of a synthetic unit degrade: how far each is on its way to its limit.
+"""Degradation laws of synthetic units: the progress of a component towards its limit.
 
-They are stated here on their own; nothing of the degradation filter's code is used. "two-phase", "logistic"
-and "gamma process" are laws that the filter does not have.
+They are independent of the degradation filter's code. The filter does not have the laws "two-phase",
+"logistic" and "gamma process".
 """
 
 from collections.abc import Callable, Mapping
@@ -23,13 +23,13 @@ class Growth:
     Parameters
     ----------
     ranges
-        Ends between which each parameter of a unit is drawn, uniformly.
+        Range of each parameter of a unit, which is uniform in it.
     progress
-        p at increasing ageing u (m,), given the parameters; random numbers for what is chance, such as jumps.
+        Function of increasing ageing u (m,), the parameters, and a random generator; returns p (m,).
     known
         Whether the degradation filter has this law.
     chance
-        Parameters that nobody can know before ageing has reached them: the moment of a change.
+        Parameter that is random until the ageing has reached it: the moment of a change.
     """
 
     ranges: Mapping[str, tuple[float, float]]
@@ -38,13 +38,13 @@ class Growth:
     chance: str | None = None
 
     def drawn(self, random: np.random.Generator) -> dict[str, float]:
-        """Return the parameters of a unit."""
+        """Return random parameters of a unit."""
         return {name: float(random.uniform(*ends)) for name, ends in self.ranges.items()}
 
     def still_open(
         self, parameters: Parameters, ageing: float, random: np.random.Generator
     ) -> dict[str, float]:
-        """Return the parameters with those drawn anew that chance has not decided at this `ageing`."""
+        """Return the parameters, with the moment of a change drawn anew if it is after this `ageing`."""
         if self.chance is None or ageing >= parameters[self.chance]:
             return dict(parameters)
         low, high = self.ranges[self.chance]
@@ -67,12 +67,12 @@ def _power(u: Array, p: Parameters, _: np.random.Generator) -> Array:
 
 
 def _onset(u: Array, p: Parameters, _: np.random.Generator) -> Array:
-    """Return p = s (u - u_0), u_0 being the moment of the onset; 0 before."""
+    """Return p = s (u - u_0) after the moment u_0 of the onset; 0 before it."""
     return np.asarray(p["slope"] * np.maximum(u - p["moment"], 0.0))
 
 
 def _two_phase(u: Array, p: Parameters, _: np.random.Generator) -> Array:
-    """Return p = s u, and after the change point s u_0 + f s (u - u_0)."""
+    """Return p = s u up to the change point u_0, and s u_0 + f s (u - u_0) after it."""
     return np.asarray(
         p["slope"] * (u + (p["factor"] - 1) * np.maximum(u - p["moment"], 0.0)),
     )
@@ -88,14 +88,14 @@ def _logistic(u: Array, p: Parameters, _: np.random.Generator) -> Array:
 
 
 def _gamma(u: Array, p: Parameters, random: np.random.Generator) -> Array:
-    """Return a gamma process: independent increments of mean Δu and variance Δu / n, n jumps' worth a life.
+    """Return a gamma process: independent increments of mean Δu and variance Δu / n, n jumps in a life.
 
     Van Noortwijk: A survey of the application of gamma processes in maintenance, Reliability Engineering and
     System Safety 94 (2009).
     """
     steps = np.diff(u, prepend=0.0)
     n = p["jumps"]
-    # A shape of 0 is a step of none.
+    # A step of 0 has no increment; the generator refuses a shape of 0.
     return np.cumsum(np.where(steps > 0, random.gamma(np.maximum(n * steps, 1e-12)) / n, 0.0))
 
 

@@ -1,4 +1,4 @@
-"""What is asked of a synthetic fleet."""
+"""Plan of a synthetic fleet: its size, duration and population."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -13,14 +13,14 @@ LONGEST_INTERVAL_H = 10_000.0
 
 @dataclass(frozen=True)
 class FleetPlan:
-    """A synthetic fleet: how many units, how long each is followed, and what it is drawn from.
+    """A synthetic fleet: the number of units, the number of their check flights, and the population.
 
     Parameters
     ----------
     units
         Number of units.
     flights
-        Most check flights of a unit, each of which is recorded. A unit that fails has none after.
+        Largest number of check flights of a unit, all recorded; a failed unit has no further flights.
     interval
         Flight hours from one check flight to the next [h].
     seed

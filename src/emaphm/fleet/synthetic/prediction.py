@@ -1,4 +1,4 @@
-"""The remaining useful life of each unit of a synthetic fleet, the others being its prior."""
+"""Prognoses of the units of a synthetic fleet, with the other units as prior."""
 
 import hashlib
 import json
@@ -19,51 +19,51 @@ from emaphm.prognosis.from_fleet.fleet import Fleet
 from emaphm.strict_json import finite
 
 DECIDING = ("prognosis", "actuator", "quantiles.py", "random_streams.py", "strict_json.py")
-"""Code that decides a prognosis, given the evidence: what reads a history decides that."""
+"""Code that decides a prognosis for given evidence; the evidence is decided by the code of the history."""
 
 
 @dataclass(frozen=True)
 class PredictionSetup:
-    """What the prognoses of a fleet share: the actuator with its requirements, the horizon [h], the seed."""
+    """Common settings of a fleet's prognoses: the actuator with its requirements, the horizon [h], a seed."""
 
     actuator: Actuator
     horizon: float
     seed: int
 
 
-def predict_unit(evidence: Evidence, fleet: Fleet, asked: PredictionSetup) -> dict[str, Any]:
-    """Return what `emaphm prognose --json` prints of a unit of a fleet."""
-    prior = fleet.prior_of(evidence.unit, asked.actuator)
-    found = prognose(evidence, asked.actuator, Question(asked.horizon), prior=prior, seed=asked.seed)
-    return {"synthetic": True, **found.to_dict()}
+def predict_unit(evidence: Evidence, fleet: Fleet, setup: PredictionSetup) -> dict[str, Any]:
+    """Return the values of `emaphm prognose --json` for a unit of a fleet."""
+    prior = fleet.prior_of(evidence.unit, setup.actuator)
+    prognosis = prognose(evidence, setup.actuator, Question(setup.horizon), prior=prior, seed=setup.seed)
+    return {"synthetic": True, **prognosis.to_dict()}
 
 
 def predict(
     units: Sequence[Evidence],
     fleet: Sequence[Evidence],
-    asked: PredictionSetup,
+    setup: PredictionSetup,
     folder: FleetFolder,
     *,
     workers: int | None = None,
     scheduler: str | None = None,
     on_task: OnTask | None = None,
 ) -> None:
-    """Write a line for each of `units`, predicted with the others of `fleet` as its prior.
+    """Write the prognosis of each of `units`, with the other units of `fleet` as its prior, a line for each.
 
-    What was predicted from the same diagnoses by the same code is not done again.
+    A stored prognosis from the same diagnoses by the same code is used again.
 
     Raises
     ------
     ExecutionError
-        Workers cannot be used, or some predictions failed; the others are kept.
+        Workers cannot be used, or some prognoses failed; the others are kept.
     OutputError
         The file cannot be written.
     """
-    shared = Fleet.of(fleet, asked.seed)
-    keys = keys_of(units, shared, asked)
+    shared = Fleet.of(fleet, setup.seed)
+    keys = keys_of(units, shared, setup)
     tasks = [
-        Task(i, predict_unit, (one, shared, asked), key, one.unit)
-        for i, (one, key) in enumerate(zip(units, keys, strict=True))
+        Task(i, predict_unit, (evidence, shared, setup), key, evidence.unit)
+        for i, (evidence, key) in enumerate(zip(units, keys, strict=True))
     ]
     store = ResultStore(folder.work.results)
     failures = run_tasks(tasks, store, workers=workers, scheduler=scheduler, on_task=on_task)
@@ -72,21 +72,22 @@ def predict(
             f"predicting: {len(failures)} of {len(tasks)} units failed, the others are kept; the first: "
             f"{failures[0]}"
         )
-    found, _ = store.read(tasks)
-    lines = [json.dumps(finite(found[i].result), allow_nan=False) for i in sorted(found)]
+    outcomes, _ = store.read(tasks)
+    lines = [json.dumps(finite(outcomes[i].result), allow_nan=False) for i in sorted(outcomes)]
     with written_whole(folder.prognoses) as temporary:
         temporary.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
 
 
 def prognoses(folder: FleetFolder) -> list[dict[str, Any]]:
-    """Return the prognoses of a folder, as `emaphm prognose --json` prints them."""
+    """Return the prognoses of a folder, with the values of `emaphm prognose --json`."""
     lines = folder.prognoses.read_text(encoding="utf-8").splitlines()
     return [json.loads(line) for line in lines]
 
 
-def keys_of(units: Sequence[Evidence], fleet: Fleet, asked: PredictionSetup) -> list[str]:
-    """Return what identifies the prognosis of each unit: all it is computed from, and the deciding code."""
-    sources = [[fingerprint(one) for one in chosen] for chosen in (fleet.followed, fleet.pace_units)]
-    about = [sources, asked.actuator.model_dump(mode="json"), asked.horizon, asked.seed]
+def keys_of(units: Sequence[Evidence], fleet: Fleet, setup: PredictionSetup) -> list[str]:
+    """Return the key of each unit's prognosis: a digest of all its inputs, and of the deciding code."""
+    sources = [[fingerprint(unit) for unit in group] for group in (fleet.followed, fleet.pace_units)]
+    shared = [sources, setup.actuator.model_dump(mode="json"), setup.horizon, setup.seed]
     code = revision_of(DECIDING, NOT_DECIDING)
-    return [hashlib.sha256(json.dumps([fingerprint(one), about, code]).encode()).hexdigest() for one in units]
+    texts = [json.dumps([fingerprint(unit), shared, code]) for unit in units]
+    return [hashlib.sha256(text.encode()).hexdigest() for text in texts]

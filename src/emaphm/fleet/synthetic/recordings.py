@@ -1,4 +1,4 @@
-"""Recordings of check flights of a synthetic unit, by the reference model."""
+"""Recordings of the check flights of a synthetic unit, simulated by the reference model."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ PART_NUMBER = "SYNTHETIC"
 
 
 def fleet_actuator(population: Population) -> Actuator:
-    """Return the actuator of a synthetic fleet: the thesis's, its levels required to stay within limits."""
+    """Return the actuator of a synthetic fleet: the thesis's, with requirements on the levels of wear."""
     thesis = Actuator.thesis()
     required = []
     for name, wear in population.wear.items():
@@ -36,8 +36,8 @@ def check_flight(
 ) -> Recording:
     """Return the recording of the check flight at flight `hours` [h], the unit's `number`-th.
 
-    The model is the reference model, which no diagnosis fits by. Load, temperature and supply are the
-    flight's own, and not recorded; only the line voltage shows the supply.
+    The model is the reference model, which is not the model that a diagnosis fits. Load, temperature and
+    supply differ from flight to flight, and are not recorded; the line voltage depends on the supply.
     """
     population = plan.drawn_from
     rig = population.rig

@@ -1,4 +1,4 @@
-"""One synthetic unit: what wears in it, under which stress, and its true levels over its flight hours."""
+"""A synthetic unit: its wearing components, its stress, and its true levels over the flight hours."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,15 +13,15 @@ from emaphm.fleet.synthetic.population import Population, StressModel, Wear
 from emaphm.random_streams import stream
 
 STEPS = 16
-"""Of the truth between two check flights: 5 h of 80 h."""
+"""Steps of the true levels between two check flights: 5 h each for 80 h."""
 
 FALLING = ("gain",)
-"""Components whose fault is a fall below healthy."""
+"""Components whose fault is a decrease below healthy."""
 
 
 @dataclass(frozen=True)
 class Component:
-    """What wears: its law with its parameters, its life under nominal stress [h] and its limit."""
+    """A wearing component: its law with parameters, its life under nominal stress [h], and its limit."""
 
     name: str
     law: str
@@ -30,7 +30,7 @@ class Component:
     limit: float
 
     def level(self, healthy: float, progress: Array) -> Array:
-        """Return its level (m,) at `progress` (m,) from `healthy`, within [0, 1] or, of friction, below 0."""
+        """Return the level (m,) at `progress` (m,) from `healthy`, within [0, 1], or [-1, 1] for friction."""
         sign = -1.0 if self.name in FALLING else 1.0
         lowest = -1.0 if self.name == "friction" else 0.0
         return np.asarray(np.clip(healthy + sign * self.limit * progress, lowest, 1.0))
@@ -52,17 +52,17 @@ class SyntheticUnit:
     serial_number
         Begins with "SYNTHETIC".
     components
-        Those that wear.
+        The wearing components.
     new
         Fault vector of the new unit, (8,), in the order of `Faults`.
     mission
-        ΔT [K] and l of its own mission (`StressModel`).
+        ΔT [K] and l of the unit's mission (`StressModel`).
     hours, ageing
         Flight hours [h] and hours of ageing, (m,) each, the first 0.
     vectors
         True fault vectors at these hours, (m, 8).
     failure, failed
-        Flight hours of the failure [h] and the component that fails; None where it still works.
+        Flight hours of the failure [h], and the component that fails; None if the unit still works.
     """
 
     serial_number: str
@@ -76,7 +76,7 @@ class SyntheticUnit:
     failed: str | None
 
     def row(self, hours: float) -> int:
-        """Return the row of the truth at flight `hours` [h]."""
+        """Return the row of the true levels at flight `hours` [h]."""
         return int(np.searchsorted(self.hours, hours - 1e-9))
 
     def check_flights(self, interval: float) -> Array:
@@ -88,7 +88,7 @@ class SyntheticUnit:
         return np.asarray(flights[flights < self.failure - 1e-9 * interval])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the truth but for the levels, ready for `json.dumps`."""
+        """Return the true values except the levels, ready for `json.dumps`."""
         return {
             "unit": self.serial_number,
             "synthetic": True,
@@ -110,7 +110,7 @@ def serial_number(number: int) -> str:
 
 
 def drawn_unit(plan: FleetPlan, number: int) -> SyntheticUnit:
-    """Return unit `number`, from 0, of a synthetic fleet; the same whatever the fleet's size."""
+    """Return unit `number`, from 0, of a synthetic fleet; it does not depend on the fleet's size."""
     population = plan.drawn_from
     random = stream(plan.seed, "synthetic unit", population.name, number)
     new = HEALTHY.vector.copy()
@@ -156,7 +156,7 @@ def aged(
     interval: float,
     random: np.random.Generator,
 ) -> Array:
-    """Return the hours of ageing (m,) at flight `hours` (m,), whose stress is drawn for each interval."""
+    """Return the hours of ageing (m,) at flight `hours` (m,), with a random stress in each interval."""
     count = int(np.ceil((hours[-1] - hours[0]) / interval)) + 1
     warmth = mission[0] + stress.flight_K * random.standard_normal(count)
     load = mission[1] + stress.flight_load * random.standard_normal(count)
@@ -176,7 +176,7 @@ def progress(one: Component, ageing: Array, population: Population, random: np.r
 
 
 def _drawn_component(name: str, wear: Wear, random: np.random.Generator) -> Component | None:
-    # The same numbers are drawn whether it wears or not: a share that is changed moves no other draw.
+    # The same random numbers are drawn if it does not wear: another share does not change other draws.
     wears, law = random.random() < wear.share, str(random.choice(list(wear.laws), p=list(wear.laws.values())))
     life = wear.life * float(np.exp(wear.spread * random.standard_normal()))
     parameters = LAWS[law].drawn(random)
