@@ -205,9 +205,7 @@ def test_a_second_network_with_a_larger_error_is_noted() -> None:
     first, second = (Epoch(3, 9, 1.0, 2.0, error, 1.0) for error in (53.5, 72.5))
     note = "72.5 % with the second network, 53.5 % with the first alone; give more --simulations"
     assert notes_on_second_network(second, first) == notes_on_second_network(first, first) == []
-    assert notes_on_second_network(first, second) == [
-        f"the median error is {errors}; give more --simulations"
-    ]
+    assert notes_on_second_network(first, second) == [f"the median error is {note}"]
 
 
 @pytest.fixture
