@@ -98,7 +98,7 @@ class DeliverySettings:
 
 @dataclass(frozen=True)
 class PressureSettings:
-    """Times of the waiting recordings at which back-pressure is raised, `raise_s`, and cleared, `clear_s` [s]."""
+    """Waiting times of recordings at which back-pressure is raised, `raise_s`, and cleared, `clear_s` [s]."""
 
     raise_s: float = 60.0
     clear_s: float = 10.0
