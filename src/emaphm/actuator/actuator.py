@@ -214,8 +214,7 @@ class Actuator(Section):
 
         The PWM frequency is 20 kHz. The current loop has a bandwidth of 250 Hz, with the gains 2π × 250 Hz ×
         (L_s, R_s): it is stable down to 30 % of the turns in all phases, where the inductance is 9 %. The
-        speed loop is four times as slow as the thesis's, so that the current loop is three times as fast as
-        it.
+        speed loop is four times as slow as the thesis's, so that the current loop is three times as fast.
         """
         thesis = cls.thesis()
         return cls(

@@ -26,9 +26,8 @@ class Faults:
     friction and backlash increase from 0 (healthy) to 1. A negative friction is dry friction below healthy,
     such as with a lost preload or a worn-in screw, down to the factor `LEAST_FRICTION_FACTOR`
     (`lower_bounds`). short_a, short_b and short_c are the fractions of short-circuited turns in each phase.
-    eccentricity is the rotor's eccentricity and eccentricity_phase its direction (0 and 1 are -180 and
-    +180 deg; undefined without eccentricity). gain is 0.5 when healthy; 0 and 1 multiply the drive's position
-    gain by 0.5 and 1.5.
+    eccentricity is the rotor's eccentricity and eccentricity_phase its direction (0 and 1 are -180 and +180
+    deg; undefined without eccentricity). gain is 0.5 when healthy; 0 and 1 mean 0.5 and 1.5 times G_prop.
 
     Raises
     ------

@@ -29,8 +29,6 @@ def _without_commutation(actuator: Actuator) -> str:
 
 
 def _with_standstill_law(name: str) -> Callable[[Actuator], str]:
-    """Return the reason against a second law of friction at standstill, if the field `name` gives one."""
-
     def reason(actuator: Actuator) -> str:
         friction = actuator.friction
         is_given = friction is not None and getattr(friction, name) is not None

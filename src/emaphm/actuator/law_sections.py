@@ -136,10 +136,9 @@ DriveKind = Literal["hysteresis", "current", "voltage", "six-step", "foc"]
 class Drive(Section):
     """The drive, which feeds the windings.
 
-    The kinds are: hysteresis, a three-phase BLDC motor with one comparator per phase (thesis); six-step, the
-    same motor with PI current control and PWM; foc, a three-phase motor with sinusoidal back-EMF, PI control
-    of the d-axis and q-axis currents, and PWM; voltage, a DC motor whose speed loop demands a duty cycle;
-    current, an ideal current loop.
+    hysteresis: three-phase BLDC motor, one comparator per phase (thesis); six-step: the same motor with PI
+    current control and PWM; foc: three-phase motor with sinusoidal back-EMF, PI control of d-axis and q-axis
+    currents, and PWM; voltage: DC motor, the speed loop demands a duty cycle; current: ideal current loop.
     """
 
     kind: DriveKind

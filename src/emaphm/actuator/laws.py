@@ -30,11 +30,9 @@ class Law:
     excited_by
         Manoeuvre from which its parameters are identifiable.
     start
-        Function of an actuator and a typical motor speed [rad/s] that returns the start values of a search,
-        by section.
+        Start values of a search by section, as a function of actuator and typical motor speed [rad/s].
     by_faults
-        Whether its parameters are identifiable only with faults that make the phases differ, and therefore
-        not in a calibration.
+        Whether its parameters are identifiable only if faults make the phases differ: not by calibration.
     """
 
     name: str
@@ -68,8 +66,6 @@ class Law:
 
         Parameters
         ----------
-        actuator
-            Actuator to which the law is added.
         speed
             Typical speed of the motor [rad/s], such as its rms; if omitted, computed from the drive's limit.
 

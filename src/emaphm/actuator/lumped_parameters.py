@@ -36,8 +36,7 @@ OPTIONAL = (
 """Sections, and parameters, of optional laws: they must be described before they can be estimated."""
 
 LIKE_FAULTS = ("coulomb", "static", "backlash", "position_gain", "torque_constant", "resistance")
-"""Parameters that faults change: a deviation of one of them on a healthy unit is confounded with that
-fault."""
+"""Parameters that faults change: their deviation on a healthy unit is confounded with a fault."""
 
 
 def check_lumped_parameters(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...]) -> None:
@@ -99,9 +98,7 @@ def static_follows(actuator: Actuator, values: Mapping[str, Any]) -> dict[str, A
 def with_lumped_parameters(
     actuator: Actuator, values: Mapping[str, float], *, name: str | None = None
 ) -> Actuator:
-    """Return `actuator` with the given lumped parameters, and with `name` if given.
-
-    The shares of motor and user in each parameter do not change.
+    """Return `actuator` with the given lumped parameters, in unchanged shares of motor and user.
 
     Raises
     ------

@@ -14,8 +14,8 @@ Coordinates = Literal["rotary", "linear", "screw"]
 """Units of the positions of motor and user: both in rad, both in m, or the motor in rad and the user in m."""
 
 USER_ANGLE, ELECTRICAL_ANGLE = "rad (user)", "rad (electrical)"
-"""Units of the user's position, which is a length behind a screw, and of an electrical angle, which is in rad
-in all coordinates."""
+"""Units of the user's position, a length behind a screw, and of electrical angles, which are always in
+rad."""
 
 ROTARY_TO_LINEAR = (("kg·m²", "kg"), ("N·m", "N"), ("rad", "m"))
 
@@ -23,10 +23,8 @@ SIMPLER = {"rad/rad": "-", "m/m": "-", "rad/(s·rad)": "1/s", "m/(s·m)": "1/s"}
 
 
 def quantity(description: str, unit: str, source: str, **bounds: Any) -> Any:
-    """Return a pydantic field for a quantity in `unit` from `source`, with `bounds` as for `Field`.
-
-    `description` is written as a comment into TOML files, whose hash identifies a description in a history.
-    """
+    """Return a pydantic field for a quantity in `unit` from `source`, with `bounds` as for `Field`."""
+    # The description is written into TOML files, whose hash identifies an actuator in a history.
     bounds.setdefault("strict", True)  # true and "48" are no quantities
     return Field(
         description=description,

@@ -43,9 +43,8 @@ LARGEST_STALL_MARGIN = 4.0
 class Requirement(Section):
     """One requirement: the level of a fault, or a performance measure of the actuator, is within its limits.
 
-    A limit of a level, such as from a maintenance manual, has `component` and `at_most`, normalised as in
-    `Faults`; for a friction that decreases, as with a lost preload, it has an `at_least` below 0. A measure
-    is computed by the averaged model:
+    A limit of a level, such as from a manual, has `component` and `at_most`, normalised as in `Faults`; for a
+    decreasing friction, as with a lost preload, an `at_least` below 0. The averaged model computes measures:
 
     tracking_error
         Root mean square of command minus position, at the user, over the manoeuvre [rad].
