@@ -249,7 +249,7 @@ def test_a_half_written_file_is_waited_for(
 ) -> None:
     """By a clock that goes on between two looks alone, whatever else the machine does."""
     text = stand_in.content(1, 0)
-    clock, looks, look = [0.0], [0], FolderSource._look
+    clock, looks, look = [0.0], [0], FolderSource._poll
 
     def counted(self: FolderSource) -> None:
         look(self)
@@ -260,7 +260,7 @@ def test_a_half_written_file_is_waited_for(
         clock[0] += seconds
         wait_for(lambda: looks[0] > before)
 
-    monkeypatch.setattr(FolderSource, "_look", counted)
+    monkeypatch.setattr(FolderSource, "_poll", counted)
     monkeypatch.setattr("emaphm.monitoring.folder.time", SimpleNamespace(monotonic=lambda: clock[0]))
     settings = replace(FAST, folder=replace(FAST.folder, settle_s=1.5))
     with running(task(inbox, once=False), history, settings=settings):

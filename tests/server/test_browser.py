@@ -10,7 +10,7 @@ import pytest
 
 from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.recording import Recording, write_recording
-from emaphm.server.tokens import add_token, read_tokens
+from emaphm.server.access.tokens import add_token, read_tokens
 from emaphm.server.work import worker
 from emaphm.simulated_recording import simulate
 

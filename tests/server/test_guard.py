@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from emaphm.errors import ServerError
-from emaphm.server.guard import Guard
-from emaphm.server.tokens import Doorkeeper, add_token, read_tokens
+from emaphm.server.access.guard import Guard
+from emaphm.server.access.tokens import Doorkeeper, add_token, read_tokens
 
 from .conftest import SMALL, client_of
 

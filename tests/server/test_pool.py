@@ -56,7 +56,7 @@ def test_a_prognosis_is_tried_again_where_the_history_is_away_and_once_after_a_k
     place = Place("", ServerFolder(tmp_path), {}, 2**33, 2**26)
     pool = Pool(queue, place, SMALL, lambda: "S1", lambda *ended: found.append(ended))
     for end in ends:
-        monkeypatch.setattr(pool, "_done", lambda *_, end=end: None if end is None else JobOutcome(end))
+        monkeypatch.setattr(pool, "_outcome", lambda *_, end=end: None if end is None else JobOutcome(end))
         assert pool._next(cast("Any", None))
     queue.close()
     assert found == [("S1", state) for state in states]

@@ -1,4 +1,4 @@
-"""Description of the actuator: parameters, faults, commands. No simulation."""
+"""Description of the actuator: parameters, faults and commands, without simulation."""
 
 from emaphm.actuator.actuator import Actuator
 from emaphm.actuator.commands import Chirp, Command, DecayingChirp, Load, Ramp, Sampled, Sine, Step

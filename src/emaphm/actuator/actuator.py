@@ -1,4 +1,4 @@
-"""The actuator as a whole, and its TOML."""
+"""The description of an actuator, with its sections, presets and TOML file."""
 
 import math
 from collections.abc import Mapping
@@ -27,17 +27,17 @@ from emaphm.output_files import written_whole
 PRESETS = ("thesis", "six-step", "pmsm", "dc")
 
 SAME_PRESET = {"bldc": "thesis"}
-"""Built-in actuators by a further name, which says what machine they are."""
+"""Presets by an alternative name, which names the type of machine."""
 
 
 class Actuator(Section):
     """Description of an electromechanical actuator: parameters, fault scales, channel names.
 
-    Frozen and validated. SI units; with ``coordinates = "linear"`` the same fields hold m and N where they
-    name rad and N·m, with ``"screw"`` what is the user's holds m. Without `electrical` the current loop is
-    ideal. `friction`, `transmission`, `weight` and `ripple` hold optional laws. `tolerances` say how far
-    the parameters may be off. `baseline` and `model_error` are what a calibration of the healthy unit has
-    learned: how well its parameters are known, and how large the error of the model is with them.
+    Frozen and validated. All values are in SI units. With ``coordinates = "linear"``, m and N replace rad and
+    N·m; with ``"screw"``, only the user's quantities are in m. Without `electrical`, the current loop is
+    ideal. `friction`, `transmission`, `weight` and `ripple` contain optional laws. `tolerances` contains the
+    largest expected deviations of parameters. `baseline` and `model_error` are results of a calibration of
+    the healthy unit: the covariance of its parameters, and the remaining error of the model.
 
     Source: thesis Tab. 3.1 for the structure and for `Actuator.thesis`; `Actuator.pmsm` and `Actuator.dc`
     have other motors and drives.
@@ -69,7 +69,7 @@ class Actuator(Section):
     )
 
     @model_validator(mode="after")
-    def _drive_with_what_it_needs(self) -> Self:
+    def _check_drive(self) -> Self:
         e, kind = self.electrical, self.drive_kind
         if kind == "current" and e is not None:
             raise ValueError("'drive.kind' = \"current\" has an ideal current loop; take out [electrical]")
@@ -94,7 +94,7 @@ class Actuator(Section):
         return self
 
     @model_validator(mode="after")
-    def _commutation_where_it_commutates(self) -> Self:
+    def _check_commutation(self) -> Self:
         for name in COMMUTATION:
             if getattr(self.drive, name, None) is not None and not self.commutates:
                 raise ValueError(
@@ -103,7 +103,7 @@ class Actuator(Section):
         return self
 
     @model_validator(mode="after")
-    def _back_emf_with_a_shape(self) -> Self:
+    def _check_back_emf(self) -> Self:
         for name in ("flat_loss", "sine_share", *HALL_SENSORS):
             if getattr(self.motor, name) is not None and not self.commutates:
                 raise ValueError(
@@ -113,19 +113,19 @@ class Actuator(Section):
         return self
 
     @model_validator(mode="after")
-    def _requirements_within_the_stops(self) -> Self:
+    def _check_requirements(self) -> Self:
         stops = self.mechanics.end_stops
         reach = float("inf") if stops is None else (stops[1] - stops[0]) / 2
-        for i, one in enumerate(self.requirements):
-            if one.measure not in (None, "free_play") and one.amplitude > reach:
+        for i, requirement in enumerate(self.requirements):
+            if requirement.measure not in (None, "free_play") and requirement.amplitude > reach:
                 raise ValueError(
-                    f"'requirements[{i}].amplitude': {one.amplitude:g} is beyond the end stops "
+                    f"'requirements[{i}].amplitude': {requirement.amplitude:g} is beyond the end stops "
                     f"{list(stops or ())}; give {reach:g} or less"
                 )
         return self
 
     @model_validator(mode="after")
-    def _deviations_of_what_is_described(self) -> Self:
+    def _check_deviations(self) -> Self:
         deviating = [("baseline.names", name) for name in self.baseline.names] if self.baseline else []
         deviating += [("tolerances", name) for name in self.tolerances.names] if self.tolerances else []
         for key, name in deviating:
@@ -140,20 +140,20 @@ class Actuator(Section):
 
     @property
     def open_tolerances(self) -> Tolerances | None:
-        """The tolerances of parameters that no calibration has estimated, None where there are none."""
-        found = () if self.baseline is None else self.baseline.names
-        return None if self.tolerances is None else self.tolerances.without(found)
+        """The tolerances of parameters that no calibration has estimated, None if there are none."""
+        calibrated = () if self.baseline is None else self.baseline.names
+        return None if self.tolerances is None else self.tolerances.without(calibrated)
 
     @property
     def drive_kind(self) -> DriveKind:
-        """How windings are fed; without [drive], "hysteresis" where there is [electrical], else "current"."""
+        """The kind of drive; without [drive], it is "hysteresis" with [electrical], else "current"."""
         if self.drive is not None:
             return self.drive.kind
         return "hysteresis" if self.electrical is not None else "current"
 
     @property
     def has_linear_motor(self) -> bool:
-        """Whether what stands at the motor is in m, N and kg."""
+        """Whether quantities at the motor are in m, N and kg."""
         return self.coordinates == "linear"
 
     @property
@@ -168,7 +168,7 @@ class Actuator(Section):
 
     @property
     def commutates(self) -> bool:
-        """Whether two phases conduct at a time, by the rotor's angle: a motor with trapezoidal back-EMF."""
+        """Whether two phases conduct at a time, selected by the rotor's angle: a trapezoidal back-EMF."""
         return self.drive_kind in ("hysteresis", "six-step")
 
     @property
@@ -178,7 +178,7 @@ class Actuator(Section):
 
     @classmethod
     def thesis(cls) -> Self:
-        """Return the actuator of the thesis (Tab. 3.1), with the choices that it leaves open."""
+        """Return the actuator of the thesis (Tab. 3.1), with chosen values where the thesis gives none."""
         torque_limit = 1.689
         return cls(
             name="thesis",
@@ -212,9 +212,9 @@ class Actuator(Section):
     def pmsm(cls) -> Self:
         """Return the thesis's mechanics and windings with sinusoidal back-EMF and field-oriented control.
 
-        20 kHz PWM. The currents' loop has a bandwidth of 250 Hz, gains 2π × 250 Hz × (L_s, R_s): it is stable
-        down to 30 % of the turns in all phases, where the inductance is 9 %. The speed loop is four times as
-        slow as the thesis's, so that the currents' loop is three times as fast.
+        The PWM frequency is 20 kHz. The current loop has a bandwidth of 250 Hz, with the gains 2π × 250 Hz ×
+        (L_s, R_s): it is stable down to 30 % of the turns in all phases, where the inductance is 9 %. The
+        speed loop is four times as slow as the thesis's, so that the current loop is three times as fast.
         """
         thesis = cls.thesis()
         return cls(
@@ -228,9 +228,9 @@ class Actuator(Section):
 
     @classmethod
     def six_step(cls) -> Self:
-        """Return the thesis's mechanics and motor under six-step control with 20 kHz PWM.
+        """Return the thesis's mechanics and motor with six-step control and 20 kHz PWM.
 
-        The gains are those of `pmsm`, for the same reasons.
+        The gains are the same as those of `pmsm`, for the same reasons.
         """
         controlled = cls.pmsm()
         drive = controlled.drive.model_copy(update={"kind": "six-step"}) if controlled.drive else None
@@ -238,9 +238,9 @@ class Actuator(Section):
 
     @classmethod
     def dc(cls) -> Self:
-        """Return the thesis's mechanics behind a DC motor whose current loop is ideal: it has no windings.
+        """Return the thesis's mechanics with a DC motor with an ideal current loop, without windings.
 
-        Shorts and eccentricity do not exist in it; friction, backlash and gain do.
+        It can have faults of friction, backlash and gain, but no short circuits or eccentricity.
         """
         thesis = cls.thesis()
         return cls(
@@ -258,7 +258,7 @@ class Actuator(Section):
         Raises
         ------
         ActuatorError
-            The file is missing or no TOML, or a key is unknown, missing or impossible; the message
+            The file is missing or no TOML, or a key is unknown or missing, or a value impossible; the message
             names the file, the key and the remedy.
         """
         path = Path(path)
@@ -266,7 +266,7 @@ class Actuator(Section):
 
     @classmethod
     def from_dict(cls, values: dict[str, Any], *, where: str = "actuator") -> Self:
-        """Validate `values`, as a TOML file holds them, as an actuator; `where` names their origin in errors.
+        """Return the actuator with `values` as in its TOML file; `where` names their origin in errors.
 
         Raises
         ------
@@ -279,7 +279,7 @@ class Actuator(Section):
             raise ActuatorError(f"{where}: {validation_message(error, cls)}") from None
 
     def changed(self, values: Mapping[str, Any]) -> Self:
-        """Return the actuator with other `values`, by key as in its TOML: {"mechanics.backlash": 0.01}.
+        """Return the actuator with changed `values`, by key as in its TOML: {"mechanics.backlash": 0.01}.
 
         Raises
         ------
@@ -298,7 +298,7 @@ class Actuator(Section):
 
     @classmethod
     def load(cls, name: str | Path) -> Self:
-        """Return the built-in actuator `name`, or the one in the TOML file of that path.
+        """Return the built-in actuator `name`, or the actuator in the TOML file with that path.
 
         Parameters
         ----------
@@ -308,7 +308,7 @@ class Actuator(Section):
         Raises
         ------
         ActuatorError
-            It is neither; or as for `from_toml`.
+            The name is neither a built-in actuator nor a file; or as for `from_toml`.
         """
         built_in = SAME_PRESET.get(str(name), str(name))
         if built_in not in PRESETS:
@@ -324,21 +324,21 @@ class Actuator(Section):
         return preset
 
     def to_toml(self, path: str | Path, *, comments: str = "", ending: str = "") -> None:
-        """Write the actuator as TOML, each value with its meaning and unit; replace a file that is there.
+        """Write the actuator as TOML, each value with its meaning and unit; an existing file is replaced.
 
-        `comments` goes on top and `ending` below all, both as comments.
+        `comments` is written at the top and `ending` at the end, both as comments.
 
         Raises
         ------
         OutputError
-            The file cannot be written there.
+            The file cannot be written.
         """
         with written_whole(path) as temporary:
             temporary.write_text(write_toml(self, comments, ending), encoding="utf-8")
 
 
 def described_parts(actuator: Actuator, name: str) -> tuple[float, ...] | None:
-    """Return the described values that the lumped parameter `name` is the sum of, None where absent."""
+    """Return the described values whose sum is the lumped parameter `name`, None if they are absent."""
     section, *fields = PARTS[name]
     if section == "ripple":
         place, field = int(fields[0]) - 1, fields[1]

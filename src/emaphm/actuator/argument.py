@@ -1,16 +1,16 @@
-"""Whether what a function was given for an actuator is one."""
+"""Type check of an argument that must be an `Actuator`."""
 
 from emaphm.actuator.actuator import Actuator
 from emaphm.errors import ActuatorError
 
 
 def check_actuator(given: object) -> None:
-    """Refuse what is no `Actuator`, such as the name of a built-in one or of a file.
+    """Refuse an argument that is not an `Actuator`, such as the name of a preset or of a file.
 
     Raises
     ------
     ActuatorError
-        It is of another type.
+        The argument is of another type.
     """
     if not isinstance(given, Actuator):
         raise ActuatorError(

@@ -1,4 +1,4 @@
-"""Where a rig stores its channels, and how what it stores becomes a channel in its SI unit."""
+"""`[channels]`: the columns in which a rig stores its channels, and their conversion into SI units."""
 
 from typing import Annotated, Any, Literal, Self, get_args
 
@@ -20,7 +20,7 @@ OF_THE_LOGGER = "manual of the logger"
 Name = Annotated[str, Field(min_length=1)]
 
 Sampling = Literal["mean", "instant"]
-"""What a row is: the mean over its interval, or the value at its start."""
+"""Meaning of a row: the mean over its interval, or the value at its start."""
 
 SAMPLINGS: tuple[Sampling, ...] = get_args(Sampling)
 
@@ -28,9 +28,8 @@ SAMPLINGS: tuple[Sampling, ...] = get_args(Sampling)
 class ChannelEntry(Section):
     """One line of `[channels]`: a name, a number, or a table of these keys.
 
-    Of what the file holds, raw, becomes sign × (scale × raw + offset), which stands in `unit` and is
-    converted into the SI unit of the channel. Without `column`, `derived` and `value` the column has the
-    channel's name.
+    A value raw in the file is converted to sign × (scale × raw + offset), in `unit`, and then into the SI
+    unit of the channel. Without `column`, `derived` and `value`, the column has the channel's name.
     """
 
     column: str | None = Field(default=None, description="name in the file, 'group/name' where it has groups")
@@ -40,7 +39,7 @@ class ChannelEntry(Section):
     value: float | None = quantity(
         "known for the whole file, in place of a column", "unit of the entry", OF_THE_LOGGER, default=None
     )
-    unit: str | None = Field(default=None, description="of scale × raw + offset; the SI unit where left out")
+    unit: str | None = Field(default=None, description="unit of scale × raw + offset; the SI unit if omitted")
     scale: float = quantity("factor", "unit per raw", OF_THE_LOGGER, default=1.0)
     offset: float = quantity("what is added", "unit of the entry", OF_THE_LOGGER, default=0.0)
     sign: Literal[1, -1] = Field(default=1, description="-1 where the logger counts the other way")
@@ -48,7 +47,7 @@ class ChannelEntry(Section):
         "how much later than the others the channel is recorded", "s", OF_THE_LOGGER, default=0.0
     )
     time: Name | None = Field(
-        default=None, description="column with the times of this one, if they are not those of the others"
+        default=None, description="column with the times of this column, if it has separate times"
     )
 
     @model_validator(mode="before")
@@ -71,13 +70,13 @@ class ChannelEntry(Section):
 
     @field_validator("unit")
     @classmethod
-    def _known(cls, unit: str | None) -> str | None:
+    def _check_unit(cls, unit: str | None) -> str | None:
         if unit is not None:
             check_unit(unit)
         return unit
 
     @model_validator(mode="after")
-    def _of_one_source(self) -> Self:
+    def _check_source(self) -> Self:
         given = [name for name in ("column", "derived", "value") if getattr(self, name) is not None]
         if len(given) > 1:
             raise ValueError(f"{' and '.join(given)} exclude each other; keep one")
@@ -91,25 +90,25 @@ class ChannelEntry(Section):
 
     @model_serializer(mode="wrap")
     def _shortest(self, handler: SerializerFunctionWrapHandler) -> Any:
-        kept = {name: value for name, value in handler(self).items() if value != _DEFAULTS[name]}
-        if kept.keys() == {"column"}:
-            return kept["column"]
-        return kept
+        given = {name: value for name, value in handler(self).items() if value != _DEFAULTS[name]}
+        if given.keys() == {"column"}:
+            return given["column"]
+        return given
 
     @property
     def converts(self) -> bool:
-        """Whether raw values are changed on their way into the channel."""
+        """Whether raw values are converted."""
         return self.unit is not None or (self.scale, self.offset, self.sign) != (1.0, 0.0, 1)
 
 
 _DEFAULTS = {name: field.default for name, field in ChannelEntry.model_fields.items()}
 
 OWN_NAME = ChannelEntry()
-"""A column that has the channel's own name and stands in its SI unit."""
+"""Entry of a column with the channel's name, in the channel's SI unit."""
 
 
 class Channels(Section):
-    """Where a rig stores the channels, and how its rows were sampled."""
+    """The entry of each channel, and the sampling of the rows."""
 
     sampling: Sampling = Field(
         default="mean", description="rows are means over the sample interval, or values at its start"
@@ -136,12 +135,12 @@ class Channels(Section):
 
     def entry(self, name: str) -> ChannelEntry:
         """Return the entry of the channel `name`."""
-        found: ChannelEntry = getattr(self, name)
-        return found
+        entry: ChannelEntry = getattr(self, name)
+        return entry
 
     @field_validator("time_s")
     @classmethod
-    def _time_is_recorded(cls, entry: ChannelEntry) -> ChannelEntry:
+    def _check_time(cls, entry: ChannelEntry) -> ChannelEntry:
         if entry.value is not None or entry.derived is not None or entry.delay_s or entry.time:
             raise ValueError("time is a column of its own; give its name, unit, scale and offset only")
         return entry

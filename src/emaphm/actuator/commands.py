@@ -1,4 +1,4 @@
-"""Position commands: functions of time that a test rig follows."""
+"""Position commands: functions of time that an actuator follows."""
 
 import math
 from collections.abc import Callable
@@ -12,11 +12,11 @@ from emaphm.arrays import Array, floats
 from emaphm.errors import SignalError
 
 Command = Callable[[Array], Array]
-"""Anything that maps times [s], shape (n,), to user positions [rad; m if linear], shape (n,)."""
+"""Function of times [s], shape (n,), that returns user positions [rad; m if linear], shape (n,)."""
 
 
 def _check_finite(command: object, *names: str) -> None:
-    """Refuse values that are no finite numbers, which a simulation could not follow, with `SignalError`."""
+    """Raise `SignalError` for a value that is not finite, which cannot be simulated."""
     for name in names:
         value = getattr(command, name)
         if not math.isfinite(value):
@@ -33,7 +33,7 @@ def _check_sweep(chirp: "Chirp | DecayingChirp") -> None:
 
 @dataclass(frozen=True)
 class Step:
-    """`amplitude` [rad; m if linear] from `start` [s] on, 0 before; counted from the position `about`.
+    """Step from 0 to `amplitude` [rad; m if linear] at `start` [s], relative to the position `about`.
 
     Raises
     ------
@@ -55,14 +55,14 @@ class Step:
 
 @dataclass(frozen=True)
 class Ramp:
-    """Constant `rate` [rad/s; m/s if linear] from `start` [s] on, held once ±`limit` [rad; m] is reached.
+    """Ramp of a constant `rate` [rad/s; m/s if linear] from `start` [s] until ±`limit` [rad; m], then held.
 
-    It is counted from the position `about` [rad; m], and so is the limit.
+    Ramp and limit are relative to the position `about` [rad; m].
 
     Raises
     ------
     SignalError
-        The rate or the start is not finite, or the limit not above 0.
+        The rate, the start or the position is not finite, or the limit not above 0.
     """
 
     rate: float = 2e-2
@@ -84,7 +84,7 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Sine:
-    """about + amplitude × sin(2 pi frequency t); position and amplitude in rad, m if linear, frequency in Hz.
+    """Sine about + amplitude × sin(2 pi frequency t); position and amplitude in rad, m if linear.
 
     Raises
     ------
@@ -109,7 +109,7 @@ class Chirp:
     """Linear chirp from `start_hz` to `stop_hz` over `duration` [s]; the default manoeuvre.
 
     about + amplitude × sin(2 pi (f0 t + (f1 - f0) t² / (2 duration))); position and amplitude in rad, m if
-    linear, frequencies in Hz. After `duration` the frequency goes on rising.
+    linear, frequencies in Hz. After `duration` the frequency continues to rise.
 
     Raises
     ------
@@ -134,7 +134,7 @@ class Chirp:
 
 @dataclass(frozen=True)
 class DecayingChirp:
-    """The thesis's second chirp (3.1.1): as `Chirp`, its amplitude falling linearly from 1 to 0 times.
+    """The thesis's second chirp (3.1.1): a `Chirp` times a factor that falls linearly from 1 to 0.
 
     Raises
     ------
@@ -159,14 +159,14 @@ class DecayingChirp:
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """A signal given by samples, linear between them and held at both ends.
+    """A signal given by samples, with linear interpolation between them and held at both ends.
 
     Parameters
     ----------
     time_s
         Increasing times [s], shape (n,), n at least 2.
     values
-        The signal there, shape (n,), in its own unit.
+        Values of the signal at these times, shape (n,), in its own unit.
 
     Raises
     ------
@@ -197,7 +197,7 @@ class Sampled:
         object.__setattr__(self, "values", v)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Copies of an array can be written to: those of a signal are made anew.
+        # A copied array would be writeable; the constructor makes it read-only again.
         return Sampled, (self.time_s, self.values)
 
     def __call__(self, t: Array) -> Array:
@@ -206,9 +206,9 @@ class Sampled:
 
 
 def rest_position(command: Command, given: float | None = None) -> float:
-    """Return where the shaft rests before `command` [rad; m if linear]: `given`, or what it is counted from.
+    """Return the position of the shaft at rest before `command` [rad; m if linear].
 
-    0 for a command that is counted from nowhere, such as `Sampled`.
+    It is `given`, else the position `about` of the command, else 0, for example for `Sampled`.
     """
     return float(getattr(command, "about", 0.0)) if given is None else given
 

@@ -1,4 +1,4 @@
-"""The vector of eight normalised faults, its physical meaning, and the form that estimators use."""
+"""The vector of eight normalised faults, its physical meaning, and the coordinates of the estimators."""
 
 import math
 from collections.abc import Mapping
@@ -13,27 +13,26 @@ from emaphm.actuator.requirements import LOWEST_FRICTION, ComponentName
 from emaphm.errors import FaultError, nearest
 
 SHORTEST_WINDING = 0.01
-"""The models keep at least this fraction of healthy turns in each phase."""
+"""Least fraction of healthy turns in each phase in the models."""
 
 LEAST_FRICTION_FACTOR = 0.1
-"""Least dry friction relative to healthy: a lost preload takes most of it, seals and gear leave some."""
+"""Least dry friction relative to healthy: a lost preload removes most of it, seals and gear keep some."""
 
 
 @dataclass(frozen=True)
 class Faults:
-    """Eight normalised faults, each in [0, 1], friction also below; the defaults are healthy (thesis 6.1).
+    """Eight normalised faults, each in [0, 1], friction also below 0; the defaults are healthy (thesis 6.1).
 
-    friction and backlash grow from 0 (healthy) to 1. A negative friction is dry friction below healthy, as of
-    a lost preload or a worn-in screw, down to `LEAST_FRICTION_FACTOR` of it (`lower_bounds`). short_a,
-    short_b, short_c are the fraction of short-circuited turns in each phase; eccentricity is that of the
-    rotor and eccentricity_phase its direction (0 and 1 are -180 and +180 deg; meaningless without
-    eccentricity); gain is 0.5 when healthy, 0 and 1 being the drive's position gain halved and half as much
-    again.
+    friction and backlash increase from 0 (healthy) to 1. A negative friction is dry friction below healthy,
+    such as with a lost preload or a worn-in screw, down to the factor `LEAST_FRICTION_FACTOR`
+    (`lower_bounds`). short_a, short_b and short_c are the fractions of short-circuited turns in each phase.
+    eccentricity is the rotor's eccentricity and eccentricity_phase its direction (0 and 1 are -180 and +180
+    deg; undefined without eccentricity). gain is 0.5 when healthy; 0 and 1 mean 0.5 and 1.5 times G_prop.
 
     Raises
     ------
     FaultError
-        A component is not a number in [0, 1], or the friction not one in [-1, 1].
+        A component is not a number in [0, 1], or the friction not a number in [-1, 1].
     """
 
     friction: float = 0.0
@@ -79,10 +78,10 @@ class Faults:
         return np.array([getattr(self, name) for name in NAMES])
 
     def physical(self, actuator: Actuator) -> dict[str, float]:
-        """Return what the faults mean on `actuator`.
+        """Return the physical quantities of the faults on `actuator`, by name.
 
-        Keys: friction_factor [-], backlash_rad (at the motor) [rad], turns_a, turns_b, turns_c
-        (fraction of healthy turns) [-], eccentricity_Z [-], eccentricity_phase_rad [rad],
+        The names are friction_factor [-], backlash_rad (at the motor) [rad], turns_a, turns_b, turns_c
+        (fraction of healthy turns) [-], eccentricity_Z [-], eccentricity_phase_rad [rad] and
         gain_factor [-].
         """
         scales = actuator.faults
@@ -102,33 +101,33 @@ NAMES = tuple(field.name for field in fields(Faults))
 HEALTHY = Faults()
 
 COMPONENTS: tuple[str, ...] = get_args(ComponentName)
-"""What can degrade; the direction of an eccentricity is none of its own and shares its verdict."""
+"""Components that can degrade; the direction of an eccentricity has no separate verdict."""
 
 
 def degraded_in(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return those of `COMPONENTS` that a diagnosis calls degraded, as `emaphm diagnose --json` prints it."""
+    """Return the degraded `COMPONENTS` of a diagnosis, given as `emaphm diagnose --json` prints it."""
     return tuple(name for name in COMPONENTS if document["faults"][name]["verdict"] == "degraded")
 
 
 HEALTHS = ("degraded", "not explained", "cannot tell", "healthy")
-"""What a diagnosis says of its unit, what is most to be looked after first."""
+"""Possible states of a unit according to a diagnosis, the most urgent first."""
 
 
 def health_in(document: Mapping[str, Any]) -> str:
-    """Return which of `HEALTHS` a diagnosis says of its unit, as `emaphm diagnose --json` prints it.
+    """Return the state of a unit, one of `HEALTHS`, from a diagnosis as `emaphm diagnose --json` prints it.
 
-    A unit is healthy where each of `COMPONENTS` is: one without a verdict may be degraded.
+    A unit is healthy if all `COMPONENTS` are healthy: a component without a verdict may be degraded.
     """
     if not document["explained"]:
         return "not explained"
-    found = {document["faults"][name]["verdict"] for name in COMPONENTS}
-    return next((one for one in HEALTHS if one in found), "cannot tell")
+    verdicts = {document["faults"][name]["verdict"] for name in COMPONENTS}
+    return next((health for health in HEALTHS if health in verdicts), "cannot tell")
 
 
 def lower_bounds(actuator: Actuator) -> NDArray[np.float64]:
-    """Return the least value of each component on `actuator`, (8,); the largest is 1.
+    """Return the least value of each component on `actuator`, (8,); the largest value is 1.
 
-    0, but for the friction: -(1 - f) / scale, f being `LEAST_FRICTION_FACTOR`, and -1 at least.
+    It is 0, except for friction: max(-(1 - f) / scale, -1), with f = `LEAST_FRICTION_FACTOR`.
     """
     lower = np.zeros(len(NAMES))
     least = (LEAST_FRICTION_FACTOR - 1) / actuator.faults.friction
@@ -137,7 +136,7 @@ def lower_bounds(actuator: Actuator) -> NDArray[np.float64]:
 
 
 def absent_faults(actuator: Actuator) -> dict[str, str]:
-    """Return why `actuator` cannot have each of the components of `NAMES` that it cannot have."""
+    """Return the components of `NAMES` that `actuator` cannot have, each with the reason."""
     absent = {}
     if actuator.mechanics.static_friction == 0:
         absent["friction"] = "the healthy friction is zero, so its fault scales nothing"
@@ -154,43 +153,43 @@ def absent_faults(actuator: Actuator) -> dict[str, str]:
 
 
 def present_components(actuator: Actuator) -> tuple[str, ...]:
-    """Return those of `COMPONENTS` that `actuator` can have."""
+    """Return the `COMPONENTS` that `actuator` can have."""
     absent = absent_faults(actuator)
     return tuple(name for name in COMPONENTS if name not in absent)
 
 
 def check_vectors(vectors: NDArray[np.float64], actuator: Actuator) -> None:
-    """Refuse fault vectors (n, 8) with a component that `actuator` cannot have.
+    """Refuse fault vectors (n, 8) with a component outside its range on `actuator`.
 
     Raises
     ------
     FaultError
-        It names the first such component and its range.
+        A component is outside its range; the message names the first such component and its range.
     """
     lower = lower_bounds(actuator)
     outside = np.argwhere(~((vectors >= lower) & (vectors <= 1)))
     if outside.size:
         row, column = outside[0]
-        where = f" of vector {row}" if len(vectors) > 1 else ""
-        what = f"fault {NAMES[column]}={vectors[row, column]:g}{where}"
-        raise FaultError(_outside(what, float(lower[column])))
+        place = f" of vector {row}" if len(vectors) > 1 else ""
+        fault = f"fault {NAMES[column]}={vectors[row, column]:g}{place}"
+        raise FaultError(_outside(fault, float(lower[column])))
 
 
 def whole_turns(name: str) -> tuple[float, ...]:
-    """Return by how much values of a component may differ and mean the same, in its unit.
+    """Return the differences between values of a component that are equivalent, in its unit.
 
-    The phase is a direction: 0 and 1 are the same, and an interval of it may run past either. All other
-    components are amounts, of which only equal ones are the same.
+    The phase is a direction: 0 and 1 are equivalent, and an interval may extend beyond either. For all other
+    components only equal values are equivalent.
     """
     return (-1.0, 0.0, 1.0) if name == "eccentricity_phase" else (0.0,)
 
 
-def _outside(what: str, lowest: float) -> str:
-    return f"{what} lies outside [{lowest:g}, 1]; give a value from {lowest:g} to 1"
+def _outside(fault: str, lowest: float) -> str:
+    return f"{fault} lies outside [{lowest:g}, 1]; give a value from {lowest:g} to 1"
 
 
 CARTESIAN_NAMES = (*NAMES[:5], "eccentricity_x", "eccentricity_y", "gain")
-"""Coordinates an estimator works in: no wrap, and no false minimum where the eccentricity is 0."""
+"""Coordinates of the estimators, without wrapping and without a false minimum at eccentricity 0."""
 
 
 def to_cartesian(vectors: ArrayLike) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
-"""The optional sections of an actuator: laws of friction, transmission and load in addition to the thesis's.
+"""Optional sections of an actuator: laws of friction, transmission, load and drive beyond the thesis.
 
-A law whose values are left out is not there, and takes no time in a simulation. All values at the motor shaft
-unless said; forms and sources: `emaphm.simulation.laws`.
+A law whose values are omitted is absent and takes no time in a simulation. All values are referred to the
+motor shaft unless stated otherwise. Equations and sources are in `emaphm.simulation.laws`.
 """
 
 from typing import Literal, Self
@@ -15,7 +15,7 @@ BAM = "arXiv 2410.08650"
 
 
 class Friction(Section):
-    """What dry and viscous friction have in addition to their values in [mechanics]."""
+    """Laws of dry and viscous friction in addition to their values in [mechanics]."""
 
     stribeck_speed: float | None = quantity(
         "speed over which static friction falls to dynamic friction",
@@ -103,14 +103,14 @@ class Friction(Section):
 
 
 class Transmission(Section):
-    """A shaft that gives, between the inertias of motor and user; rigid where the section is left out."""
+    """A compliant shaft between the inertias of motor and user; rigid if the section is omitted."""
 
     stiffness: float = quantity("of shaft and gear, the backlash in series", "N·m/rad", CHOSEN, gt=0)
     damping: float = quantity("in parallel to the stiffness", "N·m·s/rad", CHOSEN, default=0.0, ge=0)
 
 
 class Weight(Section):
-    """A weight that turns with the user. Positive load opposes positive motion."""
+    """A weight that turns with the user; a positive load opposes positive motion."""
 
     gravity: float = quantity("largest torque of the weight, m g l × gear ratio", "N·m", CHOSEN, ge=0)
     gravity_angle: float = quantity(
@@ -134,11 +134,11 @@ DriveKind = Literal["hysteresis", "current", "voltage", "six-step", "foc"]
 
 
 class Drive(Section):
-    """How the windings are fed.
+    """The drive, which feeds the windings.
 
-    hysteresis: three-phase BLDC motor, a comparator a phase (thesis); six-step: the same motor with PI
-    current control and PWM; foc: three-phase motor with sinusoidal back-EMF, PI control of the currents in d
-    and q, and PWM; voltage: DC motor, the speed loop demands a duty cycle; current: an ideal current loop.
+    hysteresis: three-phase BLDC motor, one comparator per phase (thesis); six-step: the same motor with PI
+    current control and PWM; foc: three-phase motor with sinusoidal back-EMF, PI control of d-axis and q-axis
+    currents, and PWM; voltage: DC motor, the speed loop demands a duty cycle; current: ideal current loop.
     """
 
     kind: DriveKind

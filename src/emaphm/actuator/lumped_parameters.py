@@ -1,4 +1,4 @@
-"""Lumped parameters: sums over motor and user, referred to the motor shaft, as calibration estimates them."""
+"""Lumped parameters, which a calibration estimates: sums of motor and user, referred to the motor shaft."""
 
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -33,14 +33,14 @@ OPTIONAL = (
     "sine_share",
     *HALL_SENSORS,
 )
-"""Sections, and parameters, whose values are laws of their own: one that is not described is not there."""
+"""Sections, and parameters, of optional laws: they must be described before they can be estimated."""
 
 LIKE_FAULTS = ("coulomb", "static", "backlash", "position_gain", "torque_constant", "resistance")
-"""Parameters that the faults change: a healthy unit that differs in one of them seems to have that fault."""
+"""Parameters that faults change: their deviation on a healthy unit is confounded with a fault."""
 
 
 def check_lumped_parameters(actuator: Actuator, names: Mapping[str, Any] | tuple[str, ...]) -> None:
-    """Raise `MethodError` for a name that is unknown or that `actuator` has no section for."""
+    """Raise `MethodError` for a name that is unknown or whose section `actuator` lacks."""
     for name in names:
         if name not in LUMPED_PARAMETERS:
             raise MethodError(f"unknown parameter '{name}'{nearest(name, LUMPED_PARAMETERS)}")
@@ -65,40 +65,40 @@ def lumped_parameters(actuator: Actuator, names: tuple[str, ...]) -> dict[str, f
 
 
 def kept_parameters(actuator: Actuator, estimated: Collection[str]) -> dict[str, float]:
-    """Return the parameters that are described, other than 0, and not among those `estimated`."""
+    """Return the described lumped parameters by name that are not 0 and not `estimated`."""
     values = {name: sum(described_parts(actuator, name) or ()) for name in LUMPED_PARAMETERS}
-    return {name: float(one) for name, one in values.items() if one and name not in estimated}
+    return {name: float(value) for name, value in values.items() if value and name not in estimated}
 
 
 def not_calibrated(actuator: Actuator) -> tuple[str, ...]:
-    """Return the parameters `LIKE_FAULTS` that a calibrated actuator has as described; none without one.
+    """Return the parameters of `LIKE_FAULTS` that the calibration of `actuator` has not estimated.
 
-    Those with a tolerance are estimated in a diagnosis, and are left out.
+    Parameters with a tolerance are left out, since a diagnosis estimates them. Empty without a calibration.
     """
     if actuator.baseline is None:
         return ()
     tolerances = actuator.open_tolerances
     known = {*actuator.baseline.names, *(tolerances.names if tolerances else ())}
-    kept = kept_parameters(actuator, known)
-    return tuple(name for name in LIKE_FAULTS if name in kept)
+    not_estimated = kept_parameters(actuator, known)
+    return tuple(name for name in LIKE_FAULTS if name in not_estimated)
 
 
 def static_follows(actuator: Actuator, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `values` with static friction in its present ratio to `coulomb`, unless it is given itself."""
-    following = dict(values)
-    if "coulomb" in following and "static" not in following:
+    """Return `values` with `static` added in its described ratio to `coulomb`, unless it is given."""
+    completed = dict(values)
+    if "coulomb" in completed and "static" not in completed:
         m = actuator.mechanics
         if m.dynamic_friction > 0:
-            following["static"] = m.static_friction / m.dynamic_friction * np.asarray(following["coulomb"])
+            completed["static"] = m.static_friction / m.dynamic_friction * np.asarray(completed["coulomb"])
         else:
-            following["static"] = np.maximum(m.static_friction, following["coulomb"])
-    return following
+            completed["static"] = np.maximum(m.static_friction, completed["coulomb"])
+    return completed
 
 
 def with_lumped_parameters(
     actuator: Actuator, values: Mapping[str, float], *, name: str | None = None
 ) -> Actuator:
-    """Return `actuator` with the given parameters, motor and user keeping their shares; renamed if asked.
+    """Return `actuator` with the given lumped parameters, in unchanged shares of motor and user.
 
     Raises
     ------
@@ -110,17 +110,17 @@ def with_lumped_parameters(
     check_lumped_parameters(actuator, values)
     description = actuator.model_dump()
     for parameter, value in static_follows(actuator, values).items():
-        section, first, *others = PARTS[parameter]
+        section, first, *further = PARTS[parameter]
         if section == "ripple":
-            description["ripple"][int(first) - 1][others[0]] = float(value)
+            description["ripple"][int(first) - 1][further[0]] = float(value)
             continue
         fields = description[section]
-        present = fields[first] + sum(fields[field] for field in others)
-        for field in (first, *others):
-            share = fields[field] / present if present else float(field == first)
+        described = fields[first] + sum(fields[field] for field in further)
+        for field in (first, *further):
+            share = fields[field] / described if described else float(field == first)
             fields[field] = float(value * share)
     if "torque_constant" in values:
-        # What the drive assumes is not the motor's any more, where that stood for it.
+        # The drive still assumes the described constant, also if it was given for the motor only.
         description["controller"]["torque_constant"] = actuator.drive_constant
     description["name"] = name or actuator.name
     return Actuator.from_dict(description, where=description["name"])

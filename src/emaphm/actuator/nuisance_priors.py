@@ -1,4 +1,4 @@
-"""How large what is unknown of a recording, and is no fault, may be: the priors of nuisances."""
+"""`[nuisances]`: prior standard deviations of the nuisances, unknowns of a recording that are no faults."""
 
 from typing import Any, Literal
 
@@ -36,9 +36,9 @@ NuisanceName = Literal[
 ]
 
 
-def _sensor_zero(what: str, unit: str) -> Any:
+def _sensor_zero(meaning: str, unit: str) -> Any:
     usual = "0.2 % of the range that the actuator's limits imply where left out"
-    return quantity(f"{what}; {usual}", unit, PRIOR, default=None, gt=0)
+    return quantity(f"{meaning}; {usual}", unit, PRIOR, default=None, gt=0)
 
 
 def _sensor_scale(sensors: str) -> Any:
@@ -46,14 +46,14 @@ def _sensor_scale(sensors: str) -> Any:
 
 
 def _sensor_delay(sensors: str) -> Any:
-    what = f"delay of {sensors} against the command, of either sign"
-    return quantity(what, "s", PRIOR, default=2e-4, gt=0)
+    meaning = f"delay of {sensors} against the command, of either sign"
+    return quantity(meaning, "s", PRIOR, default=2e-4, gt=0)
 
 
 class Nuisances(Section):
-    """Standard deviations, about the description, of what is unknown of a recording and is no fault.
+    """Prior standard deviations of the nuisances about the description.
 
-    Those in `estimated` are estimated with the faults unless a diagnosis asks for others.
+    The nuisances in `estimated` are estimated with the faults unless a diagnosis names others.
     """
 
     estimated: tuple[NuisanceName, ...] = Field(

@@ -1,8 +1,8 @@
-"""What an actuator is: its parameters, validated, with unit and source for each.
+"""The parameters of an actuator, validated, each with its unit and source.
 
-Symbols and values follow the thesis (Tab. 3.1). A linear actuator uses the same fields with m, N, kg
-in place of rad, N·m, kg·m², a rotary motor behind a screw m for what is the user's; everything mechanical is
-referred to the motor shaft.
+Symbols and values follow the thesis (Tab. 3.1). A linear actuator uses the same fields with m, N and kg in
+place of rad, N·m and kg·m²; with a rotary motor and a screw, only the user's quantities are in m. All
+mechanical quantities are referred to the motor shaft.
 """
 
 import math
@@ -16,10 +16,10 @@ from emaphm.errors import SignalError
 
 
 class Controller(Section):
-    """Position loop (P, PI or PID) around a speed loop (PID) around a current loop, each with its limit.
+    """Cascade of a position loop (P, PI or PID), a speed loop (PID) and a current loop, each with its limit.
 
-    Where the drive is driven by voltage, the speed loop's output is the duty cycle, limited to ±1, and its
-    gains have s/rad and 1/rad for N·m·s/rad and N·m/rad.
+    If the drive is of kind "voltage", the output of the speed loop is the duty cycle, limited to ±1, and its
+    gains are in s/rad and 1/rad in place of N·m·s/rad and N·m/rad.
     """
 
     position_gain: float = quantity(
@@ -73,7 +73,7 @@ class Controller(Section):
 
 
 class Motor(Section):
-    """Conversion of current to torque; power conservation makes it the back-EMF constant too."""
+    """Conversion of current to torque; because of power conservation, k_t equals the back-EMF constant."""
 
     torque_constant: float = quantity(
         "torque constant k_t and back-EMF constant k_e, line to line", "N·m/A", THESIS, gt=0
@@ -139,7 +139,7 @@ class Motor(Section):
 
 
 class Electrical(Section):
-    """Windings and inverter. An actuator without this part has an ideal current loop."""
+    """Windings and inverter; an actuator without this section has an ideal current loop."""
 
     supply: float = quantity("supply voltage, V_dc", "V", THESIS, gt=0)
     resistance: float = quantity("resistance line to line, R_s", "ohm", THESIS, gt=0)
@@ -244,7 +244,7 @@ class Mechanics(Section):
         return self
 
     def encloses(self, lowest: float, highest: float) -> bool:
-        """Return whether the travel holds `lowest` to `highest` [rad at the user; m if linear]."""
+        """Return whether `lowest` to `highest` [rad at the user; m if linear] is within the end stops."""
         if self.end_stops is None:
             return True
         low, high = self.end_stops
@@ -252,17 +252,17 @@ class Mechanics(Section):
         return low - rounding <= lowest and highest <= high + rounding
 
     def start_for(self, lowest: float, highest: float) -> float:
-        """Return where a manoeuvre should start that goes from `lowest` to `highest`, counted from there.
+        """Return the start position of a manoeuvre that moves from `lowest` to `highest` relative to it.
 
-        All in rad at the user, m if linear. At 0, or where an end stop is too near to 0, such that the
-        manoeuvre is in the middle of the travel.
+        All positions are in rad at the user, m if linear. The start is 0, or if an end stop is too near to 0,
+        the position that centres the manoeuvre in the travel.
         """
         if self.end_stops is None or self.encloses(lowest, highest):
             return 0.0
         return (sum(self.end_stops) - lowest - highest) / 2
 
     def check_start(self, position: float) -> None:
-        """Refuse a `position` [rad at the user; m if linear] where no shaft can rest, with `SignalError`."""
+        """Raise `SignalError` for a `position` [rad at the user; m if linear] beyond the end stops."""
         if not (math.isfinite(position) and self.encloses(position, position)):
             stops = list(self.end_stops or ())
             raise SignalError(
@@ -272,7 +272,7 @@ class Mechanics(Section):
 
 
 class FaultScales(Section):
-    """What the normalised faults mean physically (thesis 6.1)."""
+    """Scales of the normalised faults in physical quantities (thesis 6.1)."""
 
     friction: float = quantity("dry friction × (1 + friction × k1)", "-", "thesis 6.1", default=2.0, gt=0)
     backlash: float = quantity("BLK × (1 + backlash × k2)", "-", "thesis 6.1", default=9.0, gt=0)

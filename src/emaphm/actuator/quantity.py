@@ -1,4 +1,4 @@
-"""A physical quantity as a model field: a description with symbol, unit, source and bounds."""
+"""Physical quantities as model fields, with meaning, symbol, unit, source and bounds; conversion of units."""
 
 from typing import Any, Literal
 
@@ -8,13 +8,14 @@ THESIS, CHOSEN = "thesis Tab. 3.1", "chosen, not in the thesis"
 """Sources of most quantities."""
 
 COLDEST, HOTTEST = 150.0, 500.0
-"""Mean temperatures of an actuator [K] that are not taken for a mistake of units."""
+"""Range of the mean temperature of an actuator [K]; values outside it are taken for a wrong unit."""
 
 Coordinates = Literal["rotary", "linear", "screw"]
-"""What motor and user move in: both in rad, both in m, or the motor in rad and the user in m."""
+"""Units of the positions of motor and user: both in rad, both in m, or the motor in rad and the user in m."""
 
 USER_ANGLE, ELECTRICAL_ANGLE = "rad (user)", "rad (electrical)"
-"""Units of the user's position, which is a length behind a screw, and of what stays an angle everywhere."""
+"""Units of the user's position, a length behind a screw, and of electrical angles, which are always in
+rad."""
 
 ROTARY_TO_LINEAR = (("kg·m²", "kg"), ("N·m", "N"), ("rad", "m"))
 
@@ -22,7 +23,8 @@ SIMPLER = {"rad/rad": "-", "m/m": "-", "rad/(s·rad)": "1/s", "m/(s·m)": "1/s"}
 
 
 def quantity(description: str, unit: str, source: str, **bounds: Any) -> Any:
-    """Return a pydantic field for a quantity in `unit`, as found in `source`; `bounds` as for `Field`."""
+    """Return a pydantic field for a quantity in `unit` from `source`, with `bounds` as for `Field`."""
+    # The description is written into TOML files, whose hash identifies an actuator in a history.
     bounds.setdefault("strict", True)  # true and "48" are no quantities
     return Field(
         description=description,
@@ -32,7 +34,7 @@ def quantity(description: str, unit: str, source: str, **bounds: Any) -> Any:
 
 
 def unit_for(unit: str, coordinates: str) -> str:
-    """Return a described unit in these coordinates: rotary units as they are, or their linear counterparts.
+    """Return the unit of a quantity in these coordinates, from its rotary unit.
 
     >>> unit_for("N·m·s/rad", "linear")
     'N·s/m'

@@ -1,4 +1,4 @@
-"""`[reading]`: which rows of a file are used, how it is cut into recordings, and how they are cleaned."""
+"""`[reading]`: selection of the rows of a file, cutting into recordings, and cleaning."""
 
 from typing import Annotated, Any
 
@@ -19,7 +19,7 @@ Text = Annotated[str, Field(min_length=1)]
 
 
 class Reading(Section):
-    """What of a file is read. By default everything is, and only short gaps and outliers are replaced."""
+    """Settings for reading a file; by default all rows are used, short gaps and outliers are replaced."""
 
     keep: Text | None = Field(
         default=None, description="condition on columns; only rows where it holds are used"
@@ -61,7 +61,7 @@ class Reading(Section):
 
     @field_validator("ignore")
     @classmethod
-    def _of_channels(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_ignored(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         possible = [name for name in CHANNEL_NAMES if name not in ALWAYS_THERE]
         for name in names:
             if name in ALWAYS_THERE:
@@ -72,14 +72,14 @@ class Reading(Section):
 
     @field_validator("times", mode="before")
     @classmethod
-    def _of_ranges(cls, given: Any) -> Any:
-        if isinstance(given, list | tuple) and all(isinstance(one, list | tuple) for one in given):
+    def _check_ranges(cls, given: Any) -> Any:
+        if isinstance(given, list | tuple) and all(isinstance(limits, list | tuple) for limits in given):
             return given
         raise ValueError("give a list of ranges [first, last] in s, such as [[0.5, 2.0]]")
 
     @field_validator("times")
     @classmethod
-    def _ordered(cls, ranges: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    def _check_order(cls, ranges: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
         for first, last in ranges:
             if not first < last:
                 raise ValueError(f"the range [{first:g}, {last:g}] is empty; give [first, last] in s")

@@ -1,4 +1,4 @@
-"""What an actuator must do: limits of what it is measured by, and of the levels of its faults."""
+"""`[[requirements]]`: limits of performance measures of an actuator, and of the levels of its faults."""
 
 from typing import Literal, Self
 
@@ -10,10 +10,10 @@ from emaphm.actuator.section import Section
 MOST_REQUIREMENTS = 50
 
 LOWEST_FRICTION = -1.0
-"""Least friction component that any actuator may have, if its scale is small (`faults.lower_bounds`)."""
+"""Least friction component of any actuator, reached if its scale is small (`faults.lower_bounds`)."""
 
 ComponentName = Literal["friction", "backlash", "short_a", "short_b", "short_c", "eccentricity", "gain"]
-"""What can degrade, in the order of `Faults`."""
+"""Components that can degrade, in the order of `Faults`."""
 
 MeasureName = Literal[
     "tracking_error", "bandwidth", "settling_time", "stall_margin", "peak_current", "free_play"
@@ -27,24 +27,24 @@ MEASURE_UNITS: dict[str, str] = {
     "peak_current": "A",
     "free_play": USER_ANGLE,
 }
-"""Units of the measures, of a rotary actuator."""
+"""Units of the measures for a rotary actuator."""
 
 
 LOWEST_HZ, HIGHEST_HZ = 2.0, 100.0
-"""Where bandwidths are looked for, unless `frequency_hz` says how high they may be."""
+"""Range in which bandwidths are searched; `frequency_hz` replaces the upper limit."""
 
 MOST_PERIODS = 3000
-"""Of a manoeuvre, whose samples are at least 32 a period."""
+"""Largest number of periods of a manoeuvre, each of which has at least 32 samples."""
 
 LARGEST_STALL_MARGIN = 4.0
-"""Multiple of the load up to which the load is raised."""
+"""Largest multiple of the load that is simulated."""
 
 
 class Requirement(Section):
-    """One requirement: a fault's level, or a measure of what the actuator does, is within its limits.
+    """One requirement: the level of a fault, or a performance measure of the actuator, is within its limits.
 
-    A level is that of a manual: `component` and `at_most`, normalised as in `Faults`; a friction that falls,
-    as with a lost preload, has an `at_least` below 0. A measure is computed by the averaged model:
+    A limit of a level, such as from a manual, has `component` and `at_most`, normalised as in `Faults`; for a
+    decreasing friction, as with a lost preload, an `at_least` below 0. The averaged model computes measures:
 
     tracking_error
         Root mean square of command minus position, at the user, over the manoeuvre [rad].
@@ -53,14 +53,14 @@ class Requirement(Section):
     settling_time
         Time after which the position stays within 5 % of a step's amplitude [s].
     stall_margin
-        Load that it holds within `amplitude`, as a multiple of `load` [-].
+        Largest load that the actuator holds within `amplitude`, as a multiple of `load` [-].
     peak_current
         Largest magnitude of the current over the manoeuvre [A].
     free_play
         Backlash, full width at the user [rad].
     """
 
-    name: str | None = Field(default=None, min_length=1, max_length=80, description="how it is called")
+    name: str | None = Field(default=None, min_length=1, max_length=80, description="name of the requirement")
     component: ComponentName | None = None
     measure: MeasureName | None = None
     at_most: float | None = quantity(
@@ -108,11 +108,11 @@ class Requirement(Section):
         return self
 
     def _check_range(self) -> None:
-        """Refuse limits outside the range in which the measure is looked for: they hold never, or always."""
-        limits = [one for one in (self.at_least, self.at_most) if one is not None]
+        """Refuse limits outside the range that is simulated: they would be met never, or always."""
+        limits = [limit for limit in (self.at_least, self.at_most) if limit is not None]
         if self.measure == "bandwidth":
             highest = self.frequency_hz or HIGHEST_HZ
-            if not all(LOWEST_HZ < one <= highest for one in limits):
+            if not all(LOWEST_HZ < limit <= highest for limit in limits):
                 raise ValueError(
                     f"a bandwidth is looked for from {LOWEST_HZ:g} to {highest:g} Hz: give limits above "
                     f"{LOWEST_HZ:g}, and a frequency_hz above them"

@@ -1,4 +1,4 @@
-"""What the sensors of a rig do to the channels that they measure."""
+"""`[sensors]`: errors of the sensors of a rig."""
 
 from pydantic import Field
 
@@ -11,9 +11,9 @@ DATA_SHEET = "data sheet of the sensor"
 
 
 class Sensor(Section):
-    """One sensor: it lags, comes late, has errors of scale and zero, and a limited resolution.
+    """Errors of a sensor: lag, delay, errors of scale and zero, noise and limited resolution.
 
-    It is outside of the control loop: the drive acts on the true value. The equations are in
+    The sensor is outside the control loop: the drive uses the true value. The equations are in
     `emaphm.simulation.laws.sensors`.
     """
 
@@ -29,16 +29,16 @@ class Sensor(Section):
 
     @property
     def noise_variance(self) -> float:
-        """Variance of what noise and rounding add to a row, in the square of the channel's unit."""
+        """Variance of noise and rounding of a row, in the square of the channel's unit."""
         return self.noise**2 + self.resolution**2 / 12
 
 
 IDEAL = Sensor()
-"""Shows what is there."""
+"""Sensor without errors."""
 
 
 class Sensors(Section):
-    """The sensor of each channel that a model has; ideal where nothing is said of it."""
+    """The sensor of each channel of a model, ideal by default."""
 
     position_rad: Sensor = IDEAL
     speed_rad_s: Sensor = IDEAL
@@ -55,5 +55,5 @@ class Sensors(Section):
     duty: Sensor = IDEAL
 
     def of(self, channel: str) -> Sensor:
-        """Return the sensor of a channel, an ideal one where it has none."""
+        """Return the sensor of a channel, an ideal sensor for other channels."""
         return getattr(self, channel, IDEAL) if channel in Sensors.model_fields else IDEAL

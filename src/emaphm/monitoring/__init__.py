@@ -1,4 +1,4 @@
-"""Recordings judged as they arrive: diagnoses, alarms, prognoses, events."""
+"""Online monitoring: diagnosis of recordings as they arrive, with alarms, prognoses and events."""
 
 from emaphm.monitoring.ownership import NamePattern, Ownership
 from emaphm.monitoring.settings import WATCH, WatchSettings

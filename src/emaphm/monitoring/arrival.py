@@ -1,4 +1,4 @@
-"""A piece of work that a source hands over: recordings of one unit and flight."""
+"""Arrivals, the recordings that a source passes on, and the interface of a source."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ T = TypeVar("T")
 
 
 class Call(Protocol):
-    """Calls a function, here or in a process of its own (`emaphm.execution.one_process.Calls`)."""
+    """Interface that calls a function, here or in another process (`emaphm.execution.one_process.Calls`)."""
 
     def __call__(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
-        """Return what it returns."""
+        """Return the result of the function."""
 
 
 def call_here(function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
-    """Return what a function returns that is called in this process."""
+    """Return the result of a function, called in this process."""
     return function(*args, **kwargs)
 
 
@@ -30,19 +30,19 @@ class Arrival:
     Attributes
     ----------
     name
-        What events call them.
+        Name of the arrival in events.
     read
-        Returns each recording with its entry; `RecordingError` or `HistoryError` where they cannot be used.
+        Returns each recording with its entry; `RecordingError` or `HistoryError` if they cannot be used.
     finish
-        Called with the outcome, one of `watch_state.OUTCOMES`, and events to be kept with it; returns how
-        many of them are new.
+        Called with the outcome, one of `watch_state.OUTCOMES`, and the events to store with it; returns the
+        number of new events.
     once_more
-        Called where the process that judged it has died of it, or took too long: notes that, and returns
-        whether it is to be tried again. It is tried twice at most, over all runs of the watcher.
+        Called if the process that judged the arrival has died or took too long: notes this, and returns
+        whether the arrival is tried again. It is tried at most twice, over all runs of the watcher.
     arrived
-        When the last row was there, by `time.monotonic` [s].
+        Time at which the last row was received, by `time.monotonic` [s].
     digest
-        SHA-256 of the file's content, empty where there is none.
+        SHA-256 of the file's content, empty without a file.
     """
 
     name: str
@@ -54,17 +54,17 @@ class Arrival:
 
 
 class Source(Protocol):
-    """Where recordings come from."""
+    """Interface of a source of recordings."""
 
     def next(self) -> Arrival | None:
-        """Return what is to be judged next, None where nothing is ready; `HistoryError` as usual."""
+        """Return the next arrival, None if nothing is ready; `HistoryError` if the history fails."""
 
     def events(self) -> list[Event]:
-        """Return what became known of the source itself since it was last asked."""
+        """Return the events on the source itself since the last call."""
 
     @property
     def waiting(self) -> int:
-        """How many pieces of work wait, as far as is known."""
+        """Number of known arrivals that wait."""
 
     @property
     def is_held_back(self) -> bool:
@@ -72,7 +72,7 @@ class Source(Protocol):
 
     @property
     def exhausted(self) -> bool:
-        """Whether nothing is there that is not judged, now; of a stream that has ended, for ever."""
+        """Whether all present recordings have been passed on; for a stream, whether it has also ended."""
 
     def close(self) -> None:
-        """Stop looking."""
+        """Stop watching the source."""

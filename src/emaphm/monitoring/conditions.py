@@ -1,7 +1,7 @@
-"""What a new diagnosis changes: events on the health of its unit, with hysteresis.
+"""Events on the health of a unit after a new diagnosis, with hysteresis.
 
-All of it follows from the diagnoses that the history holds and the conditions that are open there. A watcher
-that was killed goes on as if it had not been.
+The events follow from the diagnoses and the open conditions in the history only. Therefore a watcher that was
+killed continues without loss.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,20 +17,22 @@ from emaphm.monitoring.settings import AlarmSettings
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """What is known when a diagnosis was added.
+    """State of a unit after a diagnosis was added.
 
     Attributes
     ----------
     unit
         Serial number.
     diagnoses
-        The unit's latest ones by hours; the last is the new one.
+        The unit's latest diagnoses in the order of hours; the last is the new diagnosis.
     open
         Conditions of the unit that were raised and not cleared.
     replacements
-        Of its components.
+        Replacements of its components.
+    settings
+        Thresholds of the conditions.
     watcher, details
-        Of each event: which watcher, and values that all of them have.
+        Name of the watcher, and further values, that are added to each event.
     """
 
     unit: str
@@ -67,57 +69,64 @@ class Situation:
         )
 
     def opened(self, kind: str, subject: str = "") -> Event | None:
-        """Return the event that raised a condition which is still open."""
-        return next((one for one in self.open if (one.kind, one.subject) == (kind, subject)), None)
+        """Return the event that raised a condition that is still open, None if it is not open."""
+        return next((event for event in self.open if (event.kind, event.subject) == (kind, subject)), None)
 
     def false_alarms(self, per_recording: float, decided: float = 1.0) -> FalseAlarmRate:
-        """Return the rate of false alarms of this unit; `decided` is the share of recordings that decide."""
-        rate = recordings_per_hour([one.hours for one in self.diagnoses[-self.settings.window :]])
+        """Return the rate of false alarms of this unit; `decided` is the share of decided recordings."""
+        window = self.diagnoses[-self.settings.window :]
+        rate = recordings_per_hour([diagnosis.hours for diagnosis in window])
         return FalseAlarmRate(per_recording, rate, self.settings.raise_after, decided)
 
 
 def reach_far_enough(diagnoses: Sequence[KeptDiagnosis], settings: AlarmSettings) -> bool:
-    """Return whether a unit's latest diagnoses suffice to judge all that the last of them decides.
+    """Return whether a unit's latest diagnoses suffice for all conditions that depend on the last of them.
 
-    Those that cannot tell do not count, so that the last few that can may lie far behind.
+    Diagnoses with the verdict "cannot tell" do not count, so that the last decided diagnoses may be far back.
     """
     new, fewest = diagnoses[-1], max(settings.raise_after, settings.clear_after) + 1
     counts = [
-        sum(_is_decided(one, name) for one in diagnoses) for name in COMPONENTS if _is_decided(new, name)
+        sum(_is_decided(diagnosis, name) for diagnosis in diagnoses)
+        for name in COMPONENTS
+        if _is_decided(new, name)
     ]
     if "detector" in new.document:
-        counts.append(sum("detector" in one.document for one in diagnoses))
+        counts.append(sum("detector" in diagnosis.document for diagnosis in diagnoses))
     return all(count >= fewest for count in counts)
 
 
 def health_events(now: Situation) -> list[Event]:
-    """Return the events that the new diagnosis makes, in the order of their importance."""
-    found = [event for name in COMPONENTS for event in _of_component(now, name)]
-    found += [*_not_like_healthy(now), *_sensor_faults(now), *_not_explained(now)]
-    return found
+    """Return the events that follow from the new diagnosis, in the order of their importance."""
+    events = [event for name in COMPONENTS for event in _component_events(now, name)]
+    events += [*_not_like_healthy(now), *_sensor_faults(now), *_not_explained(now)]
+    return events
 
 
-def _of_component(now: Situation, name: str) -> Iterator[Event]:
-    renewed = max((one.hours for one in now.replacements if one.component in (name, UNIT)), default=None)
+def _component_events(now: Situation, name: str) -> Iterator[Event]:
+    """Yield the events on changes of the verdict and on alarms of a component."""
+    replacements = [entry for entry in now.replacements if entry.component in (name, UNIT)]
+    renewed = max((entry.hours for entry in replacements), default=None)
     alarm = now.opened("alarm", name)
     if alarm is not None and renewed is not None and renewed >= (alarm.hours or 0.0):
         yield now.event("alarm", "cleared", "info", f"{name} was replaced at {renewed:.9g} h", name)
         alarm = None
-    decided = [one for one in now.diagnoses if _is_decided(one, name)]
-    verdicts = [one.verdicts[name] for one in decided if renewed is None or one.hours > renewed]
+    decided = [diagnosis for diagnosis in now.diagnoses if _is_decided(diagnosis, name)]
+    verdicts = [
+        diagnosis.verdicts[name] for diagnosis in decided if renewed is None or diagnosis.hours > renewed
+    ]
     if not (verdicts and _is_decided(now.new, name)):
         return
     fault = now.new.document["faults"][name]
     size = f"{fault['value']:.3g} (95 %: {fault['interval95'][0]:.3g} to {fault['interval95'][1]:.3g})"
     values = {"value": fault["value"], "interval95": fault["interval95"]}
     before = decided[-2].verdicts[name] if len(decided) > 1 else "healthy"
-    # Of a new one "degraded" is news whatever the old one was, and "healthy" where that was not.
+    # For a new component, "degraded" is always reported, "healthy" only if the old component was not healthy.
     if verdicts[-1] != before or (len(verdicts) == 1 and verdicts[-1] == "degraded"):
-        turned = f"turned from {before} to"
+        change = f"turned from {before} to"
         if len(verdicts) == 1:
             since = "" if len(decided) == 1 else f" since it was replaced at {renewed:.9g} h"
-            turned = f"in its first decided diagnosis{since} is"
-        message = f"{name} {turned} {verdicts[-1]}, {size}"
+            change = f"in its first decided diagnosis{since} is"
+        message = f"{name} {change} {verdicts[-1]}, {size}"
         severity = "warning" if verdicts[-1] == "degraded" else "info"
         yield now.event("health_changed", "raised", severity, message, name, verdict=verdicts[-1], **values)
     if alarm is None and _all_last(verdicts, "degraded", now.settings.raise_after):
@@ -130,30 +139,32 @@ def _of_component(now: Situation, name: str) -> Iterator[Event]:
 
 
 def _not_like_healthy(now: Situation) -> Iterator[Event]:
-    results = [one.document["detector"] for one in now.diagnoses if "detector" in one.document]
+    results = [
+        diagnosis.document["detector"] for diagnosis in now.diagnoses if "detector" in diagnosis.document
+    ]
     if not results or "detector" not in now.new.document:
         return
-    alike = ["healthy" if one["like_healthy"] else "other" for one in results]
+    classes = ["healthy" if result["like_healthy"] else "other" for result in results]
     last, is_open = results[-1], now.opened("not_like_healthy") is not None
-    if not is_open and _all_last(alike, "other", now.settings.raise_after):
+    if not is_open and _all_last(classes, "other", now.settings.raise_after):
         rate = now.false_alarms(last["false_alarm_rate"])
         yield now.event(
             "not_like_healthy", "raised", "warning", last["sentence"], false_alarms=rate.to_dict()
         )
-    elif is_open and _all_last(alike, "healthy", now.settings.clear_after):
+    elif is_open and _all_last(classes, "healthy", now.settings.clear_after):
         yield now.event("not_like_healthy", "cleared", "info", last["sentence"])
 
 
 def _sensor_faults(now: Situation) -> Iterator[Event]:
-    shown = {f"{one['channel']} {one['kind']}": one for one in now.new.document["sensor_faults"]}
-    open_ones = {one.subject for one in now.open if one.kind == "sensor_fault"}
-    for subject, fault in shown.items():
-        if subject not in open_ones:
+    faults = {f"{fault['channel']} {fault['kind']}": fault for fault in now.new.document["sensor_faults"]}
+    open_subjects = {event.subject for event in now.open if event.kind == "sensor_fault"}
+    for subject, fault in faults.items():
+        if subject not in open_subjects:
             yield now.event(
                 "sensor_fault", "raised", "warning", fault["sentence"].rstrip("."), subject, fault=fault
             )
     if now.new.explained:
-        for subject in sorted(open_ones - set(shown)):
+        for subject in sorted(open_subjects - set(faults)):
             yield now.event("sensor_fault", "cleared", "info", f"{subject} no longer shows", subject)
 
 
@@ -172,4 +183,4 @@ def _is_decided(diagnosis: KeptDiagnosis, name: str) -> bool:
 
 
 def _all_last(values: Sequence[str], value: str, count: int) -> bool:
-    return len(values) >= count and all(one == value for one in values[-count:])
+    return len(values) >= count and all(last == value for last in values[-count:])

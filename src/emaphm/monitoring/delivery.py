@@ -1,4 +1,4 @@
-"""Sending events: the history is the spool, and a thread of its own sends what stands there, in its order."""
+"""Delivery of events: a separate thread sends the events stored in the history, in their order."""
 
 import threading
 import time
@@ -13,37 +13,38 @@ from emaphm.monitoring.watch_state import WatchState
 
 
 class FailedError(Exception):
-    """The receiver could not be reached, or is not ready; it may be tried again."""
+    """The receiver could not be reached, or is not ready; sending may be tried again."""
 
 
 class RefusedError(Exception):
-    """The receiver does not take this event."""
+    """The receiver does not accept this event."""
 
 
 class GoneError(Exception):
-    """Nobody receives any more."""
+    """The receiver has closed for ever."""
 
 
 class Receiver(Protocol):
-    """Where events go."""
+    """Interface of a receiver of events."""
 
     @property
     def key(self) -> str:
-        """What the history remembers it by."""
+        """Identifier of the receiver in the history."""
 
     @property
     def shown(self) -> str:
-        """What messages call it."""
+        """Name of the receiver in messages."""
 
     def send(self, event: Event) -> None:
-        """Send an event; `FailedError`, `RefusedError` or `GoneError` where that is not done."""
+        """Send an event; `FailedError`, `RefusedError` or `GoneError` if it was not received."""
 
 
 @dataclass(eq=False)
 class Delivery:
-    """Sends events to one receiver, at least once each, in a thread; whoever makes events never waits.
+    """Sends each event at least once to a receiver, in a thread; the diagnosis never waits for it.
 
-    Memory does not grow with what waits: it is read from the history, `batch` events at once.
+    Memory does not depend on the number of waiting events, of which `batch` are read from the history at
+    once.
     """
 
     receiver: Receiver
@@ -59,17 +60,17 @@ class Delivery:
         self._thread.start()
 
     def wake(self) -> None:
-        """Say that there may be a new event."""
+        """Notify the thread that there may be a new event."""
         self._news.set()
 
     def finish(self) -> None:
-        """Let what is left be sent for `last_s`; the rest is left to the next run."""
+        """Continue sending for `last_s` only; the remaining events are sent in the next run."""
         self._until = time.monotonic() + self.settings.last_s
         self._stop.set()
         self._news.set()
 
     def join(self) -> None:
-        """Wait until it has finished, `last_s` at most, whatever answer is still missing."""
+        """Wait until the thread has finished, at most `last_s`, even if an answer is pending."""
         self._thread.join(max(0.0, self._until - time.monotonic()))
 
     def _run(self) -> None:
@@ -81,7 +82,7 @@ class Delivery:
                     return
             except GoneError:
                 return
-            except HistoryError:  # said by whoever writes to it
+            except HistoryError:  # reported by the thread that writes to it
                 if stopping and time.monotonic() > self._until:
                     return
                 self._pause(self.settings.first_pause_s)
@@ -91,13 +92,13 @@ class Delivery:
             self._news.wait(self.settings.longest_pause_s)
 
     def _send_all(self) -> bool:
-        """Send what the history has; return whether that was all, or the time was over before."""
+        """Send all undelivered events; return False if the time is over before."""
         while batch := self.state.undelivered(self.receiver.key, self.settings.batch):
             for event in batch:
                 if self._stop.is_set() and time.monotonic() > self._until:
                     return False
                 assert event.number is not None  # noqa: S101 - it comes from the history
-                # One that was sent, and could not be noted, is not sent again.
+                # An event that was sent but could not be noted as delivered is not sent again.
                 if event.number != self._last and not self._send(event):
                     return False
                 self._last = event.number
@@ -106,8 +107,8 @@ class Delivery:
         return True
 
     def _send(self, event: Event) -> bool:
-        """Send an event, again and again; return whether it is done with."""
-        pause, refused, is_said = self.settings.first_pause_s, 0, False
+        """Send an event, with repeated attempts; return whether it was sent or finally refused."""
+        pause, refused, is_reported = self.settings.first_pause_s, 0, False
         while True:
             try:
                 self.receiver.send(event)
@@ -120,11 +121,11 @@ class Delivery:
                     )
                     return True
             except FailedError as error:
-                if not is_said:
+                if not is_reported:
                     self.say(f"{self.receiver.shown}: {error}; events wait in the history")
-                    is_said = True
+                    is_reported = True
             else:
-                if is_said:
+                if is_reported:
                     self.say(f"{self.receiver.shown}: answers again")
                 return True
             if self._stop.is_set() and time.monotonic() > self._until - pause:
@@ -133,7 +134,7 @@ class Delivery:
             pause = min(2 * pause, self.settings.longest_pause_s)
 
     def _pause(self, seconds: float) -> None:
-        """Wait, but not beyond the end."""
+        """Wait for `seconds`, but not beyond the end."""
         if self._stop.is_set():
             time.sleep(min(seconds, max(0.0, self._until - time.monotonic())))
         else:
@@ -141,8 +142,8 @@ class Delivery:
 
 
 def close_all(deliveries: Sequence[Delivery]) -> None:
-    """Let all finish at the same time."""
-    for one in deliveries:
-        one.finish()
-    for one in deliveries:
-        one.join()
+    """Finish all deliveries at the same time."""
+    for delivery in deliveries:
+        delivery.finish()
+    for delivery in deliveries:
+        delivery.join()

@@ -1,4 +1,4 @@
-"""What diagnoses recordings as they arrive: the full search, or an estimator that helps it."""
+"""Methods of diagnosis in online monitoring: the full search, or a trained estimator."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def load() -> None:
-    """Load what diagnoses need, which takes some tenths of a second."""
+    """Import the modules that diagnoses need, which takes a few tenths of a second."""
     import emaphm.diagnosis  # noqa: F401
 
 
 class Diagnose(Protocol):
-    """What diagnoses a recording; `emaphm.diagnose` is one."""
+    """Interface of a method that diagnoses a recording, such as `emaphm.diagnose`."""
 
     def __call__(self, recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis":
         """Return the diagnosis."""
@@ -34,10 +34,11 @@ def search(recording: Recording, actuator: Actuator, *, seed: int) -> "Diagnosis
 
 @dataclass(frozen=True)
 class ByEstimator:
-    """Diagnoses with the help of an estimator that `emaphm train` wrote.
+    """Diagnosis with an estimator from a `file` that `emaphm train` wrote.
 
-    `fast` says whether its answer is taken as it is (`emaphm.amortized.diagnosing`). A recording that it was
-    not trained for, of another manoeuvre say, is diagnosed by the full search; a note says why.
+    With `fast`, its answer is accepted without a search (`emaphm.amortized.diagnosing`). A recording for
+    which it was not trained, for example of another manoeuvre, is diagnosed by the full search, with a note
+    on the reason.
     """
 
     file: str
@@ -50,25 +51,25 @@ class ByEstimator:
         except MethodError as error:
             from emaphm.amortized.applicability.refusals import LEAVE_OUT
 
-            note = f"the estimator was not asked: {str(error).partition(f'; {LEAVE_OUT}')[0]}"
+            note = f"the estimator was not used: {str(error).partition(f'; {LEAVE_OUT}')[0]}"
             return search(recording.with_channels(recording.channels, [note]), actuator, seed=seed)
 
     def check(self, actuator: Actuator) -> None:
-        """Refuse a file that is no estimator of this actuator, `MethodError`."""
+        """Raise `MethodError` for a file that is no estimator of this actuator."""
         from emaphm.fleet.settings import estimator_at
 
         self.settings(0).check_estimator()
         estimator_at(self.file).check_trained_for(actuator)
 
     def settings(self, seed: int) -> "DiagnosisSettings":
-        """Return what it asks of `emaphm.fleet`."""
+        """Return the settings of the diagnosis for `emaphm.fleet`."""
         from emaphm.fleet import DiagnosisSettings
 
         return DiagnosisSettings(seed=seed, estimator=self.file, fast=self.fast)
 
 
 def refusal_of(diagnose: Diagnose, actuator: Actuator) -> str:
-    """Return why the estimator of `diagnose` cannot be used now; empty where it can, or there is none."""
+    """Return the reason why the estimator of `diagnose` cannot be used now, empty if there is no reason."""
     if not isinstance(diagnose, ByEstimator):
         return ""
     try:
@@ -79,5 +80,5 @@ def refusal_of(diagnose: Diagnose, actuator: Actuator) -> str:
 
 
 def methods_of(diagnose: Diagnose) -> tuple[str, ...]:
-    """Return what the method of its diagnoses may be called."""
+    """Return the possible names of the method in its diagnoses."""
     return diagnose.settings(0).method_names if isinstance(diagnose, ByEstimator) else (HYBRID,)

@@ -1,4 +1,4 @@
-"""How many false alarms are to be expected in 1,000 flight hours."""
+"""Expected number of false alarms in 1,000 flight hours."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,25 +9,25 @@ HOURS = 1000.0
 
 @dataclass(frozen=True)
 class FalseAlarmRate:
-    """False alarms in 1,000 flight hours of a healthy unit, at most.
+    """Upper limit of the number of false alarms in 1,000 flight hours of a healthy unit.
 
-    With the share p of healthy recordings that are called degraded, the share q of recordings that decide
-    (p of them falsely, whatever the others say: they do not interrupt a succession), r recordings an hour,
-    and an alarm after k decided ones in succession, it is
+    With the share p of healthy recordings that are diagnosed as degraded, the share q of decided recordings
+    (undecided recordings do not interrupt a succession), r recordings per hour, and an alarm after k
+    successive degraded verdicts, it is
 
-        1000 r q (p/q)^k   where false verdicts come independently of each other; p/q is 1 at most,
-        1000 r p           where one is always followed by another: an alarm cannot begin more often.
+        1000 r q (p/q)^k   if false verdicts are independent; p/q is at most 1,
+        1000 r p           if false verdicts occur in succession: an alarm cannot begin more often.
 
     Attributes
     ----------
     per_recording
-        p.
+        p, share of healthy recordings with a false verdict.
     recordings_per_hour
-        r, None where it is not known yet.
+        r, None if it is not known yet.
     raise_after
-        k.
+        k, number of successive verdicts.
     decided
-        q, above 0.
+        q, share of decided recordings, above 0.
     """
 
     per_recording: float
@@ -37,17 +37,17 @@ class FalseAlarmRate:
 
     @property
     def independent(self) -> float | None:
-        """False alarms in 1,000 h where false verdicts come independently."""
+        """False alarms in 1,000 h if false verdicts are independent, None if the rate is not known."""
         false = min(self.per_recording / self.decided, 1.0)
         return self._in_hours(self.per_recording * false ** (self.raise_after - 1))
 
     @property
     def together(self) -> float | None:
-        """False alarms in 1,000 h where false verdicts come together."""
+        """False alarms in 1,000 h if false verdicts occur in succession, None if the rate is not known."""
         return self._in_hours(self.per_recording)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the rate in the form of the details of an event."""
+        """Return the rate as a mapping for the details of an event."""
         return {
             "per_recording_at_most": self.per_recording,
             "recordings_per_hour": self.recordings_per_hour,
@@ -63,7 +63,7 @@ class FalseAlarmRate:
 
 
 def recordings_per_hour(hours: Sequence[float]) -> float | None:
-    """Return how many recordings there are an hour of flight, of their hours in order; None where unknown."""
+    """Return the number of recordings per flight hour from their `hours` in order, None if it is unknown."""
     if len(hours) < 2 or not hours[-1] > hours[0]:
         return None
     return (len(hours) - 1) / (hours[-1] - hours[0])

@@ -1,4 +1,4 @@
-"""A folder where loggers drop files: each whole file is handed over once, whatever happens in between."""
+"""A folder as a source: each complete file is passed on exactly once, even after interruptions."""
 
 import hashlib
 import os
@@ -20,12 +20,12 @@ from emaphm.recording import Recording, read_recordings
 from emaphm.recording.io.read import READERS
 
 AT_ONCE = 500
-"""Names that the history is asked for in one query."""
+"""Number of names in one query of the history."""
 
 
 @dataclass
 class CandidateFile:
-    """A file as it was last seen; `since` is when it was first seen so, by `time.monotonic` [s]."""
+    """State of a file at the last poll; `since` is the first time with this state, `time.monotonic` [s]."""
 
     name: str
     size: int
@@ -33,21 +33,21 @@ class CandidateFile:
     since: float
     tries: int = 0
 
-    def same(self, found: os.stat_result) -> bool:
-        """Whether the file still is what it was."""
-        return (self.size, self.modified_ns) == (found.st_size, found.st_mtime_ns)
+    def same(self, status: os.stat_result) -> bool:
+        """Return whether size and time of the file are unchanged."""
+        return (self.size, self.modified_ns) == (status.st_size, status.st_mtime_ns)
 
     def same_as(self, before: WatchedFile) -> bool:
-        """Whether the file is as the watcher has left it, by its size and time."""
+        """Return whether size and time of the file are those of a file that the watcher has judged."""
         return (self.size, self.modified_ns) == (before.size, before.modified_ns)
 
 
 @dataclass(eq=False)
 class FolderSource:
-    """The files in a folder, without those in folders below it, hidden ones, and other endings.
+    """The files in a folder as a source, without subfolders, hidden files and other endings.
 
-    Polled, since notifications do not reach across network shares. A file is whole when it has not changed
-    for `settle_s`. What is done with stands in the history.
+    The folder is polled, because notifications are not available on network shares. A file is complete if it
+    has not changed for `settle_s`. Judged files are noted in the history.
     """
 
     folder: Path
@@ -60,17 +60,17 @@ class FolderSource:
     is_lost: bool = False
     _candidates: dict[str, CandidateFile] = field(default_factory=dict)
     _ready: list[CandidateFile] = field(default_factory=list)
-    _next_look: float = 0.0
-    _looked: bool = False
+    _next_poll: float = 0.0
+    _has_polled: bool = False
     _events: list[Event] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.state.forget_refused()
 
     def next(self) -> Arrival | None:
-        """Return the next whole file as work; looks at the folder where it is time to."""
-        if time.monotonic() >= self._next_look:
-            self._look()
+        """Return the next complete file as an arrival, after polling the folder if it is time for it."""
+        if time.monotonic() >= self._next_poll:
+            self._poll()
         while self._ready:
             candidate = self._ready.pop(0)
             self._candidates.pop(candidate.name, None)
@@ -80,64 +80,64 @@ class FolderSource:
         return None
 
     def events(self) -> list[Event]:
-        """Return that the folder was lost or is there again, since this was last asked."""
-        found, self._events = self._events, []
-        return found
+        """Return the events on a lost or restored folder since the last call."""
+        events, self._events = self._events, []
+        return events
 
     @property
     def waiting(self) -> int:
-        """Files that are whole and not judged."""
+        """Number of complete files that are not judged."""
         return len(self._ready)
 
     @property
     def is_held_back(self) -> bool:
-        """Never: a logger that drops files waits for nobody."""
+        """Always False: a logger that writes files is never held back."""
         return False
 
     @property
     def exhausted(self) -> bool:
-        """Whether the last look found nothing that is not judged, or no folder."""
-        return self._looked and not self._candidates and not self._ready
+        """Whether the last poll found no unjudged file, or no folder."""
+        return self._has_polled and not self._candidates and not self._ready
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Do nothing: no file is held open."""
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         began = time.monotonic()
         try:
-            found = nsmallest(
-                self.settings.most_waiting, self._new_files(), key=lambda one: (one.modified_ns, one.name)
+            files = nsmallest(
+                self.settings.most_waiting, self._new_files(), key=lambda file: (file.modified_ns, file.name)
             )
         except OSError as error:
-            self._lost(error)
-            self._looked = True
-            self._next_look = time.monotonic() + self.settings.poll_s
+            self._note_lost(error)
+            self._has_polled = True
+            self._next_poll = time.monotonic() + self.settings.poll_s
             return
-        self._found_again()
+        self._note_restored()
         known, now = self._candidates, time.monotonic()
         self._candidates = {}
-        for one in found:
-            before = known.get(one.name)
-            is_same = before and (before.size, before.modified_ns) == (one.size, one.modified_ns)
-            self._candidates[one.name] = before if before and is_same else one
-        ready = [one for one in self._candidates.values() if now - one.since >= self.settings.settle_s]
+        for file in files:
+            before = known.get(file.name)
+            is_same = before and (before.size, before.modified_ns) == (file.size, file.modified_ns)
+            self._candidates[file.name] = before if before and is_same else file
+        ready = [file for file in self._candidates.values() if now - file.since >= self.settings.settle_s]
         self._ready = sorted(ready, key=self._order)
         took = time.monotonic() - began
-        self._looked = True
-        self._next_look = time.monotonic() + max(self.settings.poll_s, took / self.settings.most_busy)
+        self._has_polled = True
+        self._next_poll = time.monotonic() + max(self.settings.poll_s, took / self.settings.most_busy)
 
     def _new_files(self) -> Iterator[CandidateFile]:
-        """Yield the files that are not done with as they are now."""
+        """Yield the files that are to be judged, or were changed after they were judged."""
         now = time.monotonic()
-        every = self._every_file()
-        while group := list(islice(every, AT_ONCE)):
+        files = self._all_files()
+        while group := list(islice(files, AT_ONCE)):
             done = self.state.files([name for name, _ in group])
-            for name, found in group:
-                one, before = CandidateFile(name, found.st_size, found.st_mtime_ns, now), done.get(name)
-                if before is None or before.outcome in {AGAIN, TRIED} or not one.same_as(before):
-                    yield one
+            for name, status in group:
+                file, before = CandidateFile(name, status.st_size, status.st_mtime_ns, now), done.get(name)
+                if before is None or before.outcome in {AGAIN, TRIED} or not file.same_as(before):
+                    yield file
 
-    def _every_file(self) -> Iterator[tuple[str, os.stat_result]]:
+    def _all_files(self) -> Iterator[tuple[str, os.stat_result]]:
         with os.scandir(self.folder) as entries:
             for entry in entries:
                 if entry.name.startswith(".") or Path(entry.name).suffix.lower() not in READERS:
@@ -146,18 +146,18 @@ class FolderSource:
                     if entry.is_file():
                         yield entry.name, entry.stat()
                 except FileNotFoundError:
-                    continue  # gone meanwhile
-                except OSError:  # a link in a circle, for one: named by who cannot read it
+                    continue  # deleted in the meantime
+                except OSError:  # such as a circular link: the error is reported when the file is read
                     yield entry.name, entry.stat(follow_symlinks=False)
 
-    def _order(self, one: CandidateFile) -> tuple[float, int, str]:
-        """Return where a file stands: by flight hours if its name says them, else as it was written."""
+    def _order(self, file: CandidateFile) -> tuple[float, int, str]:
+        """Return the sort key of a file: the flight hours in its name, if any, then its modification time."""
         pattern = self.ownership.pattern
-        named = pattern.values(one.name) if pattern else {}
-        return float(named.get(HOURS_LABEL, 0.0)), one.modified_ns, one.name
+        named = pattern.values(file.name) if pattern else {}
+        return float(named.get(HOURS_LABEL, 0.0)), file.modified_ns, file.name
 
     def _arrival(self, candidate: CandidateFile) -> Arrival | None:
-        """Return a file as work; None where it changed, is gone, or was judged before."""
+        """Return a file as an arrival, None if it was changed, deleted, or judged before."""
         path = self.folder / candidate.name
         try:
             with path.open("rb") as file:
@@ -174,16 +174,16 @@ class FolderSource:
             is_tried = before is not None and (before.outcome, before.digest) == (TRIED, digest)
             return self._work(candidate, path, digest, is_tried=is_tried)
         if before.digest == digest:
-            self.state.finish_file(_done(candidate, digest, before.outcome))
+            self.state.finish_file(_watched_file(candidate, digest, before.outcome))
             return None
         reason = "was changed after it was judged; write new rows to a new file, or give a longer --settle"
         return self._work(candidate, path, digest, refusal=reason, outcome=CHANGED)
 
     def _unreadable(self, candidate: CandidateFile, path: Path, error: OSError) -> Arrival | None:
-        """Return a file that the system refuses as work, which says so; None where it is tried again."""
+        """Return an unreadable file as an arrival that is refused, None if reading is tried again."""
         candidate.tries += 1
         if candidate.tries < self.settings.tries:
-            candidate.since = time.monotonic()  # a lock or a share that fails may pass
+            candidate.since = time.monotonic()  # a lock or a failing network share may be temporary
             self._candidates[candidate.name] = candidate
             return None
         return self._work(candidate, path, "", refusal=f"cannot be read ({error.strerror or error})")
@@ -202,50 +202,53 @@ class FolderSource:
             if refusal:
                 raise RecordingError(f"{path}: {refusal}")
             recordings = self.call(read_recordings, path, self.actuator, split=self.split)
-            # Of a file that is cut, each piece may be another unit's.
-            return [(self.ownership.entry(candidate.name, one.labels), one) for one in recordings]
+            # The pieces of a split file may belong to different units.
+            return [
+                (self.ownership.entry(candidate.name, recording.labels), recording)
+                for recording in recordings
+            ]
 
-        def finish(became: str, events: Sequence[Event]) -> int:
-            return self.state.finish_file(_done(candidate, digest, outcome or became), events)
+        def finish(judged_outcome: str, events: Sequence[Event]) -> int:
+            return self.state.finish_file(_watched_file(candidate, digest, outcome or judged_outcome), events)
 
         def once_more() -> bool:
             nonlocal is_tried
             if is_tried:
                 return False
-            self.state.finish_file(_done(candidate, digest, TRIED))
+            self.state.finish_file(_watched_file(candidate, digest, TRIED))
             is_tried = True
             return True
 
         return Arrival(candidate.name, read, finish, once_more, candidate.since, digest)
 
-    def _lost(self, error: OSError) -> None:
+    def _note_lost(self, error: OSError) -> None:
         self._candidates, self._ready = {}, []
         if not self.is_lost:
             self.is_lost = True
             reason = error.strerror or error
-            self._say(
+            self._add_event(
                 "raised",
                 "warning",
                 f"{self.folder}: cannot be read ({reason}); mount or make it again; it is looked for",
             )
 
-    def _found_again(self) -> None:
+    def _note_restored(self) -> None:
         if self.is_lost:
             self.is_lost = False
-            self._say("cleared", "info", f"{self.folder}: can be read again")
+            self._add_event("cleared", "info", f"{self.folder}: can be read again")
 
-    def _say(self, state: str, severity: str, message: str) -> None:
+    def _add_event(self, state: str, severity: str, message: str) -> None:
         self._events.append(
             Event("source_lost", state, severity, message, str(self.folder), watcher=self.state.watcher)
         )
 
 
-def _done(candidate: CandidateFile, digest: str, outcome: str) -> WatchedFile:
+def _watched_file(candidate: CandidateFile, digest: str, outcome: str) -> WatchedFile:
     return WatchedFile(candidate.name, candidate.size, candidate.modified_ns, digest, outcome)
 
 
 def _is_open(before: WatchedFile, digest: str) -> bool:
-    """Return whether a file is still to be judged that was seen before, its content now `digest`."""
+    """Return whether a file with the content `digest`, known from `before`, must still be judged."""
     if before.digest == digest:
         return before.outcome in {AGAIN, REFUSED, TRIED}
     return before.outcome in {REFUSED, TRIED, SET_ASIDE}

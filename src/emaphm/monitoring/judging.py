@@ -1,4 +1,4 @@
-"""Judging one recording: cut into stretches, diagnosed, added to the history, and what that changes."""
+"""Judging a recording: cutting, diagnosis, addition to the history, and the resulting events."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -23,52 +23,54 @@ if TYPE_CHECKING:
 
 
 Cut = Callable[[Recording, Actuator], list[Recording]]
-"""Returns the parts of a recording that identify something."""
+"""Function that returns the parts of a recording that identify faults."""
 
 
 def cut_stretches(recording: Recording, actuator: Actuator) -> list[Recording]:
-    """Return the stretches of a recording that identify something, each with its times in its name.
+    """Return the stretches of a recording that identify faults, each with its times in its name.
 
     Raises
     ------
     RecordingError
-        None does; the first reason stands in the message.
+        There is no such stretch; the message contains the first reason.
     """
     from emaphm.experiment.segmentation import segments
 
-    found = segments(recording, actuator)
-    if not found.accepted:
-        # A stretch at rest is never the reason if anything moves.
-        reasons = sorted((one.reason for one in found.stretches), key=lambda reason: "at rest" in reason)
+    segmentation = segments(recording, actuator)
+    if not segmentation.accepted:
+        # Reasons of moving stretches are reported before those of stretches at rest.
+        all_reasons = (stretch.reason for stretch in segmentation.stretches)
+        reasons = sorted(all_reasons, key=lambda reason: "at rest" in reason)
         reason = reasons[0] if reasons else "too short for a stretch"
         raise RecordingError(f"{recording.source}: no stretch of it identifies anything: {reason}")
-    parts = found.recordings()
+    parts = segmentation.recordings()
     if len(parts) == 1 and parts[0].samples == recording.samples:
         return [recording]
     return [
         Recording(
             part.channels,
             part.sampling,
-            f"{recording.source}: {one.start_s:.3f} to {one.end_s:.3f} s",
+            f"{recording.source}: {stretch.start_s:.3f} to {stretch.end_s:.3f} s",
             part.notes,
             part.labels,
         )
-        for part, one in zip(parts, found.accepted, strict=True)
+        for part, stretch in zip(parts, segmentation.accepted, strict=True)
     ]
 
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """Judges recordings; what it has judged stands in the history, and is not judged again.
+    """Judges recordings; judged recordings are in the history, and are not judged again.
 
     Attributes
     ----------
     takes_new_units
-        Whether a unit that the history does not know is added to it.
+        Whether a new unit is added to the history.
     cut
-        None where a recording is judged as a whole.
+        Cuts a recording into stretches; None if a recording is judged as a whole.
     call
-        Calls what cuts, diagnoses and compares with healthy recordings: here, or in another process.
+        Calls the cutting, the diagnosis and the comparison with healthy recordings, here or in another
+        process.
     """
 
     history: History
@@ -83,7 +85,7 @@ class Judge:
     call: Call = call_here
 
     def check(self, entry: Entry) -> None:
-        """Refuse a recording of a unit that is not known and not to be added, `RecordingError`."""
+        """Raise `RecordingError` for a recording of a new unit, unless new units are added."""
         if self.takes_new_units:
             return
         from emaphm.errors import HistoryError, HistoryUnavailableError
@@ -98,14 +100,14 @@ class Judge:
             ) from None
 
     def parts(self, recording: Recording) -> Iterator[Recording]:
-        """Yield what of a recording is to be diagnosed; `RecordingError` where nothing is."""
+        """Yield the parts of a recording to diagnose; `RecordingError` if there is none."""
         if self.cut is None:
             yield recording
         else:
             yield from self.call(self.cut, recording, self.actuator)
 
     def judged(self, entry: Entry, recording: Recording) -> "Diagnosis | None":
-        """Return the diagnosis of a recording, None where the history has it already; errors as usual."""
+        """Return the diagnosis of a recording, None if it is already in the history."""
         if self._is_judged(entry, recording):
             return None
         diagnosis = self.call(self.diagnose, recording, self.actuator, seed=self.seed)
@@ -113,7 +115,7 @@ class Judge:
             return diagnosis
         try:
             check = self.call(self.detector.judge, recording)
-        except RecordingError:  # a manoeuvre that was never seen healthy: the detector says nothing of it
+        except RecordingError:  # a manoeuvre without healthy recordings, which the detector cannot judge
             return diagnosis
         return replace(diagnosis, healthy_check=check)
 
@@ -124,15 +126,22 @@ class Judge:
     def filed(
         self, entry: Entry, recording: Recording, diagnosis: "Diagnosis | None", details: dict[str, Any]
     ) -> list[Event]:
-        """Add what `judged` gave and the events that follow from it to the history; return these.
+        """Add the result of `judged` and the resulting events to the history; return these events.
 
-        May be repeated, also where it was interrupted: each is there once. Where a unit has a later diagnosis
-        there is none on its health: an old recording that arrives late says nothing of its health now.
+        The call may be repeated, also after an interruption: each entry is stored once. If the unit has a
+        later diagnosis, there are no events on its health, since an old recording does not indicate its
+        present health.
 
         Parameters
         ----------
+        entry
+            Unit and hours of the recording.
+        recording
+            The judged recording.
+        diagnosis
+            Result of `judged`.
         details
-            Values that the details of all events have.
+            Values that are added to the details of all events.
         """
         if diagnosis is not None:
             self.history.add(entry, recording, diagnosis, self.actuator)
@@ -146,7 +155,7 @@ class Judge:
             row = unit_or_none(connection, entry.unit)
             if row is None:
                 return []
-            # Another watcher, or the server, may have seen the same recording.
+            # Another watcher, or the server, may have judged the same recording.
             before = read_events(connection, unit=entry.unit, recording_hash=key)
             arrivals = Arrivals.of(connection, row)
         unit = self.history.unit(entry.unit)
@@ -154,8 +163,8 @@ class Judge:
         is_latest = bool(diagnoses) and diagnoses[-1].recording_hash == key
         if not (is_latest or arrivals.are_behind):
             return []
-        if not is_latest:  # all are read: a wrong hour, which somebody is to correct
-            diagnoses = tuple(one for one in unit.diagnoses() if one.recording_hash == key)
+        if not is_latest:  # all diagnoses are read; this is rare, because it needs wrong hours
+            diagnoses = tuple(kept for kept in unit.diagnoses() if kept.recording_hash == key)
         while is_latest and len(diagnoses) == count and not reach_far_enough(diagnoses, self.settings):
             diagnoses = unit.diagnoses(count := 2 * count)
         now = Situation(
@@ -167,6 +176,6 @@ class Judge:
             self.watcher,
             details,
         )
-        found = [*(health_events(now) if is_latest else []), *hours_events(now, arrivals)]
-        known = {(one.state, one.condition) for one in before if one.watcher != self.watcher}
-        return [one for one in found if (one.state, one.condition) not in known]
+        events = [*(health_events(now) if is_latest else []), *hours_events(now, arrivals)]
+        known = {(event.state, event.condition) for event in before if event.watcher != self.watcher}
+        return [event for event in events if (event.state, event.condition) not in known]

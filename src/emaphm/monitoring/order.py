@@ -1,4 +1,4 @@
-"""What is said where the hours of recordings do not rise with their arrival: some hours may be wrong."""
+"""Events on recordings whose hours do not increase with their arrival, since some hours may be wrong."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,12 +10,13 @@ from emaphm.history.reading import UnitRow, hours_last_added, latest_entry
 from emaphm.monitoring.conditions import Situation
 
 IN_SUCCESSION = 3
-"""Recordings added last, of rising hours and all behind the unit's latest hours, from which on it is said."""
+"""Number of last added recordings, of increasing hours below the unit's latest hours, that raises the
+event."""
 
 
 @dataclass(frozen=True)
 class Arrivals:
-    """The latest hours of a unit [h], the entry that has them, and the hours of what was added last [h]."""
+    """The latest hours of a unit [h], the kind of entry with them, and the hours last added [h]."""
 
     latest: float
     entry: str
@@ -23,19 +24,19 @@ class Arrivals:
 
     @classmethod
     def of(cls, connection: sa.Connection, unit: UnitRow) -> "Arrivals":
-        """Return those of a unit of the history that `connection` reads."""
+        """Return the arrivals of a unit, read from the history through `connection`."""
         added = hours_last_added(connection, unit.id, IN_SUCCESSION)
         return cls(*latest_entry(connection, unit.id), added)
 
     @property
     def are_behind(self) -> bool:
-        """Whether the latest hours contradict what was added last, which rises as if it were the present."""
-        rising = all(one < other for one, other in zip(self.added, self.added[1:], strict=False))
-        return len(self.added) == IN_SUCCESSION and rising and self.added[-1] < self.latest
+        """Whether the hours last added increase, as for new recordings, but are below the latest hours."""
+        is_increasing = all(a < b for a, b in zip(self.added, self.added[1:], strict=False))
+        return len(self.added) == IN_SUCCESSION and is_increasing and self.added[-1] < self.latest
 
 
 def hours_events(now: Situation, arrivals: Arrivals) -> list[Event]:
-    """Return the event that hours are behind, or no longer: recordings behind them may raise no alarm."""
+    """Return the event that raises or clears "hours_behind", if any: such recordings raise no alarm."""
     is_open = now.opened("hours_behind") is not None
     if is_open and now.new.hours >= arrivals.latest:
         return [now.event("hours_behind", "cleared", "info", "recordings have the latest hours again")]

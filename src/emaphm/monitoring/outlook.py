@@ -1,4 +1,4 @@
-"""The prognosis of each unit, kept up to date while recordings are diagnosed."""
+"""Updates of the units' prognoses in online monitoring, and the events that follow from them."""
 
 import os
 import threading
@@ -21,21 +21,21 @@ from emaphm.prognosis.prognose import DEFAULT_QUESTION
 KIND = "rul_below_horizon"
 
 RECENT = timedelta(days=1)
-"""Age of a recording up to which its unit's first prognosis is made at the start of a watcher."""
+"""Largest age of a unit's last recording for which a watcher computes a first prognosis at its start."""
 
 MOST_NEWER = 20
-"""Latest recordings that are looked through for the one that a prognosis ends with."""
+"""Number of latest recordings among which the last recording of a prognosis is searched."""
 
 NICENESS = 5
-"""Of the process that makes prognoses: a third of a core where all are busy."""
+"""Priority of the process of the prognoses, which has a third of a core if all cores are busy."""
 
 
 @dataclass(eq=False)
 class Outlook:
-    """Prognoses that are due, one a unit however many diagnoses it had meanwhile.
+    """Prognoses that are due, one per unit for any number of new diagnoses.
 
-    With `isolation`, each is made in a process of its own, while recordings are diagnosed; that process also
-    remembers the prior from the fleet.
+    With `isolation`, they are computed in a separate process, in parallel to the diagnoses; that process also
+    caches the prior from the fleet.
     """
 
     history: History
@@ -55,38 +55,38 @@ class Outlook:
             self._calls = Calls(self.isolation.seconds, self.isolation.most_bytes, self._stop)
 
     def ask(self, unit: str) -> None:
-        """Note that a unit has a new diagnosis."""
+        """Note that the prognosis of a unit is due."""
         self._due.setdefault(unit)
 
     @property
     def waiting(self) -> int:
-        """Units whose prognosis is out of date."""
+        """Number of units whose prognosis is out of date."""
         return len(self._due.keys() | ({self._under_way[0]} if self._under_way else set()))
 
     @property
     def is_isolated(self) -> bool:
-        """Whether a step waits for nothing."""
+        """Whether prognoses are computed in a separate process, for which `step` does not wait."""
         return self.isolation is not None
 
     def step(self) -> bool:
-        """Go on with what is due, without waiting for it where it is isolated; return whether one was made.
+        """Continue with the due prognoses, without waiting if isolated; return whether one was completed.
 
         Raises
         ------
         NoPrognosisError
-            There is none of a unit; the text says why.
+            A unit has no prognosis, for the reason in the text.
         HistoryError
             The database fails; the prognosis stays due.
         """
         if self._under_way is None and self._due:
             unit = next(iter(self._due))
             del self._due[unit]
-            self._under_way = unit, self._begun(unit)
+            self._under_way = unit, self._started(unit)
         if self._under_way is None or not self._under_way[1].done():
             return False
-        (unit, made), self._under_way = self._under_way, None
+        (unit, future), self._under_way = self._under_way, None
         try:
-            made.result()
+            future.result()
         except HistoryError:
             self.ask(unit)
             raise
@@ -95,54 +95,54 @@ class Outlook:
         return True
 
     def close(self) -> None:
-        """Give up what is under way; it is due again at the next start."""
+        """Cancel the running prognosis; it is due again at the next start."""
         self._stop.set()
         self._thread.shutdown()
         if self._calls is not None:
             self._calls.end()
 
-    def _begun(self, unit: str) -> "Future[None]":
-        """Return the prognosis of a unit, begun; where it is not isolated, over."""
-        about = (unit, self.settings, self.seed, self.watcher)
+    def _started(self, unit: str) -> "Future[None]":
+        """Return the future of the prognosis of a unit; if not isolated, it is already completed."""
+        arguments = (unit, self.settings, self.seed, self.watcher)
         if self._calls is not None:
             return self._thread.submit(
-                partial(self._calls, prognosed_at, self.history.database.address.where, *about)
+                partial(self._calls, prognosed_at, self.history.database.address.where, *arguments)
             )
-        made: Future[None] = Future()
+        future: Future[None] = Future()
         try:
-            prognosed(self.history, *about)
-        except Exception as error:  # noqa: BLE001 - raised where the result is asked for
-            made.set_exception(error)
+            prognosed(self.history, *arguments)
+        except Exception as error:  # noqa: BLE001 - raised by `Future.result`
+            future.set_exception(error)
         else:
-            made.set_result(None)
-        return made
+            future.set_result(None)
+        return future
 
 
 class NoPrognosisError(Exception):
-    """A prognosis cannot be made; the text says why."""
+    """A prognosis cannot be computed, for the reason in the text."""
 
 
 def _out_of_date(history: History) -> list[str]:
-    """Return the units whose prognosis is not current, and those that have none and a `RECENT` recording.
+    """Return the units whose prognosis is not current, and units with a `RECENT` recording without prognosis.
 
-    The latter are those for which a watcher was killed before their first prognosis. A history that was
-    filled long before is not prognosed as a whole.
+    The latter occur if a watcher was killed before the first prognosis. Other units without prognosis, of a
+    history that was filled long ago, are left out.
     """
-    kept = history.prognoses()
+    prognoses = history.prognoses()
     since = (datetime.now(UTC) - RECENT).strftime("%Y-%m-%dT%H:%M:%SZ")
     return [
-        one.serial_number
-        for one in history.states()
+        unit.serial_number
+        for unit in history.states()
         if (
-            not kept[one.serial_number].is_current(one.basis)
-            if one.serial_number in kept
-            else one.last_at >= since
+            not prognoses[unit.serial_number].is_current(unit.basis)
+            if unit.serial_number in prognoses
+            else unit.last_at >= since
         )
     ]
 
 
 def prognosed_at(where: str, unit: str, settings: PrognosisSettings, seed: int, watcher: str) -> None:
-    """Do what `prognosed` does, with the history at `where`, at a lower priority than diagnoses."""
+    """Call `prognosed` with the history at `where`, at a lower priority than diagnoses."""
     os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
     with History.open(where) as history:
         prognosed(history, unit, settings, seed, watcher)
@@ -151,7 +151,7 @@ def prognosed_at(where: str, unit: str, settings: PrognosisSettings, seed: int, 
 def prognosed(
     history: History, serial_number: str, settings: PrognosisSettings, seed: int = 0, watcher: str = ""
 ) -> None:
-    """Bring the prognosis of a unit up to date, with the prior from its fleet, and add the event of it."""
+    """Update the prognosis of a unit, with the prior from its fleet, and add its event to the history."""
     unit = history.unit(serial_number)
     question = Question(max(settings.horizon, DEFAULT_QUESTION.horizon), settings.risk)
 
@@ -164,27 +164,27 @@ def prognosed(
 def rul_events(
     history: History, made: Prognosis, settings: PrognosisSettings, watcher: str = ""
 ) -> list[Event]:
-    """Return the events that a new prognosis makes: whether a failure within the horizon has become likely.
+    """Return the event of a new prognosis if a failure within the horizon has become likely or unlikely.
 
-    The horizon is that of `settings`, whatever the prognosis was made for.
+    The horizon is that of `settings`, independent of the horizon of the prognosis.
     """
     unit, risk = made.evidence.unit, float(np.mean(made.sample <= settings.horizon))
-    is_open = any(one.kind == KIND for one in history.open_conditions(unit))
+    is_open = any(event.kind == KIND for event in history.open_conditions(unit))
     if not is_open and risk > settings.risk and len(made.evidence.used) >= settings.fewest:
         state, severity = "raised", "alarm"
     elif is_open and risk < settings.clears_at * settings.risk:
         state, severity = "cleared", "info"
     else:
         return []
-    # Further recordings may have come while the prognosis was made.
+    # Further recordings may have been added while the prognosis was computed.
     latest = history.unit(unit).diagnoses(MOST_NEWER)
-    newer = [one for one in latest if one.hours > made.evidence.hours]
+    newer = [diagnosis for diagnosis in latest if diagnosis.hours > made.evidence.hours]
     last = latest[max(len(latest) - len(newer), 1) - 1]
     low, high = made.to_dict()["rul_hours"]["interval90"]
-    none = "nothing in sight" if made.evidence.unrepaired is None else "a cause that no finding says"
-    about = (
+    no_cause = "nothing in sight" if made.evidence.unrepaired is None else "a cause that no finding says"
+    message = (
         f"{unit} at {made.evidence.hours:.9g} h: probability of failure within {settings.horizon:.9g} h is "
-        f"{100 * risk:.1f} %, by {made.cause or none}"
+        f"{100 * risk:.1f} %, by {made.cause or no_cause}"
     )
     details = {
         "probability_of_failure": risk,
@@ -203,7 +203,7 @@ def rul_events(
             kind=KIND,
             state=state,
             severity=severity,
-            message=about,
+            message=message,
             subject="",
             unit=unit,
             hours=made.evidence.hours,

@@ -1,4 +1,4 @@
-"""Whose recording it is, and at which flight hours: by the file's name, its columns, or the command."""
+"""Unit, flight hours and cycles of a recording, from the file's name, its columns, or the command line."""
 
 import math
 import re
@@ -13,16 +13,16 @@ from emaphm.recording.io.read import SERIAL
 from emaphm.recording.recording import Label
 
 FIELDS = {"unit": r".+?", "hours": r"\d+(?:\.\d+)?", "cycles": r"\d+", "any": r".*?"}
-"""What a pattern of file names may hold in braces, and what each matches."""
+"""Names in braces that a pattern of file names may contain, with their regular expressions."""
 
 UNIT_LABELS = ("unit", SERIAL)
 HOURS_LABEL, CYCLES_LABEL = "hours", "cycles"
 
 ROW = "row"
-"""In place of a file's name, for a row of a stream."""
+"""Name of a row of a stream, in place of a file's name."""
 
 MOST_EXACT = 2.0**53
-"""Up to which a column of numbers keeps each whole one."""
+"""Largest number up to which all integers are exact in a column of numbers."""
 
 
 @dataclass(frozen=True)
@@ -34,43 +34,43 @@ class NamePattern:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Return the pattern that a user wrote; `MonitoringError` where it names something unknown, or twice.
+        """Return the pattern in `text`; `MonitoringError` if a name in braces is unknown or repeated.
 
-        "{any}" stands for any text and may be repeated.
+        "{any}" matches any text and may be repeated.
         """
-        parts, seen = [], set()
+        parts, names = [], set()
         for literal, name in re.findall(r"([^{}]*)(?:\{([^{}]*)\})?", text):
             parts.append(re.escape(literal))
             if not name:
                 continue
             if name not in FIELDS:
                 raise MonitoringError(f"--name {text}: unknown '{{{name}}}'{nearest(name, FIELDS)}")
-            if name in seen:
+            if name in names:
                 raise MonitoringError(f"--name {text}: '{{{name}}}' stands there twice; write {{any}} once")
-            seen |= {name} - {"any"}
+            names |= {name} - {"any"}
             parts.append(FIELDS[name] if name == "any" else f"(?P<{name}>{FIELDS[name]})")
-        if not seen:
+        if not names:
             raise MonitoringError(f'--name {text}: names nothing; give e.g. "{{unit}}_{{hours}}.csv"')
         return cls(text, re.compile("".join(parts)))
 
     def values(self, name: str) -> dict[str, str]:
-        """Return what a file's name says; nothing where it does not match."""
-        found = self.expression.fullmatch(name)
-        return found.groupdict() if found else {}
+        """Return the values in a file's name by the names in braces, empty if it does not match."""
+        match = self.expression.fullmatch(name)
+        return match.groupdict() if match else {}
 
 
 @dataclass(frozen=True)
 class Ownership:
-    """How a recording's unit and hours are known.
+    """Rules for the unit, hours and cycles of a recording.
 
-    What the file's name says by `pattern` goes before columns of the file that are the same throughout
-    ("unit" or the serial number of [reading]; "hours"; "cycles"), these before `unit` and `hours`. `part` is
-    the part number of all of them.
+    Values in the file's name, according to `pattern`, have priority over constant columns of the file ("unit"
+    or the serial number of [reading]; "hours"; "cycles"), and these over `unit` and `hours`. `part` is the
+    part number of all units.
 
     Raises
     ------
     HistoryError
-        A name or the hours cannot be.
+        A name or the hours are impossible.
     """
 
     part: str
@@ -87,17 +87,18 @@ class Ownership:
         Raises
         ------
         RecordingError
-            Its unit or its hours are not known, or its cycles are no whole number.
+            The unit or the hours are not known, or the cycles are no whole number.
         HistoryError
-            They are, and cannot be.
+            The unit, hours or cycles are impossible.
         """
         named = self.pattern.values(name) if self.pattern else {}
         unit = named.get("unit") or _first(name, labels, UNIT_LABELS) or self.unit
         hours = named.get(HOURS_LABEL) or _first(name, labels, (HOURS_LABEL,)) or self.hours
         cycles = named.get(CYCLES_LABEL) or _first(name, labels, (CYCLES_LABEL,))
-        for value, what in ((unit, "unit is"), (hours, "hours are")):
+        for value, subject in ((unit, "unit is"), (hours, "hours are")):
             if value is None:
-                raise RecordingError(f"{name}: its {what} not known; {self._remedy(name, what.split()[0])}")
+                remedy = self._remedy(name, subject.split()[0])
+                raise RecordingError(f"{name}: its {subject} not known; {remedy}")
         return Entry(
             str(unit),
             self.part,
@@ -106,33 +107,36 @@ class Ownership:
             late=True,
         )
 
-    def _remedy(self, name: str, what: str) -> str:
-        """Return how the unit or the hours could be known."""
+    def _remedy(self, name: str, field: str) -> str:
+        """Return the remedy in the error on an unknown unit or unknown hours."""
         if name == ROW:
-            return f"give --{what} or a column '{what}'"
+            return f"give --{field} or a column '{field}'"
         way = 'a pattern of the name such as --name "{unit}_{hours}.csv"'
         if self.pattern is not None and not self.pattern.values(name):
             way = f"a name that matches --name {self.pattern.text}, as this one does not"
-        return f"give --{what}, a column '{what}', or {way}"
+        return f"give --{field}, a column '{field}', or {way}"
 
 
 def _first(file: str, labels: Mapping[str, Label], names: tuple[str, ...]) -> str | None:
-    """Return the first label of those `names`, a number with all of its digits."""
-    found = next((name for name in names if name in labels), None)
-    if found is None:
+    """Return the value of the first present label of `names` as text, None if there is none.
+
+    A number is returned with all its digits; `RecordingError` if these are ambiguous.
+    """
+    label = next((name for name in names if name in labels), None)
+    if label is None:
         return None
-    value = labels[found]
+    value = labels[label]
     if isinstance(value, str):
         return value
     if abs(value) > MOST_EXACT:
         raise RecordingError(
-            f"{file}: its {found}, {value:g}, has more digits than a number keeps; write it with a letter"
+            f"{file}: its {label}, {value:g}, has more digits than a number keeps; write it with a letter"
         )
     if value == int(value):
         return str(int(value))
     if names == UNIT_LABELS:
         raise RecordingError(
-            f"{file}: its {found}, {value!r}, is a number with decimals, which keeps no zeros at the end, so "
+            f"{file}: its {label}, {value!r}, is a number with decimals, which keeps no zeros at the end, so "
             "that 3.1 and 3.10 would be one unit; write it with a letter"
         )
     return repr(value)

@@ -1,4 +1,4 @@
-"""Back-pressure: whether recordings arrive faster than they are judged."""
+"""Back-pressure: detection of recordings that arrive faster than they are judged."""
 
 import time
 from collections.abc import Iterator
@@ -10,12 +10,12 @@ from emaphm.monitoring.arrival import Source
 from emaphm.monitoring.settings import PressureSettings
 
 WEIGHT = 0.2
-"""Of the last duration in the mean of durations."""
+"""Weight of the last duration in the exponential mean of durations."""
 
 
 @dataclass(eq=False)
 class Pressure:
-    """Says once when what waits takes too long, and once when it does no longer."""
+    """Raises an event once when the waiting time is too long, and clears it once when it is short again."""
 
     settings: PressureSettings
     watcher: str
@@ -24,14 +24,14 @@ class Pressure:
 
     @contextmanager
     def measured(self) -> Iterator[None]:
-        """Measure what the body takes, as what one piece of work takes."""
+        """Measure the duration of the body, which is that of one arrival."""
         began = time.monotonic()
         yield
         took = time.monotonic() - began
         self.mean_s = took if not self.mean_s else (1 - WEIGHT) * self.mean_s + WEIGHT * took
 
     def events(self, source: Source) -> list[Event]:
-        """Return what has changed."""
+        """Return the event if back-pressure was raised or cleared since the last call."""
         expected = source.waiting * self.mean_s
         if not self.is_raised and (expected > self.settings.raise_s or source.is_held_back):
             self.is_raised = True

@@ -1,4 +1,4 @@
-"""Where events go: standard output, and a webhook."""
+"""Receivers of events: standard output and a webhook."""
 
 import errno
 import hashlib
@@ -17,15 +17,15 @@ from emaphm.monitoring.delivery import FailedError, GoneError, RefusedError
 from emaphm.version import VERSION
 
 MAY_PASS = (408, 425, 429)
-"""Answers of class 4xx that do not refuse the event: too slow, too early, too many."""
+"""Status codes 4xx that do not refuse the event: timeout, too early, too many requests."""
 
 LINES = "lines"
-"""What the history remembers standard output by."""
+"""Identifier of standard output in the history."""
 
 
 @dataclass(eq=False)
 class Lines:
-    """Events as lines of JSON on a file descriptor; `is_closed` once nobody reads it any more."""
+    """Events as lines of JSON on a file descriptor; `is_closed` when its reader has closed it."""
 
     descriptor: int
     key: str = LINES
@@ -35,7 +35,7 @@ class Lines:
     _rest: bytes = b""
 
     def send(self, event: Event) -> None:
-        """Write an event; what a full disk has cut is completed, when it is tried again."""
+        """Write an event; a line that a full disk has cut is completed at the next attempt."""
         if self._event != event.key:
             self._event = event.key
             self._rest = (json.dumps(event.to_dict(), allow_nan=False) + "\n").encode()
@@ -52,12 +52,12 @@ class Lines:
 
 class _NoRedirects(urllib.request.HTTPRedirectHandler):
     def redirect_request(self, *_: Any) -> None:
-        """Follow nothing: an event goes to the address that was given."""
+        """Follow no redirect: events are sent to the given address only."""
 
 
 @dataclass(frozen=True, eq=False)
 class Webhook:
-    """An address that is sent each event by POST, as JSON; its `Idempotency-Key` is the event's id."""
+    """An address to which each event is sent by POST, as JSON; the `Idempotency-Key` is the event's id."""
 
     url: str
     timeout_s: float
@@ -76,12 +76,12 @@ class Webhook:
 
     @property
     def key(self) -> str:
-        """The SHA-256 of the address, which may hold a secret."""
+        """The SHA-256 of the address, which may contain a secret."""
         return f"webhook {hashlib.sha256(self.url.encode()).hexdigest()}"
 
     @property
     def shown(self) -> str:
-        """The address without what may be a secret."""
+        """The address without the parts that may be secret."""
         parts = urlsplit(self.url)
         return f"webhook {parts.scheme}://{parts.hostname}{f':{parts.port}' if parts.port else ''}"
 
@@ -105,6 +105,6 @@ class Webhook:
                 raise RefusedError(f"status {error.code}") from None
             raise FailedError(f"status {error.code}") from None
         except (OSError, http.client.HTTPException, ValueError) as error:
-            # Not the text of others, which may hold the address.
+            # The texts of other errors are not quoted, because they may contain the address.
             known = getattr(error, "reason", None) or (error if isinstance(error, OSError) else None)
             raise FailedError(f"does not answer ({known or type(error).__name__})") from None

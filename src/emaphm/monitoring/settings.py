@@ -1,16 +1,16 @@
-"""How recordings are watched: times, sizes, and from when on something is an event."""
+"""Settings of online monitoring: times, sizes, and thresholds of events."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class FolderSettings:
-    """Of a folder that is watched.
+    """Settings of a watched folder.
 
-    `poll_s`: between two looks at it [s]; a look takes at most `most_busy` of the time. `settle_s`: a file is
-    whole when its size and time of change have stayed the same for so long [s]; loggers flush each second or
-    more often. `most_waiting`: files that are remembered at once; more are found at a later look. `tries`:
-    attempts to read a file that the system refuses, before it is called unreadable.
+    `poll_s`: time between two polls [s]; polling takes at most the share `most_busy` of the time. `settle_s`:
+    time without change of a file's size and modification time after which it is complete [s]; loggers flush
+    at least each second. `most_waiting`: number of files that are noted at once; further files are found at a
+    later poll. `tries`: attempts to read a file that the system refuses, before it is reported as unreadable.
     """
 
     poll_s: float = 1.0
@@ -22,15 +22,15 @@ class FolderSettings:
 
 @dataclass(frozen=True)
 class StreamSettings:
-    """Of a stream of rows.
+    """Settings of a stream of rows.
 
-    A movement ends where the command has rested for `rest_s` [s], as in `experiment.segmentation`; a longer
-    gap in the times begins a new one. `longest_s` [s] and `most_rows`: longest movement that is held; what
-    follows it until the next rest is skipped. `reorder_rows`: rows that one may come late by; as many
-    late ones in succession are a clock that was set back. `idle_s`: time without rows [s] after which what is
-    there is judged, and a unit may give way to one that comes back. `queue`: movements that wait for the
-    diagnosis, before the stream is held back. `most_units`: of which movements are held at once.
-    `longest_line`: longer ones are no rows [bytes].
+    A movement ends when the command has rested for `rest_s` [s], as in `experiment.segmentation`; a longer
+    gap in the times begins a new movement. `longest_s` [s] and `most_rows`: longest movement in memory; the
+    rows after it, until the next rest, are skipped. `reorder_rows`: largest number of rows by which a row may
+    be late; more late rows in succession mean a clock that was set back. `idle_s`: time without rows [s]
+    after which the rows in memory are judged, and a unit may be replaced by a returning unit. `queue`: number
+    of movements that wait for the diagnosis before the stream is held back. `most_units`: number of units
+    with movements in memory. `longest_line`: longest line that is accepted as a row [bytes].
     """
 
     rest_s: float = 1.0
@@ -45,12 +45,12 @@ class StreamSettings:
 
 @dataclass(frozen=True)
 class AlarmSettings:
-    """From when on a condition is an alarm, and from when on no longer.
+    """Thresholds from which a condition is raised as an alarm, and cleared.
 
-    `raise_after`, `clear_after`: diagnoses in succession that must agree. `window`: diagnoses that are looked
-    back at, and more where few of them decide. `false_verdicts`: share of healthy recordings of which a
-    component is called degraded: 0 of 500 (`emaphm study run accuracy`, docs/accuracy.md), so 0.6 % at most
-    with 95 % confidence (Clopper and Pearson).
+    `raise_after`, `clear_after`: number of successive diagnoses that must agree. `window`: number of latest
+    diagnoses that are read, more if few of them are decided. `false_verdicts`: share of healthy recordings
+    with a component diagnosed as degraded: 0 of 500 (`emaphm study run accuracy`, docs/accuracy.md),
+    therefore at most 0.6 % with 95 % confidence (Clopper and Pearson).
     """
 
     raise_after: int = 3
@@ -61,14 +61,14 @@ class AlarmSettings:
 
 @dataclass(frozen=True)
 class PrognosisSettings:
-    """Of the prognosis that is kept up to date, and of its event; `emaphm serve` has the same.
+    """Settings of the updated prognosis and its event; `emaphm serve` has the same.
 
-    `horizon` [h] and `risk`: `rul_below_horizon` is raised where the probability of failure within this
-    horizon exceeds this risk; that of a healthy unit stays below. `clears_at`: share of the risk at which it
-    is cleared. `fewest`: explained diagnoses before it is raised: with fewer, the prior decides. `most`:
-    diagnoses of a unit that are used, and of each that it learns from: half of them the latest, the others
-    evenly from the hours before; more take longer and change little.
-    `python -m tests.monitoring.cost` measures these.
+    `horizon` [h] and `risk`: `rul_below_horizon` is raised if the probability of failure within this horizon
+    exceeds this risk; that of a healthy unit stays below. `clears_at`: share of the risk at which it is
+    cleared. `fewest`: least number of explained diagnoses for the event; with fewer, the prior dominates.
+    `most`: number of diagnoses that are used of the unit, and of each unit for the prior: half of them the
+    latest, the others evenly from the hours before; more diagnoses take longer and change little. `python -m
+    tests.monitoring.cost` measures these.
     """
 
     horizon: float = 200.0
@@ -80,11 +80,12 @@ class PrognosisSettings:
 
 @dataclass(frozen=True)
 class DeliverySettings:
-    """Of sending events.
+    """Settings of the delivery of events.
 
-    `timeout_s`: for an answer of a webhook [s]. `first_pause_s`, `longest_pause_s`: between attempts, doubled
-    each time [s]. `tries`: of an event that the receiver refuses (status 3xx, 4xx), before the next is sent.
-    `batch`: events read from the history at once. `last_s`: for what is left, at the end [s].
+    `timeout_s`: longest time for an answer of a webhook [s]. `first_pause_s`, `longest_pause_s`: time between
+    attempts, doubled each time [s]. `tries`: attempts with an event that the receiver refuses (status 3xx,
+    4xx), before the next event is sent. `batch`: number of events that are read from the history at once.
+    `last_s`: time for the remaining events at the end [s].
     """
 
     timeout_s: float = 5.0
@@ -97,7 +98,7 @@ class DeliverySettings:
 
 @dataclass(frozen=True)
 class PressureSettings:
-    """Back-pressure is raised where what waits takes `raise_s` to judge [s], cleared below `clear_s`."""
+    """Waiting times of recordings at which back-pressure is raised, `raise_s`, and cleared, `clear_s` [s]."""
 
     raise_s: float = 60.0
     clear_s: float = 10.0
@@ -105,11 +106,11 @@ class PressureSettings:
 
 @dataclass(frozen=True)
 class IsolationSettings:
-    """Of the process that reads and diagnoses, and of the one that makes prognoses.
+    """Limits of the process that reads and diagnoses, and of the process for prognoses.
 
-    `seconds`: that one recording may take [s]; the slowest diagnosis takes a tenth. `most_bytes`: address
-    space [bytes]; libraries reserve more than they use. `last_s`: that a diagnosis has left when the watching
-    is to stop [s]; most are done within it.
+    `seconds`: longest time of a recording [s]; the slowest diagnosis takes a tenth. `most_bytes`: address
+    space [bytes]; libraries reserve more than they use. `last_s`: time for the running diagnosis when the
+    monitoring is stopped [s]; most diagnoses end within it.
     """
 
     seconds: float = 600.0
@@ -119,11 +120,11 @@ class IsolationSettings:
 
 @dataclass(frozen=True)
 class WatchSettings:
-    """Of watching, each part with settings of its own.
+    """Settings of online monitoring.
 
-    `folder` and `stream`: how recordings arrive. `alarm`: from when on a condition is one. `prognosis`: what
-    is kept up to date. `delivery`: sending events. `pressure`: from when on too much waits. `isolation`: the
-    processes that read, diagnose and prognose. `retry_s`: longest pause between attempts to reach a history
+    `folder` and `stream`: the sources. `alarm`: thresholds of alarms. `prognosis`: the updated prognoses.
+    `delivery`: sending events. `pressure`: thresholds of back-pressure. `isolation`: limits of the processes
+    that read, diagnose and compute prognoses. `retry_s`: longest pause between attempts to reach a history
     that fails [s].
     """
 

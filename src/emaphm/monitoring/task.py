@@ -1,4 +1,4 @@
-"""What is watched, and how."""
+"""Definition of a monitoring task: its source, diagnosis and receivers."""
 
 import os
 from dataclasses import dataclass
@@ -21,35 +21,38 @@ STDIN = "stdin"
 
 @dataclass(frozen=True, eq=False)
 class WatchTask:
-    """What is watched, and how.
+    """Definition of a monitoring task.
 
     Attributes
     ----------
     source
         A folder, or the file descriptor of a stream.
     ownership
-        How the unit and the hours of a recording are known.
+        Rules for the unit and the hours of a recording.
     name
-        Of the watcher: what it has done stands in the history under this name; the folder's path, or "stdin",
-        where left out.
+        Name of the watcher, which identifies its progress in the history; if omitted, the folder's path, or
+        "stdin".
     split
-        What a file is cut by into recordings, as in `emaphm.read_recordings`.
+        Way to cut a file into recordings, as in `emaphm.read_recordings`.
     cut
-        Returns the stretches of a recording that identify something; None where it is judged as a whole.
+        Returns the stretches of a recording that identify faults; None if a recording is judged as a whole.
     diagnose
-        What diagnoses them, as `emaphm.diagnose` does, which is the usual; or an estimator.
+        Method of diagnosis: by default `emaphm.diagnose`, or an estimator.
     detector
-        Says in addition whether they are like healthy ones.
+        Detector that compares recordings with healthy recordings, in addition to the diagnosis.
     takes_new_units
-        Whether units that the history does not know are added to it.
+        Whether new units are added to the history.
     isolated
-        Whether recordings are read and diagnosed in a process of their own, and prognoses made in another.
-        A recording that kills its process, or takes too long, is tried once more and then set aside. Without
-        it, `stop` waits for what is under way. A script needs the usual ``if __name__ == "__main__":``.
+        Whether recordings are read and diagnosed in a separate process, and prognoses computed in another. A
+        recording that kills its process, or takes too long, is tried once more and then set aside. Without
+        isolation, `stop` waits for the running diagnosis. A script needs the usual ``if __name__ ==
+        "__main__":``.
     once
-        Whether to end when all that is there is judged.
+        Whether to end when all present recordings are judged.
+    seed
+        Source of all randomness.
     webhook, lines
-        Where events go: an address; a file descriptor.
+        Receivers of events: an address, a file descriptor.
     """
 
     source: Path | int
@@ -72,10 +75,12 @@ class WatchTask:
         return storable(self.name or (STDIN if isinstance(self.source, int) else str(self.source.absolute())))
 
     def check(self) -> None:
-        """Refuse a folder or an address that cannot be used, `MonitoringError`."""
+        """Raise `MonitoringError` for a folder or an address that cannot be used."""
         if isinstance(self.source, Path) and not self.source.is_dir():
-            what = "is no folder" if self.source.exists() else "no such folder"
-            raise MonitoringError(f"{self.source}: {what}; give one where recordings arrive, or - for stdin")
+            reason = "is no folder" if self.source.exists() else "no such folder"
+            raise MonitoringError(
+                f"{self.source}: {reason}; give one where recordings arrive, or - for stdin"
+            )
         if isinstance(self.source, Path) and not os.access(self.source, os.R_OK | os.X_OK):
             raise MonitoringError(f"{self.source}: cannot be read; let this user read the folder")
         if self.webhook is not None:

@@ -1,4 +1,4 @@
-"""Watching: what arrives is judged, the history and the prognoses follow, events are sent."""
+"""The monitoring loop: arrivals are judged, history and prognoses updated, events sent."""
 
 import threading
 import time
@@ -30,7 +30,7 @@ from emaphm.recording import Recording
 T = TypeVar("T")
 
 IDLE_S = 0.05
-"""Pause where nothing is to be done [s]."""
+"""Pause if there is nothing to do [s]."""
 
 TOO_MUCH_MEMORY = "it takes more memory than it may have; cut one manoeuvre out of it"
 
@@ -39,9 +39,9 @@ NOT_AGAIN = "it is set aside and not tried again; cut one manoeuvre out of it, a
 
 @dataclass
 class Watching:
-    """What was done: recordings judged, those that the history had, files or parts refused, prognoses.
+    """Counts of a run: recordings judged, already in the history, files or parts refused, and prognoses.
 
-    Of a stream, rows that were left out too.
+    For a stream, also the number of rows that were left out.
     """
 
     judged: int = 0
@@ -68,26 +68,26 @@ def watch(
     say: Callable[[str], None] = lambda _: None,
     on_count: Callable[[int, int], None] | None = None,
 ) -> Watching:
-    """Watch until the source ends, `stop` is set, or nobody reads the events any more.
+    """Monitor a source until it ends, `stop` is set, or the reader of the events closes.
 
     Parameters
     ----------
     task
-        What is watched, and how.
+        Definition of the monitoring task.
     history
-        Open; diagnoses, prognoses, events and how far the watcher is are kept in it.
+        Open history, in which diagnoses, prognoses, events and the progress of the watcher are stored.
     actuator
-        The description that all recordings are diagnosed by.
+        Description of the actuator for all diagnoses.
     settings
-        Times, sizes, and from when on something is an event.
+        Times, sizes and thresholds of events.
     stop
-        When it is set, what is being judged has `settings.isolation.last_s` [s] more; then it is given up and
-        judged at the next start.
+        When it is set, the running diagnosis has `settings.isolation.last_s` [s] to end; else it is cancelled
+        and repeated at the next start.
     say
-        Called with what a person should know and no event is: the history cannot be reached, a webhook does
+        Called with messages for a person that are no events: the history cannot be reached, a webhook does
         not answer.
     on_count
-        Called with the number of recordings done, and that with those that wait.
+        Called with the number of judged recordings, and with that number plus the waiting recordings.
 
     Raises
     ------
@@ -100,15 +100,12 @@ def watch(
     stop = stop or threading.Event()
     webhook = None if task.webhook is None else Webhook(task.webhook, settings.delivery.timeout_s)
     state = WatchState(history, task.watcher)
-    lost = {
-        event.kind
-        for event in history.open_conditions()
-        if event.watcher == task.watcher and event.unit is None
-    }
+    open_conditions = history.open_conditions()
+    raised = {event.kind for event in open_conditions if event.watcher == task.watcher and event.unit is None}
     done = Watching()
     with suppress(StoppedError), ExitStack() as stack:
         call = stack.enter_context(_isolated(settings.isolation, stop)) if task.isolated else call_here
-        source = _source(task, actuator, state, settings, call, is_lost="source_lost" in lost)
+        source = _source(task, actuator, state, settings, call, is_lost="source_lost" in raised)
         stack.callback(source.close)
         lines = [] if task.lines is None else [Lines(task.lines)]
         if webhook is not None:
@@ -119,7 +116,7 @@ def watch(
         isolation = settings.isolation if task.isolated else None
         outlook = Outlook(history, settings.prognosis, task.seed, task.watcher, isolation)
         stack.callback(outlook.close)
-        pressure = Pressure(settings.pressure, task.watcher, is_raised="back_pressure" in lost)
+        pressure = Pressure(settings.pressure, task.watcher, is_raised="back_pressure" in raised)
         watcher = _Watcher(
             source=source,
             history=history,
@@ -139,10 +136,10 @@ def watch(
 
 @contextmanager
 def _isolated(settings: IsolationSettings, stop: threading.Event) -> Iterator[Call]:
-    """Yield what calls functions in a process of their own, which ends with the body."""
+    """Yield an interface that calls functions in a separate process, which ends with the body."""
     calls = Calls(settings.seconds, settings.most_bytes, stop, settings.last_s)
     try:
-        calls(load)  # else the first recording would wait for it, and be taken for a slow one
+        calls(load)  # else the imports would count as time of the first recording
         yield calls
     except EndedError as error:
         raise MonitoringError(
@@ -154,7 +151,7 @@ def _isolated(settings: IsolationSettings, stop: threading.Event) -> Iterator[Ca
 
 
 def _closed(receivers: Sequence[Lines]) -> bool:
-    return any(lines.is_closed for lines in receivers)
+    return any(receiver.is_closed for receiver in receivers)
 
 
 def _judge(
@@ -199,7 +196,7 @@ def _source(
 
 @dataclass(eq=False)
 class _Watcher:
-    """The loop; all that lasts stands in the history, so it may be killed at any moment."""
+    """The loop; its lasting state is in the history, so that it may be killed at any moment."""
 
     source: Source
     history: History
@@ -215,9 +212,9 @@ class _Watcher:
     without_estimator: str = ""
 
     def run(self, *, once: bool, ends: Callable[[], bool]) -> None:
-        """Do what is to be done, until there is no more and `once`, or it is to end.
+        """Run until `stop` is set or `ends` returns True, with `once` until the source is exhausted.
 
-        `StoppedError` where it was to stop meanwhile.
+        `StoppedError` if `stop` was set during a step.
         """
         while not (self.stop.is_set() or ends()):
             if self._step():
@@ -228,27 +225,27 @@ class _Watcher:
             self.stop.wait(IDLE_S)
 
     def _step(self) -> bool:
-        """Do one thing; return whether there was one."""
-        arrival = self._insist(self.source.next)
+        """Judge the next arrival and continue with prognoses; return whether there was an arrival."""
+        arrival = self._with_retries(self.source.next)
         self._keep([*self.source.events(), *self.pressure.events(self.source)])
         if arrival is not None:
             with self.pressure.measured():
                 self._judge(arrival)
         if self.outlook.waiting and (arrival is None or self.outlook.is_isolated):
-            self._look_ahead()
+            self._update_prognoses()
         return arrival is not None
 
-    def _look_ahead(self) -> None:
-        """Go on with the prognoses that are due."""
+    def _update_prognoses(self) -> None:
+        """Continue with the prognoses that are due."""
         try:
-            if self._insist(self.outlook.step):
+            if self._with_retries(self.outlook.step):
                 self.done.prognoses += 1
                 self._wake()
         except NoPrognosisError as error:
             self.say(str(error))
 
     def _judge(self, arrival: Arrival) -> None:
-        """Judge an arrival; one that kills the process that judges it is tried once more, then set aside."""
+        """Judge an arrival; if it kills its process, it is tried once more and then set aside."""
         before, outcome = self.done.judged + self.done.known, ""
         while not outcome:
             refused = list[str]()
@@ -257,16 +254,16 @@ class _Watcher:
                     for entry, recording in arrival.read():
                         self._judge_parts(arrival, entry, recording, refused)
             except EndedError as error:
-                if self._insist(arrival.once_more):
+                if self._with_retries(arrival.once_more):
                     self.say(f"{arrival.name}: {error}; it is tried once more")
                     continue
                 refused.append(f"{arrival.name}: {error}, for the second time; {NOT_AGAIN}")
                 outcome = SET_ASIDE
-            found_any = self.done.judged + self.done.known > before
-            outcome = outcome or (JUDGED if not refused else PARTLY if found_any else REFUSED)
+            any_judged = self.done.judged + self.done.known > before
+            outcome = outcome or (JUDGED if not refused else PARTLY if any_judged else REFUSED)
         self.done.refused += len(refused)
         events = [self._refusal(arrival, reason) for reason in dict.fromkeys(refused)]
-        if self._insist(lambda: arrival.finish(outcome, events)) < len(events):
+        if self._with_retries(lambda: arrival.finish(outcome, events)) < len(events):
             self.say(f"refused as before: {refused[0]}")  # its event was printed by an earlier run
         self._wake()
         if self.on_count:
@@ -274,16 +271,16 @@ class _Watcher:
             self.on_count(count, count + self.source.waiting)
 
     def _judge_parts(self, arrival: Arrival, entry: Entry, recording: Recording, refused: list[str]) -> None:
-        """Judge a recording; what cannot be is added to `refused`, and what can is done all the same."""
+        """Judge the parts of a recording; the reasons of refused parts are added to `refused`."""
         with self._refusing(recording.source, refused):
-            self._insist(partial(self.judge.check, entry))
+            self._with_retries(partial(self.judge.check, entry))
             for part in self.judge.parts(recording):
                 with self._refusing(part.source, refused):
                     self._judge_one(arrival, entry, part)
 
     @contextmanager
     def _refusing(self, name: str, refused: list[str]) -> Iterator[None]:
-        """Add to `refused` why the body cannot be done, so that what else arrives is judged all the same."""
+        """Add the error of the body to `refused`, so that other recordings are still judged."""
         try:
             yield
         except (HistoryFormError, StoppedError, EndedError):
@@ -292,22 +289,22 @@ class _Watcher:
             refused.append(str(error))
         except MemoryError:
             refused.append(f"{name}: {TOO_MUCH_MEMORY}")
-        except Exception as error:  # noqa: BLE001 - a defect of ours must not end the watching of all others
+        except Exception as error:  # noqa: BLE001 - a defect must not end the monitoring of other units
             self.say("".join(traceback.format_exception(error)).strip())
             refused.append(f"{name}: a defect of emaphm, please report it: {error!r}")
 
     def _judge_one(self, arrival: Arrival, entry: Entry, part: Recording) -> None:
         self._check_estimator()
-        diagnosis = self._insist(lambda: self.judge.judged(entry, part))
+        diagnosis = self._with_retries(lambda: self.judge.judged(entry, part))
         details = {"latency_s": round(time.monotonic() - arrival.arrived, 3)}
-        self._insist(lambda: self.judge.filed(entry, part, diagnosis, details))
+        self._with_retries(lambda: self.judge.filed(entry, part, diagnosis, details))
         self.done.known += diagnosis is None
         self.done.judged += diagnosis is not None
         self._wake()
         self.outlook.ask(entry.unit)
 
     def _check_estimator(self) -> None:
-        """Say it when the estimator cannot be used any more, and when it can again."""
+        """Report when the estimator can no longer be used, and when it can be used again."""
         reason = refusal_of(self.judge.diagnose, self.judge.actuator)
         if reason and not self.without_estimator:
             self.say(f"{reason}; meanwhile recordings are diagnosed by the full search")
@@ -316,7 +313,7 @@ class _Watcher:
         self.without_estimator = reason
 
     def _refusal(self, arrival: Arrival, reason: str) -> Event:
-        """Return the event that something is refused; the same content for the same reason is one event."""
+        """Return the event of a refusal; it is the same event for the same content and reason."""
         return Event(
             "refused",
             "raised",
@@ -329,9 +326,9 @@ class _Watcher:
 
     def _keep(self, events: Sequence[Event]) -> None:
         if events:
-            self._insist(lambda: self.history.add_events(*events))
+            self._with_retries(lambda: self.history.add_events(*events))
             left_out = [
-                count for one in events if one.kind == "rows_skipped" for count in one.details.values()
+                count for event in events if event.kind == "rows_skipped" for count in event.details.values()
             ]
             self.done.rows_left_out += sum(left_out)
             self._wake()
@@ -340,20 +337,20 @@ class _Watcher:
         for delivery in self.deliveries:
             delivery.wake()
 
-    def _insist(self, action: Callable[[], T]) -> T:
-        """Return what `action` does, which is tried again while the history cannot be used."""
-        pause, said = self.settings.delivery.first_pause_s, ""
+    def _with_retries(self, action: Callable[[], T]) -> T:
+        """Return the result of `action`, which is repeated while the history is not available."""
+        pause, reported = self.settings.delivery.first_pause_s, ""
         while True:
             try:
                 result = action()
             except HistoryUnavailableError as error:
-                if str(error) != said:
+                if str(error) != reported:
                     self.say(f"{error}; trying again, nothing is lost meanwhile")
-                    said = str(error)
+                    reported = str(error)
                 if self.stop.wait(pause):
                     raise StoppedError from None
                 pause = min(2 * pause, self.settings.retry_s)
             else:
-                if said:
+                if reported:
                     self.say("the history can be used again")
                 return result

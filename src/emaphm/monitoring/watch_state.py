@@ -1,7 +1,7 @@
-"""How far a watcher is: the files it has done with, the rows it has judged, the events it has delivered.
+"""Progress of a watcher in the history: files and rows that it has judged, events that it has delivered.
 
-It stands in the history itself, so that what is judged and what is known to be judged cannot fall apart. A
-watcher is identified by a text (`emaphm.monitoring`).
+It is stored in the history itself, so that it is always consistent with the judged recordings. A watcher is
+identified by a text (`WatchTask.watcher`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,20 +24,19 @@ JUDGED, PARTLY, AGAIN, REFUSED, CHANGED, TRIED, SET_ASIDE = OUTCOMES = (
     "tried",
     "set aside",
 )
-"""What became of a file. Partly: something of it is judged and something refused; again: so by an earlier
-run, what was refused is to be tried again. Changed: after something of it was judged. Tried: the process that
-judged it has died of it once, it is tried once more; set aside: that happened twice, it is never tried
-again."""
+"""Outcomes of a file. Partly: some parts are judged and some refused; again: partly in an earlier run, the
+refused parts are tried again. Changed: changed after a part of it was judged. Tried: the process that judged
+it has died once, it is tried once more; set aside: this has happened twice, it is never tried again."""
 
 _Put = tuple[sa.Table, Mapping[str, Any], Mapping[str, Any]]
-"""A row of a table: what it is found by, and what is written."""
+"""A row to write: its table, the key by which it is found, and the values."""
 
 
 @dataclass(frozen=True)
 class WatchedFile:
-    """A file as a watcher has left it: size [bytes], time of the last change, SHA-256 of its content.
+    """A file that a watcher has processed: size [bytes], modification time [ns], SHA-256 of its content.
 
-    `outcome` is one of `OUTCOMES`. A movement of a stream that was tried has its number of rows as its size.
+    `outcome` is one of `OUTCOMES`. For a movement of a stream that was tried, `size` is its number of rows.
     """
 
     name: str
@@ -49,39 +48,39 @@ class WatchedFile:
 
 @dataclass(frozen=True)
 class RowsJudged:
-    """Up to which time [s] of the flight at `hours` [h] the rows of a unit were judged."""
+    """Time [s] in the flight at `hours` [h] up to which the rows of a unit were judged."""
 
     hours: float
     time_s: float
 
     def covers(self, hours: float, time_s: float) -> bool:
-        """Whether a row at these hours and this time was judged."""
+        """Return whether a row at these hours and this time was judged."""
         return hours < self.hours or (hours == self.hours and time_s <= self.time_s)
 
 
 @dataclass(frozen=True, eq=False)
 class WatchState:
-    """What a history holds of one watcher; each method raises `HistoryError` where the database fails."""
+    """State of one watcher in a history; each method raises `HistoryError` if the database fails."""
 
     history: History
     watcher: str
 
     def files(self, names: Sequence[str]) -> dict[str, WatchedFile]:
-        """Return what became of those of the files `names` that were judged or tried, by name."""
-        held = {storable(name): name for name in names}
+        """Return the outcomes of the files `names` that were judged or tried, by name."""
+        original = {storable(name): name for name in names}
         query = sa.select(WATCHED_FILES).where(
-            WATCHED_FILES.c.watcher == self.watcher, WATCHED_FILES.c.name.in_(list(held))
+            WATCHED_FILES.c.watcher == self.watcher, WATCHED_FILES.c.name.in_(list(original))
         )
         with self.history.database.reading() as connection:
             return {
-                held[row.name]: WatchedFile(
-                    held[row.name], row.size, row.modified_ns, row.digest, row.outcome
+                original[row.name]: WatchedFile(
+                    original[row.name], row.size, row.modified_ns, row.digest, row.outcome
                 )
                 for row in connection.execute(query)
             }
 
     def forget_refused(self) -> None:
-        """Let the files be tried again that were refused, or of which something was."""
+        """Mark the files that were refused, completely or partly, for a new attempt."""
         mine = WATCHED_FILES.c.watcher == self.watcher
         with self.history.writing() as connection:
             connection.execute(WATCHED_FILES.delete().where(mine, WATCHED_FILES.c.outcome == REFUSED))
@@ -89,11 +88,11 @@ class WatchState:
             connection.execute(partly.values(outcome=AGAIN))
 
     def finish_file(self, file: WatchedFile, events: Sequence[Event] = ()) -> int:
-        """Note what became of a file, and add events, in one step; return how many of these are new."""
-        return self._put(events, _of_file(file))
+        """Write the outcome of a file and add events, in one transaction; return the number of new events."""
+        return self._put(events, _file_row(file))
 
     def rows_judged(self) -> dict[str, RowsJudged]:
-        """Return by unit up to where its rows were judged."""
+        """Return the judged rows by unit."""
         query = sa.select(WATCHED_ROWS).where(WATCHED_ROWS.c.watcher == self.watcher)
         with self.history.database.reading() as connection:
             return {row.unit: RowsJudged(row.hours, row.time_s) for row in connection.execute(query)}
@@ -105,17 +104,17 @@ class WatchState:
         events: Sequence[Event] = (),
         tried: WatchedFile | None = None,
     ) -> int:
-        """Note up to where the rows of a unit were judged, and add events; return how many are new.
+        """Write the judged rows of a unit and add events in one transaction; return the number of new events.
 
-        `tried` is what became of a movement that was tried before.
+        `tried` is the outcome of a movement that was tried before.
         """
-        puts = [] if tried is None else [_of_file(tried)]
+        puts = [] if tried is None else [_file_row(tried)]
         if rows is not None:
             puts.append((WATCHED_ROWS, {"unit": unit}, {"hours": rows.hours, "time_s": rows.time_s}))
         return self._put(events, *puts)
 
     def undelivered(self, receiver: str, most: int) -> tuple[Event, ...]:
-        """Return the first events of this watcher that a receiver has not been sent, `most` at most."""
+        """Return at most `most` events of this watcher that were not sent to a receiver, the oldest first."""
         query = sa.select(DELIVERED.c.event_id).where(
             DELIVERED.c.watcher == self.watcher, DELIVERED.c.receiver == receiver
         )
@@ -124,11 +123,11 @@ class WatchState:
             return read_events(connection, watcher=self.watcher, after=last, limit=most)
 
     def delivered(self, receiver: str, number: int) -> None:
-        """Note that a receiver has been sent the events up to `number`."""
+        """Note that the events up to `number` were sent to a receiver."""
         self._put((), (DELIVERED, {"receiver": receiver}, {"event_id": number}))
 
     def skip_to_now(self, receiver: str) -> None:
-        """Let a receiver that is new be sent only what comes from now on."""
+        """Mark all present events as sent to a receiver if it is new."""
         query = sa.select(DELIVERED.c.event_id).where(
             DELIVERED.c.watcher == self.watcher, DELIVERED.c.receiver == receiver
         )
@@ -139,18 +138,18 @@ class WatchState:
         self.delivered(receiver, (last[0].number or 0) if last else 0)
 
     def _put(self, events: Sequence[Event], *puts: _Put) -> int:
-        """Add events and write rows, all or nothing; return how many events are new."""
+        """Add events and write rows in one transaction; return the number of new events."""
         with self.history.writing() as connection:
             new = add_events(connection, events)
             for table, key, values in puts:
-                every = {"watcher": self.watcher, **key}
-                mine = [table.c[name] == value for name, value in every.items()]
-                if not connection.execute(table.update().where(*mine).values(**values)).rowcount:
-                    connection.execute(table.insert().values(**every, **values))
+                full_key = {"watcher": self.watcher, **key}
+                own_row = [table.c[name] == value for name, value in full_key.items()]
+                if not connection.execute(table.update().where(*own_row).values(**values)).rowcount:
+                    connection.execute(table.insert().values(**full_key, **values))
         return new
 
 
-def _of_file(file: WatchedFile) -> _Put:
+def _file_row(file: WatchedFile) -> _Put:
     values = {
         "size": file.size,
         "modified_ns": file.modified_ns,

@@ -1,4 +1,4 @@
-"""What was measured: the schema, reading, writing, checks, equivalent current, acquisition."""
+"""Recordings of an actuator: schema, reading, writing, checks, equivalent current, simulated acquisition."""
 
 from emaphm.recording.acquisition import acquire, full_scales
 from emaphm.recording.equivalent_current import (

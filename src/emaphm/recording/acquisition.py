@@ -1,4 +1,4 @@
-"""What a rig's sensors and converters do to true signals."""
+"""Model of a rig's data acquisition: sensor noise and the quantisation of analogue-to-digital converters."""
 
 from collections.abc import Mapping
 
@@ -12,7 +12,7 @@ from emaphm.recording.recording import Recording
 from emaphm.recording.schema import CURRENTS, SCHEMA
 
 EXACT = ("time_s", "command_rad", "enabled")
-"""Channels that the rig makes itself and therefore knows."""
+"""Channels that the rig generates itself, which have no sensor error."""
 
 SENSED = tuple(name for name in SCHEMA if name not in EXACT)
 
@@ -32,10 +32,10 @@ def acquire(
 ) -> Recording:
     """Return `recording` as a rig would have measured it.
 
-    To each channel in `noise` white Gaussian noise is added. With `adc_bits`, each channel in
-    `full_scale` then goes through a mid-tread converter of step 2 × full scale / 2^bits, which clips
-    at -full scale and one step below +full scale. Time, command and columns beyond the schema stay as
-    they are. Noise is drawn for each channel on its own: the other channels do not change it.
+    White Gaussian noise is added to each channel in `noise`. With `adc_bits`, a mid-tread converter of step
+    2 × full scale / 2^bits then quantises each channel in `full_scale` and clips it at -full scale and at one
+    step below +full scale. Time, command and columns beyond the schema stay unchanged. The noise of a channel
+    has its own random stream, so that it does not depend on the other channels.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def acquire(
     noise
         Noise rms by channel, in the channel's unit.
     adc_bits
-        Resolution of the converters, 4 to 24; none where left out.
+        Resolution of the converters, 4 to 24 bits; no quantisation if omitted.
     full_scale
         Half the converter's range by channel, in the channel's unit, e.g. from `full_scales`; it may
         name channels that the recording lacks.
@@ -62,8 +62,8 @@ def acquire(
     _check_converter(adc_bits, full_scale)
     columns: dict[str, Array] = dict(recording.channels)
     for name, rms in noise.items():
-        drawn = stream(seed, "sensor noise", name).normal(0.0, rms, recording.samples)
-        columns[name] = columns[name] + drawn
+        samples = stream(seed, "sensor noise", name).normal(0.0, rms, recording.samples)
+        columns[name] = columns[name] + samples
     if adc_bits is not None:
         for name in full_scale.keys() & columns.keys():
             columns[name] = _quantise(columns[name], adc_bits, full_scale[name])
@@ -71,9 +71,9 @@ def acquire(
 
 
 def full_scales(actuator: Actuator) -> dict[str, float]:
-    """Return a sensible full scale for each channel whose range the actuator's description implies.
+    """Return a suitable full scale by channel, for each channel whose range the description gives.
 
-    Twice the current and torque limits, 1.2 times the others: speed limit, end stops, supply.
+    The full scale is twice the current or torque limit, and 1.2 times the speed limit, end stops or supply.
     """
     controller, motor, mechanics = actuator.controller, actuator.motor, actuator.mechanics
     scales = dict.fromkeys(CURRENTS, 2 * controller.current_limit)
@@ -128,8 +128,10 @@ def check_bits(adc_bits: int) -> None:
         )
 
 
-def _check_sensed(name: str, what: str) -> None:
+def _check_sensed(name: str, setting: str) -> None:
     if name in EXACT:
-        raise RecordingError(f"{what} for '{name}', which is known exactly; leave it out")
+        raise RecordingError(f"{setting} for '{name}', which is known exactly; leave it out")
     if name not in SENSED:
-        raise RecordingError(f"{what} for unknown channel '{name}'{nearest(name, SENSED)}; correct the name")
+        raise RecordingError(
+            f"{setting} for unknown channel '{name}'{nearest(name, SENSED)}; correct the name"
+        )

@@ -1,6 +1,7 @@
-"""A smooth curve through equally spaced points, that does not overshoot next to a jump (Akima 1970).
+"""Akima's piecewise cubic interpolation of equally spaced points, which does not overshoot next to a jump.
 
-SciPy has one too, but its import takes 0.1 s, a good part of a whole diagnosis from the command line.
+SciPy has this interpolation also, but its import takes 0.1 s, a large part of the time of a diagnosis from
+the command line.
 """
 
 from dataclasses import dataclass
@@ -10,17 +11,17 @@ import numpy as np
 from emaphm.arrays import Array
 
 FLAT = 1e-9
-"""Changes of slope below this share of the largest count as none."""
+"""Changes of slope below this share of the largest change count as 0."""
 
 CHUNK = 8192
-"""Times evaluated at once: what they take stays in the processor's cache, in half the time."""
+"""Number of times evaluated at once: their arrays fit into the processor's cache, which halves the time."""
 
 
 @dataclass(frozen=True, eq=False)
 class AkimaCurve:
     """Cubic pieces c₀ + c₁ u + c₂ u² + c₃ u³, u = (t - start) / interval - i in [0, 1] on piece i.
 
-    `coefficients` have shape (4, pieces). The first and last piece go on beyond the points.
+    `coefficients` have shape (4, pieces). The first and last piece extrapolate beyond the points.
     """
 
     start: float
@@ -29,10 +30,11 @@ class AkimaCurve:
 
     @classmethod
     def through(cls, values: Array, start: float, interval: float) -> "AkimaCurve":
-        """Return the curve through `values` (n,), n at least 3, at start + i interval.
+        """Return the curve through `values` (n,), n at least 3, at the times start + i interval.
 
-        The slope at a point is the mean of the chords' slopes to its left and right, weighted by how much the
-        chords bend on the other side; beyond both ends chords go on as a parabola.
+        The slope at a point is the weighted mean of the slopes of the chords to its left and right. The
+        weight of the left chord is the change of the chords' slope on the right side, and vice versa. Beyond
+        both ends the chords are extrapolated as those of a parabola.
 
         References
         ----------
@@ -47,10 +49,10 @@ class AkimaCurve:
         chords[-1] = 2 * chords[-2] - chords[-3]
         bends = np.abs(np.diff(chords))
         left, right = bends[:-2], bends[2:]
-        both = left + right
+        total = left + right
         slopes = 0.5 * (chords[3:] + chords[:-3])
-        bent = both > FLAT * both.max()
-        share = left[bent] / both[bent]
+        bent = total > FLAT * total.max()
+        share = left[bent] / total[bent]
         slopes[bent] = (1 - share) * chords[1:-2][bent] + share * chords[2:-1][bent]
         before, after, chord = slopes[:-1], slopes[1:], chords[2:-2]
         return cls(

@@ -1,4 +1,7 @@
-"""A motor angle in another unit, or of the electrical turn, found by the motion in another channel."""
+"""Check of the unit of a recorded motor angle against the motion in another channel.
+
+It detects degrees, revolutions, milliradians, and the electrical in place of the mechanical angle.
+"""
 
 import math
 from collections.abc import Sequence
@@ -9,23 +12,25 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.recording.recording import Recording
 
-ALIKE = 0.95
-"""Least correlation of the angle's changes with those of the motion that it is compared with."""
+LEAST_CORRELATION = 0.95
+"""Least correlation between the angle and the motion that it is compared with."""
 
-MATCHES = 1.15
-"""Largest factor, either way, between the two motions where they are of one unit."""
+MATCHING_FACTOR = 1.15
+"""Largest factor, in either direction, between the two motions if they have the same unit."""
 
-LATEST_SHARE, DELAYS = 0.1, 20
-"""Longest delay of a motion behind its command that is tried, a share of the recording, and their number."""
+LONGEST_DELAY, DELAYS = 0.1, 20
+"""Longest delay of the motion behind its command that is tried, relative to the duration of the recording,
+and the number of delays that are tried."""
 
-DIFFERS = 1.5
-"""Least factor, either way, between them as recorded: below, another gear ratio is as likely."""
+SUSPICIOUS_FACTOR = 1.5
+"""Least factor, in either direction, between the recorded motions: below, a wrong gear ratio is as likely."""
 
 
 def angle_unit_complaint(recording: Recording, actuator: Actuator) -> str | None:
-    """Return why `angle_rad` seems to be in another unit than rad of the motor, None where nothing says so.
+    """Return the reason why `angle_rad` seems not to be the motor's angle in rad, None if there is no reason.
 
-    It is compared with the motor's recorded speed, else with the position or the command over the gear ratio.
+    The angle is compared with the integral of the motor's recorded speed, or without a speed with the
+    position or the command divided by the gear ratio.
     """
     if "angle_rad" not in recording or actuator.has_linear_motor:
         return None
@@ -33,26 +38,26 @@ def angle_unit_complaint(recording: Recording, actuator: Actuator) -> str | None
     angle = recording["angle_rad"]
     delays = _delays(angle.size) if name == "command_rad" else [0]
     slope = _slope(np.unwrap(angle), motion, delays)
-    if slope is not None and 1 / DIFFERS <= slope <= DIFFERS:
+    if slope is not None and 1 / SUSPICIOUS_FACTOR <= slope <= SUSPICIOUS_FACTOR:
         return None
-    for unit, size, wrapped in _units(actuator):
-        # Turns are counted in the unit of the recording: 360 where it has degrees.
+    for unit, size, wrapped in _candidate_units(actuator):
+        # The angle is unwrapped in the unit of the recording: a turn is 360 if it is in degrees.
         turns = np.unwrap(angle / wrapped)
-        matched = _slope(turns * wrapped / size, motion, delays)
-        if matched is not None and 1 / MATCHES <= matched <= MATCHES:
+        converted_slope = _slope(turns * wrapped / size, motion, delays)
+        if converted_slope is not None and 1 / MATCHING_FACTOR <= converted_slope <= MATCHING_FACTOR:
             return (
                 f"angle_rad turns {size:.3g} times as far as the motor by {name}; it seems to be {unit}: "
-                f"convert it to the motor's mechanical angle in rad{_else(name)}"
+                f"convert it to the motor's mechanical angle in rad{_alternative_remedy(name)}"
             )
     return None
 
 
-def _else(name: str) -> str:
+def _alternative_remedy(name: str) -> str:
     return "" if name == "speed_rad_s" else ", or correct gear_ratio in the actuator's file"
 
 
-def _units(actuator: Actuator) -> list[tuple[str, float, float]]:
-    """Return what an angle may be in, by how much that is larger, and what its turn is over 2 pi."""
+def _candidate_units(actuator: Actuator) -> list[tuple[str, float, float]]:
+    """Return the units that the angle may have: name, size of 1 rad of the motor, and turn over 2 pi."""
     degrees, turns = 180 / math.pi, 1 / (2 * math.pi)
     units = [
         ("in degrees", degrees, degrees),
@@ -69,7 +74,7 @@ def _units(actuator: Actuator) -> list[tuple[str, float, float]]:
 
 
 def _motion(recording: Recording, actuator: Actuator) -> tuple[str, Array]:
-    """Return the channel that shows the motor's motion best, and the motor's angle by it (samples,) [rad]."""
+    """Return the channel to compare with and the motor's angle computed from it, (samples,) [rad]."""
     if "speed_rad_s" in recording and np.any(recording["speed_rad_s"]):
         return "speed_rad_s", np.cumsum(recording["speed_rad_s"]) * recording.interval_s
     name = "position_rad" if "position_rad" in recording else "command_rad"
@@ -78,22 +83,22 @@ def _motion(recording: Recording, actuator: Actuator) -> tuple[str, Array]:
 
 def _delays(rows: int) -> list[int]:
     """Return the delays [rows] at which a motion is compared with its command."""
-    return [int(one) for one in np.unique(np.linspace(0, LATEST_SHARE * rows, DELAYS).astype(int))]
+    return [int(delay) for delay in np.unique(np.linspace(0, LONGEST_DELAY * rows, DELAYS).astype(int))]
 
 
 def _slope(angle: Array, motion: Array, delays: Sequence[int]) -> float | None:
-    """Return the ratio of an angle to a motion about their means, at the delay [rows] of the most likeness.
+    """Return the ratio of the rms of `angle` to that of `motion` about their means, at the best of `delays`.
 
-    None where they are alike at no delay.
+    The best delay [rows] has the largest correlation. None if no correlation exceeds `LEAST_CORRELATION`.
     """
-    best, ratio = ALIKE, None
+    best, ratio = LEAST_CORRELATION, None
     for delay in delays:
-        off, asked = angle[delay:] - angle[delay:].mean(), motion[: motion.size - delay]
-        asked = asked - asked.mean()
-        size, reference = float(np.linalg.norm(off)), float(np.linalg.norm(asked))
-        if not (0 < size < math.inf and 0 < reference < math.inf):
+        shifted, reference = angle[delay:] - angle[delay:].mean(), motion[: motion.size - delay]
+        reference = reference - reference.mean()
+        size, reference_size = float(np.linalg.norm(shifted)), float(np.linalg.norm(reference))
+        if not (0 < size < math.inf and 0 < reference_size < math.inf):
             continue
-        correlation = float(off @ asked) / (size * reference)
+        correlation = float(shifted @ reference) / (size * reference_size)
         if correlation > best:
-            best, ratio = correlation, size / reference
+            best, ratio = correlation, size / reference_size
     return ratio

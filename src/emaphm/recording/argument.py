@@ -1,16 +1,16 @@
-"""Whether what a function was given for a recording is one."""
+"""Type check of an argument that must be a `Recording`."""
 
 from emaphm.errors import RecordingError
 from emaphm.recording.recording import Recording
 
 
 def check_recording(given: object) -> None:
-    """Refuse what is no `Recording`, such as the name of a file.
+    """Refuse an argument that is not a `Recording`, such as the name of a file.
 
     Raises
     ------
     RecordingError
-        It is of another type.
+        The argument is of another type.
     """
     if not isinstance(given, Recording):
         raise RecordingError(f"no recording but a {type(given).__name__}; give what read_recording returns")

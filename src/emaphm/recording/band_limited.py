@@ -1,4 +1,4 @@
-"""A curve through few rows a cycle, where the signal behind them is smooth: a spline of degree five."""
+"""Interpolation of a smooth signal with few rows per cycle by a spline of degree five."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,19 +8,20 @@ import numpy as np
 from emaphm.arrays import Array
 
 DEGREE = 5
-"""Of the spline; its error falls with the sixth power of the frequency."""
+"""Degree of the spline; its error falls with the sixth power of the frequency."""
 
 
 @dataclass(frozen=True)
 class SmoothnessSettings:
-    """From which curvature on rows are few a cycle, and up to which they still show a smooth signal.
+    """Thresholds on differences of the rows, between which a signal is smooth with few rows per cycle.
 
-    Of a sine of angular frequency w in rows h apart, fourth differences are q = (2 sin(w h / 2))² times the
-    second ones. `fewest` is 28 rows a cycle: with more, Akima's curve is right to 1e-4 of the signal. `most`
-    is four rows a cycle. Behind a jump q is 3.2, behind white noise 2.9: a spline rings there, Akima's curve
-    does not. Behind a bend of the slope q is 1.4 to 2.5, by where in its row it lies: a signal bends where
-    the curvature of three rows is `bend` times as large as that of two rows before and two after them, and as
-    three times the median one.
+    For a sine of angular frequency w in rows at an interval h, fourth differences are q = (2 sin(w h / 2))²
+    times the second differences. `fewest` is the q of 28 rows per cycle: with more rows, the error of Akima's
+    curve is below 1e-4 of the signal. `most` is the q of four rows per cycle. A jump has q = 3.2 and white
+    noise 2.9: a spline rings there, Akima's curve does not. A bend, where the slope jumps, has q = 1.4 to
+    2.5, which depends on its place within the row: a signal has a bend where the curvature of three rows is
+    `bend` times as large as that of the two rows before and the two rows after them, and as three times the
+    median.
     """
 
     fewest: float = 0.05
@@ -32,21 +33,21 @@ SMOOTHNESS = SmoothnessSettings()
 
 
 def is_band_limited(values: Array) -> bool:
-    """Return whether `values` (n,) are few rows a cycle of a smooth signal, by `SMOOTHNESS`."""
-    if values.size < 2 * DEGREE or not SMOOTHNESS.fewest <= _ratio(values) <= SMOOTHNESS.most:
+    """Return whether `values` (n,) are a smooth signal with few rows per cycle, according to `SMOOTHNESS`."""
+    if values.size < 2 * DEGREE or not SMOOTHNESS.fewest <= _difference_ratio(values) <= SMOOTHNESS.most:
         return False
-    return not _bends(values)
+    return not _has_bend(values)
 
 
 def is_well_sampled(values: Array) -> bool:
-    """Return whether `values` (n,) are more rows a cycle of a smooth signal than any curve needs."""
-    return _ratio(values) < SMOOTHNESS.fewest
+    """Return whether `values` (n,) are a smooth signal with so many rows per cycle that any curve fits it."""
+    return _difference_ratio(values) < SMOOTHNESS.fewest
 
 
-def _bends(values: Array) -> bool:
-    """Return whether the slope of `values` (n,) jumps, as where a ramp or a sine begins after a rest.
+def _has_bend(values: Array) -> bool:
+    """Return whether the slope of `values` (n,) jumps, such as where a ramp or a sine begins after a rest.
 
-    Means over intervals have a bend in three second differences, instants in two.
+    A bend shows in three second differences of means over intervals, in two of instants.
     """
     curvature = np.abs(np.diff(values, 2))
     sums = np.cumsum(np.pad(curvature, (3, 2)))
@@ -56,15 +57,15 @@ def _bends(values: Array) -> bool:
     return bool(np.any(bend > least))
 
 
-def _ratio(values: Array) -> float:
-    """Return the rms of the fourth differences over that of the second ones, 0 without any curvature."""
+def _difference_ratio(values: Array) -> float:
+    """Return the rms of the fourth differences over that of the second differences, 0 without curvature."""
     curvature = float(np.mean(np.diff(values, 2) ** 2))
     fourth = float(np.mean(np.diff(values, 4) ** 2))
     return (fourth / curvature) ** 0.5 if curvature > 0 else 0.0
 
 
 def spline_through(values: Array, interval: float, degree: int = DEGREE) -> Callable[[Array], Array]:
-    """Return the spline of a `degree` through `values` (n,) at i × interval, as a function of time [s]."""
+    """Return the spline of `degree` through `values` (n,) at i × interval, as a function of time [s]."""
     from scipy.interpolate import make_interp_spline
 
     return _as_function(make_interp_spline(np.arange(values.size) * interval, values, k=degree))
@@ -73,7 +74,8 @@ def spline_through(values: Array, interval: float, degree: int = DEGREE) -> Call
 def spline_of_means(values: Array, interval: float, degree: int = DEGREE) -> Callable[[Array], Array]:
     """Return the curve whose means over [i h, (i + 1) h), h the interval, are `values` (n,).
 
-    The derivative of the spline of a `degree` through the running sums of the means: a histospline.
+    It is a histospline: the derivative of the spline of the given `degree` through the running sums of the
+    means.
     """
     from scipy.interpolate import make_interp_spline
 

@@ -1,4 +1,4 @@
-"""What every recording must satisfy, whatever the actuator; each error names column, row and remedy."""
+"""Checks that every recording must pass for any actuator; each error names column, row and remedy."""
 
 from collections.abc import Collection, Mapping
 
@@ -12,17 +12,17 @@ FEWEST_SAMPLES = 50
 """Fewer rows than this cannot identify eight faults."""
 
 STEP_TOLERANCE = 0.01
-"""Largest deviation of one time step from the sample interval, as a fraction of it, that counts as none."""
+"""Largest deviation of a time step from the sample interval, relative to it, for uniform sampling."""
 
 LARGEST_SHIFT = 0.5
-"""Of a row from its place at a constant rate, in steps, that counts as none."""
+"""Largest shift of a row from its time at a constant rate [steps] for uniform sampling."""
 
 MOST_JITTER = 0.25
-"""Largest rms deviation of the time steps from the sample interval, as a fraction of it, that rows are
-resampled with. Beyond, the rate of the rows says little of what they can resolve."""
+"""Largest rms deviation of the time steps from the sample interval, relative to it, at which rows are
+resampled. Beyond it, the mean rate of the rows does not indicate their time resolution."""
 
 GAP = 1.75
-"""A time step of this many sample intervals is a lost row, whose values no interpolation can know."""
+"""A time step of this number of sample intervals means a lost row, whose values cannot be interpolated."""
 
 NEEDED = (
     "time_s, command_rad, and one or more of current_A (or the three phase currents with angle_rad), "
@@ -33,23 +33,23 @@ COUNTING = "rows count from 1, the header not included"
 
 
 def check(columns: Mapping[str, Array], source: str, labels: Mapping[str, str] | None = None) -> None:
-    """Refuse columns that no recording may have.
+    """Refuse columns that do not form a valid recording.
 
     Parameters
     ----------
     columns
-        Arrays of shape (n,) by schema name, in SI units. Further columns may be present; they need
-        only the same length.
+        Arrays of shape (n,) by schema name, in SI units. Columns beyond the schema are only checked for the
+        same length.
     source
-        File or description that an error names.
+        File or description, named in an error.
     labels
-        Names in the file, by schema name, where they differ.
+        Names in the file by schema name, if they differ.
 
     Raises
     ------
     RecordingError
         A needed column is missing, lengths differ, there are fewer than 50 rows, a value is not
-        finite, time does not increase or leaves a gap or jitters too much, or nothing was commanded.
+        finite, time does not increase, has a gap or jitters too much, or the command is 0 throughout.
     """
     labels = {name: _label(name, labels or {}) for name in columns}
     complaint = (
@@ -64,10 +64,10 @@ def check(columns: Mapping[str, Array], source: str, labels: Mapping[str, str] |
 
 
 def missing_columns(present: Collection[str]) -> tuple[str, ...]:
-    """Return the needed columns that are not among `present`.
+    """Return the required columns that are not among `present`.
 
-    Where none of `RESPONSES` is there but some phase currents are, the others and the angle count as missing,
-    else `current_A`.
+    Without any of `RESPONSES`, `current_A` is missing, or if phase currents are present, the other phase
+    currents and the angle.
     """
     missing = [name for name in ("time_s", "command_rad") if name not in present]
     if not any(name in present for name in RESPONSES):
@@ -132,7 +132,7 @@ def _time_steps(time: Array, label: str) -> str | None:
     if is_uniform(time):
         return None
     with np.errstate(over="ignore", invalid="ignore"):
-        # Relative to the mean: a gap exceeds it however long it is.
+        # Relative to the mean, not the median: a gap of any length exceeds it.
         relative = steps / steps.mean()
         jitter = float(np.sqrt(np.mean((relative - 1) ** 2)))
     gaps = np.flatnonzero(~(relative < GAP))
@@ -147,10 +147,10 @@ def _time_steps(time: Array, label: str) -> str | None:
 
 
 def is_uniform(time: Array) -> bool:
-    """Return whether all steps of `time` (n,) are within `STEP_TOLERANCE` of their median.
+    """Return whether `time` (n,) is sampled uniformly.
 
-    And no row is farther than `LARGEST_SHIFT` of a step from where it would be at a constant rate: small
-    steps of a clock that changes its pace add up.
+    All steps are within `STEP_TOLERANCE` of their median, and no row deviates by more than `LARGEST_SHIFT` of
+    a step from its time at a constant rate: small deviations of a clock whose rate drifts add up.
     """
     steps = np.diff(time)
     interval = np.median(steps)

@@ -1,4 +1,4 @@
-"""What makes a recording the same one, whatever its file is called."""
+"""Identity of a recording by its content, independent of the name and format of its file."""
 
 import hashlib
 from collections.abc import Iterable
@@ -10,9 +10,9 @@ from emaphm.recording.recording import Recording
 
 
 def recording_hash(recording: Recording) -> str:
-    """Return the SHA-256 of a recording's channels: names, values and how they were sampled, no file name.
+    """Return the SHA-256 of a recording's channel names, values and sampling, without the file name.
 
-    The same values in another file, or in a file of another format, are the same recording.
+    The same values in another file, or in a file of another format, have the same hash.
     """
     digest = hashlib.sha256(f"{recording.sampling} {recording.samples}".encode())
     for name in sorted(recording.names):
@@ -23,19 +23,19 @@ def recording_hash(recording: Recording) -> str:
 
 
 def check_each_once(recordings: Iterable[Recording]) -> None:
-    """Refuse recordings that are the same, in whichever files: one given twice would count as two.
+    """Refuse recordings of the same content, in any files: a recording given twice would count as two.
 
     Raises
     ------
     RecordingError
-        Two are the same.
+        Two recordings have the same content.
     """
     first: dict[str, str] = {}
-    for one in recordings:
-        content = recording_hash(one)
+    for recording in recordings:
+        content = recording_hash(recording)
         if content in first:
             raise RecordingError(
-                f"{one.source}: the same, row by row, as {first[content]}, and would count as two; leave one "
-                "of the two out, or, if these are simulations, give each the noise of its sensors"
+                f"{recording.source}: the same, row by row, as {first[content]}, and would count as two; "
+                "leave one of the two out, or, if these are simulations, give each the noise of its sensors"
             )
-        first[content] = one.source
+        first[content] = recording.source

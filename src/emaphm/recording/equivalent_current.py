@@ -1,4 +1,4 @@
-"""Equivalent current: the one current that makes the torque which three phases make together."""
+"""Equivalent current: the single current that produces the torque of the three phase currents together."""
 
 from typing import Literal, get_args
 
@@ -15,14 +15,14 @@ from emaphm.recording.schema import PHASES, RESPONSES
 Form = Literal["torque", "active", "magnitude"]
 
 COARSE_RAD = np.radians(4.0)
-"""Step of the electrical angle [rad] above which it is noted. Of four random fault vectors the current of 5 A
-was off by 0.01 A with steps of 4 degrees, by 0.03 with 9, and by 0.05 to 0.12 with 18."""
+"""Step of the electrical angle [rad] above which a note is given. For four random fault vectors, the error of
+a current of 5 A was 0.01 A with steps of 4 degrees, 0.03 A with 9, and 0.05 to 0.12 A with 18."""
 
 NOT_COMPARED = "the phase currents are not compared"
-"""How the note begins on phases that no equivalent current can be made of."""
+"""Beginning of the note on phase currents from which no equivalent current can be computed."""
 
 MADE_OF = (*PHASES, "angle_rad")
-"""Channels that the equivalent current is made of."""
+"""Channels from which the equivalent current is computed."""
 
 
 def equivalent_current(
@@ -35,8 +35,8 @@ def equivalent_current(
 
     - ``torque``: 1/2 sum s_i i_i
     - ``active``: 1/2 sum r_i i_i
-    - ``magnitude``: 1/2 sum |i_i| × sign(sum s_i i_i); the idle phase's ripple biases it (`docs/physics.md`,
-      section 6), so it is there for comparison with the thesis.
+    - ``magnitude``: 1/2 sum |i_i| × sign(sum s_i i_i), for comparison with the thesis: the ripple of the idle
+      phase biases it (`docs/physics.md`, section 6).
 
     Parameters
     ----------
@@ -45,9 +45,9 @@ def equivalent_current(
     angle
         Motor angle [rad], shape (n,), unwrapped or not.
     pole_pairs
-        P.
+        P, number of pole pairs.
     form
-        Which of the three.
+        Definition to use, see above.
 
     Returns
     -------
@@ -62,11 +62,11 @@ def equivalent_current(
     ----------
     Thesis sections 3.1.3 and 6.2.
     """
-    # All of the simulation comes with these; reading a file that has `current_A` does without.
+    # Imported here, because they load the whole simulation, which a file with `current_A` does not need.
     from emaphm.simulation.laws.angles import PHASE_SHIFT, wrap
     from emaphm.simulation.laws.commutation import demand_sign, trapezoid
 
-    currents, motor_angle = _fitting(phases, angle)
+    currents, motor_angle = _phases_and_angle(phases, angle)
     electrical = np.stack([wrap(pole_pairs * motor_angle - PHASE_SHIFT * phase) for phase in range(3)])
     torque = 0.5 * np.sum(trapezoid(electrical) * currents, axis=0)
     if form == "torque":
@@ -81,11 +81,11 @@ def equivalent_current(
 def sinusoidal_equivalent_current(
     phases: ArrayLike, angle: ArrayLike, pole_pairs: int
 ) -> NDArray[np.float64]:
-    """Return the equivalent current of a motor with sinusoidal back-EMF: its current in q, as a line value.
+    """Return the equivalent current of a motor with sinusoidal back-EMF: its q-axis current, as a line value.
 
         i = 1/√3 Σ sin(P θ - 2π (i - 1)/3) i_i
 
-    so that torque_constant × i is the torque, torque_constant the amplitude of the back-EMF line to line per
+    The torque is torque_constant × i, with torque_constant the amplitude of the line-to-line back-EMF per
     speed. Sinusoidal currents in phase with the back-EMF have the amplitude 2/√3 i.
 
     Parameters
@@ -95,7 +95,7 @@ def sinusoidal_equivalent_current(
     angle
         θ, motor angle [rad], shape (n,), unwrapped or not.
     pole_pairs
-        P.
+        P, number of pole pairs.
 
     Returns
     -------
@@ -109,13 +109,13 @@ def sinusoidal_equivalent_current(
     from emaphm.simulation.laws.phases import Phases
     from emaphm.simulation.laws.sine_motor import line_currents
 
-    currents, motor_angle = _fitting(phases, angle)
+    currents, motor_angle = _phases_and_angle(phases, angle)
     electrical = pole_pairs * motor_angle
     current = line_currents(Phases(*currents), np.cos(electrical), np.sin(electrical))[1]
     return np.asarray(current, float)
 
 
-def _fitting(phases: ArrayLike, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _phases_and_angle(phases: ArrayLike, angle: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     currents, motor_angle = np.asarray(phases, float), np.asarray(angle, float)
     if currents.shape != (3, *motor_angle.shape):
         raise RecordingError(
@@ -126,67 +126,67 @@ def _fitting(phases: ArrayLike, angle: ArrayLike) -> tuple[NDArray[np.float64], 
 
 
 def rotor_angle(recording: Recording, electrical: Electrical) -> Array:
-    """Return the recorded `angle_rad` (n,) [rad] from where the electrical angle is 0."""
+    """Return the recorded `angle_rad` (n,) [rad], from the angle where the electrical angle is 0."""
     return recording["angle_rad"] + electrical.rotor_zero / electrical.pole_pairs
 
 
 def with_equivalent_current(recording: Recording, actuator: Actuator) -> Recording:
-    """Return `recording` with `current_A`, made from its phase currents and `angle_rad` where it is absent.
+    """Return `recording` with `current_A`, computed from its phase currents and `angle_rad` if it is absent.
 
-    The shape of the motor's back-EMF decides how: a sine where the drive is "foc", else a trapezoid.
-    Where it cannot be made, but other channels can be compared with a model, a note says why.
+    The back-EMF is taken as sinusoidal if the drive is "foc", else as trapezoidal. If the current cannot be
+    computed, but other channels can be compared with a model, a note gives the reason.
 
     Raises
     ------
     RecordingError
-        Only the phases could be compared, and the actuator has no electrical description to give the pole
-        pairs.
+        Only the phase currents could be compared, and the actuator has no electrical description with the
+        pole pairs.
     """
     phases_recorded = [name for name in PHASES if name in recording]
     if "current_A" in recording or not phases_recorded:
         return recording
     missing = [name for name in MADE_OF if name not in recording]
-    others = any(name in recording for name in RESPONSES)
+    has_responses = any(name in recording for name in RESPONSES)
     if missing:
-        why = f"no {', '.join(missing)}"
+        reason = f"no {', '.join(missing)}"
         return recording.with_channels(
-            recording.channels, [f"{NOT_COMPARED}: {why} to make current_A of them"]
+            recording.channels, [f"{NOT_COMPARED}: {reason} to make current_A of them"]
         )
-    if actuator.electrical is None and others:
-        why = "the actuator's description has no pole pairs"
-        return recording.with_channels(recording.channels, [f"{NOT_COMPARED}: {why}"])
+    if actuator.electrical is None and has_responses:
+        reason = "the actuator's description has no pole pairs"
+        return recording.with_channels(recording.channels, [f"{NOT_COMPARED}: {reason}"])
     if actuator.electrical is None:
         raise RecordingError(
             f"{recording.source}: no column 'current_A', and to make it from the phases the pole pairs are "
             "needed; add that column, or [electrical] to the actuator's TOML"
         )
     phases = np.stack([recording[name] for name in PHASES])
-    of_motor = sinusoidal_equivalent_current if actuator.drive_kind == "foc" else equivalent_current
-    current = of_motor(phases, rotor_angle(recording, actuator.electrical), actuator.electrical.pole_pairs)
+    current_of = sinusoidal_equivalent_current if actuator.drive_kind == "foc" else equivalent_current
+    current = current_of(phases, rotor_angle(recording, actuator.electrical), actuator.electrical.pole_pairs)
     notes = _notes_on_angle(recording["angle_rad"], actuator.electrical.pole_pairs)
     return recording.with_channels({**recording.channels, "current_A": current}, notes)
 
 
 def without_equivalent_current(recording: Recording, actuator: Actuator) -> Recording:
-    """Return `recording` without a `current_A` that is the equivalent current of its phases to rounding.
+    """Return `recording` without a `current_A` that equals the equivalent current of its phases to rounding.
 
-    Such a one was not measured: it has the errors of the phases' sensors, and can be made again. A sensor of
-    its own has noise of its own.
+    Such a current was computed, not measured: it has the errors of the phase sensors and can be computed
+    again. A separate current sensor would have its own noise.
     """
     if actuator.electrical is None or not all(name in recording for name in (*MADE_OF, "current_A")):
         return recording
     measured = {name: values for name, values in recording.channels.items() if name != "current_A"}
     without = recording.with_channels(measured)
-    made = with_equivalent_current(without, actuator)["current_A"]
-    rounding = 1e-9 * float(np.max(np.abs(made)))
-    return without if np.allclose(recording["current_A"], made, rtol=0.0, atol=rounding) else recording
+    computed = with_equivalent_current(without, actuator)["current_A"]
+    rounding = 1e-9 * float(np.max(np.abs(computed)))
+    return without if np.allclose(recording["current_A"], computed, rtol=0.0, atol=rounding) else recording
 
 
 def _notes_on_angle(angle: Array, pole_pairs: int) -> list[str]:
-    """Return that the steps of a recorded angle (n,) are too coarse to weigh the phases by it, if so."""
+    """Return a note if the steps of the recorded angle (n,) are too coarse to weight the phases."""
     values = np.unique(angle)
     electrical = pole_pairs * float(np.diff(values).min(initial=np.inf))
-    # Where hardly a value comes twice, the steps are the motion's from row to row.
+    # If hardly any value repeats, the steps are the motion from row to row, not the sensor's resolution.
     if values.size > angle.size / 2 or not COARSE_RAD < electrical < np.inf:
         return []
     steps_deg, least_deg = np.degrees(electrical), np.degrees(COARSE_RAD)

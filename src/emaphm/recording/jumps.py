@@ -1,7 +1,7 @@
-"""Jumps of a recorded signal: where it changes at once, between two rows or within one.
+"""Detection of jumps of a recorded signal, and curves through its rows that keep the jumps.
 
-A curve through the rows would make a ramp of a jump, an interval long. A drive that saturates answers to the
-ramp's first part as to the whole jump, half an interval early.
+A smooth curve through the rows would replace a jump by a ramp that lasts one interval. A drive that saturates
+responds to the first part of the ramp as to the whole jump, half an interval early.
 """
 
 from collections.abc import Callable
@@ -15,16 +15,16 @@ from emaphm.arrays import Array
 Curve = Callable[[Array], Array]
 
 ROUNDING = 1e-9
-"""Share of an interval by which a time may be early through rounding."""
+"""Largest rounding error of a time, as a share of the interval."""
 
 
 @dataclass(frozen=True)
 class JumpSettings:
-    """From when on a change is a jump.
+    """Thresholds from which a change counts as a jump.
 
-    It is `apart` times as large as the changes before and after it together, and `usual` times as large as
-    the median change of the signal: a smooth signal's changes are like their neighbours', and those of white
-    noise are up to 6 times their median in a million rows.
+    A jump is at least `apart` times the sum of the changes before and after it, and `usual` times the median
+    change of the signal. The changes of a smooth signal are similar to their neighbours, and those of white
+    noise are at most 6 times their median in a million rows.
     """
 
     apart: float = 10.0
@@ -36,9 +36,9 @@ JUMPS = JumpSettings()
 
 @dataclass(frozen=True, eq=False)
 class Jumps:
-    """The last row `before` each jump and the first row `after` it, (n,) each.
+    """Indices of the last row `before` each jump and of the first row `after` it, (n,) each.
 
-    Where rows are means, one row lies between them that may hold a part of either side.
+    If rows are means, the row between these two contains the jump and may average both sides.
     """
 
     before: NDArray[np.intp]
@@ -46,7 +46,7 @@ class Jumps:
 
     @classmethod
     def of(cls, values: Array, *, means: bool) -> "Jumps":
-        """Return the jumps of rows (samples,), which are `means` over their intervals or instants."""
+        """Return the jumps of `values` (samples,), which are `means` over their intervals, else instants."""
         rows = 2 if means else 1
         none = np.zeros(0, np.intp)
         if values.size < rows + 2:
@@ -58,7 +58,7 @@ class Jumps:
         around[:-1] += steps[rows:]
         excess = changes - np.maximum(JUMPS.apart * around, JUMPS.usual * np.median(steps))
         large = excess > 0
-        # Where rows are means, one jump may show in two changes: the one that stands out more is taken.
+        # If rows are means, a jump may appear in two changes: the change with the larger excess is used.
         large[1:] &= excess[1:] > excess[:-1]
         large[:-1] &= excess[:-1] >= excess[1:]
         before = np.flatnonzero(large)
@@ -68,18 +68,20 @@ class Jumps:
 def with_jumps(
     values: Array, interval: float, curve_of: Callable[[Array, float], Curve], *, means: bool
 ) -> Curve:
-    """Return a signal behind its rows (samples,) as a function of time [s], its jumps as such.
+    """Return the signal through the rows `values` (samples,) as a function of time [s], jumps included.
 
     Parameters
     ----------
+    values
+        Rows of the signal, (samples,), the first at time 0.
     interval
-        Between rows [s], the first at 0.
+        Time between rows [s].
     curve_of
-        Returns the curve through rows without a jump, (n,), the first of which is at a time [s]; it goes on
-        beyond them.
+        Function of rows without a jump, (n,), and of the time of the first row [s]; it returns the curve
+        through them, which extrapolates beyond them.
     means
-        Whether rows are means over the interval that they begin. A jump is then where it makes the row that
-        it lies in what it is; of instants, it is at the first row after it.
+        Whether rows are means over the interval that they begin. The time of a jump is then chosen such that
+        the mean over its row equals the row's value; for instants, it is the first row after the jump.
     """
     jumps = Jumps.of(values, means=means)
     firsts = np.concatenate([[0], jumps.after]).astype(np.intp)
@@ -94,10 +96,10 @@ def with_jumps(
     if means:
         middle = times - interval / 2
         left, right = (
-            np.array([float(curve(middle[i : i + 1])[0]) for i, curve in enumerate(some)])
-            for some in (curves[:-1], curves[1:])
+            np.array([float(curve(middle[i : i + 1])[0]) for i, curve in enumerate(side)])
+            for side in (curves[:-1], curves[1:])
         )
-        # Where both curves agree in the row, no time of a jump is likelier than its begin.
+        # If both curves agree in the row, the jump has no identifiable time: the begin of the row is used.
         missing, step = right - values[firsts[1:] - 1], right - left
         share = np.clip(np.divide(missing, step, out=np.zeros_like(step), where=step != 0), 0.0, 1.0)
         times = times - (1 - share) * interval
@@ -105,7 +107,7 @@ def with_jumps(
 
 
 def _joined(curves: list[Curve], begins: Array) -> Curve:
-    """Return the curve that follows each of `curves` until the next one begins, `begins` (n - 1,) [s]."""
+    """Return the curve that equals each of `curves` (n) until the next begins, at `begins` (n - 1,) [s]."""
 
     def value(times: Array) -> Array:
         order = np.argsort(times, kind="stable")

@@ -1,6 +1,6 @@
-"""Wrong units and useless channels, found by judging a recording against the limits of its actuator.
+"""Plausibility checks: wrong units and useless channels, from a comparison with the actuator's limits.
 
-Each rule leaves room for any healthy or faulty actuator and fires only on orders of magnitude.
+Each rule accepts any healthy or faulty actuator and refuses only errors of orders of magnitude.
 """
 
 import math
@@ -24,43 +24,48 @@ diagnosis, hence 2 GB and two minutes in all (``/usr/bin/time -v emaphm diagnose
 10,000 to 500,000 rows)."""
 
 LONGEST_S = 500.0
-"""Longest duration that models are fitted to [s]: their own steps take memory and time whatever the rows."""
+"""Longest duration that models are fitted to [s]: a model's own steps take memory and time at any row
+rate."""
 
 SMALLEST, LARGEST = 1e-15, 1e15
-"""Magnitudes that a channel may have, in its SI unit: no sensor of an actuator gives anything near, and
-squares and products of what lies within stay finite and above 0."""
+"""Limits of a channel's magnitude, in its SI unit: no sensor of an actuator comes near them, and squares and
+products of values between them stay finite and above 0."""
 
 LONGEST_INTERVAL_S = 0.15
-"""Slower than 10 Hz, with room for jitter, rows show nothing of an actuator but where it stands; milliseconds
-taken for seconds of up to 7 kHz look like this, of faster rows see `recording.time_unit`."""
+"""Longest interval between rows [s]: below 10 Hz, with a margin for jitter, rows show the position of an
+actuator but not its dynamics. Milliseconds taken for seconds give such intervals up to 7 kHz; for faster rows
+see `recording.time_unit`."""
 
 SMALLER_UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
 """Units of time that a logger may count in [s]."""
 
 FASTEST_INTERVAL_S = 1e-5
-"""Least interval that a unit must give to be suggested: usual loggers are no faster than 100 kHz."""
+"""Least interval that a suggested unit must give [s]: usual loggers are no faster than 100 kHz."""
 
 SHORTEST_INTERVAL_S = 1e-7
-"""A tenth of the reference model's own step."""
+"""Shortest interval between rows [s]: a tenth of the reference model's own step."""
 
 BEYOND_END_STOPS = 3.0
 BEYOND_LIMIT = 5.0
-"""Margins over what the hardware can do; noise and overshoot stay well below, 57 and 1000 far above."""
+"""Factors over the hardware's limits; noise and overshoot stay well below, unit errors (57, 1000) far
+above."""
 
 MOTION_RATIO = 20.0
-"""Largest ratio of position to command swing, either way: below 57.3, above any loop's resonance."""
+"""Largest ratio of the rms of position and command, in either direction: below 57.3 (degrees), above any
+loop's resonance."""
 
-FOLLOWS = 0.5
-"""Correlation of position and command from which on the one follows the other."""
+LEAST_CORRELATION = 0.5
+"""Least correlation of position and command at which the position follows the command."""
 
 FRICTION_SHARE = 0.05
-"""A moving motor draws at least this share of what carries its friction; in kA it would seem less."""
+"""Least ratio of a moving motor's peak current to the current that overcomes its friction; kiloamperes give
+less. Also the least ratio of the peak speed to the mean speed of the motion."""
 
 HOTTEST_K = 1000.0
-"""Copper and magnets of no motor survive it."""
+"""Highest plausible temperature: copper and magnets of no motor survive it."""
 
 COLDEST_K = 150.0
-"""No actuator works below; Celsius taken for kelvin looks like this."""
+"""Lowest plausible temperature: no actuator works below. Celsius taken for kelvin lies below."""
 
 ROTARY_UNITS = {"degrees": 180 / math.pi, "milliradians": 1e3}
 LINEAR_UNITS = {"millimetres": 1e3, "micrometres": 1e6}
@@ -72,7 +77,7 @@ def check_plausible(recording: Recording, actuator: Actuator) -> None:
     Parameters
     ----------
     recording
-        To be judged.
+        Recording to check.
     actuator
         Gives the limits: end stops, current and speed limit, friction.
 
@@ -111,7 +116,7 @@ def check_current(recording: Recording, actuator: Actuator) -> None:
     Raises
     ------
     RecordingError
-        It is; the message names the likely unit and the remedy.
+        The current is beyond that limit; the message names the likely unit and the remedy.
     """
     if complaint := _high_current(recording, actuator):
         raise RecordingError(f"{recording.source}: {complaint}")
@@ -155,7 +160,8 @@ def _end_stops(recording: Recording, actuator: Actuator) -> str | None:
         if reached > BEYOND_END_STOPS * farthest:
             return (
                 f"{name} reaches {reached:.4g} at row {row}, the end stops are at {farthest:.4g}; it seems "
-                f"to be in {' or '.join(_units(actuator))}: convert it to {_si(actuator)} ({COUNTING})"
+                f"to be in {' or '.join(_user_units(actuator))}: convert it to {_si_unit(actuator)} "
+                f"({COUNTING})"
             )
     return None
 
@@ -167,11 +173,11 @@ def _motion(recording: Recording, actuator: Actuator) -> str | None:
     if 1 / MOTION_RATIO <= ratio <= MOTION_RATIO:
         return None
     larger, times = ("position_rad", ratio) if ratio > 1 else ("command_rad", 1 / ratio)
-    units = _units(actuator)
+    units = _user_units(actuator)
     unit = min(units, key=lambda name: abs(math.log(times / units[name])))
     return (
         f"position_rad swings {ratio:.4g} times as far as command_rad; {larger} seems to be in {unit}: "
-        f"convert it to {_si(actuator)}"
+        f"convert it to {_si_unit(actuator)}"
     )
 
 
@@ -197,7 +203,7 @@ def _high_current(recording: Recording, actuator: Actuator) -> str | None:
 
 
 def _low_current(recording: Recording, actuator: Actuator) -> str | None:
-    # A small current alone proves nothing; a small current that moves a motor with friction does.
+    # A small current alone is plausible; a small current that moves a motor with friction is not.
     needed = actuator.mechanics.dynamic_friction / actuator.motor.torque_constant
     if "current_A" not in recording or not _follows(recording):
         return None
@@ -225,10 +231,10 @@ def _speed(recording: Recording, actuator: Actuator) -> str | None:
 def _low_speed(recording: Recording, actuator: Actuator) -> str | None:
     if "speed_rad_s" not in recording or not _follows(recording):
         return None
-    # Whoever covers a distance in a time is at least once as fast as on average.
+    # The largest speed is at least the mean speed over the travelled distance.
     needed = float(np.ptp(recording["position_rad"])) / (actuator.mechanics.gear_ratio * recording.duration_s)
     reached, _ = _peak(recording, "speed_rad_s")
-    # A column of zeros is a sensor that was not connected: no model is compared with it.
+    # A column of zeros means that no sensor was connected: no model is compared with it.
     if reached == 0 or reached >= FRICTION_SHARE * needed:
         return None
     return (
@@ -263,25 +269,25 @@ def _duty(recording: Recording) -> str | None:
 def _enabled(recording: Recording) -> str | None:
     if "enabled" not in recording:
         return None
-    odd = np.flatnonzero((recording["enabled"] != 0) & (recording["enabled"] != 1))
-    if not odd.size:
+    wrong = np.flatnonzero((recording["enabled"] != 0) & (recording["enabled"] != 1))
+    if not wrong.size:
         return None
     return (
-        f"enabled is {recording['enabled'][odd[0]]:.4g} at row {odd[0] + 1}; give 1 where the drive is "
+        f"enabled is {recording['enabled'][wrong[0]]:.4g} at row {wrong[0] + 1}; give 1 where the drive is "
         f"switched on, 0 where it is off ({COUNTING})"
     )
 
 
 def _load(recording: Recording, actuator: Actuator) -> str | None:
-    # At the current limit the motor can hold no more than this.
-    held = actuator.motor.torque_constant * actuator.controller.current_limit
+    # The largest load that the motor can hold, at the current limit.
+    holding_torque = actuator.motor.torque_constant * actuator.controller.current_limit
     reached, row = _peak(recording, "load_Nm")
-    if reached <= BEYOND_LIMIT * held:
+    if reached <= BEYOND_LIMIT * holding_torque:
         return None
     unit = "N" if actuator.has_linear_motor else "N·m"
     return (
-        f"load_Nm reaches {reached:.4g} at row {row}, the motor holds {held:.4g} at its current limit; it "
-        f"seems to be the load at the user: refer it to the motor shaft, in {unit} ({COUNTING})"
+        f"load_Nm reaches {reached:.4g} at row {row}, the motor holds {holding_torque:.4g} at its current "
+        f"limit; it seems to be the load at the user: refer it to the motor shaft, in {unit} ({COUNTING})"
     )
 
 
@@ -322,7 +328,7 @@ def _magnitude(recording: Recording) -> str | None:
 
 
 def _peak(recording: Recording, name: str) -> tuple[float, int]:
-    """Return the largest magnitude in a column and its row, 0 where the recording lacks the column."""
+    """Return the largest magnitude in a column and its row number, 0 for both if the column is absent."""
     if name not in recording:
         return 0.0, 0
     row = int(np.argmax(np.abs(recording[name])))
@@ -330,7 +336,7 @@ def _peak(recording: Recording, name: str) -> tuple[float, int]:
 
 
 def _deviation(values: Array) -> tuple[Array, float]:
-    """Return the deviation from the mean as a multiple of its rms, and that rms; safe from overflow."""
+    """Return the deviations (n,) from the mean, divided by their rms, and that rms, without overflow."""
     largest = float(np.abs(values).max()) or 1.0
     scaled = values / largest
     scaled = scaled - scaled.mean()
@@ -339,20 +345,20 @@ def _deviation(values: Array) -> tuple[Array, float]:
 
 
 def _follows(recording: Recording) -> bool:
-    """Return whether the position repeats the shape of the command, in whatever unit.
+    """Return whether the position is correlated with the command, in any unit.
 
-    A jammed actuator, or one that never left its backlash, does not, and that is no matter of units.
+    The position of a jammed actuator, or of one that never left its backlash, is not; its unit may be right.
     """
     if "position_rad" not in recording:
         return False
     command, _ = _deviation(recording["command_rad"])
     position, _ = _deviation(recording["position_rad"])
-    return bool(np.mean(command * position) > FOLLOWS)
+    return bool(np.mean(command * position) > LEAST_CORRELATION)
 
 
-def _units(actuator: Actuator) -> dict[str, float]:
+def _user_units(actuator: Actuator) -> dict[str, float]:
     return LINEAR_UNITS if actuator.has_linear_user else ROTARY_UNITS
 
 
-def _si(actuator: Actuator) -> str:
+def _si_unit(actuator: Actuator) -> str:
     return "m" if actuator.has_linear_user else "rad"

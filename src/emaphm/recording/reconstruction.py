@@ -1,4 +1,4 @@
-"""The signal behind its recorded rows."""
+"""Reconstruction of the continuous signal from its recorded rows."""
 
 from collections.abc import Callable
 from functools import partial
@@ -18,27 +18,27 @@ from emaphm.recording.jumps import ROUNDING, Curve, Jumps, with_jumps
 from emaphm.recording.recording import Recording
 
 FEWEST = 3
-"""Rows that a curve needs; fewer between two jumps stand still."""
+"""Least number of rows for a curve; fewer rows between two jumps are replaced by their mean."""
 
 LOWER_DEGREE = 3
-"""Of the other spline: what the two differ is more than the error of the better one."""
+"""Degree of the alternative spline: the difference of the two splines exceeds the error of the better one."""
 
 DENSE_S = 2e-3
-"""Rows no farther apart leave no time for a jump that matters [s]."""
+"""Interval between rows [s] up to which the time of a jump within it has no noticeable effect."""
 
 
 def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
     """Return the recorded channel `name` as a function of the time since the first row [s].
 
     The function maps times (n,) to values in the channel's unit, (n,). It is a smooth curve through the rows
-    (Akima 1970) up to a jump and from it on (`emaphm.recording.jumps`). Where rows are means, through the
-    interval midpoints, by what a mean over an interval h falls short of a curve's midpoint there, h²/24 of
-    its second derivative. A straight line between rows would cut the corners: of a 15 Hz command at 1 kHz it
-    loses 0.1 %. Of few rows a cycle of a smooth signal, a spline loses less than Akima's curve: of a 15 Hz
-    command at 100 Hz 0.01 % instead of 1 %.
+    (Akima 1970) before and after each jump (`emaphm.recording.jumps`). If rows are means over an interval h,
+    the curve passes through the interval midpoints, corrected by h²/24 of the second derivative, by which the
+    mean differs from the value at the midpoint. Straight lines between rows would cut the corners: their
+    error is 0.1 % for a 15 Hz command at 1 kHz. A smooth signal with few rows per cycle is interpolated by a
+    spline, whose error for a 15 Hz command at 100 Hz is 0.01 % instead of the 1 % of Akima's curve.
     """
     interval, values = recording.interval_s, recording[name]
-    if _is_smooth(recording, name):
+    if _is_smooth_without_jump(recording, name):
         return _spline(recording, name, DEGREE)
     means = recording.sampling == "mean"
     curve = with_jumps(values, interval, partial(_through, interval=interval, means=means), means=means)
@@ -46,7 +46,7 @@ def reconstructed(recording: Recording, name: str) -> Callable[[Array], Array]:
 
 
 def _through(rows: Array, start: float, interval: float, means: bool) -> Curve:
-    """Return the smooth curve through rows (n,) of which the first is at `start` [s]."""
+    """Return the smooth curve through `rows` (n,), the first of which is at the time `start` [s]."""
     if rows.size < FEWEST:
         return lambda times: np.full(times.size, float(np.mean(rows)))
     if not means:
@@ -56,21 +56,22 @@ def _through(rows: Array, start: float, interval: float, means: bool) -> Curve:
 
 
 def _within(recording: Recording, curve: Curve) -> Curve:
-    """Return a curve that holds its ends beyond the recording."""
+    """Return `curve` with its end values held beyond the recording."""
     rows = recording.samples if recording.sampling == "mean" else recording.samples - 1
     return lambda times: curve(np.clip(times, 0.0, rows * recording.interval_s))
 
 
 def other_curve(recording: Recording, name: str) -> Callable[[Array], Array] | None:
-    """Return another curve that has the same rows as that of `reconstructed`, None where these are dense.
+    """Return an alternative to the curve of `reconstructed` through the same rows, None for dense rows.
 
-    It maps times since the first row [s], (n,), to values of the channel `name` in its unit, (n,).
+    It maps times since the first row [s], (n,), to values of the channel `name` in its unit, (n,). The
+    difference of the two curves indicates the reconstruction error.
 
-    Of few rows a cycle of a smooth signal, a spline of lower degree, whose error is larger. Of slow rows of
-    any other signal, one without jumps where there seem to be some; else what holds each value until the next
-    row: a jump may lie anywhere between two rows.
+    For a smooth signal with few rows per cycle, the alternative is a spline of lower degree, whose error is
+    larger. For slow rows of any other signal, it is a curve without jumps if jumps were detected, else a
+    zero-order hold: a jump may lie anywhere between two rows.
     """
-    if _is_smooth(recording, name):
+    if _is_smooth_without_jump(recording, name):
         return _spline(recording, name, LOWER_DEGREE)
     if recording.interval_s <= DENSE_S or is_well_sampled(recording[name]):
         return None
@@ -80,10 +81,10 @@ def other_curve(recording: Recording, name: str) -> Callable[[Array], Array] | N
     return _within(recording, _through(recording[name], 0.0, recording.interval_s, means))
 
 
-def _is_smooth(recording: Recording, name: str) -> bool:
-    """Return whether the rows of a channel are few a cycle of a smooth signal, and not behind a jump.
+def _is_smooth_without_jump(recording: Recording, name: str) -> bool:
+    """Return whether a channel is a smooth signal with few rows per cycle, without a jump at its ends.
 
-    A jump in the first row or the last has so few differences that it may pass for a smooth signal.
+    A jump at the first or last row has so few differences that the signal may still seem smooth.
     """
     values = recording[name]
     if not is_band_limited(values):
@@ -94,21 +95,21 @@ def _is_smooth(recording: Recording, name: str) -> bool:
 
 def _spline(recording: Recording, name: str, degree: int) -> Callable[[Array], Array]:
     interval, values = recording.interval_s, recording[name]
-    mean = recording.sampling == "mean"
-    return _within(recording, (spline_of_means if mean else spline_through)(values, interval, degree))
+    means = recording.sampling == "mean"
+    return _within(recording, (spline_of_means if means else spline_through)(values, interval, degree))
 
 
 def held(recording: Recording, name: str) -> Callable[[Array], Array]:
-    """Return a recorded switch as a function of the time since the first row [s], (n,): a zero-order hold.
+    """Return a zero-order hold of a recorded switch, as a function of the time since the first row [s], (n,).
 
-    Row n holds over [n h, (n + 1) h), h the interval, the first and the last one beyond the recording too.
-    Nothing lies between on and off: a curve through the rows would be half on for an interval. Values are
-    those of the channel `name` in its unit, (n,).
+    Row n holds over [n h, (n + 1) h), with h the interval; the first and the last row also hold beyond the
+    recording. There is no state between on and off: a curve through the rows would be half on for an
+    interval. Values are those of the channel `name` in its unit, (n,).
     """
     interval, values = recording.interval_s, recording[name]
 
     def value(times: Array) -> Array:
-        # Times of steps come as multiples of a fraction of the interval: rounding must not lose a row.
+        # The times of model steps are multiples of a fraction of the interval: rounding must not lose a row.
         row = np.floor(times / interval + ROUNDING).astype(np.intp)
         return np.asarray(values[np.clip(row, 0, values.size - 1)])
 

@@ -1,4 +1,4 @@
-"""A recording: what was measured of an actuator while it followed a command."""
+"""A recording: the measured channels of an actuator that follows a command."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,30 +26,29 @@ Label = float | str
 class Recording:
     """Uniformly sampled channels of one manoeuvre.
 
-    Rows whose times jitter are brought to a constant rate, which a note says
-    (`emaphm.recording.resampling`).
+    Rows whose times jitter are resampled to a constant rate, with a note (`emaphm.recording.resampling`).
 
     Parameters
     ----------
     channels
-        Columns of shape (n,) by name, in SI units; kept as read-only copies. Names and units of the
-        known ones are in `emaphm.recording.schema.SCHEMA`; others are kept as they are. A timedelta64
-        becomes seconds, and a masked value NaN, which is missing.
+        Columns of shape (n,) by name, in SI units, stored as read-only copies. Names and units of the
+        schema's columns are in `emaphm.recording.schema.SCHEMA`; other columns are not changed. A timedelta64
+        is converted to seconds, a masked value to NaN, which means missing.
     sampling
-        "mean" where row n is the mean over [t_n, t_n + interval), "instant" where it is the value at
-        t_n (docs/physics.md, section 7).
+        "mean" if row n is the mean over [t_n, t_n + interval), "instant" if it is the value at t_n
+        (docs/physics.md, section 7).
     source
         File name or description, for error messages and titles.
     notes
-        What was done to the channels, and what of them cannot be used; a sentence each, or a single one.
+        Sentences on changes of the channels and on channels that cannot be used; a single string is one note.
     labels
-        What holds for the whole recording and is no channel, by name: the run, the cycle, the unit's serial
-        number ("serial"); numbers or texts.
+        Properties of the whole recording by name, as numbers or texts: the run, the cycle, the unit's serial
+        number ("serial").
 
     Raises
     ------
     RecordingError
-        `sampling` is neither; else see `emaphm.recording.checks.check`.
+        `sampling` is unknown, or the columns do not pass `emaphm.recording.checks.check`.
     """
 
     channels: Mapping[str, Array]
@@ -76,8 +75,8 @@ class Recording:
         object.__setattr__(self, "channels", MappingProxyType(columns))
         object.__setattr__(self, "sampling", sampling)
         object.__setattr__(self, "source", source)
-        # What is made of a recording keeps its notes: none stands twice.
-        object.__setattr__(self, "notes", tuple(dict.fromkeys((*_each(notes), *resampled))))
+        # A recording derived from another repeats its notes: duplicates are removed.
+        object.__setattr__(self, "notes", tuple(dict.fromkeys((*_as_sequence(notes), *resampled))))
         object.__setattr__(self, "labels", MappingProxyType(dict(labels)))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -101,8 +100,10 @@ class Recording:
         return iter(self.channels)
 
     def with_channels(self, channels: Mapping[str, ArrayLike], notes: Sequence[str] = ()) -> "Recording":
-        """Return the recording with the columns `channels` instead, and with `notes` after its own."""
-        return Recording(channels, self.sampling, self.source, (*self.notes, *_each(notes)), self.labels)
+        """Return the recording with `channels` as its columns and `notes` added to its notes."""
+        return Recording(
+            channels, self.sampling, self.source, (*self.notes, *_as_sequence(notes)), self.labels
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -142,23 +143,23 @@ class Recording:
         Parameters
         ----------
         names
-            Which columns; all but time where left out.
+            Columns to draw; all except time if omitted.
         coordinates
-            "linear" labels m and N where a rotary actuator has rad and N·m, "screw" m at the user.
+            Units of the labels: "rotary" rad and N·m, "linear" m and N, "screw" m at the user.
 
         Raises
         ------
         RecordingError
-            A name is not in the recording, or none is given.
+            A name is not in the recording, or `names` is empty.
         """
         from matplotlib.figure import Figure
 
-        shown = [name for name in self.names if name != "time_s"] if names is None else list(names)
-        if not shown:
+        drawn = [name for name in self.names if name != "time_s"] if names is None else list(names)
+        if not drawn:
             raise RecordingError(f"{self.source}: no columns to draw; give names of some")
-        figure = Figure(figsize=(8, 1 + 1.3 * len(shown)), layout="constrained")
-        axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
-        for axis, name in zip(axes, shown, strict=True):
+        figure = Figure(figsize=(8, 1 + 1.3 * len(drawn)), layout="constrained")
+        axes = figure.subplots(len(drawn), 1, sharex=True, squeeze=False)[:, 0]
+        for axis, name in zip(axes, drawn, strict=True):
             axis.plot(self["time_s"], self[name], linewidth=1)
             axis.set_ylabel(_axis_label(name, coordinates), fontsize="small")
             axis.grid(alpha=0.3)
@@ -167,7 +168,7 @@ class Recording:
         return figure
 
     def __repr__(self) -> str:
-        what = "interval means" if self.sampling == "mean" else "instants"
+        sampling = "interval means" if self.sampling == "mean" else "instants"
         rate = f"{self.sample_rate_hz:.6g} Hz, {self.duration_s:.6g} s"
         width = max(map(len, self.names))
         ranges = (
@@ -175,12 +176,12 @@ class Recording:
             for name, values in self.channels.items()
         )
         notes = (f"  Note: {note}" for note in self.notes)
-        head = f"Recording '{self.source}': {self.samples} rows ({what}) at {rate}"
+        head = f"Recording '{self.source}': {self.samples} rows ({sampling}) at {rate}"
         return "\n".join((head, *ranges, *notes))
 
 
-def _each(notes: Sequence[str]) -> Sequence[str]:
-    """Return notes as a sequence: a single sentence is one note, not one of each letter."""
+def _as_sequence(notes: Sequence[str]) -> Sequence[str]:
+    """Return notes as a sequence of sentences: a single string is one note, not a sequence of letters."""
     return (notes,) if isinstance(notes, str) else notes
 
 

@@ -1,4 +1,4 @@
-"""Rows whose times jitter, brought to a constant rate."""
+"""Resampling of rows whose times jitter to a constant rate."""
 
 import numpy as np
 
@@ -11,28 +11,28 @@ Columns = dict[str, Array]
 
 
 def on_uniform_grid(columns: Columns, sampling: Sampling) -> tuple[Columns, tuple[str, ...]]:
-    """Return `columns` on as many, equally spaced times, with a note; unchanged where they are so already.
+    """Return `columns` on the same number of equally spaced times, and a note; unchanged if already uniform.
 
-    Instants are joined by a piecewise cubic curve (Akima 1970). A straight line would lose h²x''/8 half-way
-    between two rows; a spline through all rows would overshoot far around a jump, where Akima's curve depends
-    on three rows to either side and follows a jump closely.
+    Instants are interpolated by a piecewise cubic curve (Akima 1970). A straight line would have the error
+    h²x''/8 half-way between two rows. A spline through all rows would overshoot far around a jump; Akima's
+    curve depends on three rows on either side and follows a jump closely.
 
-    Means over [t_n, t_{n+1}) are joined through their integral F(t_n) = Σ_{k<n} x̄_k (t_{k+1} - t_k), so that
-    the time integral of every channel is kept: a new row is (F(τ_{n+1}) - F(τ_n)) / h of that curve.
+    Means over [t_n, t_{n+1}) are interpolated through their integral F(t_n) = Σ_{k<n} x̄_k (t_{k+1} - t_k),
+    which preserves the time integral of each channel: a new row is (F(τ_{n+1}) - F(τ_n)) / h of that curve.
 
-    An angle that starts anew with every turn is made continuous first. A channel that switches, and one
-    beyond the schema that has holes, takes the value of the nearest row.
+    An angle that restarts with every turn is unwrapped first. A switching channel, and a column beyond the
+    schema with missing values, takes the value of the nearest row.
 
     Parameters
     ----------
     columns
-        Arrays (n,) by name, `time_s` [s] among them, increasing.
+        Arrays (n,) by name, including `time_s` [s], which increases.
     sampling
-        What a row is: "mean" or "instant".
+        Meaning of a row: "mean" or "instant".
 
     Returns
     -------
-    Columns of the same names and lengths, read-only; notes, none where the rows were uniform.
+    Columns of the same names and lengths, read-only; notes, none if the rows were uniform.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""The columns of a recording: names, units and meanings."""
+"""Schema of a recording's columns: names, units and meanings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from emaphm.actuator.quantity import USER_ANGLE
 
 @dataclass(frozen=True)
 class Channel:
-    """What a column holds: its meaning, and the unit in which it stands."""
+    """Meaning and unit of a column."""
 
     meaning: str
     unit: str
@@ -38,7 +38,8 @@ SCHEMA: Mapping[str, Channel] = MappingProxyType(
         "temperature_K": Channel("temperature", "K"),
     }
 )
-"""Schema columns in their usual order; their units as of `emaphm.actuator.quantity.unit_for`."""
+"""Schema columns in their usual order; for their units in other coordinates see
+`emaphm.actuator.quantity.unit_for`."""
 
 SHORT_NAMES: Mapping[str, str] = MappingProxyType(
     {
@@ -48,10 +49,10 @@ SHORT_NAMES: Mapping[str, str] = MappingProxyType(
         "speed": "speed_rad_s",
     }
 )
-"""Columns by the shorter names that a user may give them."""
+"""Columns by the short names that a user may use for them."""
 
 PHASES = ("current_a_A", "current_b_A", "current_c_A")
-"""The phase currents; with `angle_rad` they stand in for a missing `current_A`."""
+"""The phase currents; with `angle_rad` they replace a missing `current_A`."""
 
 CURRENTS = (*PHASES, "current_A", "current_d_A", "current_q_A")
 """All currents of the motor."""
@@ -67,4 +68,4 @@ RESPONSES = (
     "position_rad",
     "speed_rad_s",
 )
-"""What an actuator answers a command with: a recording has one at least, to be compared with a model."""
+"""Responses of an actuator to a command: a recording has at least one, to be compared with a model."""

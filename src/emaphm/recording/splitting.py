@@ -1,4 +1,4 @@
-"""One long file cut into recordings: by columns, by the period of its command, at its rests, at its gaps."""
+"""Splitting a file into recordings: by columns, by the command's period, at rests, or at gaps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,20 +17,20 @@ from emaphm.recording.io.channel_names import resolved
 from emaphm.recording.recording import Label
 
 PERIOD, RESTS, STRETCHES = "period", "rests", "stretches"
-"""What a file can be cut by, besides its columns; `column:NAME` is a column that has such a name."""
+"""Ways to cut a file other than by columns; `column:NAME` is a column with one of these names."""
 
 LEAST_REST_S = 0.2
 """Shortest rest of a command at which a file is cut [s]; shorter ones are turning points of a manoeuvre."""
 
-ALIKE = 0.1
-"""Largest rms difference of a command and itself one period later, relative to its deviation from the mean
-[-]. A period that is wrong by one row in 324 makes 0.02 on a trapezoid; an unlike manoeuvre makes 0.5 and
+PERIODIC_DIFFERENCE = 0.1
+"""Largest rms difference between a command and itself one period later, relative to its standard deviation
+[-]. An error of the period of one row in 324 gives 0.02 on a trapezoid; a different manoeuvre gives 0.5 and
 more."""
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Rows `start` to before `stop` of a file, what they are called, and what they have in common."""
+    """Rows `start` to `stop` (exclusive) of a file, with their name, common labels and notes."""
 
     start: int
     stop: int
@@ -46,23 +46,23 @@ class Piece:
 
 @dataclass(frozen=True)
 class Cut:
-    """The pieces of a file, and why others are none: a sentence each."""
+    """The pieces of a file, and a sentence on each piece that was refused."""
 
     pieces: tuple[Piece, ...]
     refused: tuple[str, ...] = ()
 
 
 def stretches(table: Table, kept: NDArray[np.bool_], longest_gap: int) -> list[Piece]:
-    """Return the rows that follow each other: kept, without a long gap, in times that go on.
+    """Return the contiguous pieces of a file: kept rows without a long gap, with increasing times.
 
     Parameters
     ----------
     table
-        The rows.
+        The rows of the file.
     kept
-        Which are used, shape (n,).
+        Whether each row is used, shape (n,).
     longest_gap
-        Most rows that may be missing [rows].
+        Largest number of missing rows within a piece [rows].
     """
     time = table.channels["time_s"]
     used = kept & ~in_long_gaps(table.channels, longest_gap)
@@ -78,8 +78,8 @@ def stretches(table: Table, kept: NDArray[np.bool_], longest_gap: int) -> list[P
 
 
 def columns_in(by: str) -> tuple[str, ...]:
-    """Return the columns that a way to cut names, none if it is of another kind."""
-    names = [one.strip().removeprefix("column:").strip() for one in by.split(",")]
+    """Return the columns named by a way to cut, none if it cuts by something other than columns."""
+    names = [part.strip().removeprefix("column:").strip() for part in by.split(",")]
     return () if by.strip() in {PERIOD, RESTS, STRETCHES} else tuple(name for name in names if name)
 
 
@@ -91,11 +91,11 @@ def cut(table: Table, kept: NDArray[np.bool_], by: str, longest_gap: int, source
     table
         The rows of the file.
     kept
-        Which of them are used, shape (n,).
+        Whether each row is used, shape (n,).
     by
-        Names of columns with commas between, "period", "rests" or "stretches".
+        Names of columns separated by commas, "period", "rests" or "stretches".
     longest_gap
-        Most rows that may be missing within a piece [rows].
+        Largest number of missing rows within a piece [rows].
     source
         The file's name, for errors.
 
@@ -104,60 +104,65 @@ def cut(table: Table, kept: NDArray[np.bool_], by: str, longest_gap: int, source
     RecordingError
         A column is absent, or the command has no period.
     """
-    whole = stretches(table, kept, longest_gap)
+    contiguous = stretches(table, kept, longest_gap)
     if by.strip() == PERIOD:
-        pieces = _named(
-            [one for piece in whole for one in _periods(table, piece, longest_gap, source)], "period"
+        pieces = _numbered(
+            [period for piece in contiguous for period in _periods(table, piece, longest_gap, source)],
+            "period",
         )
     elif by.strip() == RESTS:
-        pieces = _named([one for piece in whole for one in _between_rests(table, piece)], "movement")
+        pieces = _numbered(
+            [movement for piece in contiguous for movement in _between_rests(table, piece)], "movement"
+        )
     elif by.strip() == STRETCHES:
-        pieces = _named(whole, "stretch")
+        pieces = _numbered(contiguous, "stretch")
     else:
-        pieces = _by_columns(table, whole, columns_in(by), source)
-    long_enough = [one for one in pieces if one.rows >= FEWEST_SAMPLES]
+        pieces = _by_columns(table, contiguous, columns_in(by), source)
+    long_enough = [piece for piece in pieces if piece.rows >= FEWEST_SAMPLES]
     refused = tuple(
-        f"{source}: {one.name} has {one.rows} rows, at least {FEWEST_SAMPLES} are needed"
-        for one in pieces
-        if one.rows < FEWEST_SAMPLES
+        f"{source}: {piece.name} has {piece.rows} rows, at least {FEWEST_SAMPLES} are needed"
+        for piece in pieces
+        if piece.rows < FEWEST_SAMPLES
     )
     return Cut(tuple(long_enough), refused)
 
 
-def _named(pieces: Sequence[Piece], what: str) -> list[Piece]:
+def _numbered(pieces: Sequence[Piece], kind: str) -> list[Piece]:
     return [
-        replace(one, name=f"{what} {number}", labels=((what, float(number)),))
-        for number, one in enumerate(pieces, 1)
+        replace(piece, name=f"{kind} {number}", labels=((kind, float(number)),))
+        for number, piece in enumerate(pieces, 1)
     ]
 
 
-def _by_columns(table: Table, whole: Sequence[Piece], names: Sequence[str], source: str) -> list[Piece]:
+def _by_columns(table: Table, contiguous: Sequence[Piece], names: Sequence[str], source: str) -> list[Piece]:
+    """Return `contiguous` pieces cut where a value changes in one of the columns `names`."""
     columns = table.columns()
-    found = {}
+    split_columns = {}
     for name in names:
-        there = resolved(name, list(columns), source)
-        if there is None:
+        column = resolved(name, list(columns), source)
+        if column is None:
             raise RecordingError(
                 f"{source}: no column '{name}' to cut by"
                 f"{nearest(name, [*columns, PERIOD, RESTS, STRETCHES])}; correct the name"
             )
-        found[name] = columns[there]
-    if not found:
+        split_columns[name] = columns[column]
+    if not split_columns:
         raise RecordingError(f"{source}: nothing to cut by; name a column, or {PERIOD}, {RESTS}, {STRETCHES}")
-    differs = np.logical_or.reduce([_changes(values) for values in found.values()])
-    pieces, seen = [], dict[str, int]()
-    for one in whole:
-        inside = (np.flatnonzero(differs[one.start : one.stop - 1]) + one.start + 1).tolist()
-        for start, stop in zip([one.start, *inside], [*inside, one.stop], strict=True):
-            labels = tuple((name, _label(values[start])) for name, values in found.items())
-            called = ", ".join(f"{name} {_text(value)}" for name, value in labels)
-            seen[called] = seen.get(called, 0) + 1
-            part = f", part {seen[called]}" if seen[called] > 1 else ""
-            pieces.append(Piece(start, stop, called + part, labels))
+    differs = np.logical_or.reduce([_changes(values) for values in split_columns.values()])
+    pieces, occurrences = [], dict[str, int]()
+    for piece in contiguous:
+        inside = (np.flatnonzero(differs[piece.start : piece.stop - 1]) + piece.start + 1).tolist()
+        for start, stop in zip([piece.start, *inside], [*inside, piece.stop], strict=True):
+            labels = tuple((name, _label(values[start])) for name, values in split_columns.items())
+            title = ", ".join(f"{name} {_text(value)}" for name, value in labels)
+            occurrences[title] = occurrences.get(title, 0) + 1
+            part = f", part {occurrences[title]}" if occurrences[title] > 1 else ""
+            pieces.append(Piece(start, stop, title + part, labels))
     return pieces
 
 
 def _changes(values: NDArray[np.generic]) -> NDArray[np.bool_]:
+    """Return whether each of `values` (n,) differs from the next one, (n - 1,); two NaN are equal."""
     differs = np.asarray(values[1:] != values[:-1], bool)
     if values.dtype.kind == "f":
         differs &= ~(np.isnan(values[1:]) & np.isnan(values[:-1]))
@@ -173,37 +178,37 @@ def _text(value: Label) -> str:
 
 
 def _periods(table: Table, piece: Piece, longest_gap: int, source: str) -> list[Piece]:
-    """Return the periods of the command in a piece; rows that are lost, and short gaps, count as if there."""
+    """Return the periods of the command in a piece, with lost rows and short gaps interpolated."""
     rows = slice(piece.start, piece.stop)
-    own = {name: table.channels[name][rows] for name in ("time_s", "command_rad")}
-    whole, _ = without_short_gaps(with_lost_rows(own, longest_gap)[0], longest_gap)
-    time, command = whole["time_s"], whole["command_rad"]
+    recorded = {name: table.channels[name][rows] for name in ("time_s", "command_rad")}
+    filled, _ = without_short_gaps(with_lost_rows(recorded, longest_gap)[0], longest_gap)
+    time, command = filled["time_s"], filled["command_rad"]
     period = command_period(command)
     if period is None:
         raise RecordingError(
             f"{source}: the command does not repeat itself within the {piece.rows} rows from row "
             f"{piece.start + 1}; cut at rests, or by a column"
         )
-    # Where a cut before each row would be, and one after the last.
+    # Time of a cut before each row, and of a cut after the last row.
     before = np.concatenate([time[:1], (time[1:] + time[:-1]) / 2, [np.nextafter(time[-1], np.inf)]])
     cuts = before[np.round(np.arange(0.0, command.size + 0.5, period)).astype(int)]
-    starts = np.searchsorted(own["time_s"], cuts) + piece.start
+    starts = np.searchsorted(recorded["time_s"], cuts) + piece.start
     pieces = [Piece(a, b) for a, b in pairwise(starts.tolist())]
-    rest = piece.stop - int(starts[-1])
-    if rest and pieces:
-        pieces[-1] = replace(
-            pieces[-1], notes=(f"the {rest} rows after this period are no whole one and were left out",)
-        )
+    remainder = piece.stop - int(starts[-1])
+    if remainder and pieces:
+        note = f"the {remainder} rows after this period are no whole one and were left out"
+        pieces[-1] = replace(pieces[-1], notes=(note,))
     return pieces
 
 
 @np.errstate(all="ignore")  # a command of 1e308 has no period
 def command_period(command: Array) -> float | None:
-    """Return the period of a command (n,) [rows], None where it does not repeat itself at least twice.
+    """Return the period of a command (n,) [rows], None if it does not repeat itself at least twice.
 
-    With the mean square D(L) of x_{i + L} - x_i, the difference function, it is the first minimum of D after
-    D has exceeded the variance of x, and at which x is like itself (`ALIKE`); between rows by a parabola.
-    Unlike the autocorrelation, D is least at the period itself however few periods there are.
+    The difference function D(L) is the mean square of x_{i + L} - x_i. The period is the first minimum of D
+    after D has exceeded the variance of x, at which √D is at most `PERIODIC_DIFFERENCE` standard deviations
+    of x; a parabola interpolates between rows. Unlike the autocorrelation, D has its minimum at the period
+    itself for any number of periods.
 
     References
     ----------
@@ -224,10 +229,10 @@ def command_period(command: Array) -> float | None:
         return None
     inner = differences[1:-1]
     least = np.flatnonzero((inner <= differences[:-2]) & (inner < differences[2:])) + 1
-    found = least[(least > beyond[0]) & (differences[least] <= ALIKE**2)]
-    if not found.size:
+    candidates = least[(least > beyond[0]) & (differences[least] <= PERIODIC_DIFFERENCE**2)]
+    if not candidates.size:
         return None
-    lag = int(found[0])
+    lag = int(candidates[0])
     before, at, after = differences[lag - 1 : lag + 2]
     return lag + float(0.5 * (before - after) / (before - 2 * at + after))
 
@@ -235,8 +240,9 @@ def command_period(command: Array) -> float | None:
 def _between_rests(table: Table, piece: Piece) -> list[Piece]:
     rows = slice(piece.start, piece.stop)
     resting = at_rest(table.channels["time_s"][rows], table.channels["command_rad"][rows], LEAST_REST_S)
-    # Each movement has half of the rest before it and half of the one after it: it begins and ends at rest.
+    # A movement includes half of the rest before it and half of the rest after it: it begins and ends at
+    # rest.
     movements = runs(~resting)
     middles = [(b + a) // 2 for (_, b), (a, _) in pairwise(movements)]
-    starts = [piece.start, *(piece.start + one for one in middles), piece.stop]
+    starts = [piece.start, *(piece.start + middle for middle in middles), piece.stop]
     return [Piece(a, b) for a, b in pairwise(starts)] if movements else []

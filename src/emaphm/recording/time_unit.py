@@ -1,4 +1,4 @@
-"""Another unit of time taken for seconds, distinguished from slow and fast rows by the motion's torque."""
+"""Check of the unit of time: a wrong unit is distinguished from slow or fast rows by the motion's torque."""
 
 import math
 
@@ -9,42 +9,47 @@ from emaphm.arrays import Array, rms
 from emaphm.recording.recording import Recording
 
 SLOW_S = 0.02
-"""Rows this far apart may be milliseconds taken for seconds: of 50 kHz, the fastest of loggers [s]."""
+"""Interval between rows [s] above which they may be milliseconds taken for seconds, of the fastest loggers
+with 50 kHz."""
 
 APPARENT_INERTIA = 1e4
-"""Ratio of the inertia that the current shows to the described one from which the times are wrong. It goes by
-the square of the unit of time: milliseconds make it 10⁶ (3 10⁵ to 1.2 10⁶ of chirps at 20 kHz under random
-faults), while a load that changes with the motion makes 2 10³ of slow rows."""
+"""Ratio of the inertia estimated from the current to the described inertia from which the times are wrong. It
+scales with the square of the unit of time: milliseconds give 10⁶ (3 10⁵ to 1.2 10⁶ for chirps at 20 kHz with
+random faults), while a load that changes with the motion gives 2 10³ with slow rows."""
 
 SIGNIFICANT = 10.0
-"""Standard errors by which that inertia must differ from 0: the rows of a slow motion show none at all."""
+"""Least ratio of that inertia to its standard error: it is not identifiable from the rows of a slow
+motion."""
 
 SPEED_RATIO = 20.0
-"""Ratio of a recorded speed to that of the recorded motion from which the times are wrong; backlash and
-resonance make less."""
+"""Ratio of the recorded speed to the derivative of the recorded position from which the times are wrong;
+backlash and resonance give smaller ratios."""
 
 SAME_MOTION = 0.5
-"""Least correlation of the recorded speed with that of the motion."""
+"""Least correlation of the recorded speed with the derivative of the recorded position."""
 
 FAST_S = 2e-5
-"""Rows no farther apart may be seconds taken for milliseconds: of 50 Hz and faster [s]."""
+"""Interval between rows [s] up to which they may be seconds taken for milliseconds, of rows at 50 Hz and
+faster."""
 
 IMPOSSIBLE_WORK = 300.0
-"""Ratio of the kinetic energy of a motion to the most work of the motor over its travel from which the times
-are wrong. It is 1 at most of a motor alone, and 10⁻³ or more of a motion that shows its inertia; it goes by
-the square of the unit of time: seconds taken for milliseconds make it 10⁶ times as large."""
+"""Ratio of the kinetic energy of a motion to the largest work of the motor over its travel from which the
+times are wrong. It is at most 1 for a motor without external torque, and at least 10⁻³ for a motion that is
+affected by its inertia. It scales with the square of the unit of time: seconds taken for milliseconds
+increase it by 10⁶."""
 
 STRETCHES = 64
-"""Parts of a recording whose mean positions show its motion: noise of single rows is no motion."""
+"""Number of parts of a recording whose mean positions represent its motion, without the noise of single
+rows."""
 
 
 def time_unit_complaint(recording: Recording, actuator: Actuator) -> str | None:
-    """Return why rows seem to be in another unit of time than seconds, None where nothing says so."""
+    """Return the reason why the times seem not to be in seconds, None if there is no reason."""
     if recording.interval_s <= FAST_S:
-        return _impossible_work(recording, actuator)
+        return _work_complaint(recording, actuator)
     if recording.interval_s <= SLOW_S:
         return None
-    reason = _speed(recording, actuator) or _inertia(recording, actuator)
+    reason = _speed_complaint(recording, actuator) or _inertia_complaint(recording, actuator)
     if not reason:
         return None
     return (
@@ -53,26 +58,27 @@ def time_unit_complaint(recording: Recording, actuator: Actuator) -> str | None:
     )
 
 
-def _speed(recording: Recording, actuator: Actuator) -> str | None:
-    """Compare a recorded speed with that of the recorded position, or of the command."""
+def _speed_complaint(recording: Recording, actuator: Actuator) -> str | None:
+    """Compare the recorded speed with the derivative of the recorded position, or of the command."""
     if "speed_rad_s" not in recording:
         return None
     speed = np.diff(_motor_angle(recording, actuator)) / recording.interval_s
     measured = recording["speed_rad_s"][1:]
-    of_motion, of_sensor = rms(speed), rms(measured)
-    if not 0 < SPEED_RATIO * of_motion < of_sensor:
+    motion_rms, sensor_rms = rms(speed), rms(measured)
+    if not 0 < SPEED_RATIO * motion_rms < sensor_rms:
         return None
-    # At rest both are noise, of any ratio.
-    if float(np.mean(speed * measured)) < SAME_MOTION * of_motion * of_sensor:
+    # At rest both speeds are noise, with an arbitrary ratio.
+    if float(np.mean(speed * measured)) < SAME_MOTION * motion_rms * sensor_rms:
         return None
-    return f"the motor's speed is {of_sensor / of_motion:.3g} times that of its motion"
+    return f"the motor's speed is {sensor_rms / motion_rms:.3g} times that of its motion"
 
 
-def _inertia(recording: Recording, actuator: Actuator) -> str | None:
-    """Compare the inertia that the current shows with the described one.
+def _inertia_complaint(recording: Recording, actuator: Actuator) -> str | None:
+    """Compare the inertia J estimated from the current with the described inertia.
 
-    From least squares k_t i = J α + C ω + F sgn ω + K θ + T_0 over the rows, with ω and α from differences of
-    the angle θ. A motion too slow for its inertia to show gives J with a large error, and no complaint.
+    J follows from the least-squares fit k_t i = J α + C ω + F sgn ω + K θ + T_0 over the rows, with ω and α
+    from differences of the angle θ. For a motion too slow to identify J, its standard error is large, and
+    there is no complaint.
     """
     if "current_A" not in recording:
         return None
@@ -97,14 +103,15 @@ def _inertia(recording: Recording, actuator: Actuator) -> str | None:
     return f"the current would accelerate {ratio:.2g} times the described inertia"
 
 
-def _impossible_work(recording: Recording, actuator: Actuator) -> str | None:
-    """Compare the energy J ω² / 2 of the recorded motion with the work k_t i_max Δθ of the motor.
+def _work_complaint(recording: Recording, actuator: Actuator) -> str | None:
+    """Compare the energy J ω² / 2 of the recorded motion with the largest work k_t i_max Δθ of the motor.
 
-    ω is the rms speed between means of the angle over stretches of rows, Δθ the travel of these means.
+    ω is the rms speed between the means of the angle over parts of the recording, Δθ the range of these
+    means.
     """
     if "position_rad" not in recording or recording.samples < STRETCHES:
         return None
-    # A command may jump; what has mass does not.
+    # A command may jump, a position with inertia cannot.
     parts = np.array_split(_motor_angle(recording, actuator), STRETCHES)
     angle = np.array([float(np.mean(part)) for part in parts])
     speed = rms(np.diff(angle)) * STRETCHES / recording.duration_s

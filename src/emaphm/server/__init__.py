@@ -1,6 +1,7 @@
-"""Web pages and an HTTP API over a history: the fleet, its units, their diagnoses, uploads, data health.
+"""Web pages and an HTTP API for a history: the fleet, its units, their diagnoses, uploads, data health.
 
-`emaphm.server.run.serve` runs them; workers, which load no web framework, are in `emaphm.server.work`.
+`emaphm.server.run.serve` runs the server. The worker processes, in `emaphm.server.work`, load no web
+framework.
 """
 
 from importlib.util import find_spec

@@ -1,4 +1,4 @@
-"""The HTTP API under /api/v1: what the pages show, as JSON."""
+"""The HTTP API under /api/v1: the contents of the pages as JSON."""
 
 from dataclasses import asdict
 from typing import Annotated, Any
@@ -21,35 +21,37 @@ from emaphm.server.work.queue import Job
 from emaphm.strict_json import finite
 
 LARGEST_ID = 2**31 - 1
-"""Of a row in a database."""
+"""Largest id of a row in a database."""
 
 router = APIRouter(prefix="/api/v1")
 
 
 def state_of(request: Request) -> ServerState:
-    """Return what the server shares."""
-    found: ServerState = request.app.state.server
-    return found
+    """Return the state that all requests share."""
+    state: ServerState = request.app.state.server
+    return state
 
 
 Server = Annotated[ServerState, Depends(state_of)]
 Id = Annotated[int, Path(ge=1, le=LARGEST_ID)]
-Limit = Annotated[int, Query(ge=1, le=1000, description="How many at most.")]
+Limit = Annotated[int, Query(ge=1, le=1000, description="Largest number of entries in the answer.")]
 Before = Annotated[
-    int | None, Query(ge=1, le=LARGEST_ID, description="Only those of lower numbers: the next page.")
+    int | None, Query(ge=1, le=LARGEST_ID, description="Only entries with lower numbers: the next page.")
 ]
-Sort = Annotated[str, Query(description="By what they are sorted."), OneOf(tuple(SORTS))]
-Advice = Annotated[str, Query(description="Only this advice."), OneOf((*ACTIONS, "none"))]
-Health = Annotated[str, Query(description="Only where the last diagnosis says so."), OneOf(HEALTHS)]
-Kind = Annotated[str, Query(description="Only of this kind."), OneOf(KINDS)]
-UnitId = Annotated[int | None, Query(ge=1, le=LARGEST_ID, description="Only of the unit of this id.")]
+Sort = Annotated[str, Query(description="Quantity by which units are sorted."), OneOf(tuple(SORTS))]
+Advice = Annotated[str, Query(description="Only units with this advice."), OneOf((*ACTIONS, "none"))]
+Health = Annotated[
+    str, Query(description="Only units with this health in the last diagnosis."), OneOf(HEALTHS)
+]
+Kind = Annotated[str, Query(description="Only events of this kind."), OneOf(KINDS)]
+UnitId = Annotated[int | None, Query(ge=1, le=LARGEST_ID, description="Only the unit with this id.")]
 
 
 class Units(BaseModel):
-    """Units, and how many the history has."""
+    """Units, their number after the filters, and the number in the history."""
 
     units: list[FleetRow]
-    shown: int = Field(description="How many units the filters leave.")
+    shown: int = Field(description="Number of units after the filters.")
     total: int
 
 
@@ -57,33 +59,33 @@ class Diagnoses(BaseModel):
     """Diagnoses with their recordings, the newest first."""
 
     diagnoses: list[DiagnosisLine]
-    total: int = Field(description="How many the unit and explained leave, on all pages.")
+    total: int = Field(description="Number of diagnoses with this unit and explained, on all pages.")
 
 
 class DataHealth(BaseModel):
-    """What cannot be trusted: units whose last recording is not explained or shows a fault of a sensor."""
+    """Units whose last recording is not explained or has a sensor fault, and recordings not explained."""
 
     not_explained: list[FleetRow]
     sensor_faults: list[FleetRow]
     recordings: list[DiagnosisLine] = Field(
         description="Recordings that are not explained, the newest first."
     )
-    total: int = Field(description="How many recordings are not explained, on all pages.")
+    total: int = Field(description="Number of recordings that are not explained, on all pages.")
 
 
 class Events(BaseModel):
     """Events, the newest or the oldest first."""
 
     events: list[dict[str, Any]]
-    total: int = Field(description="How many the unit, the kind and only_open leave, on all pages.")
+    total: int = Field(description="Number of events with this unit, kind and only_open, on all pages.")
 
 
 class JobAnswer(BaseModel):
-    """An upload, and what has become of it."""
+    """An upload, its state and its result."""
 
     id: int
     state: str = Field(description="waiting, running, done, refused or failed.")
-    progress: float = Field(description="How much is done, 0 to 1.")
+    progress: float = Field(description="Share that is done, 0 to 1.")
     recording: str
     unit: str
     hours: float
@@ -97,11 +99,11 @@ class Jobs(BaseModel):
     """Uploads, the newest first."""
 
     jobs: list[JobAnswer]
-    total: int = Field(description="How many there are, on all pages.")
+    total: int = Field(description="Number of uploads, on all pages.")
 
 
 class Refusal(BaseModel):
-    """Why a request was refused."""
+    """Reason why a request was refused."""
 
     detail: Any
 
@@ -113,15 +115,15 @@ NOT_FOUND: dict[int | str, dict[str, Any]] = {404: {"model": Refusal}}
 def units(
     server: Server,
     sort: Sort = "urgency",
-    descending: Annotated[bool, Query(description="The other way round.")] = False,
-    part: Annotated[str, Query(description="Only this part number.")] = "",
+    descending: Annotated[bool, Query(description="Whether the order is reversed.")] = False,
+    part: Annotated[str, Query(description="Only units with this part number.")] = "",
     advice: Advice = "",
     health: Health = "",
     search: Annotated[str, Query(description="Part of a serial number or a position.")] = "",
     limit: Limit = 1000,
     offset: Annotated[int, Query(ge=0, le=LARGEST_ID)] = 0,
 ) -> Units:
-    """Return the units of the fleet, the most urgent first."""
+    """Return the units of the fleet, by default the most urgent first."""
     fleet = server.fleet.fleet()
     check_value("part", part, fleet.part_numbers)
     rows = Choice(sort or "urgency", descending, part, advice, health, search).of(fleet.rows)
@@ -130,11 +132,11 @@ def units(
 
 @router.get("/units/{unit_id}", responses=NOT_FOUND)
 def unit(server: Server, unit_id: Id) -> dict[str, Any]:
-    """Return a unit: its state, flights, removals, findings, withdrawals, and its lives as a whole."""
+    """Return a unit: its state, flights, removals, findings, withdrawals, and complete lives."""
     row = row_of(server, unit_id)
-    with server.history.database.reading() as connection:  # one state of all
+    with server.history.database.reading() as connection:  # a consistent state of all tables
         entries = UnitEntries.read(connection, row.id, row.unit)
-    lives = [one.to_dict() for one in entries.lives()]
+    lives = [life.to_dict() for life in entries.lives()]
     return _finite({"unit": asdict(row), **entries.to_dict(), "lives": lives})
 
 
@@ -144,24 +146,24 @@ def prognosis(server: Server, unit_id: Id) -> dict[str, Any]:
     kept = prognosis_of(server, row_of(server, unit_id))
     if kept is None:
         raise HTTPException(404, "no prognosis of this unit has been made yet")
-    return _kept(kept)
+    return _with_time(kept)
 
 
 @router.get("/units/{unit_id}/curves", responses=NOT_FOUND)
 def curves(server: Server, unit_id: Id) -> dict[str, Any]:
-    """Return what the figures of a unit's prognosis show."""
+    """Return the curves of the figures of a unit's prognosis."""
     row_of(server, unit_id)
     with server.history.database.reading() as connection:
-        found = read_curves(connection, unit_id)
-    if found is None:
+        curves = read_curves(connection, unit_id)
+    if curves is None:
         raise HTTPException(404, "no prognosis of this unit has been kept with its curves yet")
-    return found
+    return curves
 
 
 @router.get("/prognoses")
 def prognoses(server: Server) -> dict[str, dict[str, Any]]:
-    """Return the last prognosis of each unit by its serial number, of those that have one."""
-    return {unit: _kept(one) for unit, one in server.history.prognoses().items()}
+    """Return the last prognosis of each unit that has one, by serial number."""
+    return {unit: _with_time(prognosis) for unit, prognosis in server.history.prognoses().items()}
 
 
 @router.get("/recordings", name="recordings", responses=NOT_FOUND)
@@ -169,17 +171,19 @@ def prognoses(server: Server) -> dict[str, dict[str, Any]]:
 def diagnoses(
     server: Server,
     unit_id: UnitId = None,
-    explained: Annotated[bool | None, Query(description="Only those that are, or are not.")] = None,
+    explained: Annotated[
+        bool | None, Query(description="Only explained recordings, or only the others.")
+    ] = None,
     before: Before = None,
     limit: Limit = 100,
 ) -> Diagnoses:
-    """Return the last diagnosis of each recording in short, the newest first."""
+    """Return a summary of the last diagnosis of each recording, the newest first."""
     if unit_id is not None:
         row_of(server, unit_id)
     with server.history.database.reading() as connection:
-        found = diagnosis_lines(connection, unit_id=unit_id, explained=explained, before=before, limit=limit)
+        lines = diagnosis_lines(connection, unit_id=unit_id, explained=explained, before=before, limit=limit)
     return Diagnoses(
-        diagnoses=list(found), total=server.fleet.fleet().recordings(unit_id, explained=explained)
+        diagnoses=list(lines), total=server.fleet.fleet().recordings(unit_id, explained=explained)
     )
 
 
@@ -204,21 +208,23 @@ def events(
     unit_id: UnitId = None,
     kind: Kind = "",
     after: Annotated[
-        int | None, Query(ge=0, le=LARGEST_ID, description="Only those of higher numbers.")
+        int | None, Query(ge=0, le=LARGEST_ID, description="Only events with higher numbers.")
     ] = None,
     before: Before = None,
     newest_first: bool = True,
-    only_open: Annotated[bool, Query(description="Only what was raised and not cleared since.")] = False,
+    only_open: Annotated[
+        bool, Query(description="Only conditions that were raised and not cleared since.")
+    ] = False,
     limit: Limit = 100,
 ) -> Events:
-    """Return events."""
+    """Return events, by default the newest first."""
     serial = None if unit_id is None else row_of(server, unit_id).unit
     if only_open:
-        still_open = [one for one in server.history.open_conditions(serial) if kind in ("", one.kind)]
+        still_open = [event for event in server.history.open_conditions(serial) if kind in ("", event.kind)]
         lowest, end = after or 0, before or LARGEST_ID
-        found = [one for one in still_open if lowest < (one.number or 0) < end]
-        found = (found[::-1] if newest_first else found)[:limit]
-        return Events(events=[one.to_dict() for one in found], total=len(still_open))
+        selected = [event for event in still_open if lowest < (event.number or 0) < end]
+        selected = (selected[::-1] if newest_first else selected)[:limit]
+        return Events(events=[event.to_dict() for event in selected], total=len(still_open))
     kinds = (kind,) if kind else ()
     with server.history.database.reading() as connection:
         page = read_events(
@@ -231,25 +237,25 @@ def events(
             limit=limit,
         )
         total = count_events(connection, unit=serial, kinds=kinds)
-    return Events(events=[one.to_dict() for one in page], total=total)
+    return Events(events=[event.to_dict() for event in page], total=total)
 
 
 @router.get("/data-health")
 def data_health(server: Server, before: Before = None, limit: Limit = 100) -> DataHealth:
-    """Return what cannot be trusted; `before` and `limit` are of the recordings."""
+    """Return units and recordings with unreliable data; `before` and `limit` select recordings."""
     return untrusted(server, before=before, limit=limit)
 
 
 def untrusted(server: ServerState, *, before: int | None = None, offset: int = 0, limit: int) -> DataHealth:
-    """Return what cannot be trusted, with the recordings that the others choose of those not explained."""
+    """Return units and recordings with unreliable data; the keywords select recordings not explained."""
     fleet = server.fleet.fleet()
     rows = Choice(sort="unit").of(fleet.rows)
     with server.history.database.reading() as connection:
-        found = diagnosis_lines(connection, explained=False, before=before, offset=offset, limit=limit)
+        lines = diagnosis_lines(connection, explained=False, before=before, offset=offset, limit=limit)
     return DataHealth(
         not_explained=[row for row in rows if row.health == "not explained"],
         sensor_faults=[row for row in rows if row.sensor_faults],
-        recordings=list(found),
+        recordings=list(lines),
         total=fleet.recordings(explained=False),
     )
 
@@ -288,7 +294,7 @@ BODY = {
     responses={code: {"model": Refusal} for code in (400, 408, 413, 422, 503)},
 )
 async def upload(request: Request, server: Server) -> JobAnswer:
-    """Take a recording to be diagnosed; the job says what becomes of it."""
+    """Accept a recording for diagnosis; the job gives its state and result."""
     from starlette.concurrency import run_in_threadpool
 
     async with server.uploads.form(request) as form:
@@ -298,55 +304,55 @@ async def upload(request: Request, server: Server) -> JobAnswer:
 
 @router.get("/jobs")
 def jobs(server: Server, before: Before = None, limit: Limit = 100) -> Jobs:
-    """Return uploads and what has become of them, the newest first."""
-    found = server.queue.jobs(limit, before)
-    return Jobs(jobs=[job_answer(server, one) for one in found], total=server.queue.total())
+    """Return uploads with their states and results, the newest first."""
+    page = server.queue.jobs(limit, before)
+    return Jobs(jobs=[job_answer(server, entry) for entry in page], total=server.queue.total())
 
 
 @router.get("/jobs/{job_id}", responses=NOT_FOUND)
 def job(server: Server, job_id: Id) -> JobAnswer:
-    """Return an upload and what has become of it."""
-    found = server.queue.job(job_id)
-    if found is None:
+    """Return an upload with its state and result."""
+    queued = server.queue.job(job_id)
+    if queued is None:
         raise HTTPException(404, f"no upload {job_id}")
-    return job_answer(server, found)
+    return job_answer(server, queued)
 
 
-def job_answer(server: ServerState, found: Job) -> JobAnswer:
-    """Return a job as the API gives it."""
+def job_answer(server: ServerState, queued: Job) -> JobAnswer:
+    """Return the answer of the API for a job in the queue."""
     return JobAnswer(
-        id=found.id,
-        state=found.state,
-        progress=1.0 if found.is_over else server.pool.progress(found.id),
-        recording=found.request["name"],
-        unit=found.request["unit"],
-        hours=found.request["hours"],
-        message=found.message,
-        result=found.result,
-        added_at=found.added_at,
-        ended_at=found.ended_at,
+        id=queued.id,
+        state=queued.state,
+        progress=1.0 if queued.is_over else server.pool.progress(queued.id),
+        recording=queued.request["name"],
+        unit=queued.request["unit"],
+        hours=queued.request["hours"],
+        message=queued.message,
+        result=queued.result,
+        added_at=queued.added_at,
+        ended_at=queued.ended_at,
     )
 
 
 def row_of(server: ServerState, unit_id: int) -> FleetRow:
-    """Return a unit's row; 404 where there is none."""
-    found = server.fleet.row(unit_id)
-    if found is None:
+    """Return the row of a unit; 404 if there is no such unit."""
+    row = server.fleet.row(unit_id)
+    if row is None:
         raise HTTPException(404, f"no unit {unit_id} in the history")
-    return found
+    return row
 
 
 def diagnosis_of(server: ServerState, diagnosis_id: int) -> tuple[UnitRow, KeptDiagnosis, str]:
-    """Return a diagnosis with its unit and the TOML of its description; 404 where there is none."""
+    """Return a diagnosis with its unit and the TOML of its description; 404 if there is no such diagnosis."""
     with server.history.database.reading() as connection:
-        found = diagnosis(connection, diagnosis_id)
-    if found is None:
+        stored = diagnosis(connection, diagnosis_id)
+    if stored is None:
         raise HTTPException(404, f"no diagnosis {diagnosis_id} in the history")
-    return found
+    return stored
 
 
 def prognosis_of(server: ServerState, row: FleetRow) -> KeptPrognosis | None:
-    """Return the kept prognosis of a unit."""
+    """Return the stored prognosis of a unit, None if there is none."""
     return server.fleet.prognosis(row.unit)
 
 
@@ -354,5 +360,5 @@ def _finite(values: dict[str, Any]) -> dict[str, Any]:
     return dict(finite(values))
 
 
-def _kept(one: KeptPrognosis) -> dict[str, Any]:
-    return {**one.document, "made_at": one.at}
+def _with_time(prognosis: KeptPrognosis) -> dict[str, Any]:
+    return {**prognosis.document, "made_at": prognosis.at}

@@ -1,4 +1,4 @@
-"""The application: pages and API behind the guard."""
+"""The web application: pages, API, error answers and middleware."""
 
 from http import HTTPStatus
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 
 from emaphm.errors import EmaphmError
 from emaphm.server import api, pages
-from emaphm.server.guard import HEADERS, Guard
+from emaphm.server.access.guard import HEADERS, Guard
 from emaphm.server.html import render
 from emaphm.server.query import check_query, in_words
 from emaphm.server.uploads import BusyError, status_of
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from emaphm.server.state import ServerState
 
 SMALLEST_ZIPPED = 1000
-"""Of an answer that is compressed [bytes]."""
+"""Smallest answer that is compressed [bytes]."""
 
 
 NO_ROUTE = "there is nothing at this address; /openapi.json lists those of the API"
@@ -34,15 +34,17 @@ def create_app(state: "ServerState", *, only_loopback: bool = True) -> FastAPI:
 
     Parameters
     ----------
+    state
+        State that all requests share.
     only_loopback
-        Whether requests must name this machine as localhost: no name of another site may lead here.
+        Whether requests must address this machine as localhost, so that no other host name leads here.
     """
     app = FastAPI(
         title="emaphm",
         description="Health and remaining useful life of electromechanical actuators.",
         version=VERSION,
         openapi_url="/openapi.json",
-        docs_url=None,  # its scripts would come from elsewhere
+        docs_url=None,  # its scripts would come from another site
         redoc_url=None,
         dependencies=[Depends(check_query)],
         middleware=[
@@ -63,7 +65,7 @@ def create_app(state: "ServerState", *, only_loopback: bool = True) -> FastAPI:
 
 
 def warm_up(app: FastAPI) -> None:
-    """Render the page of the fleet, so that the first who asks for it does not wait for that."""
+    """Render the page of the fleet once, so that the first request does not wait for it."""
     pages.fleet(Request({"type": "http", "app": app, "headers": []}), app.state.server)
 
 
@@ -82,11 +84,11 @@ def _http(request: Request, error: Exception) -> Response:
 def _invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)  # noqa: S101 - it is registered for these
     if request.url.path.startswith("/api/"):
-        found = [{key: one[key] for key in ("loc", "msg", "type")} for one in error.errors()]
-        return JSONResponse({"detail": jsonable_encoder(found)}, 422)
-    of_query = [in_words(one) for one in error.errors() if one["loc"][0] == "query"]
-    if of_query:
-        return _answer(request, 422, f"The address cannot be used as it is: {'; '.join(of_query)}.")
+        details = [{key: entry[key] for key in ("loc", "msg", "type")} for entry in error.errors()]
+        return JSONResponse({"detail": jsonable_encoder(details)}, 422)
+    query_errors = [in_words(entry) for entry in error.errors() if entry["loc"][0] == "query"]
+    if query_errors:
+        return _answer(request, 422, f"The address cannot be used as it is: {'; '.join(query_errors)}.")
     return _answer(request, 404, "There is no such page.")
 
 
@@ -97,6 +99,6 @@ def _refused(request: Request, error: Exception) -> Response:
 
 
 def _defect(request: Request, error: Exception) -> Response:
-    del error  # the log has it
-    # Made outside of the guard.
+    del error  # it is in the log
+    # This answer does not pass the guard, which adds the headers otherwise.
     return _answer(request, 500, "A defect of emaphm; its log has the details.", HEADERS)

@@ -1,4 +1,4 @@
-"""The fleet as pages and API show it: one row a unit, kept in memory and read again where it has changed."""
+"""The fleet for pages and API: one row per unit, cached in memory and read again after changes."""
 
 import threading
 from collections.abc import Callable, Iterable
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
     from emaphm.history.basis import Basis
 
 ACTIONS = ("replace before", "inspect by", "fly on")
-"""What may be advised, the most urgent first."""
+"""Possible advice, the most urgent first."""
 
 NEVER = float("inf")
 
 
 @dataclass(frozen=True)
 class FleetRow:
-    """A unit: its last flight, its last diagnosis, and its prognosis, null where there is none yet.
+    """A unit: its last flight, its last diagnosis, and its prognosis, null if there is none yet.
 
-    Hours are flight hours [h]; `rul_low`, `rul_high` the ends of the 90 % interval, null beyond what is
-    forecast; `failed_at` when the unit failed, null while it is in service; `alarms` are those that were
-    raised and not cleared; `advice` is good for `advice_in` hours from the prognosis on, at `advice_at`;
-    `current` says whether the prognosis covers all that was added.
+    Hours are flight hours [h]. `rul_low` and `rul_high` are the ends of the 90 % interval, null beyond the
+    forecast. `failed_at` is the time of a failure, null while the unit is in service. `alarms` are the open
+    alarms. `advice` applies in `advice_in` hours from the prognosis, at `advice_at`. `current` is whether the
+    prognosis includes all entries of the unit.
     """
 
     id: int
@@ -63,7 +63,10 @@ class FleetRow:
 
     @property
     def urgency(self) -> tuple[int, float, float]:
-        """Action, hours until then, RUL: less is more urgent; a unit without advice is in between."""
+        """Sort key of action, hours until the action, and RUL; a lower key is more urgent.
+
+        A unit without advice ranks between "inspect by" and "fly on".
+        """
         rank = ACTIONS.index(self.advice) if self.advice in ACTIONS else 1.5
         return int(2 * rank), NEVER if self.advice_in is None else self.advice_in, _or_never(self.rul)
 
@@ -80,12 +83,12 @@ SORTS: dict[str, Callable[[FleetRow], Any]] = {
     "recordings": lambda row: row.recordings,
     "explained": lambda row: row.explained / row.recordings,
 }
-"""By what units are sorted."""
+"""Sort keys of units by name."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Which units are shown, and in which order."""
+    """Selection and order of the displayed units."""
 
     sort: str = "urgency"
     descending: bool = False
@@ -95,9 +98,9 @@ class Choice:
     search: str = ""
 
     def of(self, rows: Iterable[FleetRow]) -> list[FleetRow]:
-        """Return the rows that are asked for, in order."""
+        """Return the selected rows, in order."""
         text = self.search.strip().lower()
-        chosen = [
+        selected = [
             row
             for row in rows
             if self.part in ("", row.part_number)
@@ -105,13 +108,13 @@ class Choice:
             and self.advice in ("", row.advice or "none")
             and (text in row.unit.lower() or text in (row.position or "").lower())
         ]
-        chosen.sort(key=lambda row: row.unit)
-        return sorted(chosen, key=SORTS[self.sort], reverse=self.descending)
+        selected.sort(key=lambda row: row.unit)
+        return sorted(selected, key=SORTS[self.sort], reverse=self.descending)
 
 
 @dataclass(frozen=True)
 class Fleet:
-    """All units at one moment; `version` rises with each change."""
+    """All units at one moment; `version` increases with each change."""
 
     version: int
     rows: tuple[FleetRow, ...]
@@ -122,14 +125,14 @@ class Fleet:
         return sorted({row.part_number for row in self.rows})
 
     def recordings(self, unit_id: int | None = None, explained: bool | None = None) -> int:
-        """Return how many recordings all units have, or one; only those `explained`, or not, where said."""
+        """Return the number of recordings of all units or one unit; only (not) `explained` ones if given."""
         rows = [row for row in self.rows if unit_id in (None, row.id)]
-        good, every = sum(row.explained for row in rows), sum(row.recordings for row in rows)
-        return every if explained is None else good if explained else every - good
+        count, total = sum(row.explained for row in rows), sum(row.recordings for row in rows)
+        return total if explained is None else count if explained else total - count
 
 
 class FleetView:
-    """Gives the fleet as it is now; only what has changed since is read again."""
+    """The current fleet; only changed units are read again from the history."""
 
     def __init__(self, history: "History") -> None:
         self._history = history
@@ -139,10 +142,10 @@ class FleetView:
         self._prognoses: dict[str, KeptPrognosis] = {}
         self._alarms: dict[str, tuple[str, ...]] = {}
         self._fleet = Fleet(0, ())
-        self._asked: dict[str, Basis] = {}
+        self._requested: dict[str, Basis] = {}
 
     def fleet(self) -> Fleet:
-        """Return the fleet; `HistoryError` where the database fails."""
+        """Return the current fleet; `HistoryError` if the database fails."""
         with self._lock, self._history.database.reading() as connection:
             now = marks(connection)
             before = self._marks
@@ -157,8 +160,8 @@ class FleetView:
             if before is None or before.event != now.event:
                 self._alarms = _alarms(connection)
             rows = tuple(
-                _row(one, self._prognoses.get(one.serial_number), self._alarms.get(one.serial_number, ()))
-                for one in self._states.values()
+                _row(unit, self._prognoses.get(unit.serial_number), self._alarms.get(unit.serial_number, ()))
+                for unit in self._states.values()
             )
             self._fleet = Fleet(self._fleet.version + 1, rows)
             self._marks = now
@@ -169,44 +172,44 @@ class FleetView:
         return {row.unit: row.id for row in self.fleet().rows}
 
     def row(self, unit_id: int) -> FleetRow | None:
-        """Return the row of a unit, None where there is none of that id."""
+        """Return the row of the unit with this id, None if there is none."""
         return next((row for row in self.fleet().rows if row.id == unit_id), None)
 
     def prognosis(self, unit: str) -> KeptPrognosis | None:
-        """Return the kept prognosis of the unit with this serial number."""
+        """Return the stored prognosis of the unit with this serial number, None if there is none."""
         return self._prognoses.get(unit)
 
     def outdated(self) -> str | None:
-        """Return a unit whose prognosis is out of date and was not asked for since; the most urgent first."""
+        """Return the most urgent unit whose prognosis is out of date and not yet requested, else None."""
         rows = Choice().of(self.fleet().rows)
         with self._lock:
             for row in rows:
                 state = self._states[row.id]
-                if not row.current and self._asked.get(row.unit) != state.basis:
-                    self._asked[row.unit] = state.basis
+                if not row.current and self._requested.get(row.unit) != state.basis:
+                    self._requested[row.unit] = state.basis
                     return row.unit
         return None
 
     def forecast(self, unit: str, state: str) -> None:
-        """Take note of the state that the prognosis of a unit has ended in.
+        """Note the final state of the prognosis of a unit.
 
-        One that is done is read. One that is to be tried again is out of date as before. Others wait until
-        something is added.
+        After `DONE`, prognoses are read again. After `AGAIN`, the prognosis of the unit is requested again.
+        After other states, it is requested again when something is added.
         """
         with self._lock:
             if state == DONE and self._marks is not None:
                 self._marks = self._marks._replace(prognoses=NO_PROGNOSES)
             if state == AGAIN:
-                self._asked.pop(unit, None)
+                self._requested.pop(unit, None)
 
 
 def _alarms(connection: "Connection") -> dict[str, tuple[str, ...]]:
-    """Return the alarms of each unit that are open, by its serial number."""
-    found: dict[str, tuple[str, ...]] = {}
-    for one in read_open_conditions(connection):
-        if one.unit is not None and one.severity == "alarm":
-            found[one.unit] = (*found.get(one.unit, ()), one.message)
-    return found
+    """Return the open alarms of each unit by serial number."""
+    alarms: dict[str, tuple[str, ...]] = {}
+    for event in read_open_conditions(connection):
+        if event.unit is not None and event.severity == "alarm":
+            alarms[event.unit] = (*alarms.get(event.unit, ()), event.message)
+    return alarms
 
 
 def _row(state: UnitState, prognosis: KeptPrognosis | None, alarms: tuple[str, ...]) -> FleetRow:
@@ -224,7 +227,7 @@ def _row(state: UnitState, prognosis: KeptPrognosis | None, alarms: tuple[str, .
         health=health_in(state.document),
         degraded=degraded_in(state.document),
         reasons=tuple(state.document.get("reasons", ())),
-        sensor_faults=tuple(one["sentence"] for one in state.document.get("sensor_faults", ())),
+        sensor_faults=tuple(fault["sentence"] for fault in state.document.get("sensor_faults", ())),
         alarms=alarms,
         current=prognosis is not None and prognosis.is_current(state.basis),
         **_forecast(prognosis),

@@ -1,4 +1,4 @@
-"""The server's own folder: the queue, uploads that wait, reports. No name in it comes from a client."""
+"""The server's folder with the queue, waiting uploads and reports; no file name in it comes from a client."""
 
 import fcntl
 import hashlib
@@ -22,7 +22,7 @@ PARTIAL = ".part"
 
 @dataclass(frozen=True)
 class ServerFolder:
-    """A folder that one server works in."""
+    """The folder of one server."""
 
     path: Path
 
@@ -33,11 +33,11 @@ class ServerFolder:
 
     @property
     def uploads(self) -> Path:
-        """The folder of recordings that wait."""
+        """The folder of waiting recordings."""
         return self.path / "uploads"
 
     def upload(self, name: str) -> Path:
-        """Return the path of an upload of the name that `new_upload` gave."""
+        """Return the path of an upload with a name from `new_upload`."""
         return self.uploads / name
 
     def report(self, diagnosis: "KeptDiagnosis") -> Path:
@@ -50,14 +50,14 @@ class ServerFolder:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other servers out while the body runs; make what is missing, remove half-received uploads.
+        """Lock the folder for this server; missing folders are created and partial uploads removed.
 
         Raises
         ------
         ServerError
-            Another server works there.
+            Another server uses the folder.
         OutputError
-            The folder cannot be made.
+            The folder cannot be created.
         """
         for folder in (self.path, self.uploads, self.path / "reports"):
             make_folder(folder)
@@ -77,19 +77,19 @@ class ServerFolder:
 def content_key(diagnosis: "KeptDiagnosis") -> str:
     """Return the SHA-256 of a diagnosis: of its recording, the actuator's description and the result.
 
-    Its number in the history would not do: a history that is begun anew, or restored, gives it again.
+    The number in the history is not unique: a new or restored history assigns it again.
     """
     parts = (diagnosis.recording_hash, diagnosis.settings.description, diagnosis.text)
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def new_upload(ending: str) -> str:
-    """Return a name for an upload whose kind of file `ending` says; nobody else has it."""
+    """Return a unique, random file name for an upload with this `ending`."""
     return f"{secrets.token_hex(16)}{ending}"
 
 
 def on_disk(path: Path) -> None:
-    """Return once the entries of the folder at `path` are on disk."""
+    """Write the entries of the folder at `path` to disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

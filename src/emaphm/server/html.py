@@ -1,4 +1,4 @@
-"""Pages from the templates in this room, or from a user's in their place; text in them is escaped."""
+"""Rendering of pages from the package's templates or a user's templates; inserted text is escaped."""
 
 import logging
 import re
@@ -25,11 +25,11 @@ LOG = logging.getLogger("emaphm.server")
 ENDING = ".html.jinja"
 
 OURS = "emaphm"
-"""Folder that a user's template finds the program's own in: `{% extends "emaphm/unit.html.jinja" %}`."""
+"""Prefix of the package's templates in a user's template: `{% extends "emaphm/unit.html.jinja" %}`."""
 
 
 def render(template: str, request: "Request", **values: Any) -> bytes:
-    """Return the page of `template`, ready to be sent; the program's own where a user's has an error."""
+    """Return the rendered page of `template`; if a user's template fails, that of the package's template."""
     server = getattr(request.app.state, "server", None)
     values["has_door"] = server is not None and server.doorkeeper is not None
     folder = None if server is None else server.templates
@@ -40,54 +40,56 @@ def render(template: str, request: "Request", **values: Any) -> bytes:
             raise
         LOG.warning("%s: %s: %s; the page is shown as usual", folder, template, error)
         text = _environment(None).get_template(template).render(values)
-    # A name need not be valid text: what cannot be encoded becomes a question mark.
+    # A name may contain characters that cannot be encoded, which become question marks.
     return text.encode("utf-8", "replace")
 
 
 def check_templates(folder: Path) -> None:
-    """Refuse a folder with a template that is none, or that no page has.
+    """Refuse a folder with a template that has a syntax error, or whose name is not that of a page.
 
     Raises
     ------
     ServerError
-        The text says which, in which line, and why.
+        The message names the template, the line and the error.
     """
     from jinja2 import TemplateError
 
     if not folder.is_dir():
         raise ServerError(f"--templates {folder}: no such folder")
     known = set(_environment(None).list_templates())
-    found = sorted(path.name for path in folder.iterdir() if path.name.endswith(ENDING))
-    if not found:
-        raise ServerError(f"--templates {folder}: has no file that ends in {ENDING}; pages: {_names(known)}")
-    for name in found:
+    names = sorted(path.name for path in folder.iterdir() if path.name.endswith(ENDING))
+    if not names:
+        raise ServerError(
+            f"--templates {folder}: has no file that ends in {ENDING}; pages: {_page_names(known)}"
+        )
+    for name in names:
         if name not in known:
             raise ServerError(f"{folder / name}: no page has this name{nearest(name, sorted(known))}")
         try:
             _environment(folder).get_template(name)
         except (TemplateError, OSError, UnicodeDecodeError) as error:
             raise ServerError(
-                f"{folder / name}{_where(error)}: {error}; correct it, or remove the file"
+                f"{folder / name}{_line_of(error)}: {error}; correct it, or remove the file"
             ) from None
 
 
-def _names(known: set[str]) -> str:
+def _page_names(known: set[str]) -> str:
     return ", ".join(sorted(name for name in known if not name.startswith(f"{OURS}/")))
 
 
-def _where(error: "TemplateError | OSError | UnicodeDecodeError") -> str:
+def _line_of(error: "TemplateError | OSError | UnicodeDecodeError") -> str:
     line = getattr(error, "lineno", None)
     return "" if line is None else f", line {line}"
 
 
 @cache
 def _environment(folder: Path | None) -> "Environment":
-    """Return what renders templates, those of a user's `folder` first; these can call nothing that acts."""
+    """Return the sandboxed environment of templates; those in a user's `folder` have priority."""
     from jinja2 import ChoiceLoader, FileSystemLoader, PackageLoader, PrefixLoader, StrictUndefined
     from jinja2.sandbox import ImmutableSandboxedEnvironment
 
-    ours = PackageLoader("emaphm.server")
-    loaders: list[BaseLoader] = [ours, PrefixLoader({OURS: ours})]
+    package = PackageLoader("emaphm.server")
+    loaders: list[BaseLoader] = [package, PrefixLoader({OURS: package})]
     environment = ImmutableSandboxedEnvironment(
         loader=ChoiceLoader(loaders if folder is None else [FileSystemLoader(folder), *loaders]),
         autoescape=True,
@@ -104,7 +106,7 @@ def _environment(folder: Path | None) -> "Environment":
         "label": lambda name: LABELS.get(name, name),
         "digits": lambda value: "–" if value is None else f"{value:.4g}",
         "value_and_interval": value_and_interval,
-        "with_error": lambda one: str(NuisanceEstimate(**one)),
+        "with_error": lambda values: str(NuisanceEstimate(**values)),
         "slug": lambda text: (text or "none").replace(" ", "-"),
         "kind": lambda name: name.replace("_", " ").replace("rul", "RUL"),
         "file": lambda name: re.split(r"[/\\]", name)[-1] or name,

@@ -1,4 +1,4 @@
-"""Lists in parts: which entries a page shows, and how that is said."""
+"""Pages of long lists: the entries on a page, and its caption."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -6,7 +6,7 @@ from typing import Self
 
 @dataclass(frozen=True)
 class Listing:
-    """What page `number`, from 1 on, shows of a list of `total` entries, `size` a page, the newest first."""
+    """Page `number`, counted from 1, of a list of `total` entries with `size` per page, the newest first."""
 
     number: int
     size: int
@@ -14,31 +14,31 @@ class Listing:
 
     @classmethod
     def of(cls, number: int, size: int, total: int) -> Self:
-        """Return page `number`, or the last one where entries have gone since its link was made."""
-        asked = cls(number, size, total)
-        return replace(asked, number=min(number, asked.pages))
+        """Return page `number`, or the last page if the list has become shorter since the link was made."""
+        page = cls(number, size, total)
+        return replace(page, number=min(number, page.pages))
 
     @property
     def pages(self) -> int:
-        """How many pages there are."""
+        """Number of pages."""
         return max(-(-self.total // self.size), 1)
 
     @property
     def start(self) -> int:
-        """How many entries stand on the pages before."""
+        """Number of entries on the previous pages."""
         return (self.number - 1) * self.size
 
     def caption(self, noun: str) -> str:
-        """Return how many of how many are shown; `noun` is what one is called."""
-        every = counted(self.total, noun)
+        """Return the numbers of displayed and of all entries, with `noun` as the name of an entry."""
+        total = counted(self.total, noun)
         if self.pages == 1:
-            return f"{every}."
+            return f"{total}."
         if self.number == 1:
-            return f"The newest {self.size} of {every}."
+            return f"The newest {self.size} of {total}."
         end = min(self.start + self.size, self.total)
-        return f"{self.start + 1} to {end} of {every}, counted from the newest."
+        return f"{self.start + 1} to {end} of {total}, counted from the newest."
 
 
-def counted(count: int, one: str, many: str = "") -> str:
-    """Return a number with what it counts: `one`, or `many`, which has an s more where left out."""
-    return f"{count} {one if count == 1 else many or f'{one}s'}"
+def counted(count: int, singular: str, plural: str = "") -> str:
+    """Return a number with its noun: `singular`, or `plural`, which is `singular` with an s if omitted."""
+    return f"{count} {singular if count == 1 else plural or f'{singular}s'}"

@@ -1,4 +1,4 @@
-"""The pages: HTML that works without JavaScript, with figures as SVG."""
+"""The web pages: HTML that works without JavaScript, with figures as SVG."""
 
 import hashlib
 import json
@@ -18,10 +18,10 @@ from emaphm.history.events import KINDS, count_events, read_events
 from emaphm.history.views import diagnosis_lines, read_curves
 from emaphm.recording.io.read import READERS
 from emaphm.server import api
+from emaphm.server.access.guard import COOKIE, session_in
 from emaphm.server.api import LARGEST_ID, Advice, Health, Id, Kind, Server, Sort
 from emaphm.server.fleet import ACTIONS, Choice
 from emaphm.server.folders import content_key
-from emaphm.server.guard import COOKIE, session_in
 from emaphm.server.html import render
 from emaphm.server.listing import Listing
 from emaphm.server.query import OneOf, check_value
@@ -36,17 +36,17 @@ FILES = {"style.css": "text/css", "strict.js": "text/javascript", "zoom.js": "te
 PLOTLY = "plotly.min.js"
 
 PICTURE = {"content-security-policy": "default-src 'none'; style-src 'unsafe-inline'; sandbox"}
-"""Of an SVG: its styles stand in it, and nothing else of it may act."""
+"""Headers of an SVG: only its inline styles are active."""
 
 PageNumber = Annotated[int, Query(ge=1, le=LARGEST_ID)]
 
 MOST_LISTED = 200
-"""Recordings and events on one page."""
+"""Largest number of recordings or events on one page."""
 
 FIGURES = ("health", "life", "fan")
 
 RECORDED = ("fit", "residual")
-"""Figures of a diagnosis that need its recording: they are drawn when it is uploaded, and kept."""
+"""Figures of a diagnosis that need its recording: they are drawn and stored at the upload."""
 
 SORT_NAMES = {
     "urgency": "urgency",
@@ -58,7 +58,7 @@ SORT_NAMES = {
     "last": "last flight added",
     "explained": "share explained",
 }
-"""The orders that the page offers, in words."""
+"""Names of the orders that the page offers."""
 
 
 @router.get("/")
@@ -74,10 +74,10 @@ def fleet(
     page: PageNumber = 1,
 ) -> Response:
     """Return the page of the fleet."""
-    found = server.fleet.fleet()
-    check_value("part", part, found.part_numbers)
+    units = server.fleet.fleet()
+    check_value("part", part, units.part_numbers)
     choice = Choice(sort or "urgency", order == "desc", part, advice, health, search[:200])
-    key = (found.version, choice, page)
+    key = (units.version, choice, page)
     tag = server.kept.tag(key)
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"etag": tag})
@@ -86,23 +86,23 @@ def fleet(
 
 
 def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -> bytes:
-    found = server.fleet.fleet()
-    rows = choice.of(found.rows)
+    units = server.fleet.fleet()
+    rows = choice.of(units.rows)
     listing = Listing.of(number, server.settings.units_a_page, len(rows))
-    chosen = {"part": choice.part, "advice": choice.advice, "health": choice.health, "search": choice.search}
+    filters = {"part": choice.part, "advice": choice.advice, "health": choice.health, "search": choice.search}
 
     def link(**changes: Any) -> str:
-        values = {"sort": choice.sort, "order": "desc" if choice.descending else "asc", **chosen, **changes}
+        values = {"sort": choice.sort, "order": "desc" if choice.descending else "asc", **filters, **changes}
         return "/?" + urlencode({name: value for name, value in values.items() if value})
 
     def sorted_by(name: str) -> str:
         return link(sort=name, order="desc" if name == choice.sort and not choice.descending else "asc")
 
     counts = {
-        "units": len(found.rows),
-        **{action: sum(row.advice == action for row in found.rows) for action in ACTIONS},
-        "with an alarm": sum(bool(row.alarms) for row in found.rows),
-        "without a prognosis": sum(row.advice is None for row in found.rows),
+        "units": len(units.rows),
+        **{action: sum(row.advice == action for row in units.rows) for action in ACTIONS},
+        "with an alarm": sum(bool(row.alarms) for row in units.rows),
+        "without a prognosis": sum(row.advice is None for row in units.rows),
     }
     return render(
         "fleet.html.jinja",
@@ -114,7 +114,7 @@ def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -
         sorts=SORT_NAMES,
         actions=ACTIONS,
         healths=HEALTHS,
-        parts=found.part_numbers,
+        parts=units.part_numbers,
         sorted_by=sorted_by,
         listing=listing,
         pages_at=link() + "&page=",
@@ -123,10 +123,10 @@ def _fleet(request: Request, server: ServerState, choice: Choice, number: int) -
 
 @router.get("/units/{unit_id}")
 def unit(request: Request, server: Server, unit_id: Id, page: PageNumber = 1) -> Response:
-    """Return the page of a unit; `page` is that of its recordings."""
+    """Return the page of a unit; `page` is the page of its recordings."""
     row = api.row_of(server, unit_id)
     listing = Listing.of(page, MOST_LISTED, row.recordings)
-    with server.history.database.reading() as connection:  # one state of all
+    with server.history.database.reading() as connection:  # a consistent state of all tables
         entries = UnitEntries.read(connection, row.id, row.unit)
         lines = diagnosis_lines(connection, unit_id=unit_id, offset=listing.start, limit=listing.size)
         has_curves = read_curves(connection, unit_id) is not None
@@ -152,7 +152,7 @@ def unit(request: Request, server: Server, unit_id: Id, page: PageNumber = 1) ->
 
 @router.get("/units/{unit_id}/{name}.svg")
 def unit_figure(server: Server, unit_id: Id, name: str, v: str = "", narrow: bool = False) -> Response:
-    """Return a figure of a unit's prognosis; `narrow` is for a phone."""
+    """Return a figure of a unit's prognosis; `narrow` selects the layout for a phone."""
     if name not in FIGURES:
         raise HTTPException(404, f"no figure '{name[:20]}'")
     document = api.curves(server, unit_id)
@@ -183,17 +183,17 @@ def one_diagnosis(request: Request, server: Server, diagnosis_id: Id) -> Respons
 
 @router.get("/diagnoses/{diagnosis_id}/report.html")
 def report(server: Server, diagnosis_id: Id) -> Response:
-    """Return the report of a diagnosis as a file to keep."""
+    """Return the report of a diagnosis as a file to download."""
     _, kept, _ = api.diagnosis_of(server, diagnosis_id)
     path = server.folder.report(kept)
     if not path.exists():
-        raise HTTPException(404, "reports are kept of recordings that were uploaded here")
+        raise HTTPException(404, "there is a report only of recordings that were uploaded to this server")
     return FileResponse(path, media_type="text/html", filename=f"diagnosis-{diagnosis_id}.html")
 
 
 @router.get("/diagnoses/{diagnosis_id}/{name}.svg")
 def diagnosis_figure(server: Server, diagnosis_id: Id, name: str, v: str = "") -> Response:
-    """Return a figure of a diagnosis, for good where `v` is the diagnosis's `content_key`."""
+    """Return a figure of a diagnosis, cached for ever if `v` is the diagnosis's `content_key`."""
     _, kept, _ = api.diagnosis_of(server, diagnosis_id)
     key = content_key(kept)
     if name == "faults":
@@ -212,7 +212,7 @@ def upload_form(request: Request, server: Server, unit: str = "") -> Response:
 
 @router.post("/upload")
 async def upload(request: Request, server: Server) -> Response:
-    """Take an upload, and go to its page; one that is refused is shown to be corrected."""
+    """Accept an upload and redirect to its page; for a refused upload, show the form with the error."""
     given: dict[str, str] = {}
     try:
         async with server.uploads.form(request) as form:
@@ -235,20 +235,20 @@ def _upload_page(
         actuators=server.uploads.actuators,
         endings=tuple(READERS),
         most_MiB=server.settings.upload_bytes / 2**20,
-        jobs=[api.job_answer(server, one) for one in server.queue.jobs(20)],
+        jobs=[api.job_answer(server, entry) for entry in server.queue.jobs(20)],
     )
 
 
 @router.get("/jobs/{job_id}")
 def job(request: Request, server: Server, job_id: Id) -> Response:
     """Return the page of an upload: its progress, then its result."""
-    found = api.job(server, job_id)
-    return _html("job.html.jinja", request, job=found, over=found.state not in {"waiting", "running"})
+    answer = api.job(server, job_id)
+    return _html("job.html.jinja", request, job=answer, over=answer.state not in {"waiting", "running"})
 
 
 @router.get("/data")
 def data_health(request: Request, server: Server, page: PageNumber = 1) -> Response:
-    """Return the page on what cannot be trusted; `page` is that of the recordings."""
+    """Return the page on unreliable data; `page` is the page of the recordings."""
     listing = Listing.of(page, MOST_LISTED, server.fleet.fleet().recordings(explained=False))
     found = api.untrusted(server, offset=listing.start, limit=listing.size)
     events = server.history.events(
@@ -276,18 +276,18 @@ def data_health(request: Request, server: Server, page: PageNumber = 1) -> Respo
 
 @router.get("/events")
 def events(request: Request, server: Server, kind: Kind = "", page: PageNumber = 1) -> Response:
-    """Return the page of what became known of the units, the newest first; `page` is that of all events."""
+    """Return the page of the events of all units, the newest first."""
     kinds = (kind,) if kind else ()
     with server.history.database.reading() as connection:
         listing = Listing.of(page, MOST_LISTED, count_events(connection, kinds=kinds))
-        found = read_events(
+        listed = read_events(
             connection, kinds=kinds, newest_first=True, offset=listing.start, limit=listing.size
         )
-    still_open = [one for one in reversed(server.history.open_conditions()) if kind in ("", one.kind)]
+    still_open = [event for event in reversed(server.history.open_conditions()) if kind in ("", event.kind)]
     return _html(
         "events.html.jinja",
         request,
-        events=found,
+        events=listed,
         still_open=still_open,
         kind=kind,
         kinds=KINDS,
@@ -304,7 +304,7 @@ def login_form(request: Request) -> Response:
 
 @router.post("/login")
 def login(request: Request, server: Server, token: Annotated[str, Form()] = "") -> Response:
-    """Let a browser in that shows a token."""
+    """Start a session for a browser that sends a valid token."""
     if server.doorkeeper is None:
         return RedirectResponse("/", status_code=303)
     if not server.doorkeeper.accepts(token.strip()):
@@ -333,7 +333,7 @@ def logout(request: Request, server: Server) -> Response:
 
 @router.get("/static/{name}")
 def static(name: str) -> Response:
-    """Return the style of the pages, or the script that makes figures zoom."""
+    """Return the style of the pages, or the script for zooming figures."""
     if name not in FILES:
         raise HTTPException(404, "no such file")
     return Response((STATIC / name).read_bytes(), media_type=FILES[name])
@@ -341,7 +341,7 @@ def static(name: str) -> Response:
 
 @router.get(f"/static/{{version}}/{PLOTLY}")
 def plotly(version: str) -> Response:
-    """Return the script of the library that draws figures that zoom, out of its installed package."""
+    """Return the script of Plotly, which draws zoomable figures, from its installed package."""
     path = _plotly_file()
     if version != _plotly_version():
         raise HTTPException(404, "another version is installed")
@@ -350,7 +350,7 @@ def plotly(version: str) -> Response:
 
 @router.get("/favicon.ico")
 def icon() -> Response:
-    """Return nothing: there is no icon."""
+    """Return an empty answer: there is no icon."""
     return Response(status_code=204)
 
 
@@ -358,10 +358,10 @@ FOREVER = {"cache-control": "private, max-age=31536000, immutable"}
 
 
 def _plotly_file() -> FilePath:
-    found = find_spec("plotly")
-    assert found is not None  # noqa: S101 - `emaphm.server` has looked
-    assert found.origin is not None  # noqa: S101 - it is a package in a folder
-    return FilePath(found.origin).parent / "package_data" / PLOTLY
+    spec = find_spec("plotly")
+    assert spec is not None  # noqa: S101 - `emaphm.server` checks that it is installed
+    assert spec.origin is not None  # noqa: S101 - it is a package in a folder
+    return FilePath(spec.origin).parent / "package_data" / PLOTLY
 
 
 def _plotly_version() -> str:

@@ -1,4 +1,4 @@
-"""The query of an address: names and values that are not known there are refused, as they select nothing."""
+"""Check of the query of an address: unknown names and values are refused, since they would select nothing."""
 
 from collections import Counter
 from collections.abc import Collection
@@ -13,30 +13,30 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from emaphm.errors import closest, nearest
 
 LONGEST_NAME = 60
-"""Characters of a client's name or value that are shown."""
+"""Longest excerpt of a client's name or value in an error [characters]."""
 
-MOST_SHOWN = 20
-"""Names that are refused in one answer."""
+MOST_REFUSED = 20
+"""Largest number of names that one answer refuses."""
 
 
 NAME, VALUE = "query_name", "query_value"
-"""Types of the entries of what is refused."""
+"""Types of the entries in a refusal."""
 
 
 @dataclass(frozen=True)
 class OneOf:
-    """In the annotation of a name in a query: its value is one of `known`, or empty; others are refused."""
+    """Annotation of a name in a query: its value must be one of `known`, or empty."""
 
     known: tuple[str, ...]
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Return how the value is checked."""
+        """Return the schema that checks the value."""
         return core_schema.no_info_after_validator_function(self._checked, handler(source))
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        """Return what `/openapi.json` says of the value."""
+        """Return the schema of the value in `/openapi.json`."""
         return {**handler(schema), "enum": ["", *self.known]}
 
     def _checked(self, value: str) -> str:
@@ -46,43 +46,43 @@ class OneOf:
 
 
 def check_value(name: str, value: str, known: Collection[str]) -> None:
-    """Refuse a value that is not among `known` as `OneOf` does; none where there are no known ones.
+    """Refuse a value that is not among `known`, as `OneOf` does; without known values, any value is accepted.
 
     Raises
     ------
     RequestValidationError
-        With the nearest one.
+        The value is unknown; the message names the nearest known value.
     """
     if value and known and value not in known:
         raise RequestValidationError([{"loc": ("query", name), "msg": _unknown(value, known), "type": VALUE}])
 
 
 def in_words(entry: dict[str, Any]) -> str:
-    """Return what is said of an entry of what is refused where its place is not shown."""
+    """Return the message of an entry in a refusal, with the name of the value."""
     return str(entry["msg"]) if entry["type"] == NAME else f"{entry['loc'][-1]}: {entry['msg']}"
 
 
 async def check_query(request: Request) -> None:
-    """Refuse a query with a name that the route does not have, or has once and was given several times.
+    """Refuse a query with a name that the route does not have, or that is given several times.
 
-    A dependency of the application, and so of every route.
+    It is a dependency of the application, and therefore of every route.
 
     Raises
     ------
     RequestValidationError
-        An entry for each such name, as for a value that is wrong.
+        There is such a name; the error has an entry for each.
     """
-    known = [one.alias for one in request.scope["route"].dependant.query_params]
+    known = [parameter.alias for parameter in request.scope["route"].dependant.query_params]
     counts = Counter(name for name, _ in request.query_params.multi_items())
     wrong = [
         _entry(name, reason) for name, count in counts.items() if (reason := _reason(name, count, known))
     ]
     if wrong:
-        raise RequestValidationError(wrong[:MOST_SHOWN])
+        raise RequestValidationError(wrong[:MOST_REFUSED])
 
 
 def _reason(name: str, count: int, known: list[str]) -> str:
-    """Return why a name cannot be used, empty where it can."""
+    """Return the reason why a name cannot be used, empty if it can."""
     if name in known:
         return "" if count == 1 else f"'{name}' is given {count} times; give it once"
     if not known:

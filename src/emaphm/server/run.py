@@ -1,4 +1,4 @@
-"""Running the server: the socket, the folder, the processes, and the end of all of them."""
+"""Start and end of the server: its socket, folder and processes."""
 
 import ipaddress
 import logging
@@ -17,13 +17,13 @@ from emaphm.monitoring.delivery import Delivery, Receiver, close_all
 from emaphm.monitoring.receivers import Webhook
 from emaphm.monitoring.settings import WATCH, PrognosisSettings
 from emaphm.monitoring.watch_state import WatchState
+from emaphm.server.access.tokens import Doorkeeper, read_tokens
 from emaphm.server.app import create_app, warm_up
 from emaphm.server.fleet import FleetView
 from emaphm.server.folders import ServerFolder
 from emaphm.server.html import check_templates
 from emaphm.server.settings import SETTINGS, ServerSettings
 from emaphm.server.state import Kept, ServerState
-from emaphm.server.tokens import Doorkeeper, read_tokens
 from emaphm.server.uploads import Uploads
 from emaphm.server.work.drawing import Drawer
 from emaphm.server.work.pool import Pool
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 LOG = logging.getLogger("emaphm.server")
 
 MOST_PENDING = 2048
-"""Connections that the system holds until the server takes them."""
+"""Largest number of connections that the system queues until the server accepts them."""
 
 
 def serve(
@@ -59,35 +59,41 @@ def serve(
     seed: int = 0,
     on_ready: Callable[[str], None] = lambda _: None,
 ) -> None:
-    """Serve the history at `db` until the process is interrupted, or asked to end by SIGTERM.
+    """Serve the history at `db` until the process is interrupted, or ended by SIGTERM.
 
     Parameters
     ----------
+    db
+        Address of the history.
     host, port
-        Where; port 0 is any that is free. An address that is not this machine's own needs `tokens`.
+        Address of the server; port 0 selects any free port. An address other than localhost requires
+        `tokens`.
     tokens
-        A file of hashed tokens (`emaphm.server.tokens.add_token`).
+        A file of hashed tokens (`emaphm.server.access.tokens.add_token`).
     work
-        The server's folder; next to the file of the history where left out.
+        The server's folder; if omitted, it is next to the file of the history.
     actuators
-        Descriptions that an upload may name: files, or built-in ones.
+        Descriptions that an upload may name: files, or built-in actuators.
     healthy
-        A file of `emaphm detect learn`: uploads are compared with healthy recordings too.
+        A file of `emaphm detect learn`: uploads are also compared with healthy recordings.
     webhook
-        An address that is sent the events that this server makes, as `emaphm.monitoring` sends its own.
+        An address to which the events of this server are sent, as `emaphm.monitoring` does.
     templates
-        A folder of Jinja2 templates that take the place of the program's own of the same name.
+        A folder of Jinja2 templates that replace the package's templates of the same names.
     prognosis
-        From when on a remaining useful life makes an event.
+        Thresholds from which a remaining useful life raises an event.
+    settings
+        Limits of the server.
     seed
         Source of all randomness of diagnoses and prognoses.
     on_ready
-        Called with the address of the first page when the server answers.
+        Called with the address of the first page when the server is ready.
 
     Raises
     ------
     ServerError
-        The address cannot be used, or needs tokens; the folder is another server's; a template has an error.
+        The address cannot be used or requires tokens, another server uses the folder, or a template has an
+        error.
     MonitoringError
         The webhook is no address.
     HistoryError
@@ -131,9 +137,9 @@ def serve(
 def _web_server(app: "FastAPI", settings: ServerSettings) -> "uvicorn.Server":
     import uvicorn
 
-    from emaphm.server.connection import ImpatientProtocol
+    from emaphm.server.access.connection import ImpatientProtocol
 
-    logging.getLogger("python_multipart").setLevel(logging.ERROR)  # a form that is none is the client's
+    logging.getLogger("python_multipart").setLevel(logging.ERROR)  # not for clients' invalid forms
     return uvicorn.Server(
         uvicorn.Config(
             app,
@@ -163,7 +169,7 @@ def running(
     templates: Path | None = None,
     seed: int = 0,
 ) -> Iterator[ServerState]:
-    """Yield what the pages need, its processes running while the body does; errors as in `serve`."""
+    """Yield the state of the pages, with the processes running during the body; errors as in `serve`."""
     with History.open(db) as history:
         folder = ServerFolder(work or _default_folder(history))
         with ExitStack() as stack:
@@ -173,7 +179,7 @@ def running(
             drawer = Drawer(settings)
             stack.callback(drawer.stop)
             fleet = FleetView(history)
-            on_news = stack.enter_context(_sending(history, receiver))
+            on_new_events = stack.enter_context(_event_delivery(history, receiver))
             place = Place(
                 db=db,
                 folder=folder,
@@ -184,7 +190,7 @@ def running(
                 prognosis=prognosis,
                 seed=seed,
             )
-            pool = Pool(queue, place, settings, fleet.outdated, fleet.forecast, on_news)
+            pool = Pool(queue, place, settings, fleet.outdated, fleet.forecast, on_new_events)
             pool.start()
             stack.callback(pool.stop)
             yield ServerState(
@@ -203,8 +209,8 @@ def running(
 
 
 @contextmanager
-def _sending(history: History, receiver: Receiver | None) -> Iterator[Callable[[], None]]:
-    """Yield what is called when there may be new events; a receiver is sent them while the body runs."""
+def _event_delivery(history: History, receiver: Receiver | None) -> Iterator[Callable[[], None]]:
+    """Yield the function to call when there may be new events, which are sent during the body."""
     if receiver is None:
         yield lambda: None
         return
@@ -219,7 +225,7 @@ def _sending(history: History, receiver: Receiver | None) -> Iterator[Callable[[
 
 @contextmanager
 def _ended_by_sigterm() -> Iterator[None]:
-    """End the body on SIGTERM, so that what it has begun is ended too; only the first thread hears it."""
+    """End the body on SIGTERM, so that its contexts are closed; only the main thread receives signals."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -238,18 +244,18 @@ def _ended_by_sigterm() -> Iterator[None]:
 
 
 class _TerminatedError(Exception):
-    """The server is asked to end."""
+    """SIGTERM was received."""
 
 
 def described(names: Sequence[str]) -> "dict[str, Actuator]":
-    """Return the descriptions that uploads may name, by their own names.
+    """Return the descriptions that uploads may name, by the names of the actuators.
 
     Raises
     ------
     ServerError
-        Two have the same name.
+        Two descriptions have the same name.
     ActuatorError
-        One cannot be read.
+        A description cannot be read.
     """
     from emaphm.actuator import Actuator
 
@@ -289,13 +295,13 @@ def _listening(host: str, port: int) -> Iterator[socket.socket]:
     with ExitStack() as stack:
         try:
             family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-            found = stack.enter_context(socket.socket(family, socket.SOCK_STREAM))
-            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            found.bind(address)
-            found.listen(MOST_PENDING)
+            listener = stack.enter_context(socket.socket(family, socket.SOCK_STREAM))
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind(address)
+            listener.listen(MOST_PENDING)
         except (OSError, UnicodeError) as error:
             reason = getattr(error, "strerror", None) or error
             raise ServerError(
                 f"{host}:{port} cannot be used ({reason}); give another --port, or end what uses it"
             ) from None
-        yield found
+        yield listener

@@ -1,4 +1,4 @@
-"""What bounds the server: sizes, times, numbers of processes."""
+"""Limits of the server: sizes, times, numbers of processes."""
 
 from dataclasses import dataclass
 
@@ -7,61 +7,62 @@ from emaphm.monitoring.settings import IsolationSettings
 
 @dataclass(frozen=True)
 class ServerSettings:
-    """Bounds of the server, each with its unit and its reason.
+    """Limits of the server, each with its unit and its reason.
 
-    `python -m tests.server.load` and `python -m tests.server.hostile` measure what they lead to.
+    `python -m tests.server.load` and `python -m tests.server.hostile` measure their effects.
     """
 
     workers: int = 2
     """Processes that diagnose, one upload each: a diagnosis takes one core for some seconds."""
 
     upload_bytes: int = 64 * 2**20
-    """Of an upload [bytes]: 400,000 rows of 8 columns as CSV, more than a diagnosis takes."""
+    """Size of an upload [bytes]: 400,000 rows of 8 columns as CSV, more than a diagnosis accepts."""
 
     upload_seconds: float = 120.0
-    """Of an upload, from its first byte to its last [s]: 64 MiB at 4.5 Mbit/s."""
+    """Time of an upload from its first byte to its last [s]: 64 MiB at 4.5 Mbit/s."""
 
     uploads_at_once: int = 8
-    """Uploads that are received at the same time; a further one is asked to come again."""
+    """Uploads that are received at the same time; a further upload is refused with a request to try again."""
 
     other_bytes: int = 64 * 2**10
-    """Of any other request's body [bytes]: a form with a token."""
+    """Size of the body of any other request [bytes]: a form with a token."""
 
     other_seconds: float = 10.0
-    """Of any other request's body, from its first byte to its last [s]."""
+    """Time of the body of any other request from its first byte to its last [s]."""
 
     most_waiting: int = 200
-    """Uploads that wait for a process: 12 GiB on disk at most. A further one is asked to come again."""
+    """Uploads that wait for a process, at most 12 GiB on disk; a further upload is refused until later."""
 
     quiet_seconds: float = 2.0
-    """Without an upload of a unit, until those that wait are diagnosed in the order of their hours [s].
+    """Time without an upload of a unit before its waiting uploads are diagnosed, in the order of their hours
+    [s].
 
-    Files that a browser or a script sends one after the other come at intervals of a fraction of a second.
+    Files that a browser or a script sends in succession arrive at intervals of a fraction of a second.
     """
 
     job_seconds: float = IsolationSettings.seconds
-    """Of a job [s], whose process is then ended: the slowest diagnosis of a recording takes a tenth."""
+    """Time of a job before its process is ended [s]: the slowest diagnosis of a recording takes a tenth."""
 
     worker_bytes: int = IsolationSettings.most_bytes
     """Address space of a worker process [bytes]: libraries reserve more than they use."""
 
     drawing_seconds: float = 60.0
-    """Of a figure [s]; it takes about one."""
+    """Time for drawing a figure [s]; it takes about 1 s."""
 
     figures_bytes: int = 32 * 2**20
-    """Figures that are kept in memory [bytes]: those of some 100 units."""
+    """Size of the figures cached in memory [bytes]: those of about 100 units."""
 
     pages_kept: int = 64
-    """Rendered pages of the fleet that are kept until something is added: one for each order and filter."""
+    """Rendered pages of the fleet that are cached until something is added: one for each order and filter."""
 
     connections: int = 256
-    """Connections at the same time; a further one is refused."""
+    """Connections at the same time; a further connection is refused."""
 
     session_hours: float = 12.0
-    """After which a browser must log in again [h]: a shift."""
+    """Time after which a browser must log in again [h]: a shift."""
 
     units_a_page: int = 1000
-    """Units on one page of the fleet; further ones are on the next."""
+    """Units on one page of the fleet."""
 
 
 SETTINGS = ServerSettings()

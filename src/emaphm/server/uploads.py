@@ -1,4 +1,4 @@
-"""An upload: its fields checked, its file put into the server's folder, and a job of it in the queue."""
+"""Uploads: check of the form's fields, storage of the file in the server's folder, and a job in the queue."""
 
 import math
 import os
@@ -36,24 +36,24 @@ MULTIPART = "multipart/form-data"
 MOST_FIELDS = 20
 
 STATED = ("unit", "hours", "cycles", "position", "part", "actuator", "late")
-"""The fields that say something of a recording."""
+"""The fields that describe a recording."""
 
 LONGEST_NAME = 100
-"""Characters of a file's name that are shown; it names nothing on this machine."""
+"""Longest excerpt of a client's file name [characters]; it is never used as a path on this machine."""
 
 
 class BusyError(EmaphmError):
-    """The queue is full: no further upload is taken."""
+    """The queue is full: no further upload is accepted."""
 
 
 def status_of(error: Exception) -> int:
-    """Return the status of an answer: whether what was asked is wrong, or the server cannot do it now."""
+    """Return the status of an answer: 503 if the server cannot do it now, 422 if the request is wrong."""
     return 503 if isinstance(error, BusyError | HistoryError | ServerError) else 422
 
 
 @dataclass(frozen=True)
 class Uploads:
-    """Where uploads go."""
+    """Receiver of uploads."""
 
     history: "History"
     folder: ServerFolder
@@ -64,41 +64,41 @@ class Uploads:
 
     @asynccontextmanager
     async def form(self, request: Request) -> AsyncIterator[dict[str, Any]]:
-        """Yield the fields of a form that is sent.
+        """Yield the fields of the form in a request.
 
         Raises
         ------
         RecordingError
-            It cannot be read, or has a field twice.
+            The form cannot be read, or has a field twice.
         ServerError
-            This machine cannot hold it, as its disk is full.
+            The disk of the server is full.
         """
         if not request.headers.get("content-type", "").lower().startswith(MULTIPART):
             raise RecordingError(
                 f"this is no form with a file; send {MULTIPART}, with the file as 'recording'"
             )
         try:
-            found = await request.form(max_files=1, max_fields=MOST_FIELDS)
+            form = await request.form(max_files=1, max_fields=MOST_FIELDS)
         except (MultiPartException, ClientDisconnect, ValueError):
             raise RecordingError(f"the form cannot be read; send {MULTIPART}") from None
-        except OSError as error:  # a file of some size is on disk while it arrives
-            raise _not_kept(error) from None
+        except OSError as error:  # a large file is buffered on disk while it is received
+            raise _storage_error(error) from None
         try:
-            yield _each_once(found)
+            yield _fields_of(form)
         finally:
-            await found.close()
+            await form.close()
 
     def received(self, form: dict[str, Any]) -> int:
-        """Return the number of the job that an upload has become; it is on disk then.
+        """Store an upload and add a job for it; return the job's number. Both are on disk then.
 
         Raises
         ------
         EmaphmError
             A field is missing, wrong or contradicts the history.
         BusyError
-            Too many wait already.
+            Too many uploads wait already.
         ServerError
-            It cannot be kept, as the disk is full; it may be sent again.
+            The disk is full; the upload may be sent again.
         """
         fields = dict(form)
         sent = fields.pop("recording", None)
@@ -107,15 +107,15 @@ class Uploads:
         _check_names(fields)
         details = request_of(fields, self.actuators)
         name = shown_name(sent.filename)
-        ending = os.path.splitext(name)[1].lower()  # noqa: PTH122 - of no file
+        ending = os.path.splitext(name)[1].lower()  # noqa: PTH122 - the name is no path
         if ending not in READERS:
             raise RecordingError(f"{name}: is no recording; it ends in {', '.join(READERS)}")
         self._check(details)
         if self.queue.waiting() >= self.most_waiting:
             raise BusyError(f"{self.most_waiting} uploads wait already; try again later")
-        kept = new_upload(ending)
-        path = self.folder.upload(kept)
-        partial = path.with_name(f"{kept}{PARTIAL}")
+        stored_name = new_upload(ending)
+        path = self.folder.upload(stored_name)
+        partial = path.with_name(f"{stored_name}{PARTIAL}")
         try:
             with partial.open("xb") as file:
                 shutil.copyfileobj(sent.file, file, 2**20)
@@ -123,34 +123,35 @@ class Uploads:
                 os.fsync(file.fileno())
             partial.rename(path)
             on_disk(self.folder.uploads)
-            number = self.queue.add(details | {"name": name}, kept)
+            number = self.queue.add(details | {"name": name}, stored_name)
         except ServerError:
             path.unlink(missing_ok=True)
             raise
         except OSError as error:
             path.unlink(missing_ok=True)
-            raise _not_kept(error) from None
+            raise _storage_error(error) from None
         finally:
             partial.unlink(missing_ok=True)
         self.pool.wake()
         return number
 
     def _check(self, details: dict[str, Any]) -> None:
-        """Refuse what the history contradicts already, with what the job would say."""
-        is_begun = self.queue.has_unit(details["unit"])  # first: what was waiting is in the history then
+        """Refuse an upload that contradicts the history now, with the message of its job."""
+        is_begun = self.queue.has_unit(details["unit"])  # before the history: a job may end in between
         try:
             check_statement(self.history, details, is_begun=is_begun)
         except HistoryUnavailableError:
-            return  # the job waits until it is back
+            return  # the job waits until the history is available again
         except HistoryError as error:
             raise RecordingError(in_fields(str(error))) from None
 
 
-def _not_kept(error: OSError) -> ServerError:
+def _storage_error(error: OSError) -> ServerError:
     return ServerError(f"the recording cannot be kept ({error.strerror or error}); free space on the server")
 
 
-def _each_once(form: FormData) -> dict[str, Any]:
+def _fields_of(form: FormData) -> dict[str, Any]:
+    """Return the fields of a form by name; `RecordingError` if a field is given several times."""
     counts = Counter(name for name, _ in form.multi_items())
     for name, count in counts.items():
         if count > 1:
@@ -161,12 +162,12 @@ def _each_once(form: FormData) -> dict[str, Any]:
 def _check_names(fields: dict[str, Any]) -> None:
     for name in fields:
         if name not in STATED:
-            shown = shown_name(name)
-            raise RecordingError(f"unknown field '{shown}'{nearest(shown, STATED)}")
+            printable = shown_name(name)
+            raise RecordingError(f"unknown field '{printable}'{nearest(printable, STATED)}")
 
 
 def request_of(form: dict[str, Any], actuators: tuple[str, ...]) -> dict[str, Any]:
-    """Return what the fields of an upload say; `EmaphmError` names the first that is wrong."""
+    """Return the request in the fields of an upload; `EmaphmError` names the first field that is wrong."""
     given = {name: value.strip() for name, value in form.items() if isinstance(value, str)}
     actuator = given.get("actuator", AS_BEFORE)
     if actuator != AS_BEFORE and actuator not in actuators:
@@ -183,7 +184,7 @@ def request_of(form: dict[str, Any], actuators: tuple[str, ...]) -> dict[str, An
             position=given.get("position") or None,
             late=given.get("late") in {"on", "true"},
         )
-    except HistoryError as error:  # of what was sent, not of the database
+    except HistoryError as error:  # an error of the fields, not of the database
         raise RecordingError(str(error)) from None
     return {
         "unit": entry.unit,
@@ -197,17 +198,17 @@ def request_of(form: dict[str, Any], actuators: tuple[str, ...]) -> dict[str, An
 
 
 def shown_name(name: str) -> str:
-    """Return a client's name as it is shown: no folder, nothing that is not printable, not too long."""
+    """Return a client's file name for display: without folders, printable, at most `LONGEST_NAME` long."""
     last = name.replace("\\", "/").rsplit("/", 1)[-1]
-    shown = "".join(c if c.isprintable() else "_" for c in last).strip() or "recording"
-    return shown if len(shown) <= LONGEST_NAME else f"…{shown[-LONGEST_NAME + 1 :]}"
+    printable = "".join(c if c.isprintable() else "_" for c in last).strip() or "recording"
+    return printable if len(printable) <= LONGEST_NAME else f"…{printable[-LONGEST_NAME + 1 :]}"
 
 
-def _number(text: str, what: str) -> float:
+def _number(text: str, field: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise RecordingError(f"{what}: give a number, such as 1250")
+        raise RecordingError(f"{field}: give a number, such as 1250")
     return value

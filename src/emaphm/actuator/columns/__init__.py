@@ -1,1 +1,1 @@
-"""What an owner writes of the columns of a file: expressions of them, and their units."""
+"""Expressions and units of the columns of a file, as written in a description."""

@@ -1,8 +1,8 @@
-"""Arithmetic and conditions on the columns of a file, as an owner writes them in a description.
+"""Parser and evaluation of arithmetic and conditions on the columns of a file.
 
-Allowed are numbers, names of columns, + - * /, parentheses, abs(…), comparisons, and, or, not, and texts in
-quotes to compare with. A name that is no plain word stands between backticks: `` `Drive/set point` ``. The
-text is parsed, never evaluated as Python.
+An expression may contain numbers, names of columns, + - * /, parentheses, abs(…), comparisons, and, or, not,
+and quoted texts for comparisons. A name that is not a plain word is written between backticks: `` `Drive/set
+point` ``. The text is parsed, and not evaluated as Python.
 """
 
 import ast
@@ -14,7 +14,7 @@ from functools import reduce
 from typing import Any
 
 LONGEST = 1000
-"""Longest expression [characters]; the parser's own stack holds this much of anything."""
+"""Longest expression [characters]; the parser's stack suffices for any expression of this length."""
 
 QUOTED_NAME = re.compile(r"`([^`]+)`")
 
@@ -39,7 +39,7 @@ ALLOWED = "numbers, names of columns, + - * /, parentheses, abs, comparisons, an
 
 @dataclass(frozen=True)
 class Expression:
-    """A parsed expression: its `text` and the `names` of the columns that it needs, in their order."""
+    """A parsed expression: its `text` and the `names` of its columns, in their order."""
 
     text: str
     names: tuple[str, ...]
@@ -48,19 +48,20 @@ class Expression:
 
     @classmethod
     def parse(cls, text: str) -> "Expression":
-        """Return the expression that `text` holds.
+        """Return the expression in `text`.
 
         Raises
         ------
         ValueError
-            It is too long, is no expression, or holds what is not allowed; the message says what.
+            The text is too long, is no expression, or contains something that is not allowed, which the
+            message names.
         """
         if len(text) > LONGEST:
             raise ValueError(f"is longer than {LONGEST} characters; make that column in the logger")
         quoted: list[str] = []
 
-        def placeholder(found: re.Match[str]) -> str:
-            quoted.append(found[1])
+        def placeholder(match: re.Match[str]) -> str:
+            quoted.append(match[1])
             return f" _quoted_{len(quoted) - 1}_ "
 
         try:
@@ -74,14 +75,14 @@ class Expression:
         return cls(text, tuple(dict.fromkeys(names)), tree, tuple(quoted))
 
     def evaluate(self, columns: Mapping[str, Any]) -> Any:
-        """Return the values (n,) for `columns` (n,), which hold all of `names`: numbers, or truth values.
+        """Return the values (n,), numbers or truth values, for `columns` (n,), which include all `names`.
 
-        A quotient by 0 is infinite or no number, without a warning.
+        A division by 0 gives an infinite value or NaN, without a warning.
 
         Raises
         ------
         ValueError
-            A text stands where a number is needed.
+            A text is used in place of a number.
         """
         import numpy as np
 
@@ -89,11 +90,11 @@ class Expression:
             with np.errstate(all="ignore"):
                 return np.asarray(_value(self._tree, columns, self._quoted))
         except TypeError:
-            raise ValueError("a text is compared or reckoned with a number") from None
+            raise ValueError("a text is compared or combined with a number") from None
 
 
 def _checked(node: ast.expr) -> list[ast.expr]:
-    """Return a node and all below it, after seeing that each is allowed."""
+    """Return a node and all nodes below it; `ValueError` if one of them is not allowed."""
     below: list[ast.expr] = []
     match node:
         case ast.Constant(value=bool()):
@@ -104,76 +105,79 @@ def _checked(node: ast.expr) -> list[ast.expr]:
             below = [left, right]
         case ast.UnaryOp(op=ast.USub() | ast.UAdd() | ast.Not(), operand=operand):
             below = [operand]
-        case ast.Compare(left=left, ops=ops, comparators=others) if all(
+        case ast.Compare(left=left, ops=ops, comparators=comparators) if all(
             type(op) in COMPARISONS for op in ops
         ):
-            below = [left, *others]
+            below = [left, *comparators]
         case ast.BoolOp(values=values):
             below = values
         case ast.Call(func=ast.Name(id="abs"), args=[argument], keywords=[]):
             below = [argument]
         case _:
             raise ValueError(f"'{ast.unparse(node)}' is not allowed; write {ALLOWED}")
-    for one in below:
-        if isinstance(one, ast.Constant) and isinstance(one.value, str) and not isinstance(node, ast.Compare):
-            raise ValueError(  # noqa: TRY004 - as for any other text that is not allowed
-                f"'{one.value}' is a text, which can only be compared; put a column's name between backticks"
+    for child in below:
+        is_compared = isinstance(node, ast.Compare)
+        if isinstance(child, ast.Constant) and isinstance(child.value, str) and not is_compared:
+            raise ValueError(
+                f"'{child.value}' is a text, which can only be compared; put a column's name between "
+                "backticks"
             )
-    return [node, *(deeper for one in below for deeper in _checked(one))]
+    return [node, *(descendant for child in below for descendant in _checked(child))]
 
 
 def _name(node: ast.Name, quoted: Sequence[str]) -> str:
-    found = re.fullmatch(r"_quoted_(\d+)_", node.id)
-    return quoted[int(found[1])] if found and int(found[1]) < len(quoted) else node.id
+    """Return the column's name of a node, which is a placeholder if it was quoted."""
+    match = re.fullmatch(r"_quoted_(\d+)_", node.id)
+    return quoted[int(match[1])] if match and int(match[1]) < len(quoted) else node.id
 
 
 def _value(node: ast.expr, columns: Mapping[str, Any], quoted: tuple[str, ...]) -> Any:
     import numpy as np
 
-    def of(below: ast.expr) -> Any:
-        return _value(below, columns, quoted)
+    def of(child: ast.expr) -> Any:
+        return _value(child, columns, quoted)
 
     match node:
         case ast.Constant(value=value):
-            found: Any = value if isinstance(value, str) else float(value)  # type: ignore[arg-type] # a number
+            result: Any = value if isinstance(value, str) else float(value)  # type: ignore[arg-type] # a number
         case ast.Name():
-            found = columns[_name(node, quoted)]
+            result = columns[_name(node, quoted)]
         case ast.BinOp(left=left, op=op, right=right):
-            found = ARITHMETIC[type(op)](of(left), of(right))
+            result = ARITHMETIC[type(op)](of(left), of(right))
         case ast.UnaryOp(op=op, operand=operand):
-            found = _unary(op, of(operand))
+            result = _unary(op, of(operand))
         case ast.Call(args=[argument]):
-            found = np.abs(of(argument))
+            result = np.abs(of(argument))
         case ast.BoolOp(op=op, values=values):
-            truths = (_truth(of(one)) for one in values)
-            found = reduce(np.logical_and if isinstance(op, ast.And) else np.logical_or, truths)
-        case ast.Compare(left=left, ops=ops, comparators=others):
-            sides = [of(one) for one in (left, *others)]
+            truths = (_truth(of(operand)) for operand in values)
+            result = reduce(np.logical_and if isinstance(op, ast.And) else np.logical_or, truths)
+        case ast.Compare(left=left, ops=ops, comparators=comparators):
+            sides = [of(side) for side in (left, *comparators)]
             pairs = zip(sides, ops, sides[1:], strict=False)
-            found = reduce(np.logical_and, (_compared(type(op), a, b) for a, op, b in pairs))
+            result = reduce(np.logical_and, (_compared(type(op), a, b) for a, op, b in pairs))
         case _:
             raise AssertionError(node)
-    return found
+    return result
 
 
 def _truth(value: Any) -> Any:
-    """Return whether values are other than 0; an empty cell is nothing."""
+    """Return whether values are other than 0; an empty cell is false."""
     import numpy as np
 
     return value if np.asarray(value).dtype == bool else (value != 0) & ~np.isnan(value)
 
 
-def _compared(op: type[ast.cmpop], one: Any, other: Any) -> Any:
-    """Return a comparison of like with like; an empty cell is neither equal to a number nor another one."""
+def _compared(op: type[ast.cmpop], left: Any, right: Any) -> Any:
+    """Return a comparison of two numbers or of two texts; any comparison with an empty cell is false."""
     import numpy as np
 
-    texts = [np.asarray(side).dtype.kind in "OSU" for side in (one, other)]
+    texts = [np.asarray(side).dtype.kind in "OSU" for side in (left, right)]
     if texts[0] != texts[1]:
         raise TypeError
-    found = COMPARISONS[op](one, other)
+    result = COMPARISONS[op](left, right)
     if op is ast.NotEq and not texts[0]:
-        found = found & ~(np.isnan(one) | np.isnan(other))
-    return found
+        result = result & ~(np.isnan(left) | np.isnan(right))
+    return result
 
 
 def _unary(op: ast.unaryop, value: Any) -> Any:

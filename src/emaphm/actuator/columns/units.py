@@ -1,6 +1,6 @@
-"""Units of recorded columns, converted into the SI unit of their channel by pint.
+"""Conversion of recorded columns into the SI unit of their channel by pint.
 
-pint is imported when a unit is asked for, and not before: it takes longer than reading a recording.
+pint is imported only when a unit is converted, because the import takes longer than reading a recording.
 """
 
 from functools import cache
@@ -23,7 +23,8 @@ ALIASES = {
     "·": "*",
     "²": "**2",
 }
-"""Units, and signs of them, that are written otherwise than pint reads them. Turns are what is per minute."""
+"""Spellings of units and their signs that pint does not read, with pint's spelling. 1/min means turns per
+minute."""
 
 LONGEST = 40
 """Longest unit [characters]."""
@@ -33,43 +34,44 @@ COMMON = (
     "m/s", "mm/s", "A", "mA", "V", "mV", "kV", "N", "kN", "kgf", "lbf", "N*m", "mN*m", "kgf*m", "lbf*in", "K",
     "degC", "degF", "percent", "dimensionless",
 )  # fmt: skip
-"""Units that a mistyped one is compared with; pint knows many more."""
+"""Units that are proposed for a mistyped unit; pint supports many more."""
 
 
 def check_unit(unit: str) -> None:
-    """Raise `ValueError` where `unit` is none; the message names the nearest one."""
+    """Raise `ValueError` if `unit` is not a unit; the message names the nearest unit."""
     try:
         if len(unit) > LONGEST:
-            raise ValueError(unit)  # noqa: TRY301 - as any other text that is no unit
-        _registry().parse_units(_spelt(unit))
-    except Exception:  # noqa: BLE001 - pint's parser fails in many ways on what is no unit
+            raise ValueError(unit)  # noqa: TRY301 - the same as any other text that is no unit
+        _registry().parse_units(_pint_spelling(unit))
+    except Exception:  # noqa: BLE001 - pint's parser raises many kinds of errors on other texts
         raise ValueError(f"unknown unit '{unit[:LONGEST]}'{nearest(unit[:LONGEST], COMMON)}") from None
 
 
 def in_unit(values: Array, unit: str, target: str) -> Array:
-    """Return `values` (n,), which stand in `unit`, in the unit `target`.
+    """Return `values` (n,), given in `unit`, converted into the unit `target`.
 
-    An angle is no bare number here: rad and deg convert into each other, not percent or Hz into rad or rad/s.
+    An angle is not a dimensionless number here: rad and deg are converted into each other, but percent or Hz
+    are not converted into rad or rad/s.
 
     Raises
     ------
     ValueError
-        The one unit is of another quantity than the other.
+        The units are of different quantities.
     """
     import pint
 
     registry = _registry()
-    given, wanted = (registry.parse_units(_spelt(one)) for one in (unit, target))
-    if registry.get_base_units(given)[1] != registry.get_base_units(wanted)[1]:
+    from_unit, to_unit = (registry.parse_units(_pint_spelling(text)) for text in (unit, target))
+    if registry.get_base_units(from_unit)[1] != registry.get_base_units(to_unit)[1]:
         raise ValueError(f"{unit} does not convert into {target}")
     try:
-        converted: Any = registry.convert(values, given, wanted)
+        converted: Any = registry.convert(values, from_unit, to_unit)
     except pint.errors.PintError:
         raise ValueError(f"{unit} does not convert into {target}") from None
     return converted  # type: ignore[no-any-return]
 
 
-def _spelt(unit: str) -> str:
+def _pint_spelling(unit: str) -> str:
     for written, read in ALIASES.items():
         if unit.strip() == written:
             return read
@@ -83,7 +85,7 @@ def _registry() -> "pint.UnitRegistry[Any]":
     import pint
 
     registry: pint.UnitRegistry[Any] = pint.UnitRegistry()
-    # How data sheets write torque; pint takes it for no unit.
+    # Common in data sheets for torques, but unknown to pint.
     registry.define("newton_meter = newton * meter = Nm")
     registry.define("newton_centimeter = newton * centimeter = Ncm")
     return registry

@@ -1,4 +1,4 @@
-"""The optional laws by name: what each adds to an actuator, and which manoeuvre shows it."""
+"""The optional laws by name, with their parameters, start values and the manoeuvres that excite them."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -20,19 +20,19 @@ class Law:
     Attributes
     ----------
     name
-        As `--laws` takes it.
+        Name of the law, as in `--laws`.
     parameters
-        The lumped parameters that it brings, free in a calibration.
+        Lumped parameters of the law, which are free in a calibration.
     also_free
-        Lumped parameters of the description that it gives a meaning of their own.
+        Lumped parameters of the description that are estimated together with those of the law.
     needs
-        Laws without which it does not act.
+        Laws without which the law has no effect.
     excited_by
-        The manoeuvre that shows its parameters.
+        Manoeuvre from which its parameters are identifiable.
     start
-        From an actuator and a typical motor speed [rad/s] to the values to start a search from, by section.
+        Start values of a search by section, as a function of actuator and typical motor speed [rad/s].
     by_faults
-        Whether only faults show its parameters, by which phases differ: no calibration finds them.
+        Whether its parameters are identifiable only if faults make the phases differ: not by calibration.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Law:
     by_faults: bool = False
 
     def is_in(self, actuator: Actuator) -> bool:
-        """Return whether `actuator` has the law already."""
+        """Return whether `actuator` has the law."""
         return all(
             _described(actuator, section, key)
             for section, values in self.start(actuator, 1.0).items()
@@ -52,22 +52,22 @@ class Law:
         )
 
     def reason_against(self, actuator: Actuator) -> str:
-        """Return why `actuator` cannot have the law; nothing if it can."""
+        """Return the reason why `actuator` cannot have the law, empty if it can."""
         return reason_against(self.name, actuator)
 
     def is_possible(self, actuator: Actuator) -> bool:
-        """Return whether `actuator` may be given the law, which its description lacks."""
+        """Return whether the law can be added to `actuator`: it is possible and not yet described."""
         return not self.is_in(actuator) and not self.reason_against(actuator)
 
     def added_to(self, actuator: Actuator, speed: float | None = None) -> Actuator:
-        """Return `actuator` with the law and those that it needs, at values to start a search from.
+        """Return `actuator` with the law and the laws that it needs, at the start values of a search.
 
-        What of the law is described already stays as it is.
+        Values of the law that are already described are not changed.
 
         Parameters
         ----------
         speed
-            Typical speed of the motor [rad/s], such as its rms; from the drive's limit where left out.
+            Typical speed of the motor [rad/s], such as its rms; if omitted, computed from the drive's limit.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class Law:
 
 
 def largest_speed(actuator: Actuator) -> float:
-    """Return the largest motor speed [rad/s] by the controller and the supply; infinite for neither."""
+    """Return the largest motor speed [rad/s] from controller and supply, infinite without both limits."""
     limits = [actuator.controller.speed_limit or math.inf]
     if actuator.electrical is not None:
         limits.append(actuator.electrical.supply / actuator.motor.torque_constant)
@@ -103,13 +103,13 @@ def largest_speed(actuator: Actuator) -> float:
 
 
 def typical_speed(actuator: Actuator) -> float:
-    """Return a motor speed [rad/s] that the actuator reaches in use: a quarter of its largest."""
+    """Return a typical motor speed in use [rad/s]: a quarter of the largest, or 1 if that is infinite."""
     largest = largest_speed(actuator)
     return largest / 4 if math.isfinite(largest) else 1.0
 
 
 ALWAYS_DESCRIBED = ("mechanics", "controller")
-"""Sections that every actuator has: a law that is not there has the value 0 in them."""
+"""Sections that every actuator has: the parameters of an absent law are 0 in them."""
 
 
 def _described(actuator: Actuator, section: str, key: str) -> bool:
@@ -121,7 +121,7 @@ def _described(actuator: Actuator, section: str, key: str) -> bool:
 
 
 def typical_dry_friction(actuator: Actuator) -> float:
-    """Return a torque of the size of dry friction [N·m]."""
+    """Return a torque of the order of magnitude of dry friction [N·m]."""
     m = actuator.mechanics
     largest = actuator.controller.current_limit * actuator.motor.torque_constant
     return m.dynamic_friction or m.static_friction or 0.02 * largest
@@ -131,16 +131,16 @@ def _stribeck(actuator: Actuator, speed: float) -> Sections:
     m = actuator.mechanics
     sections: Sections = {"friction": {"stribeck_speed": 0.05 * speed}}
     if m.static_friction <= m.dynamic_friction:
-        more = 1.3 * typical_dry_friction(actuator) / max(m.static_friction, 1e-300)
+        factor = 1.3 * typical_dry_friction(actuator) / max(m.static_friction, 1e-300)
         sections["mechanics"] = {
-            "static_friction_motor": m.static_friction_motor * more or 1.3 * typical_dry_friction(actuator),
-            "static_friction_user": m.static_friction_user * more,
+            "static_friction_motor": m.static_friction_motor * factor or 1.3 * typical_dry_friction(actuator),
+            "static_friction_user": m.static_friction_user * factor,
         }
     return sections
 
 
 def _presliding(actuator: Actuator, speed: float) -> Sections:
-    # Bristles that slide after what the motor turns in 50 µs: a search reaches 2 µs to 1.5 ms.
+    # The bristles slide after the angle that the motor turns in 50 µs; a search covers 2 µs to 1.5 ms.
     stiffness = typical_dry_friction(actuator) / (5e-5 * speed)
     damping = 0.5 * math.sqrt(stiffness * actuator.mechanics.inertia)
     return {"friction": {"presliding_stiffness": stiffness, "presliding_damping": damping}}
@@ -148,7 +148,7 @@ def _presliding(actuator: Actuator, speed: float) -> Sections:
 
 def _compliance(actuator: Actuator, speed: float) -> Sections:  # noqa: ARG001
     m = actuator.mechanics
-    # Motor and user swing at 500 Hz, damped to a twentieth of the critical.
+    # Resonance of motor and user at 500 Hz, with a damping ratio of 0.05.
     reduced = m.inertia_motor * m.inertia_user / m.inertia
     natural = 2 * math.pi * 500
     return {"transmission": {"stiffness": natural**2 * reduced, "damping": 0.1 * natural * reduced}}
@@ -217,7 +217,7 @@ _ALL = (
         ("presliding_stiffness", "presliding_damping"),
         "slow reversals and small motion about rest",
         _presliding,
-        # Without a Stribeck speed bristles know no static friction.
+        # Without a Stribeck speed, the bristle model has no static friction.
         also_free=("stribeck_speed", "static"),
         needs=("stribeck",),
     ),
@@ -261,7 +261,7 @@ _ALL = (
         "speed-integral",
         ("integral_gain",),
         "motion under dry friction or a load, with the position or the speed recorded",
-        # The integral takes 30 ms for what the proportional part does at once.
+        # Integral time constant of about 33 ms: integral gain over proportional gain is 30 1/s.
         lambda actuator, speed: {"controller": {"integral_gain": 30 * actuator.controller.speed_gain}},  # noqa: ARG005
     ),
     Law(
@@ -341,7 +341,7 @@ _ALL = (
 )
 
 LAWS: Mapping[str, Law] = {law.name: law for law in _ALL}
-"""The optional laws by name, in the order in which a calibration tries them."""
+"""The optional laws by name, in the order in which a calibration tests them."""
 
 
 def law_named(name: str) -> Law:

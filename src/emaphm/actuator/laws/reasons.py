@@ -1,4 +1,4 @@
-"""Why an actuator cannot have an optional law."""
+"""Reasons why an actuator cannot have an optional law."""
 
 from collections.abc import Callable, Mapping
 
@@ -6,11 +6,11 @@ from emaphm.actuator.actuator import Actuator
 
 
 def reason_against(name: str, actuator: Actuator) -> str:
-    """Return why `actuator` cannot have the law of that name; nothing if it can."""
-    return _REASONS.get(name, _always)(actuator)
+    """Return the reason why `actuator` cannot have the law of that name, empty if it can."""
+    return _REASONS.get(name, _no_reason)(actuator)
 
 
-def _always(actuator: Actuator) -> str:  # noqa: ARG001
+def _no_reason(actuator: Actuator) -> str:  # noqa: ARG001
     return ""
 
 
@@ -28,18 +28,18 @@ def _without_commutation(actuator: Actuator) -> str:
     return "" if actuator.commutates else "its drive does not commutate"
 
 
-def _passes_standstill_otherwise(name: str) -> Callable[[Actuator], str]:
+def _with_standstill_law(name: str) -> Callable[[Actuator], str]:
     def reason(actuator: Actuator) -> str:
         friction = actuator.friction
-        otherwise = friction is not None and getattr(friction, name) is not None
-        return f"{name} says how its friction passes standstill" if otherwise else ""
+        is_given = friction is not None and getattr(friction, name) is not None
+        return f"{name} already describes its friction at standstill" if is_given else ""
 
     return reason
 
 
 _REASONS: Mapping[str, Callable[[Actuator], str]] = {
-    "transition": _passes_standstill_otherwise("presliding_stiffness"),
-    "presliding": _passes_standstill_otherwise("transition_speed"),
+    "transition": _with_standstill_law("presliding_stiffness"),
+    "presliding": _with_standstill_law("transition_speed"),
     "compliance": lambda actuator: (
         ""
         if actuator.mechanics.inertia_motor > 0 and actuator.mechanics.inertia_user > 0

@@ -1,4 +1,4 @@
-"""Actuator TOML: writing with units, and one-line messages for what is wrong in it."""
+"""Actuator TOML: writing with units, and one-line messages on errors in it."""
 
 from emaphm.actuator.toml.complaints import validation_message
 from emaphm.actuator.toml.writing import write_toml

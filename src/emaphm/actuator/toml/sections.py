@@ -1,13 +1,13 @@
-"""The sections of a description, by the path of keys that leads to them."""
+"""Look-up of the section of a description by its path of keys."""
 
 from pydantic import BaseModel
 
 
 def section_at(root: type[BaseModel], path: list[str]) -> type[BaseModel]:
-    """Return the model that describes what stands at `path` below `root`: the last section on the way."""
+    """Return the model of the last section on `path`, keys that start at `root`."""
     section = root
     for part in path:
-        if part not in section.model_fields:  # a place in a list, or a name in a mapping
+        if part not in section.model_fields:  # an index of a list, or a name in a mapping
             continue
         annotation = section.model_fields[part].annotation
         candidates = [annotation, *getattr(annotation, "__args__", ())]

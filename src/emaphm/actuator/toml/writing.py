@@ -1,4 +1,4 @@
-"""Writing an actuator as TOML, every quantity with its meaning and unit."""
+"""Writing an actuator as TOML, each quantity with its meaning and unit."""
 
 from typing import Any
 
@@ -8,13 +8,13 @@ from emaphm.actuator.quantity import unit_for
 from emaphm.actuator.toml.sections import section_at
 
 QUIET = ("channels", "reading", "nuisances", "sensors", "model_error")
-"""Sections of which only what differs from the defaults is written."""
+"""Sections of which only values that differ from the defaults are written."""
 
 
 def write_toml(actuator: BaseModel, comments: str = "", ending: str = "") -> str:
-    """Return `actuator` as TOML text, every quantity followed by its meaning and unit.
+    """Return `actuator` as TOML text, each quantity followed by its meaning and unit.
 
-    `comments` goes on top and `ending` below all, both as comments.
+    `comments` is written at the top and `ending` at the end, both as comments.
     """
     import tomlkit
 
@@ -32,9 +32,9 @@ def write_toml(actuator: BaseModel, comments: str = "", ending: str = "") -> str
             document.add(name, value)
             continue
         section = getattr(actuator, name)
-        kept = section.model_dump(mode="json", exclude_defaults=True) if name in QUIET else value
-        if kept:
-            document.add(name, _table(type(section), kept, coordinates))
+        written = section.model_dump(mode="json", exclude_defaults=True) if name in QUIET else value
+        if written:
+            document.add(name, _table(type(section), written, coordinates))
     below = "".join(f"\n# {line}".rstrip() if line else "\n#" for line in ending.splitlines())
     return tomlkit.dumps(document) + (f"{below}\n" if below else "")
 

@@ -1,1 +1,1 @@
-"""What is known of one unit beyond its description: tolerances, what a calibration found, and its error."""
+"""Uncertainty of one unit's description: tolerances, covariance after a calibration, and model error."""

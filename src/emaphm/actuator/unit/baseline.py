@@ -1,4 +1,4 @@
-"""The lumped parameters that a calibration estimates, and how well they are known: the baseline."""
+"""The lumped parameters that a calibration estimates, and the baseline, their covariance."""
 
 from typing import Annotated, Self
 
@@ -10,7 +10,7 @@ from emaphm.actuator.section import LARGEST, SMALLEST, Section
 from emaphm.errors import nearest
 
 MOST_HARMONICS = 8
-"""Harmonics of the torque ripple that an actuator may have."""
+"""Largest number of harmonics of the torque ripple."""
 
 HALL_SENSORS = ("hall_a", "hall_b", "hall_c")
 COMMUTATION = ("commutation_lag", "commutation_delay")
@@ -70,7 +70,7 @@ LUMPED_PARAMETERS = {
     "gravity_angle": "rad",
     **{f"ripple{i + 1}_{part}": "N·m" for i in range(MOST_HARMONICS) for part in ("cos", "sin")},
 }
-"""Names and units: coulomb is dynamic friction, offset a constant load, hinge the load stiffness."""
+"""Units by name; coulomb is dynamic friction, offset a constant load, hinge the load stiffness."""
 
 SUMS = {
     "inertia": ("mechanics", "inertia_motor", "inertia_user"),
@@ -138,8 +138,8 @@ PARTS: dict[str, tuple[str, ...]] = {
         if "ripple" in name
     },
 }
-"""Where each parameter stands in the description: its section, then the fields that it is the sum of; of a
-harmonic of the ripple its place in the list and its field."""
+"""Place of each parameter in the description: its section, then the fields whose sum it is; for a harmonic of
+the ripple, its place in the list and its field."""
 
 SIGNED = (
     "offset",
@@ -153,20 +153,21 @@ SIGNED = (
     *COMMUTATION,
     *(name for name in LUMPED_PARAMETERS if name.startswith("ripple")),
 )
-"""Parameters of either sign: their covariance is in their own unit, that of the others relative."""
+"""Parameters of either sign: their covariance is in their own unit, that of the other parameters relative."""
 
 ROUNDING = 1e-9
-"""Asymmetry, and negative eigenvalues, that a covariance may have from rounding, as a correlation."""
+"""Largest asymmetry and negative eigenvalue of a correlation matrix that count as rounding."""
 
 Number = Annotated[float, Field(strict=True)]
 
 
 class Baseline(Section):
-    """How well one unit's parameters are known after its calibration: the prior of later diagnoses.
+    """Covariance of one unit's parameters after its calibration, the prior of later diagnoses.
 
     Deviations of the lumped parameters `names` from the description are normal about 0 with `covariance`,
-    (names, names): relative (of the logarithm) for positive parameters, in its own unit for those of either
-    sign. They were estimated from `recordings`, whose mean loads are `loads`, the description's among them.
+    (names, names): relative (of the logarithm) for positive parameters, in their own unit for parameters of
+    either sign. They were estimated from `recordings`, whose mean loads, including the described load, are
+    `loads`.
     """
 
     names: tuple[str, ...] = Field(description="calibrated parameters", min_length=1)
@@ -183,7 +184,7 @@ class Baseline(Section):
 
     @field_validator("names")
     @classmethod
-    def _known(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_names(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         for name in names:
             if name not in LUMPED_PARAMETERS:
                 raise ValueError(f"unknown parameter '{name}'{nearest(name, LUMPED_PARAMETERS)}")
@@ -193,7 +194,7 @@ class Baseline(Section):
 
     @field_validator("covariance")
     @classmethod
-    def _possible(
+    def _check_covariance(
         cls, rows: tuple[tuple[float, ...], ...], info: ValidationInfo
     ) -> tuple[tuple[float, ...], ...]:
         count = len(info.data.get("names", rows))
@@ -202,16 +203,16 @@ class Baseline(Section):
             raise ValueError(
                 f"must have a row and a column for each of {count} names, has {len(rows)} rows of {sizes}"
             )
-        wide = [value for row in rows for value in row if abs(value) > LARGEST]
-        if wide:
-            raise ValueError(f"must have values of {LARGEST:g} at most, has {wide[0]:g}")
-        # Each in units of its own deviation: they may be of very different sizes.
+        too_large = [value for row in rows for value in row if abs(value) > LARGEST]
+        if too_large:
+            raise ValueError(f"must have values of {LARGEST:g} at most, has {too_large[0]:g}")
+        # Checked as a correlation matrix, because variances may differ by many orders of magnitude.
         deviations = np.sqrt(np.maximum(np.diag(rows), 0.0))
         unit = np.where(deviations > SMALLEST, deviations, 1.0)
         matrix = np.array(rows) / np.outer(unit, unit)
-        uneven = np.argwhere(np.abs(matrix - matrix.T) > ROUNDING)
-        if uneven.size:
-            i, j = uneven[0] + 1
+        asymmetric = np.argwhere(np.abs(matrix - matrix.T) > ROUNDING)
+        if asymmetric.size:
+            i, j = asymmetric[0] + 1
             raise ValueError(f"must be symmetric; row {i}, column {j} differs from row {j}, column {i}")
         if np.diag(rows).min() < 0 or np.linalg.eigvalsh(matrix)[0] < -ROUNDING:
             raise ValueError(

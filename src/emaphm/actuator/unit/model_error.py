@@ -1,4 +1,4 @@
-"""How wrong the model of a healthy unit is, channel by channel, as its calibration has learned it."""
+"""Error of the calibrated model of a healthy unit in each channel, learned in the calibration."""
 
 from typing import Self
 
@@ -14,20 +14,21 @@ APPARENT = "apparent fault of a healthy unit, rms"
 
 
 class ChannelError(Section):
-    """What a calibrated model leaves of a channel of healthy recordings, in addition to white noise.
+    """Error of a calibrated model in a channel of healthy recordings, in addition to white noise.
 
-    Learned from the residuals of recordings that were left out of the fit, one at a time, with only what is
-    each recording's own estimated: those of the training would be too small. The error of a row is normal
-    about 0, with the variance
+    It is learned from the residuals of recordings that were left out of the fit, one at a time, with only the
+    recording's nuisances estimated: residuals of the training would be too small. The error of a row is
+    normal about 0, with the variance
 
         σ²(t) = floor² + (speed ω)² + (load τ)² + (acceleration α)²
 
-    of the healthy model's motor speed ω [rad/s], load τ [N·m] and acceleration α [rad/s²], and correlated:
-    the sum over rows, Δt apart, of any coefficients times the error has at most `correlation_time` / Δt times
-    the variance that it would have if the errors were independent.
+    with the healthy model's motor speed ω [rad/s], load τ [N·m] and acceleration α [rad/s²]. Errors are
+    correlated: the variance of any weighted sum of the errors of rows at an interval Δt is at most
+    `correlation_time` / Δt times the variance for independent errors.
 
-    Source: a discrepancy between model and reality that is learned together with the parameters, Kennedy and
-    O'Hagan (2001), here without its mean: what few recordings have in common is in the parameters already.
+    Source: Kennedy and O'Hagan (2001), a discrepancy between model and reality that is learned together with
+    the parameters; here without its mean, because the calibrated parameters contain the common part of few
+    recordings.
     """
 
     floor: float = quantity("rms at rest, without load", OF_THE_CHANNEL, LEARNED, ge=0)
@@ -57,7 +58,7 @@ class ChannelError(Section):
     recordings: int = Field(description="recordings that were left out in turn", ge=2)
 
     @model_validator(mode="after")
-    def _known_of_something(self) -> Self:
+    def _check_not_zero(self) -> Self:
         if not any((self.floor, self.speed, self.load, self.acceleration)):
             raise ValueError(
                 "an error of 0 everywhere is no error; leave the channel's section out, or give floor > 0"
@@ -66,10 +67,11 @@ class ChannelError(Section):
 
 
 class ApparentFaults(Section):
-    """What a diagnosis makes of healthy recordings that were left out of the calibration.
+    """Apparent faults that a diagnosis estimates from healthy recordings left out of the calibration.
 
-    By component the rms of estimate less healthy value, beyond what its own standard error explains: an error
-    of the model that looks like a fault, and so leaves no residual. Of `recordings` diagnosed.
+    For each component, the rms over `recordings` of the estimate minus the healthy value, beyond its standard
+    error. It is an error of the model that is confounded with a fault, and therefore not visible in the
+    residual.
     """
 
     friction: float = quantity(APPARENT, "-", LEARNED, default=0.0, ge=0, le=1)
@@ -84,15 +86,15 @@ class ApparentFaults(Section):
     recordings: int = Field(description="recordings that were left out and diagnosed", ge=2)
 
     def of(self, coordinate: str) -> float:
-        """Return the apparent fault of a coordinate of the estimate; those of the eccentricity share one."""
+        """Return the apparent fault of an estimator coordinate; both of the eccentricity have the same."""
         name = coordinate.removesuffix("_x").removesuffix("_y")
         return float(getattr(self, name, 0.0)) if name in ApparentFaults.model_fields else 0.0
 
 
 class ModelError(Section):
-    """The error of the model in each channel that a diagnosis may compare; None where none was learned.
+    """The error of the model in each channel that a diagnosis may compare, None if it was not learned.
 
-    `faults` are those that the error looks like.
+    `faults` are the apparent faults, the part of the error that is confounded with faults.
     """
 
     faults: ApparentFaults | None = None
@@ -111,7 +113,7 @@ class ModelError(Section):
     duty: ChannelError | None = None
 
     def of(self, channel: str) -> ChannelError | None:
-        """Return the learned error of a channel, None where none was learned."""
+        """Return the learned error of a channel, None if none was learned."""
         return getattr(self, channel) if channel in CHANNELS else None
 
 
@@ -119,4 +121,4 @@ CHANNELS = tuple(name for name in ModelError.model_fields if name != "faults")
 """Channels whose error can be learned."""
 
 NOT_LEARNED = ModelError()
-"""Of an actuator that is not calibrated, or by one recording alone."""
+"""Model error of an actuator that is not calibrated, or calibrated from a single recording."""

@@ -1,4 +1,4 @@
-"""How far the values of a description may be off, as a data sheet or a drawing says."""
+"""`[tolerances]`: tolerances of the described values, from a data sheet or a drawing."""
 
 import math
 from typing import Any, Self
@@ -10,10 +10,10 @@ from emaphm.actuator.section import Section
 from emaphm.actuator.unit.baseline import LUMPED_PARAMETERS
 
 DEVIATIONS = 2.0
-"""Standard deviations in a tolerance: 95 of 100 units are within it."""
+"""Number of standard deviations in a tolerance, which includes 95 of 100 units."""
 
 LARGEST_TOLERANCE = 2.0
-"""Of a value that may be off by more than a factor of 3, the description says nothing."""
+"""Largest tolerance: a value that may deviate by more than a factor of 3 is not a description."""
 
 
 def _tolerance(meaning: str) -> Any:
@@ -21,12 +21,12 @@ def _tolerance(meaning: str) -> Any:
 
 
 class Tolerances(Section):
-    """How far values of the description may be off, relative: 0.1 is ± 10 %.
+    """Relative tolerances of described values: 0.1 is ± 10 %.
 
-    A diagnosis estimates these parameters with the faults, about the described value x: 95 of 100 units have
-    theirs between x / (1 + t) and x (1 + t). Their logarithms are independent and normal with the standard
-    deviation ln(1 + t) / 2 (JCGM 100:2008, 4.3.4: limits that hold 95 of 100 values). What a calibration
-    has found of a parameter, the `Baseline`, counts in place of its tolerance.
+    A diagnosis estimates these parameters with the faults, with a prior about the described value x: for a
+    tolerance t, 95 of 100 units have values between x / (1 + t) and x (1 + t). The logarithms are independent
+    and normal with the standard deviation ln(1 + t) / 2 (JCGM 100:2008, 4.3.4: limits that contain 95 of 100
+    values). For a calibrated parameter, the `Baseline` replaces the tolerance.
     """
 
     torque_constant: float | None = _tolerance("torque constant, and back-EMF constant")
@@ -58,22 +58,22 @@ class Tolerances(Section):
     voltage_drop: float | None = _tolerance("voltage drop of the inverter")
 
     @model_validator(mode="after")
-    def _of_something(self) -> Self:
+    def _check_not_empty(self) -> Self:
         if not self.names:
             raise ValueError("states no tolerance; name a parameter, such as torque_constant = 0.1")
         return self
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The parameters whose tolerance is stated, in the order of `LUMPED_PARAMETERS`."""
+        """The parameters with a tolerance, in the order of `LUMPED_PARAMETERS`."""
         return tuple(name for name in LUMPED_PARAMETERS if getattr(self, name, None) is not None)
 
     @property
     def deviations(self) -> dict[str, float]:
-        """The standard deviations of the logarithms of these parameters."""
+        """The standard deviations of the logarithms of these parameters, by name."""
         return {name: math.log1p(getattr(self, name)) / DEVIATIONS for name in self.names}
 
     def without(self, names: tuple[str, ...]) -> Self | None:
-        """Return the tolerances of the other parameters, None where no other is stated."""
-        left = {name: getattr(self, name) for name in self.names if name not in names}
-        return type(self)(**left) if left else None
+        """Return the tolerances without those of `names`, None if no tolerance is left."""
+        remaining = {name: getattr(self, name) for name in self.names if name not in names}
+        return type(self)(**remaining) if remaining else None

@@ -122,7 +122,7 @@ def serve(
 
 
 def _add_token(file: Path | None, name: str, as_json: bool) -> None:
-    from emaphm.server.tokens import add_token
+    from emaphm.server.access.tokens import add_token
 
     if file is None:
         raise ServerError("--add-token: say which file it goes to, with --tokens FILE")

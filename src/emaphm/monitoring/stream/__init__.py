@@ -1,1 +1,1 @@
-"""Rows as they come on a pipe: parsed, put in order, gathered to movements."""
+"""A stream of rows on a pipe as a source: parsing, ordering, and collection into movements."""

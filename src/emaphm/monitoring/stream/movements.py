@@ -1,4 +1,4 @@
-"""Rows of one unit gathered to movements: from rest to rest, and never more than fits."""
+"""Collection of the rows of one unit into movements from rest to rest, with limited memory."""
 
 import hashlib
 import math
@@ -13,7 +13,7 @@ from emaphm.monitoring.settings import StreamSettings
 from emaphm.recording.io.file_columns import FileColumns
 
 AT_REST = 1e-3
-"""Share of the command's range below which it does not move."""
+"""Largest change of a command at rest, relative to its range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Movement:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the rows behind the `still` ones, which depend on where the sender began."""
+        """SHA-256 of the rows after the `still` rows, which depend on the start of the stream."""
         sha = hashlib.sha256()
         for name, values in sorted(self.columns.numeric.items()):
             sha.update(name.encode())
@@ -44,22 +44,22 @@ class Movement:
 
 
 GAPS = 5.0
-"""Intervals between rows from which on a movement is cut; of fewer missing rows the reading of a recording
-says whether it fills them."""
+"""Time step, in intervals between rows, from which a movement is cut; fewer missing rows are treated by the
+reading of the recording."""
 
 
 @dataclass(eq=False)
 class Gathering:
-    """Gathers rows that are in order.
+    """Collects ordered rows into movements.
 
-    What does not move is not kept, but for the last seconds before a movement. A movement that exceeds
-    `longest_s` or `most_rows` is passed on as far as it is held; the rest, until the command rests, is
-    skipped: how the actuator stood at its beginning is not known. So it is behind a gap of less than
-    `rest_s`. A longer one is taken for a recorder that was switched off.
+    Rows at rest are not stored, except the last seconds before a movement. A movement that exceeds
+    `longest_s` or `most_rows` is passed on as far as it was collected; the following rows are skipped until
+    the command rests, because their initial state is unknown. The same applies to rows after a gap shorter
+    than `rest_s`. A longer gap is taken for a recorder that was switched off.
 
-    The first rows are taken to begin where the actuator rests, as those of a file, unless `waits_for_rest`.
-    What moves is known by the range of the command, without what a single row exceeds: that may be a value
-    that was recorded or sent wrongly.
+    The first rows are assumed to begin at rest, as those of a file, unless `waits_for_rest`. Motion is
+    detected relative to the range of the command, where a value counts only if two successive rows reach it,
+    because a single value may be recorded or sent wrongly.
     """
 
     settings: StreamSettings
@@ -77,7 +77,7 @@ class Gathering:
     _moves: bool = False
 
     def add(self, time_s: float, command: float, numbers: Mapping[str, float]) -> Iterator[Movement]:
-        """Add a row; yield the movement that it ends, without it where it is behind a gap."""
+        """Add a row; yield the movement that it ends, without this row if there is a gap before it."""
         yield from self._cut_at_gap(time_s)
         has_moved = self._follow(time_s, command)
         rests = self._rests(time_s)
@@ -97,14 +97,14 @@ class Gathering:
             self._forget(len(self._times) // 2)
 
     def pass_over(self, time_s: float, command: float) -> None:
-        """Follow a row that was judged before: what goes on from a motion there is skipped."""
+        """Process a row that was judged before: new rows after it are skipped if it is in motion."""
         if self._follow(time_s, command):
             self.waits_for_rest = True
         elif self._rests(time_s):
             self.waits_for_rest = False
 
     def end(self) -> Iterator[Movement]:
-        """Yield what is held if it moves, and begin anew."""
+        """Yield the collected rows if they are a movement, and begin a new collection."""
         if self._moves and self._times:
             numeric = {name: np.array(values) for name, values in self._columns.items()}
             still = bisect_left(self._times, self._moves_from)
@@ -112,23 +112,23 @@ class Gathering:
         self._times, self._columns, self._moves = array("d"), {}, False
 
     def interrupt(self) -> Iterator[Movement]:
-        """Yield what is held, as `end`; if it moves, what follows it without a rest is skipped."""
+        """Yield the collected rows, as `end`; after a movement, rows are skipped until the next rest."""
         was_moving = self._moves
         yield from self.end()
         self.waits_for_rest = self.waits_for_rest or was_moving
 
     def _cut_at_gap(self, time_s: float) -> Iterator[Movement]:
         step = time_s - self._previous
-        held = len(self._times)
+        rows = len(self._times)
         if step >= self.settings.rest_s:
             yield from self.end()
             self._reference, self.waits_for_rest = math.nan, False
-        elif held > 1 and step > GAPS * (self._times[-1] - self._times[0]) / (held - 1):
+        elif rows > 1 and step > GAPS * (self._times[-1] - self._times[0]) / (rows - 1):
             yield from self.interrupt()
             self._rest_from = time_s
 
     def _follow(self, time_s: float, command: float) -> bool:
-        """Return whether the command has moved; note since when it rests."""
+        """Return whether the command has moved, and note the time since which it rests."""
         self._previous = time_s
         if not math.isnan(self._last):
             self._least = min(self._least, max(command, self._last))

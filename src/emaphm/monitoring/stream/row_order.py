@@ -1,4 +1,4 @@
-"""Rows of one unit in the order of their times, though some come late or the clock is set back."""
+"""Ordering of the rows of one unit by time, with late rows and clocks that are set back."""
 
 import heapq
 import math
@@ -14,10 +14,11 @@ Timed = tuple[float, int, Cells]
 
 @dataclass(eq=False)
 class RowOrder:
-    """Puts rows in order that come up to `depth` rows late.
+    """Orders rows by time that arrive up to `depth` rows late.
 
-    A row that is older than one that was passed on is late and left out. If `depth` + 1 late rows come in
-    succession, which rise, the clock was set back: what is held is passed on, and the times begin again.
+    A row that is older than a row that was already passed on is left out as late. If `depth` + 1 late rows
+    with increasing times arrive in succession, the clock was set back: the stored rows are passed on, and the
+    times begin again.
     """
 
     depth: int
@@ -28,7 +29,7 @@ class RowOrder:
     _count: int = 0
 
     def push(self, time_s: float, row: Cells) -> Iterator[tuple[float, Cells] | None]:
-        """Yield the rows that are in order now; None stands where the clock was set back."""
+        """Yield the rows that are in order now; None marks a clock that was set back."""
         self._count += 1
         if time_s <= self.last:
             self._late.append((time_s, self._count, row))
@@ -42,7 +43,7 @@ class RowOrder:
             yield from self._pass_on()
 
     def flush(self) -> Iterator[tuple[float, Cells]]:
-        """Yield all that is held."""
+        """Yield all stored rows."""
         self.left_out += len(self._late)
         self._late.clear()
         while self._held:
@@ -54,16 +55,16 @@ class RowOrder:
             self.last = time_s
             yield time_s, row
         else:
-            self.left_out += 1  # the same time once more
+            self.left_out += 1  # a repeated time
 
     def _set_back(self) -> Iterator[tuple[float, Cells] | None]:
         late, self._late = self._late, []
         times = [time for time, _, _ in late]
         if sum(b > a for a, b in pairwise(times)) < len(times) // 2:
-            self.left_out += len(late)  # old rows in no order
+            self.left_out += len(late)  # old rows without order
             return
         yield from self.flush()
         yield None
         self.last = -math.inf
-        for one in late:
-            heapq.heappush(self._held, one)
+        for row in late:
+            heapq.heappush(self._held, row)

@@ -1,4 +1,4 @@
-"""Lines of a stream as rows: NDJSON, or CSV with a header."""
+"""Parser of the lines of a stream into rows: NDJSON, or CSV with a header."""
 
 import csv
 import json
@@ -12,10 +12,10 @@ Cells = dict[str, float | str]
 
 @dataclass(eq=False)
 class RowParser:
-    """Makes rows of bytes as they are read, whatever they are cut by.
+    """Parses rows from bytes, which may be split at any place.
 
-    The first line decides: an object is NDJSON, anything else the header of a CSV. A further line that is the
-    header again, as of files that were joined, is passed over. `skipped` counts the lines that are no rows,
+    The first line decides on the format: an object is NDJSON, any other line is the header of CSV. A further
+    line that repeats the header, as in joined files, is skipped. `skipped` counts the lines that are no rows,
     by reason.
     """
 
@@ -38,7 +38,7 @@ class RowParser:
         self._rest = rest
 
     def end(self) -> Iterator[Cells]:
-        """Yield the last row if its line has no end; a part of a row is none."""
+        """Yield the last row if its line has no end; an incomplete row is skipped."""
         rest, self._rest = self._rest, b""
         if rest.strip():
             if self._is_json and not self._is_cut:

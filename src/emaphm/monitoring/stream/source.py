@@ -1,4 +1,4 @@
-"""A stream of rows on a pipe: read by a thread, gathered to movements, held back when too fast."""
+"""A stream of rows on a pipe as a source; a thread reads rows, collects movements, holds the sender back."""
 
 import math
 import os
@@ -23,23 +23,23 @@ from emaphm.monitoring.watch_state import SET_ASIDE, TRIED, RowsJudged, WatchedF
 from emaphm.recording import Recording, recordings_of
 
 AT_ONCE = 65_536
-"""Bytes that are read at once."""
+"""Number of bytes that are read at once."""
 
 STOP_S = 0.2
-"""Between two looks whether the reading is to end [s]."""
+"""Time between two checks whether reading must stop [s]."""
 
-SAID_EVERY_S = 60.0
-"""Rows that were left out are said so often at most [s]."""
+REPORT_EVERY_S = 60.0
+"""Least time between two events on rows that were left out [s]."""
 
 MOST_ENTRIES = 1000
-"""Units and hours of rows that are remembered as checked."""
+"""Largest number of cached entries, checked combinations of unit and hours."""
 
 ABOUT_UNIT = (*UNIT_LABELS, HOURS_LABEL, CYCLES_LABEL)
 
 
 @dataclass(frozen=True, eq=False)
 class _Ended:
-    """A movement with whose it is; `arrived` is when its last row was read."""
+    """A completed movement with its entry; `arrived` is the time at which its last row was read."""
 
     movement: Movement
     entry: Entry
@@ -48,7 +48,7 @@ class _Ended:
 
 @dataclass(eq=False)
 class _Flight:
-    """What is held of a unit on one flight."""
+    """State of a unit on one flight."""
 
     entry: Entry
     order: RowOrder
@@ -57,16 +57,16 @@ class _Flight:
     read_at: float = 0.0
 
     def moves_until(self, time_s: float, rest_s: float) -> bool:
-        """Whether a row at this time goes on from a motion, or from rows that were left out."""
+        """Return whether a row at this time continues a motion, or rows that were left out."""
         return self.gathering.waits_for_rest and 0 < time_s - self.order.last < rest_s
 
 
 @dataclass(eq=False)
 class StreamSource:
-    """The rows on a file descriptor.
+    """The rows on a file descriptor as a source.
 
-    A row has the columns of a recording, and those that say whose it is ("unit", "hours", "cycles") where the
-    command does not. Rows that an earlier run has judged are passed over, up to the first that is newer.
+    A row has the columns of a recording, and the columns "unit", "hours" and "cycles" if the command line
+    does not give them. Rows that an earlier run has judged are skipped, up to the first newer row.
     """
 
     descriptor: int
@@ -91,9 +91,9 @@ class StreamSource:
         self._entries: dict[tuple[object, ...], Entry | str] = {}
         self._seconds = _seconds(self.actuator.channels.time_s)
         self._flights: dict[str, _Flight] = {}
-        self._gave_way: dict[str, _Flight] = {}
+        self._replaced: dict[str, _Flight] = {}
         self._skipped: dict[str, int] = {}
-        self._said_at = -math.inf
+        self._reported_at = -math.inf
         self._is_held_back = False
         self._lock = threading.Lock()
         self._stop, self._ended = threading.Event(), threading.Event()
@@ -102,7 +102,7 @@ class StreamSource:
         self._thread.start()
 
     def next(self) -> Arrival | None:
-        """Return the next movement as work; None too where it is one that was set aside."""
+        """Return the next movement as an arrival, None if there is none or it was set aside."""
         try:
             self._taken = self._taken or self._queue.get_nowait()
         except queue.Empty:
@@ -110,51 +110,51 @@ class StreamSource:
                 raise self._failure from None
             return None
         arrival = self._arrival(self._taken)
-        self._taken = None  # not before: where the history fails, it is asked for again
+        self._taken = None  # not earlier: if the history fails, this movement is returned by the next call
         return arrival
 
     def events(self) -> list[Event]:
-        """Return which rows were left out since this was last said."""
+        """Return the event on rows that were left out since the last such event."""
         now = time.monotonic()
         with self._lock:
-            if not self._skipped or (now - self._said_at < SAID_EVERY_S and not self._ended.is_set()):
+            if not self._skipped or (now - self._reported_at < REPORT_EVERY_S and not self._ended.is_set()):
                 return []
-            skipped, self._skipped, self._said_at = self._skipped, {}, now
+            skipped, self._skipped, self._reported_at = self._skipped, {}, now
         reasons = "; ".join(f"{reason} ({count})" for reason, count in skipped.items())
-        why = next(iter(skipped)) if len(skipped) == 1 else reasons
-        message = f"{sum(skipped.values())} rows were left out: {why}"
+        explanation = next(iter(skipped)) if len(skipped) == 1 else reasons
+        message = f"{sum(skipped.values())} rows were left out: {explanation}"
         return [
             Event("rows_skipped", "raised", "warning", message, details=skipped, watcher=self.state.watcher)
         ]
 
     @property
     def waiting(self) -> int:
-        """Movements that wait to be judged."""
+        """Number of movements that wait to be judged."""
         return self._queue.qsize()
 
     @property
     def is_held_back(self) -> bool:
-        """Whether the sender has to wait, since no further movement fits."""
+        """Whether the sender has to wait because the queue of movements is full."""
         return self._is_held_back and self._queue.qsize() >= self.settings.queue - 1
 
     @property
     def exhausted(self) -> bool:
-        """Whether the stream has ended and all of it was handed over."""
+        """Whether the stream has ended and all movements were passed on."""
         return self._ended.is_set() and self._queue.empty() and self._failure is None
 
     def close(self) -> None:
-        """End the reading."""
+        """Stop reading."""
         self._stop.set()
         self._thread.join(2 * STOP_S)
 
     def _arrival(self, ended: _Ended) -> Arrival | None:
-        """Return a movement as work; None where an earlier run has set it aside."""
+        """Return a movement as an arrival, None if an earlier run has set it aside."""
         movement, entry = ended.movement, ended.entry
         name = f"{entry.unit} at {entry.hours:.9g} h, {movement.first:.3f} to {movement.last:.3f} s"
 
         def read() -> list[tuple[Entry, Recording]]:
             pieces = self.call(recordings_of, movement.columns, name, self.actuator, split=self.split)
-            return [(entry, one) for one in pieces]
+            return [(entry, piece) for piece in pieces]
 
         before = self.state.files([(key := _key(ended))]).get(key)
         was_tried = before is not None and before.digest == movement.digest
@@ -163,25 +163,25 @@ class StreamSource:
             self._skip("of a movement that is set aside", movement.rows)
             return None
 
-        def noted(outcome: str) -> WatchedFile:
+        def with_outcome(outcome: str) -> WatchedFile:
             return WatchedFile(key, movement.rows, 0, movement.digest, outcome)
 
         def finish(outcome: str, events: Sequence[Event]) -> int:
-            tried = noted(outcome) if was_tried else None
+            tried = with_outcome(outcome) if was_tried else None
             return self.state.finish_rows(entry.unit, self._judged_by(ended), events, tried)
 
         def once_more() -> bool:
             nonlocal was_tried
             if was_tried:
                 return False
-            self.state.finish_file(noted(TRIED))
+            self.state.finish_file(with_outcome(TRIED))
             was_tried = True
             return True
 
         return Arrival(name, read, finish, once_more, ended.arrived)
 
     def _judged_by(self, ended: _Ended) -> RowsJudged | None:
-        """Return up to where rows are judged with a movement; None where those of a later flight are."""
+        """Return the judged rows of the unit after a movement, None if a later flight was already judged."""
         entry, last = ended.entry, ended.movement.last
         before = self.state.rows_judged().get(entry.unit)
         if before is not None and before.hours > entry.hours:
@@ -214,7 +214,7 @@ class StreamSource:
                 raise _StoppedError
             if not select.select([self.descriptor], [], [], STOP_S)[0]:
                 if not idle and time.monotonic() - read_at > self.settings.idle_s:
-                    self._judge_what_is_there()
+                    self._hand_over_all()
                     idle = True
                 continue
             content = os.read(self.descriptor, AT_ONCE)
@@ -252,7 +252,7 @@ class StreamSource:
                 self._gather(flight, *passed)
 
     def _entry(self, row: Cells) -> Entry | str:
-        """Return whose a row is, or why that is not known."""
+        """Return the entry of a row, or the reason why it is not known."""
         key = tuple(row.get(name) for name in ABOUT_UNIT)
         if key not in self._entries:
             if len(self._entries) > MOST_ENTRIES:
@@ -267,47 +267,47 @@ class StreamSource:
         return self._entries[key]
 
     def _flight(self, entry: Entry, time_s: float) -> _Flight | None:
-        """Return what is held of a unit, after ending its flight before; None where there is no place."""
-        held = self._flights.get(entry.unit)
-        if held is not None and held.entry.hours == entry.hours:
-            return held
-        if held is not None:
-            self._end(held)
+        """Return the flight of a unit, after ending its previous flight; None if there is no place for it."""
+        current = self._flights.get(entry.unit)
+        if current is not None and current.entry.hours == entry.hours:
+            return current
+        if current is not None:
+            self._end(current)
         elif not self._has_place(entry, time_s):
             return None
-        before = held or self._gave_way.pop(entry.unit, None)
+        before = current or self._replaced.pop(entry.unit, None)
         waits = before is not None and before.moves_until(time_s, self.settings.rest_s)
         gathering = Gathering(self.settings, waits_for_rest=waits)
         judged = self._judged.get(entry.unit)
         if judged is not None and judged.hours < entry.hours:
             judged = None
         last = judged.time_s if judged is not None and judged.hours == entry.hours else -math.inf
-        made = _Flight(entry, RowOrder(self.settings.reorder_rows, last), gathering, judged)
-        self._flights[entry.unit] = made
-        return made
+        flight = _Flight(entry, RowOrder(self.settings.reorder_rows, last), gathering, judged)
+        self._flights[entry.unit] = flight
+        return flight
 
     def _has_place(self, entry: Entry, time_s: float) -> bool:
-        """Return whether a further unit may be held, after ending the one that was read longest ago.
+        """Return whether there is a place for a further unit, if necessary by ending the least recent flight.
 
-        One that comes back in the flight in which it gave way has no place while the others are read: else
-        each would end the next, and no movement would be whole.
+        A unit that returns in the flight in which it was replaced has no place while rows of the other units
+        arrive: else the units would replace each other, and no movement would be complete.
         """
         if len(self._flights) < self.settings.most_units:
             return True
-        oldest = min(self._flights.values(), key=lambda one: one.read_at)
-        again = self._gave_way.get(entry.unit)
+        oldest = min(self._flights.values(), key=lambda flight: flight.read_at)
+        returning = self._replaced.get(entry.unit)
         is_read = time.monotonic() - oldest.read_at < self.settings.idle_s
-        if again is not None and again.entry.hours == entry.hours and is_read:
-            again.order.last, again.gathering.waits_for_rest = time_s, True
+        if returning is not None and returning.entry.hours == entry.hours and is_read:
+            returning.order.last, returning.gathering.waits_for_rest = time_s, True
             return False
         self._end(oldest)
-        self._gave_way[oldest.entry.unit] = oldest
+        self._replaced[oldest.entry.unit] = oldest
         return True
 
     def _gather(self, flight: _Flight, time_s: float, row: Cells) -> None:
         command = row[self._column("command_rad", row)]
         numbers = {name: value for name, value in row.items() if isinstance(value, float)}
-        assert isinstance(command, float)  # noqa: S101 - for the type checker, `_row` has looked
+        assert isinstance(command, float)  # noqa: S101 - for the type checker, checked in `_row`
         skipped = flight.gathering.skipped
         self._hand_over(flight, flight.gathering.add(time_s, command, numbers))
         self._skip("in a movement whose beginning is not known", flight.gathering.skipped - skipped)
@@ -331,8 +331,8 @@ class StreamSource:
         self._skip("late, or with a time that was there before", flight.order.left_out)
         del self._flights[flight.entry.unit]
 
-    def _judge_what_is_there(self) -> None:
-        """Hand over what is held, though more of it may follow."""
+    def _hand_over_all(self) -> None:
+        """Pass on the rows in memory, although further rows may follow."""
         for flight in self._flights.values():
             for passed in flight.order.flush():
                 self._gather(flight, *passed)
@@ -343,7 +343,7 @@ class StreamSource:
             self._end(flight)
 
     def _time(self, row: Cells) -> float | None:
-        """Return the time of a row [s], None where it has none."""
+        """Return the time of a row [s], None if it has none."""
         name = self._column("time_s", row)
         raw = row.get(name)
         if not isinstance(raw, float) or not math.isfinite(raw):
@@ -351,7 +351,7 @@ class StreamSource:
         return raw * self._seconds if name == (self.actuator.channels.time_s.column or "time_s") else raw
 
     def _column(self, channel: str, row: Cells) -> str:
-        """Return the column of a row that a channel stands in: the one of [channels], or its own name."""
+        """Return the column of a channel in a row: the name in [channels] if present, else its own name."""
         named = self.actuator.channels.entry(channel).column
         return named if named is not None and named in row else channel
 
@@ -367,12 +367,12 @@ class StreamSource:
 
 
 def _key(ended: _Ended) -> str:
-    """Return what the history knows a movement by that was tried: it ends where the sender's rows say so."""
+    """Return the identifier of a tried movement in the history: unit, hours and end, the same in each run."""
     return f"{ended.entry.unit} at {ended.entry.hours!r} h, to {ended.movement.last!r} s"
 
 
 class _StoppedError(Exception):
-    """The reading is to end."""
+    """Reading was stopped."""
 
 
 def _is_given(value: float | str | None) -> bool:
@@ -380,7 +380,7 @@ def _is_given(value: float | str | None) -> bool:
 
 
 def _seconds(entry: ChannelEntry) -> float:
-    """Return the seconds that one unit of the raw time is."""
+    """Return the length of one unit of the raw time [s]."""
     import numpy as np
 
     from emaphm.actuator.columns.units import in_unit

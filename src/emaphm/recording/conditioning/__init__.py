@@ -1,1 +1,1 @@
-"""From what a file holds to a recording: one time base, gaps, outliers, bandwidth, each noted."""
+"""Conditioning of a file's columns: time base, gaps, outliers, bandwidth; each step adds a note."""

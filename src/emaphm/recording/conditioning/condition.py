@@ -1,4 +1,4 @@
-"""What is done to the rows of one recording before it is one; each step adds a note."""
+"""Conditioning of the rows of one recording: gaps, outliers and delays; each step adds a note."""
 
 from collections.abc import Collection, Mapping
 
@@ -22,34 +22,34 @@ def conditioned(
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return the channels of a recording without short gaps, outliers and delays, and a note on each step.
 
-    What needs none of it is returned as it is, to the last bit. Columns beyond the schema lose and gain rows
-    as the others do, and are not changed otherwise.
+    Channels that need no conditioning are returned bit for bit. Columns beyond the schema lose and gain the
+    same rows as the channels, and are not changed otherwise.
 
     Parameters
     ----------
     channels
         Arrays (n,) by name, NaN where a cell is empty.
     constants
-        Those that were not measured.
+        Channels that were not measured.
     delays
-        How late channels were recorded, by name [s].
+        Delays with which channels were recorded, by name [s].
     reading
         Longest gap, and whether outliers are replaced.
     sampling
-        What a row is.
+        Meaning of a row: "mean" or "instant".
     names
-        What channels are called in the file.
+        Names of the channels in the file.
     source
-        Of the recording, for errors.
+        Name of the recording, for errors.
 
     Raises
     ------
     RecordingError
-        A long gap, or another rule of `check` that is broken; a delay that is longer than the recording.
+        There is a long gap, the columns do not pass `check`, or a delay is longer than the recording.
     """
     columns, lost = with_lost_rows(dict(channels), reading.longest_gap)
     columns, filled = without_short_gaps(columns, reading.longest_gap)
     check(columns, source, names)
     columns, replaced = without_outliers(columns, constants) if reading.outliers else (columns, ())
-    columns, late = without_delays(columns, delays, sampling, source)
-    return columns, (*lost, *filled, *replaced, *late)
+    columns, shifted = without_delays(columns, delays, sampling, source)
+    return columns, (*lost, *filled, *replaced, *shifted)

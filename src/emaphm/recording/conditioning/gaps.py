@@ -1,4 +1,4 @@
-"""Empty cells and lost rows: short gaps are interpolated, long ones stay for the checks to refuse."""
+"""Gaps from empty cells and lost rows: short gaps are interpolated, long gaps are left to the checks."""
 
 from collections.abc import Mapping
 
@@ -14,11 +14,11 @@ from emaphm.recording.schema import SCHEMA
 Columns = dict[str, Array]
 
 FEWEST_ROWS = 3
-"""Rows that a curve needs."""
+"""Least number of rows for a curve."""
 
 
 def in_long_gaps(channels: Mapping[str, Array], longest: int) -> NDArray[np.bool_]:
-    """Return which rows (n,) lie in a gap of some channel that is longer than `longest` rows."""
+    """Return whether each row (n,) lies in a gap of any channel that is longer than `longest` rows."""
     inside = np.zeros(channels["time_s"].size, bool)
     for values in channels.values():
         for start, stop in runs(np.isnan(values)):
@@ -28,17 +28,17 @@ def in_long_gaps(channels: Mapping[str, Array], longest: int) -> NDArray[np.bool
 
 
 def interval_of(time: Array) -> float:
-    """Return the median of the steps of `time` (n,) that go on [s], NaN where there is none."""
+    """Return the median of the positive steps of `time` (n,) [s], NaN if there is none."""
     steps = np.diff(time)
     steps = steps[steps > 0]
     return float(np.median(steps)) if steps.size else float("nan")
 
 
 def with_lost_rows(channels: Columns, longest: int) -> tuple[Columns, tuple[str, ...]]:
-    """Return channels with interpolated rows where at most `longest` in a row were lost.
+    """Return channels with interpolated rows where at most `longest` successive rows were lost, and a note.
 
-    A row is lost where a time step is a whole multiple of the usual one, to a quarter of it. Columns beyond
-    the schema are left empty there, but for constant ones: these are labels.
+    Rows are lost where a time step is a multiple of the usual step, to a quarter of it. Columns beyond the
+    schema are left empty there, except constant columns, which are labels.
     """
     time = channels["time_s"]
     interval = interval_of(time)
@@ -66,20 +66,20 @@ def with_lost_rows(channels: Columns, longest: int) -> tuple[Columns, tuple[str,
 
 
 def _in_lost_rows(values: Array) -> float:
-    """Return what stands where rows of a column (n,) were lost: its value if it has one only, else NaN."""
+    """Return the value for lost rows of a column (n,): its value if it is constant, else NaN."""
     return float(values[0]) if np.all(values == values[0]) else float("nan")
 
 
 def without_short_gaps(channels: Columns, longest: int) -> tuple[Columns, tuple[str, ...]]:
     """Return channels whose gaps of at most `longest` rows are interpolated, with a note for each channel.
 
-    Rows at either end that a short gap reaches are left out: nothing is known on one side of them. Time and
-    columns beyond the schema are left as they are.
+    Rows of a short gap at either end of the recording are left out: there is no value on one side of them.
+    Time and columns beyond the schema are not changed.
     """
     channels, notes = _without_open_ends(channels, longest)
     time = channels["time_s"]
     filled = dict(channels)
-    for name in _with_cells(channels):
+    for name in _measured_channels(channels):
         gaps = [(a, b) for a, b in runs(np.isnan(channels[name])) if b - a <= longest]
         if not gaps or not _increases(time):
             continue
@@ -92,9 +92,10 @@ def without_short_gaps(channels: Columns, longest: int) -> tuple[Columns, tuple[
 
 
 def _interpolated(name: str, time: Array, values: Array, at: NDArray[np.intp]) -> Array:
-    """Return values (n,) with the rows `at` on a curve through the others, or held."""
+    """Return `values` (n,) with the rows `at` interpolated from the other rows, or held."""
     known = np.flatnonzero(np.isfinite(values))
-    # All of an angle without its jumps: a part of it would hide the others from what comes after.
+    # The whole angle is unwrapped: later steps would not detect the turns of an angle that is unwrapped in
+    # part.
     filled = continuous(values).copy() if name == "angle_rad" else values.copy()
     if known.size < FEWEST_ROWS:
         return filled
@@ -105,7 +106,7 @@ def _interpolated(name: str, time: Array, values: Array, at: NDArray[np.intp]) -
     return filled
 
 
-def _with_cells(channels: Columns) -> list[str]:
+def _measured_channels(channels: Columns) -> list[str]:
     return [name for name in channels if name in SCHEMA and name != "time_s"]
 
 
@@ -113,7 +114,7 @@ def _without_open_ends(channels: Columns, longest: int) -> tuple[Columns, tuple[
     rows = channels["time_s"].size
     first, last = 0, rows
     names = []
-    for name in _with_cells(channels):
+    for name in _measured_channels(channels):
         gaps = runs(np.isnan(channels[name]))
         if not gaps:
             continue
@@ -130,12 +131,12 @@ def _without_open_ends(channels: Columns, longest: int) -> tuple[Columns, tuple[
 
 
 def covered_rows(columns: Mapping[str, Array], rows: int, source: str) -> tuple[slice, tuple[str, ...]]:
-    """Return the rows from the first that all columns (rows,) know to the last that they do, and a note.
+    """Return the rows from the first to the last row in which all columns (rows,) have a value, and a note.
 
     Parameters
     ----------
     columns
-        What was brought from times of its own, by name in the file; NaN where it is not known.
+        Columns interpolated from their own times, by name in the file; NaN at times that they do not cover.
     rows
         Number of rows.
     source
@@ -144,7 +145,7 @@ def covered_rows(columns: Mapping[str, Array], rows: int, source: str) -> tuple[
     Raises
     ------
     RecordingError
-        There is no such row.
+        There is no such row: the times do not overlap.
     """
     first, last = 0, rows
     names = []
@@ -165,7 +166,7 @@ def covered_rows(columns: Mapping[str, Array], rows: int, source: str) -> tuple[
 
 
 def _ends(first: int, last: int, rows: int) -> str:
-    """Return what the rows before `first` and from `last` on are called."""
+    """Return the words for the rows before `first` and from `last` on."""
     ends = [f"the first {_count(first, 'row')}"] if first else []
     ends += [f"the last {_count(rows - last, 'row')}"] if last < rows else []
     return " and ".join(ends)
@@ -175,5 +176,5 @@ def _increases(time: Array) -> bool:
     return bool(np.all(np.diff(time) > 0))
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -1,4 +1,4 @@
-"""A zero-phase low-pass on what was measured."""
+"""Zero-phase low-pass filter of the measured channels."""
 
 from collections.abc import Collection
 
@@ -10,13 +10,13 @@ from emaphm.recording.recording import Recording
 from emaphm.recording.schema import SCHEMA
 
 ORDER = 2
-"""Order of the Butterworth filter that runs forward and backward [-]: four in all."""
+"""Order of the Butterworth filter, which runs forward and backward [-]: four in total."""
 
 NOT_FILTERED = ("time_s", "command_rad", *HELD)
 
 HALF_POWER = (np.sqrt(2) - 1) ** (1 / (2 * ORDER))
-"""Bandwidth of the filter run both ways, relative to that of one way [-]: |H|² = 1 / (1 + (f/f_c)^4) is 1/√2
-at f = f_c (√2 - 1)^(1/4), frequencies warped as the bilinear transform does, tan(π f / rate)."""
+"""Bandwidth of the filter run in both directions, relative to one direction [-]: |H|² = 1 / (1 + (f/f_c)^4)
+is 1/√2 at f = f_c (√2 - 1)^(1/4), with frequencies warped by the bilinear transform, tan(π f / rate)."""
 
 
 def low_passed(recording: Recording, bandwidth_hz: float, constants: Collection[str]) -> Recording:
@@ -25,16 +25,16 @@ def low_passed(recording: Recording, bandwidth_hz: float, constants: Collection[
     Parameters
     ----------
     recording
-        At a constant rate.
+        Recording at a constant rate.
     bandwidth_hz
-        Where amplitudes fall to 1/√2 [Hz].
+        Frequency at which amplitudes fall to 1/√2 [Hz].
     constants
         Channels that were not measured.
 
     Raises
     ------
     RecordingError
-        The bandwidth is not below half the rate of the rows, or below a period in the recording.
+        The bandwidth is not below half the row rate, or the recording is shorter than one period of it.
     """
     from scipy.signal import butter, sosfiltfilt
 
@@ -53,7 +53,8 @@ def low_passed(recording: Recording, bandwidth_hz: float, constants: Collection[
     corner = rate / np.pi * np.arctan(np.tan(np.pi * bandwidth_hz / rate) / HALF_POWER)
     sections = butter(ORDER, corner, fs=rate, output="sos")
     channels = dict(recording.channels)
-    filtered = [n for n in channels if n in SCHEMA and n not in NOT_FILTERED and n not in constants]
+    excluded = {*NOT_FILTERED, *constants}
+    filtered = [name for name in channels if name in SCHEMA and name not in excluded]
     for name in filtered:
         values = continuous(channels[name]) if name == "angle_rad" else channels[name]
         channels[name] = np.asarray(sosfiltfilt(sections, values), float)

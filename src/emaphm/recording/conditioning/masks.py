@@ -1,4 +1,4 @@
-"""Which rows of a file are used: by a condition, by time, and without long rests of the command."""
+"""Masks of the rows of a file that are used: by a condition, by time, without long rests of the command."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +11,17 @@ from emaphm.recording.conditioning.gaps import interval_of
 from emaphm.recording.conditioning.table import Table, operands_of
 
 REST = 1e-4
-"""Part of its range within which a command counts as at rest [-]. A sine stays so at a peak for 0.6 % of its
-period."""
+"""Largest change of a command at rest, relative to its range [-]. A sine stays within it at a peak for 0.6 %
+of its period."""
 
 
 def kept_rows(table: Table, reading: Reading, source: str) -> NDArray[np.bool_]:
-    """Return which rows (n,) of a file are used.
+    """Return whether each row (n,) of a file is used.
 
     Raises
     ------
     RecordingError
-        A column of the condition is absent, or no row is left; the message says by which of the masks.
+        A column of the condition is absent, or no row is left; the message names the mask.
     """
     time = table.channels["time_s"]
     kept = np.ones(time.size, bool)
@@ -29,30 +29,30 @@ def kept_rows(table: Table, reading: Reading, source: str) -> NDArray[np.bool_]:
         expression = Expression.parse(reading.keep)
         operands = operands_of(expression, table.further, table.channels, source, "the condition keep names")
         try:
-            found = np.asarray(expression.evaluate(operands))
+            condition = np.asarray(expression.evaluate(operands))
         except ValueError as error:
             raise RecordingError(
                 f'{source}: keep = "{reading.keep}": {error}; compare like with like'
             ) from None
-        if found.shape != time.shape:
+        if condition.shape != time.shape:
             raise RecordingError(
-                f'{source}: keep = "{reading.keep}" gives {found.size} values for {time.size} rows; name '
+                f'{source}: keep = "{reading.keep}" gives {condition.size} values for {time.size} rows; name '
                 "columns that have a value for each row"
             )
-        kept &= found.astype(float) > 0 if found.dtype != bool else found
-        _check_some(kept, f'keep = "{reading.keep}"', source)
+        kept &= condition.astype(float) > 0 if condition.dtype != bool else condition
+        _check_not_empty(kept, f'keep = "{reading.keep}"', source)
     if reading.times:
         kept &= np.logical_or.reduce([(time >= first) & (time <= last) for first, last in reading.times])
-        _check_some(kept, f"times = {[list(one) for one in reading.times]}", source)
+        _check_not_empty(kept, f"times = {[list(limits) for limits in reading.times]}", source)
     if reading.dwell_s is not None:
         kept &= ~at_rest(time, table.channels["command_rad"], reading.dwell_s)
-        _check_some(kept, f"dwell_s = {reading.dwell_s:g}", source)
+        _check_not_empty(kept, f"dwell_s = {reading.dwell_s:g}", source)
     return kept
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def at_rest(time: Array, command: Array, least_s: float) -> NDArray[np.bool_]:
-    """Return which rows (n,) lie in a rest of the command of at least `least_s` [s]."""
+    """Return whether each row (n,) lies in a rest of the command of at least `least_s` [s]."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     interval = interval_of(time)
@@ -65,15 +65,15 @@ def at_rest(time: Array, command: Array, least_s: float) -> NDArray[np.bool_]:
     # A filter of n rows at row i covers rows i - n // 2 to i - n // 2 + n - 1.
     swing = maximum_filter1d(command, rows, mode="nearest") - minimum_filter1d(command, rows, mode="nearest")
     middle = np.arange(command.size)
-    whole = (middle - rows // 2 >= 0) & (middle - rows // 2 + rows <= command.size)
-    starts = np.flatnonzero(whole & (swing <= REST * np.ptp(known))) - rows // 2
+    complete = (middle - rows // 2 >= 0) & (middle - rows // 2 + rows <= command.size)
+    starts = np.flatnonzero(complete & (swing <= REST * np.ptp(known))) - rows // 2
     marks = np.zeros(command.size + 1)
     np.add.at(marks, starts, 1)
     np.add.at(marks, starts + rows, -1)
     return np.cumsum(marks[:-1]) > 0
 
 
-def _check_some(kept: NDArray[np.bool_], mask: str, source: str) -> None:
+def _check_not_empty(kept: NDArray[np.bool_], mask: str, source: str) -> None:
     if not np.any(kept):
         raise RecordingError(
             f"{source}: {mask} under [reading] in the actuator's TOML leaves no row of {kept.size}; correct "

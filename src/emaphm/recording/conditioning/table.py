@@ -1,4 +1,4 @@
-"""The rows of a file as channels: columns on one time base, converted, scaled, and reckoned from others."""
+"""Conversion of a file's columns into channels: one time base, units, scales, derived channels."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ from emaphm.recording.schema import SCHEMA
 
 @dataclass(frozen=True)
 class Table:
-    """What the rows of a file hold.
+    """Channels and further columns of a file, on one time base.
 
     Parameters
     ----------
@@ -31,11 +31,11 @@ class Table:
     further
         Arrays (n,) of numbers or texts by their names in the file.
     sources
-        Where each of `channels` comes from.
+        Source of each channel in the file.
     constants
-        Channels known for the whole file.
+        Channels with a given value for the whole file.
     notes
-        What was done.
+        Sentences on the changes of the columns.
     """
 
     channels: dict[str, Array]
@@ -50,12 +50,12 @@ class Table:
         return self.channels["time_s"].size
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Return what a condition may name: the file's columns, and the channels."""
+        """Return the arrays (n,) that a condition may name: the file's columns and the channels."""
         return {**self.channels, **self.further}
 
 
 def table_of(
-    held: FileColumns,
+    file: FileColumns,
     sources: Mapping[str, Source],
     actuator: Actuator,
     source: str,
@@ -63,76 +63,81 @@ def table_of(
     needed: Sequence[str] = (),
     known: Mapping[str, float] | None = None,
 ) -> Table:
-    """Return the channels of a file.
+    """Return the channels and further columns of a file.
 
     Parameters
     ----------
-    held
-        What the file holds.
+    file
+        Columns of the file.
     sources
-        Where each channel comes from.
+        Source of each channel in the file.
     actuator
-        Whose coordinates say whether m or rad is meant, and how rows were sampled.
+        Gives the coordinates (m or rad), the sampling of the rows and the longest gap.
     source
         The file's name, for errors.
     needed
-        Further columns that a condition or a cut names.
+        Further columns named by a condition or by the way to cut.
     known
-        Values of channels, in their SI unit, which stand for the whole file.
+        Values of channels, in their SI unit, for the whole file.
 
     Raises
     ------
     RecordingError
-        A unit is of another quantity than its channel, a column of an expression is absent, a named one
-        holds neither numbers nor texts, lengths differ, or times of a column cannot be used.
+        A unit is of another quantity than its channel, a column of an expression is absent, a named column
+        holds neither numbers nor texts, lengths differ, or the times of a column cannot be used.
     """
     notes: list[str] = []
-    signals = _signals(held, sources, source)
+    signals = _signals(file, sources, source)
     wanted = signals | set(needed)
-    for name in sorted(wanted & held.unusable.keys() - held.texts.keys() - sources.keys()):
-        raise RecordingError(f"{source}: column '{name}' {held.unusable[name]}")
-    # What a condition or a cut names is a state: nothing lies between two of them.
+    for name in sorted(wanted & file.unusable.keys() - file.texts.keys() - sources.keys()):
+        raise RecordingError(f"{source}: column '{name}' {file.unusable[name]}")
+    # A column of a condition or a cut is a state, which is held: there is no value between two states.
     states = wanted - signals
-    names = [name for name in held.numeric if name in wanted]
-    held, time = _on_one_base(held, sources, names, states, actuator, source, notes)
+    names = [name for name in file.numeric if name in wanted]
+    file, time = _on_one_base(file, sources, names, states, actuator, source, notes)
     channels: dict[str, Array] = {"time_s": time}
-    for name, where in sources.items():
-        if name != "time_s" and where.column is not None:
-            channels[name] = _converted(name, where, held.numeric[where.column], actuator, source)
-    for name, where in sources.items():
-        if where.column is None and where.entry.derived is not None:
-            channels[name] = _derived(name, where, held, channels, actuator, source)
+    for name, channel_source in sources.items():
+        if name != "time_s" and channel_source.column is not None:
+            channels[name] = _converted(
+                name, channel_source, file.numeric[channel_source.column], actuator, source
+            )
+    for name, channel_source in sources.items():
+        if channel_source.column is None and channel_source.entry.derived is not None:
+            channels[name] = _derived(name, channel_source, file, channels, actuator, source)
     constants = {}
-    for name, where in sources.items():
-        if where.entry.value is not None and where.column is None:
+    for name, channel_source in sources.items():
+        if channel_source.entry.value is not None and channel_source.column is None:
             constants[name] = _converted(
-                name, where, np.full(time.shape, where.entry.value), actuator, source
+                name, channel_source, np.full(time.shape, channel_source.entry.value), actuator, source
             )
     for name, value in (known or {}).items():
         constants[name] = np.full(time.shape, value)
         notes.append(f"{name} = {value:g} was given for the whole recording")
-    taken = {where.column for where in sources.values()} | set(SCHEMA)
+    used = {channel_source.column for channel_source in sources.values()} | set(SCHEMA)
     further: dict[str, NDArray[Any]] = {
         name: values
-        for name, values in {**held.numeric, **held.texts}.items()
-        if values.shape == time.shape and (name not in taken or name in needed)
+        for name, values in {**file.numeric, **file.texts}.items()
+        if values.shape == time.shape and (name not in used or name in needed)
     }
     ordered = {name: {**channels, **constants}[name] for name in SCHEMA if name in {*channels, *constants}}
     return Table(ordered, further, sources, tuple(constants), notes)
 
 
-def _signals(held: FileColumns, sources: Mapping[str, Source], source: str) -> set[str]:
-    """Return the columns that channels are, or are derived from."""
-    columns = [*held.numeric, *held.unusable]
-    signals = {where.column for where in sources.values() if where.column is not None}
-    for where in sources.values():
-        if where.entry.derived is not None:
-            signals |= set(columns_of(Expression.parse(where.entry.derived), columns, source).values())
+def _signals(file: FileColumns, sources: Mapping[str, Source], source: str) -> set[str]:
+    """Return the columns of channels, including those of expressions from which channels are derived."""
+    columns = [*file.numeric, *file.unusable]
+    entries = [channel_source.entry for channel_source in sources.values()]
+    signals = {
+        channel_source.column for channel_source in sources.values() if channel_source.column is not None
+    }
+    for entry in entries:
+        if entry.derived is not None:
+            signals |= set(columns_of(Expression.parse(entry.derived), columns, source).values())
     return signals
 
 
 def _on_one_base(
-    held: FileColumns,
+    file: FileColumns,
     sources: Mapping[str, Source],
     wanted: Sequence[str],
     states: Collection[str],
@@ -142,56 +147,56 @@ def _on_one_base(
 ) -> tuple[FileColumns, Array]:
     """Return the file with all `wanted` columns on the times of the command, and these times (n,) [s].
 
-    States hold until their next row. Rows that one of the columns does not cover are left out.
+    States are held until their next row. Rows that any of the columns does not cover are left out.
     """
     named = {
-        where.column: _times_in_file(where.entry, held, sources, actuator, source)
-        for where in sources.values()
-        if where.column is not None and where.entry.time is not None
+        channel_source.column: _times_in_file(channel_source.entry, file, sources, actuator, source)
+        for channel_source in sources.values()
+        if channel_source.column is not None and channel_source.entry.time is not None
     }
-    times = {**held.times, **named}
+    times = {**file.times, **named}
     if "time_s" in sources:
-        where = sources["time_s"]
-        base = _converted("time_s", where, held.numeric[str(where.column)], actuator, source)
-        clock = _times_of_format(str(where.column), wanted, held, base)
+        time_source = sources["time_s"]
+        base = _converted("time_s", time_source, file.numeric[str(time_source.column)], actuator, source)
+        clock = _times_of_format(str(time_source.column), wanted, file, base)
     else:
         leading = sources["command_rad"].column
         leading = leading if leading in times else next(name for name in wanted if name in times)
         base = clock = times[leading]
-    numeric = dict(held.numeric)
-    holding = {*states, *(where.column for name, where in sources.items() if name in HELD)}
-    turning = sources.get("angle_rad", Source(OWN_NAME))
+    numeric = dict(file.numeric)
+    held = {*states, *(channel_source.column for name, channel_source in sources.items() if name in HELD)}
+    angle = sources.get("angle_rad", Source(OWN_NAME))
     bases: dict[int, list[str]] = {}
     for name in wanted:
         own, rows_at = times.get(name), base if name in named else clock
         if own is None or np.array_equal(own, rows_at):
             continue
         values = numeric[name]
-        if name == turning.column:
-            values = _without_turns(turning, values, actuator, source)
-        numeric[name] = _moved(name, own, values, rows_at, actuator, source, holds=name in holding)
+        if name == angle.column:
+            values = _without_turns(angle, values, actuator, source)
+        numeric[name] = _moved(name, own, values, rows_at, actuator, source, holds=name in held)
         bases.setdefault(own.size, []).append(name)
     notes += [
         f"{', '.join(names)}: brought from times of their own to those of the command"
         for names in bases.values()
     ]
-    brought = {name: numeric[name] for names in bases.values() for name in names}
-    rows, left_out = covered_rows(brought, base.size, source)
+    interpolated = {name: numeric[name] for names in bases.values() for name in names}
+    rows, left_out = covered_rows(interpolated, base.size, source)
     notes += left_out
-    texts = {name: _cut(values, rows, base.size) for name, values in held.texts.items()}
+    texts = {name: _cut(values, rows, base.size) for name, values in file.texts.items()}
     numeric = {name: _cut(values, rows, base.size) for name, values in numeric.items()}
-    return FileColumns(numeric, held.unusable, texts), base[rows]
+    return FileColumns(numeric, file.unusable, texts), base[rows]
 
 
-def _times_of_format(time: str, wanted: Sequence[str], held: FileColumns, base: Array) -> Array:
-    """Return the format's times (n,) [s] of the rows whose column `time` holds `base` (n,); else `base`.
+def _times_of_format(time: str, wanted: Sequence[str], file: FileColumns, base: Array) -> Array:
+    """Return the format's times (n,) [s] of the rows of column `time`, else its values `base` (n,).
 
-    A column of times comes before what the format says, which may be a default only, and may count from
-    another start: columns of other groups are brought to these rows by the format's times alone.
+    A column of times has priority over the times of the format, which may be a default only and may have
+    another origin. Columns of other groups are interpolated at these rows according to the format's times.
     """
     group = time.rpartition("/")[0]
     for name in (time, *wanted):
-        own = held.times.get(name)
+        own = file.times.get(name)
         if own is not None and own.size == base.size and name.rpartition("/")[0] == group:
             return own
     return base
@@ -202,22 +207,22 @@ def _cut(values: NDArray[Any], rows: slice, size: int) -> NDArray[Any]:
 
 
 def _without_turns(angle: Source, raw: Array, actuator: Actuator, source: str) -> Array:
-    """Return a raw column of an angle, in its own unit, without the jumps of a sensor that starts anew."""
-    none, one = _converted("angle_rad", angle, np.array([0.0, 1.0]), actuator, source)
-    return np.asarray(continuous((one - none) * raw) / (one - none))
+    """Return a raw column of an angle, in its own unit, unwrapped if its sensor restarts with every turn."""
+    at_zero, at_one = _converted("angle_rad", angle, np.array([0.0, 1.0]), actuator, source)
+    return np.asarray(continuous((at_one - at_zero) * raw) / (at_one - at_zero))
 
 
 def _times_in_file(
-    entry: ChannelEntry, held: FileColumns, sources: Mapping[str, Source], actuator: Actuator, source: str
+    entry: ChannelEntry, file: FileColumns, sources: Mapping[str, Source], actuator: Actuator, source: str
 ) -> Array:
-    there = resolved(str(entry.time), list(held.numeric), source)
-    if there is None:
+    column = resolved(str(entry.time), list(file.numeric), source)
+    if column is None:
         raise RecordingError(
             f"{source}: no column '{entry.time}', which [channels] in the actuator's TOML gives as time"
-            f"{missing_name(str(entry.time), list(held.numeric))}; correct the name there"
+            f"{missing_name(str(entry.time), list(file.numeric))}; correct the name there"
         )
     unit = sources["time_s"] if "time_s" in sources else Source(ChannelEntry())
-    return _converted("time_s", unit, held.numeric[there], actuator, source)
+    return _converted("time_s", unit, file.numeric[column], actuator, source)
 
 
 def _moved(
@@ -230,7 +235,7 @@ def _moved(
     *,
     holds: bool,
 ) -> Array:
-    """Return a column on the times `base` (n,) [s]; NaN in gaps that are longer than may be interpolated."""
+    """Return a column on the times `base` (n,) [s]; NaN in gaps that are too long to be interpolated."""
     if times.shape != values.shape:
         raise RecordingError(
             f"{source}: column '{name}' has {values.size} rows, its times have {times.size}; give the "
@@ -239,26 +244,27 @@ def _moved(
     if base.size < 2:
         raise RecordingError(f"{source}: too short: {base.size} rows; record a longer manoeuvre")
     known = np.isfinite(values) & np.isfinite(times)
-    seen, steps = times[known], np.diff(times[known])
-    if seen.size < (1 if holds else 2) or np.any(steps <= 0) or np.any(np.diff(base) <= 0):
+    known_times, steps = times[known], np.diff(times[known])
+    if known_times.size < (1 if holds else 2) or np.any(steps <= 0) or np.any(np.diff(base) <= 0):
         raise RecordingError(
             f"{source}: column '{name}' has times of its own, which do not increase; export it with the "
             "times of the command"
         )
     if holds:
-        return last_state(seen, values[known], base)
-    found = moved(*_between(times, values, known), base, actuator.channels.sampling)
-    # Of a column that is written when it changes, a long step is no gap.
+        return last_state(known_times, values[known], base)
+    interpolated = moved(*_between(times, values, known), base, actuator.channels.sampling)
+    # The 90 % quantile, since a column that is logged on change has long steps which are no gaps.
     usual = float(np.percentile(steps, 90))
     for i in np.flatnonzero(steps > (actuator.reading.longest_gap + 1.25) * usual):
-        found[(base > seen[i] + 1e-6 * usual) & (base < seen[i + 1] - 1e-6 * usual)] = np.nan
-    return found
+        in_gap = (base > known_times[i] + 1e-6 * usual) & (base < known_times[i + 1] - 1e-6 * usual)
+        interpolated[in_gap] = np.nan
+    return interpolated
 
 
 def _between(times: Array, values: Array, known: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Return times (m,) and values (m,) from the first `known` row (n,) to the last, empty ones on a curve.
+    """Return times (m,) and values (m,) from the first `known` row (n,) to the last, gaps interpolated.
 
-    Without them, a mean would count for the rows after it too.
+    Without the interpolated rows, the mean of a row would also count for the empty rows after it.
     """
     places = np.flatnonzero(known)
     rows = np.flatnonzero(np.isfinite(times))
@@ -269,8 +275,9 @@ def _between(times: Array, values: Array, known: NDArray[np.bool_]) -> tuple[Arr
     return times[rows], np.where(known[rows], values[rows], filled)
 
 
-def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source: str) -> Array:
-    entry = where.entry
+def _converted(name: str, channel_source: Source, raw: Array, actuator: Actuator, source: str) -> Array:
+    """Return a raw column (n,) of channel `name` with the scale, offset, sign and unit of its entry."""
+    entry = channel_source.entry
     if not entry.converts:
         return raw
     with np.errstate(over="ignore", invalid="ignore"):  # the checks refuse what is not finite
@@ -283,8 +290,12 @@ def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source:
     try:
         return in_unit(values, entry.unit, target)
     except ValueError as error:
-        others = [f'"{one}"' for one in get_args(Coordinates) if _converts(entry.unit, name, one)]
-        hint = f", or set coordinates = {' or '.join(others)}" if others else ""
+        fitting = [
+            f'"{coordinates}"'
+            for coordinates in get_args(Coordinates)
+            if _converts(entry.unit, name, coordinates)
+        ]
+        hint = f", or set coordinates = {' or '.join(fitting)}" if fitting else ""
         raise RecordingError(
             f"{source}: unit of {name} under [channels] in the actuator's TOML: {error}; correct the "
             f"unit{hint}"
@@ -292,19 +303,19 @@ def _converted(name: str, where: Source, raw: Array, actuator: Actuator, source:
 
 
 def check_units(actuator: Actuator, names: Iterable[str], source: str) -> None:
-    """Refuse a unit in the entries of the channels `names` that is one of another quantity.
+    """Refuse a unit in the entries of the channels `names` that belongs to another quantity.
 
     Raises
     ------
     RecordingError
-        As `table_of` does where such an entry is applied.
+        The same as `table_of` raises when such an entry is applied.
     """
     for name in names:
         _converted(name, Source(actuator.channels.entry(name)), np.zeros(1), actuator, source)
 
 
 def _converts(unit: str, name: str, coordinates: str) -> bool:
-    """Return whether a `unit` is one of channel `name` in these coordinates."""
+    """Return whether `unit` is a unit of channel `name` in these coordinates."""
     from emaphm.actuator.columns.units import in_unit
 
     try:
@@ -316,15 +327,15 @@ def _converts(unit: str, name: str, coordinates: str) -> bool:
 
 def _derived(
     name: str,
-    where: Source,
-    held: FileColumns,
+    channel_source: Source,
+    file: FileColumns,
     channels: Mapping[str, Array],
     actuator: Actuator,
     source: str,
 ) -> Array:
-    expression = Expression.parse(str(where.entry.derived))
+    expression = Expression.parse(str(channel_source.entry.derived))
     operands = operands_of(
-        expression, {**held.texts, **held.numeric}, channels, source, f"{name} is derived from"
+        expression, {**file.texts, **file.numeric}, channels, source, f"{name} is derived from"
     )
     try:
         raw = np.asarray(expression.evaluate(operands), float)
@@ -335,7 +346,7 @@ def _derived(
             f"{source}: {name}, derived as '{expression.text}', has {raw.size} rows, the time has "
             f"{channels['time_s'].size}; give columns of the same length"
         )
-    return _converted(name, where, raw, actuator, source)
+    return _converted(name, channel_source, raw, actuator, source)
 
 
 def operands_of(
@@ -343,25 +354,27 @@ def operands_of(
     columns: Mapping[str, NDArray[Any]],
     channels: Mapping[str, Array],
     source: str,
-    what: str,
+    role: str,
 ) -> dict[str, NDArray[Any]]:
     """Return the arrays (n,) that an expression names: columns of the file, else channels of the schema.
+
+    `role` continues "no column 'x', which …" in the error.
 
     Raises
     ------
     RecordingError
-        There is none of a name, or they differ in length.
+        A name is neither a column nor a channel, or the arrays differ in length.
     """
-    there = columns_of(expression, list(columns), source)
+    in_file = columns_of(expression, list(columns), source)
     operands = {}
     for name in expression.names:
-        if name in there:
-            operands[name] = columns[there[name]]
+        if name in in_file:
+            operands[name] = columns[in_file[name]]
         elif name in channels:
             operands[name] = channels[name]
         else:
             raise RecordingError(
-                f"{source}: no column '{name}', which {what} in the actuator's TOML"
+                f"{source}: no column '{name}', which {role} in the actuator's TOML"
                 f"{missing_name(name, [*columns, *channels])}; correct the name there"
             )
     sizes = {values.size for values in operands.values()}

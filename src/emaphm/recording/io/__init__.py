@@ -1,1 +1,1 @@
-"""Reading and writing recordings, one file format a module."""
+"""Reading and writing recordings, with one module for each file format."""

@@ -1,4 +1,4 @@
-"""CSV: comma-separated, one header row, a point as the decimal sign."""
+"""Reader of CSV files: comma-separated, with one header row and a point as the decimal sign."""
 
 import csv
 import io
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FOREIGN_SEPARATORS = {";": "';'", "\t": "tabs", "|": "'|'"}
 
 COMPRESSED = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"PK\x03\x04": "zip"}
-"""How compressed files begin; some programs leave the ending .csv on them."""
+"""First bytes of compressed files; some programs keep the ending .csv."""
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
@@ -26,22 +26,22 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 def read_csv(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileColumns:
     """Read the columns of a CSV file.
 
-    A file may have been cut short within its last number. If its last line has no line end, the last value
-    is taken for whole only if it is quoted, or has at least as many characters as the longest value of its
-    column: a part of a number is shorter. Else its column is unusable.
+    A file may be cut short within its last number. If the last line has no line end, the last value is
+    accepted as complete only if it is quoted, or has at least as many characters as the longest value of its
+    column, because a part of a number is shorter. Else its column is unusable.
 
     Parameters
     ----------
     path
         The file.
     limits
-        Sizes beyond which it is refused.
+        Sizes beyond which the file is refused.
 
     Raises
     ------
     RecordingError
-        It is too large, compressed, or no CSV text, its rows differ in length, or two columns have the same
-        name.
+        The file is too large, compressed, or no CSV text, its rows differ in length, or two columns have the
+        same name.
     """
     import polars as pl
 
@@ -51,15 +51,15 @@ def read_csv(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileCol
         if content.startswith(start):
             raise RecordingError(f"{source}: is compressed ({name}); unpack it first")
     ends_in_line = content[-1:].isspace()
-    # Files often begin or end with blank lines, which polars takes for rows.
+    # Files often begin or end with blank lines, which polars would read as rows.
     content = content.removeprefix(BYTE_ORDER_MARK).strip()
-    if b"\n" not in content:  # old Macintosh programs end lines so
+    if b"\n" not in content:  # line ends of old Macintosh programs
         content = content.replace(b"\r", b"\n")
-    # Quoted line breaks count as rows here, which only a file near the limit could be refused for.
+    # Quoted line breaks are counted as rows here, which matters only for a file near the limit.
     limits.check(content.count(b"\n"), content.partition(b"\n")[0].count(b",") + 1, source)
     try:
-        # As text, so that a value that is no number can be shown with its row. With a mark before it polars
-        # does not take text that begins with "x^" for compressed.
+        # Read as text, so that an error can quote a value that is no number with its row. With the byte order
+        # mark, polars does not take text that begins with "x^" for compressed data.
         rows = pl.read_csv(BYTE_ORDER_MARK + content, has_header=False, infer_schema=False)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         complaint = _uneven_row(content) or (
@@ -85,7 +85,7 @@ def _column_names(header: Sequence[str | None], source: str) -> list[str]:
 
 
 def _separated_otherwise(header: str) -> str | None:
-    """Return what to do about a header of one column that is separated by something else than commas."""
+    """Return the complaint about a header with a separator other than the comma, else None."""
     for separator, written in FOREIGN_SEPARATORS.items():
         if separator in header:
             return (
@@ -96,6 +96,7 @@ def _separated_otherwise(header: str) -> str | None:
 
 
 def _add(columns: FileColumns, name: str, column: "pl.Series") -> None:
+    """Add a column of text to `columns`, as numbers, texts or both; see `FileColumns`."""
     text = column.str.strip_chars()
     numbers = text.cast(float, strict=False)
     wrong = (numbers.is_null() & text.is_not_null() & (text != "")).arg_true()
@@ -113,9 +114,9 @@ def _add(columns: FileColumns, name: str, column: "pl.Series") -> None:
 
 
 def _are_names(text: "pl.Series") -> bool:
-    """Return whether all are digits, as serial numbers are, and some are not the number: 0042 and 1E5.
+    """Return whether numbers are names such as serial numbers: all of digits, some like 0042 or 1E5.
 
-    Programs write exponents with a sign, a point before, or a small e.
+    Programs that write numbers use an exponent with a sign, a decimal point before it, or a small e.
     """
     if not len(text) or not (text[0] or "0")[0].isdigit():
         return False
@@ -123,7 +124,7 @@ def _are_names(text: "pl.Series") -> bool:
 
 
 def _check_last_value(columns: FileColumns, names: list[str], rows: "pl.DataFrame", content: bytes) -> None:
-    """Make the column unusable whose last value may have been cut; see `read_csv`."""
+    """Make the column of the last value unusable if the value may be cut short; see `read_csv`."""
     last = content.rpartition(b"\n")[2]
     cells = last.count(b",") + 1
     if len(rows) < 2 or cells > len(names) or last.endswith((b'"', b",")):
@@ -141,7 +142,7 @@ def _check_last_value(columns: FileColumns, names: list[str], rows: "pl.DataFram
 
 
 def _uneven_row(content: bytes) -> str | None:
-    """Return which row has more values than the header, which polars does not say."""
+    """Return the complaint about the first row with more values than the header, else None."""
     try:
         lines = csv.reader(io.StringIO(content.decode("utf-8"), newline=""))
         header = next(lines)

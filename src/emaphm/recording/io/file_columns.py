@@ -1,4 +1,4 @@
-"""What a file holds, before its columns are given their names in the schema."""
+"""Columns of a file, before they are assigned to the channels of the schema."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -13,12 +13,13 @@ from emaphm.errors import RecordingError
 
 @dataclass(frozen=True)
 class FileColumns:
-    """Columns of a file by the names they have there.
+    """Columns of a file by their names in the file.
 
-    `numeric` holds arrays of shape (n,), NaN where a value is absent; `unusable` says of each other
-    column why it is none, in words that continue "column 'x' …" and end with the remedy. `texts` holds those
-    of the unusable ones that are texts, shape (n,) of str, and what is both a number and a name, as 0042 is.
-    `times` holds the times [s] of the numeric columns that have a time base of their own, as the format says.
+    `numeric` contains arrays of shape (n,), NaN where a value is absent. `unusable` gives for each other
+    column the reason why it is not numeric, in words that continue "column 'x' …" and end with the remedy.
+    `texts` contains the unusable columns that are texts, shape (n,) of str, and columns that are both numbers
+    and names, such as 0042. `times` contains the times [s] of the numeric columns for which the format has a
+    separate time base.
     """
 
     numeric: dict[str, Array]
@@ -28,7 +29,7 @@ class FileColumns:
 
 
 def check_names(names: Iterable[str], source: str) -> None:
-    """Raise `RecordingError` where two columns have the same name; nameless ones may be several."""
+    """Raise `RecordingError` if two columns have the same name; several may be without a name."""
     for name, count in Counter(names).items():
         if name and count > 1:
             raise RecordingError(
@@ -37,17 +38,17 @@ def check_names(names: Iterable[str], source: str) -> None:
 
 
 def reason(error: BaseException) -> str:
-    """Return the first line of what a library says is wrong."""
+    """Return the first line of the message of a library's error, without its period."""
     lines = str(error).strip().splitlines()
     return lines[0].rstrip(".") if lines else type(error).__name__
 
 
 def tidy(name: str | None) -> str:
-    """Return a column name from a file with its blanks and line breaks made single blanks."""
+    """Return a column name from a file with sequences of blanks and line breaks replaced by single blanks."""
     return " ".join((name or "").split())
 
 
 def excerpt(value: object) -> str:
-    """Return a value from a file, short enough to stand in an error message."""
+    """Return a value from a file, shortened to 30 characters for an error message."""
     text = repr(value)
     return text if len(text) <= 30 else f"{text[:27]}..."

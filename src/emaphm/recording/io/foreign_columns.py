@@ -1,7 +1,8 @@
-"""Columns of Parquet, HDF5, TDMS and MDF files, whose libraries can crash on damaged ones.
+"""Readers of Parquet, HDF5, TDMS and MDF files, whose libraries can crash on damaged files.
 
-Runs as a process of its own (`emaphm.recording.io.reader_process`), and imports nothing of emaphm to start
-fast. It answers on stdout with one line of JSON for each file, then the columns' numbers as bytes.
+The module runs as a separate process (`emaphm.recording.io.reader_process`), and imports nothing of emaphm,
+so that it starts fast. For each file it writes one line of JSON to stdout, then the columns' numbers as
+bytes.
 """
 
 import json
@@ -17,24 +18,24 @@ from typing import Any, BinaryIO
 import numpy as np
 
 TEXT_CLASS = "char"
-"""MATLAB stores text as numbers; only the attribute MATLAB_class of the variable says so."""
+"""MATLAB stores text as numbers; only the attribute MATLAB_class of the variable distinguishes text."""
 
 NUMBERS = "fiub"
-"""Kinds of NumPy's types that are read as numbers: of true and false 1 and 0."""
+"""Kinds of NumPy's types that are read as numbers; true and false are read as 1 and 0."""
 
 
 class UnreadableError(Exception):
-    """The file cannot be read; the text says why, in one line."""
+    """The file cannot be read; the text gives the reason in one line."""
 
 
 @dataclass
 class Held:
-    """What a file holds.
+    """Contents of a file.
 
-    Rows of the longest column, number of columns; arrays (n,) of the numeric ones by name; complaints about
-    the others by name; distinct texts and the number of each row's text (n,), of those that are texts; times
-    (n,) [s] of the numeric ones that have times of their own. Where rows or columns are more than was asked
-    for, nothing else is read.
+    `rows` of the longest column and number of `columns`; `numeric`: arrays (n,) by name; `unusable`:
+    complaints about the other columns by name; `texts`: for columns of texts, the distinct texts and the
+    index of each row's text (n,); `times`: times (n,) [s] of the numeric columns with a separate time base.
+    If rows or columns exceed the limits, nothing else is read.
     """
 
     rows: int = 0
@@ -47,22 +48,22 @@ class Held:
 
 @dataclass(frozen=True)
 class Most:
-    """Rows, columns, and numbers in all that are read [-]."""
+    """Largest numbers of rows, columns, and values in total that are read [-]."""
 
     rows: int
     columns: int
     numbers: int
 
     def exceeded(self, rows: int, columns: int) -> bool:
-        """Return whether that is more."""
+        """Return whether a file of `rows` and `columns` exceeds one of the limits."""
         return rows > self.rows or columns > self.columns or rows * columns > self.numbers
 
 
 def read(kind: str, path: str, most: Most, wanted: Collection[str] = ()) -> Held:
     """Return the columns of a file of one of the kinds in `READERS`.
 
-    Of a kind that names columns by groups, names are "group/name". Of "mdf", only the columns `wanted` are
-    read, by name or "group/name".
+    Columns in groups are named "group/name". From "mdf" files only the columns `wanted` are read, given by
+    name or "group/name".
 
     Raises
     ------
@@ -81,7 +82,7 @@ def read(kind: str, path: str, most: Most, wanted: Collection[str] = ()) -> Held
 def _parquet(path: str, most: Most, _: Collection[str]) -> Held:
     import polars as pl
 
-    # As a file object: in a path polars expands * and [].
+    # As a file object, because polars expands * and [] in a path.
     with Path(path).open("rb") as file:
         names = list(pl.read_parquet_schema(file))
         file.seek(0)
@@ -95,9 +96,9 @@ def _parquet(path: str, most: Most, _: Collection[str]) -> Held:
             held.numeric[column.name] = np.asarray(column.cast(float).to_numpy(), float)
             continue
         first = repr(column[0]) if len(column) else "nothing"
-        shown = first if len(first) <= 30 else f"{first[:27]}..."
+        excerpt = first if len(first) <= 30 else f"{first[:27]}..."
         held.unusable[column.name] = (
-            f"is of type {column.dtype} (row 1: {shown}), not numeric; store it as numbers in its SI unit"
+            f"is of type {column.dtype} (row 1: {excerpt}), not numeric; store it as numbers in its SI unit"
         )
         if isinstance(column.dtype, (pl.String, pl.Categorical, pl.Enum)):
             _add_text(held, column.name, column.cast(pl.String).fill_null("").to_numpy())
@@ -105,7 +106,7 @@ def _parquet(path: str, most: Most, _: Collection[str]) -> Held:
 
 
 def _hdf5(path: str, most: Most, _: Collection[str]) -> Held:
-    """Read a MATLAB 7.3 file: variables at the top, without MATLAB's own."""
+    """Read a MATLAB 7.3 file: the variables at the top level, without MATLAB's internal ones."""
     return _hdf5_file(path, most, deep=False)
 
 
@@ -119,8 +120,8 @@ def _hdf5_file(path: str, most: Most, *, deep: bool) -> Held:
 
     held = Held()
     with h5py.File(path, "r") as file:
-        items = [(name, file) for name in file if not name.startswith("#")]  # MATLAB's own
-        seen = {file.id}
+        items = [(name, file) for name in file if not name.startswith("#")]  # MATLAB's internal groups
+        visited = {file.id}
         while items:
             if len(items) + held.columns > most.columns:
                 held.columns += len(items)
@@ -132,8 +133,8 @@ def _hdf5_file(path: str, most: Most, *, deep: bool) -> Held:
                 continue
             item = folder[name]
             if deep and isinstance(item, h5py.Group):
-                if item.id not in seen:
-                    seen.add(item.id)
+                if item.id not in visited:
+                    visited.add(item.id)
                     items += [(below, item) for below in item]
                 continue
             held.columns += 1
@@ -143,14 +144,14 @@ def _hdf5_file(path: str, most: Most, *, deep: bool) -> Held:
 
 
 def _add_data_set(held: Held, key: str, item: Any, most: Most, *, deep: bool) -> bool:
-    """Add a data set, or each field of a table, to what is held; return whether that is not too much."""
+    """Add a data set, or each field of a table, to `held`; return whether the limits `most` are kept."""
     dtype = getattr(item, "dtype", None)
     if deep and dtype is not None and dtype.names:
         fields = {f"{key}/{part}": (dtype[part], part) for part in dtype.names}
     else:
         fields = {key: (dtype, None)}
-    for name, (of_field, part) in fields.items():
-        complaint = _complaint(item, of_field)
+    for name, (field_dtype, part) in fields.items():
+        complaint = _complaint(item, field_dtype)
         if complaint is None:
             held.rows = max(held.rows, item.size)
             if most.exceeded(held.rows, len(held.numeric) + 1):
@@ -165,7 +166,7 @@ def _add_data_set(held: Held, key: str, item: Any, most: Most, *, deep: bool) ->
 
 
 NO_START = np.datetime64("1904-01-01T00:00:00")
-"""The start of LabVIEW's times, which it writes as that of a waveform whose start is not known."""
+"""Origin of LabVIEW's times, which it writes as the start of a waveform whose start is unknown."""
 
 
 def _tdms(path: str, most: Most, _: Collection[str]) -> Held:
@@ -173,29 +174,33 @@ def _tdms(path: str, most: Most, _: Collection[str]) -> Held:
 
     held = Held()
     with TdmsFile.open(path) as file:
-        channels = {f"{group.name}/{one.name}": one for group in file.groups() for one in group.channels()}
+        channels = {
+            f"{group.name}/{channel.name}": channel for group in file.groups() for channel in group.channels()
+        }
         held.rows, held.columns = max(map(len, channels.values()), default=0), len(channels)
         if most.exceeded(held.rows, held.columns):
             return held
-        starts = {name: np.datetime64(one.properties.get("wf_start_time")) for name, one in channels.items()}
-        starts = {name: one for name, one in starts.items() if not np.isnat(one) and one != NO_START}
+        starts = {
+            name: np.datetime64(channel.properties.get("wf_start_time")) for name, channel in channels.items()
+        }
+        starts = {name: start for name, start in starts.items() if not np.isnat(start) and start != NO_START}
         first = min(starts.values(), default=NO_START)
         stamps: dict[str, Any] = {}
-        for name, one in channels.items():
-            kind = getattr(one.dtype, "kind", "O")
+        for name, channel in channels.items():
+            kind = getattr(channel.dtype, "kind", "O")
             if kind == "M":
-                stamps[name] = np.asarray(one[:])
+                stamps[name] = np.asarray(channel[:])
             elif kind not in NUMBERS:
                 held.unusable[name] = "is not numeric; store it as numbers"
                 if kind in "OSU":
-                    _add_text(held, name, np.asarray([str(value) for value in one[:]], object))
+                    _add_text(held, name, np.asarray([str(value) for value in channel[:]], object))
             else:
-                held.numeric[name] = np.asarray(one[:], float)
-                increment = float(one.properties.get("wf_increment", 0.0) or 0.0)
+                held.numeric[name] = np.asarray(channel[:], float)
+                increment = float(channel.properties.get("wf_increment", 0.0) or 0.0)
                 if increment > 0:
-                    late = float((starts.get(name, first) - first) / np.timedelta64(1, "s"))
-                    late += float(one.properties.get("wf_start_offset", 0.0) or 0.0)
-                    held.times[name] = late + increment * np.arange(len(one))
+                    start = float((starts.get(name, first) - first) / np.timedelta64(1, "s"))
+                    start += float(channel.properties.get("wf_start_offset", 0.0) or 0.0)
+                    held.times[name] = start + increment * np.arange(len(channel))
         begin = min((values.min() for values in stamps.values() if values.size), default=None)
         for name, values in stamps.items():
             held.numeric[name] = (values - begin) / np.timedelta64(1, "s")
@@ -229,12 +234,12 @@ def _mdf(path: str, most: Most, wanted: Collection[str]) -> Held:
 
 
 MOST_NAMED = 1000
-"""Columns that are named without being read, for the nearest name to a mistyped one; a bus log has
-thousands."""
+"""Most columns that are listed without being read, to propose the nearest name for a mistyped one; a bus log
+has thousands of columns."""
 
 
 def _group_labels(file: Any) -> list[str]:
-    """Return what the groups of an MDF file are called: their own names where these differ, else numbers."""
+    """Return the labels of the groups of an MDF file: their names if unique, else their numbers."""
     names = [str(group.channel_group.acq_name or "") for group in file.groups]
     return [name if name and names.count(name) == 1 else str(i) for i, name in enumerate(names)]
 
@@ -247,7 +252,9 @@ def _add_signal(held: Held, key: str, signal: Any) -> None:
         return
     held.unusable[key] = "is not numeric; export it as a channel of real numbers"
     if values.ndim == 1 and values.dtype.kind in "SU":
-        texts = [one.decode(errors="replace") if isinstance(one, bytes) else str(one) for one in values]
+        texts = [
+            value.decode(errors="replace") if isinstance(value, bytes) else str(value) for value in values
+        ]
         _add_text(held, key, np.asarray(texts, object))
 
 
@@ -258,19 +265,22 @@ def _add_text(held: Held, name: str, values: Any) -> None:
 
 
 MOST_TEXTS = 10_000
-"""Distinct texts of a column that names runs, units or states; a remark to each row is none."""
+"""Most distinct texts of a column that names runs, units or states; a column of remarks has more."""
 
 READERS = {
     "parquet": _parquet, "hdf5": _hdf5, "hdf5 groups": _hdf5_groups, "tdms": _tdms, "mdf": _mdf
 }  # fmt: skip
-"""How each kind of file is read."""
+"""Reader of each kind of file."""
 
 
 def _complaint(item: Any, dtype: Any) -> str | None:
-    what = item.attrs.get("MATLAB_class", "")
-    what = what.decode(errors="replace") if isinstance(what, bytes) else str(what)
-    if not hasattr(item, "shape") or what == TEXT_CLASS or dtype.kind not in NUMBERS:
-        kind = "a struct" if what == "struct" else "not numeric"
+    """Return why a data set of type `dtype` is no column of numbers, None if it is one."""
+    matlab_class = item.attrs.get("MATLAB_class", "")
+    matlab_class = (
+        matlab_class.decode(errors="replace") if isinstance(matlab_class, bytes) else str(matlab_class)
+    )
+    if not hasattr(item, "shape") or matlab_class == TEXT_CLASS or dtype.kind not in NUMBERS:
+        kind = "a struct" if matlab_class == "struct" else "not numeric"
         return f"is {kind}; save it as a vector of real numbers under this name"
     if item.is_virtual or item.external:
         return "has its values in another file; save it as a vector of numbers under this name"
@@ -278,7 +288,7 @@ def _complaint(item: Any, dtype: Any) -> str | None:
 
 
 def shape_complaint(shape: tuple[int, ...]) -> str | None:
-    """Return why an array of this shape is no column, in words that continue "column 'x' …"."""
+    """Return why an array of this shape is no column, in words that continue "column 'x' …", else None."""
     size = math.prod(shape)
     if size == 1:
         return "is a single number; save one value for each sample"
@@ -288,7 +298,7 @@ def shape_complaint(shape: tuple[int, ...]) -> str | None:
 
 
 def _guard(memory_bytes: int, seconds: float) -> None:
-    """Limit this process's memory [bytes] and its further time [s], where the system can."""
+    """Limit this process's memory [bytes] and its further processor time [s], if the system supports it."""
     try:
         import resource
     except ImportError:  # not on Windows
@@ -302,9 +312,9 @@ def _guard(memory_bytes: int, seconds: float) -> None:
 
 
 def main() -> None:
-    """Answer each request, a line of JSON on stdin, on stdout, until there are no more."""
+    """Read requests, each a line of JSON on stdin, and write their answers to stdout, until stdin ends."""
     answer = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    # Libraries print; what is meant for the answer must stay clean.
+    # Libraries print to stdout, which must contain the answers only: their output is sent to stderr.
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     for line in sys.stdin.buffer:
         request = json.loads(line)
@@ -320,7 +330,7 @@ def main() -> None:
 
 def _write(held: Held, answer: BinaryIO) -> None:
     """Write a line of JSON, then the columns' numbers as bytes."""
-    # Several columns often have the same times: each array is sent once.
+    # Several columns often have the same times, therefore each array is sent once only.
     arrays: dict[int, Any] = {}
 
     def place(values: Any) -> int:

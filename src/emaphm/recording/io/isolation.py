@@ -1,4 +1,4 @@
-"""Reading in a process of its own: what crashes a format's library does not crash the caller."""
+"""Reading in a separate process, so that a crash of a format's library does not crash the caller."""
 
 import sys
 from collections.abc import Collection
@@ -14,11 +14,11 @@ from emaphm.recording.io.limits import ReadLimits
 from emaphm.recording.io.reader_process import ReaderEndedError, ReaderTookTooLongError, read_by_process
 
 FORMATS = {"parquet": "Parquet", "hdf5": ".mat", "hdf5 groups": "HDF5", "tdms": "TDMS", "mdf": "MDF 4"}
-"""The kinds of `foreign_columns.READERS`, as an error names them."""
+"""Names in errors of the kinds in `foreign_columns.READERS`."""
 
 
 def isolated_columns(kind: str, path: Path, limits: ReadLimits, wanted: Collection[str] = ()) -> FileColumns:
-    """Read a file by `emaphm.recording.io.foreign_columns`, in another process unless `limits` say otherwise.
+    """Read a file by `emaphm.recording.io.foreign_columns`, in another process if `limits.isolated`.
 
     Parameters
     ----------
@@ -27,9 +27,9 @@ def isolated_columns(kind: str, path: Path, limits: ReadLimits, wanted: Collecti
     path
         The file.
     limits
-        Of the file and of the process.
+        Limits of the file and of the process.
     wanted
-        Names of the columns to read, where not all of a kind are.
+        Names of the columns to read, for kinds that are not read completely.
 
     Raises
     ------
@@ -49,8 +49,8 @@ def isolated_columns(kind: str, path: Path, limits: ReadLimits, wanted: Collecti
     except ReaderEndedError:
         raise _unreadable(kind, source, "its library fails on it") from None
     except ReaderTookTooLongError:
-        why = f"its library is still at it after {limits.seconds:g} s"
-        raise _unreadable(kind, source, why) from None
+        reason = f"its library has not finished after {limits.seconds:g} s"
+        raise _unreadable(kind, source, reason) from None
     except OSError as error:
         raise RecordingError(
             f"{source}: no process can be started to read it ({error.strerror}); end other programs, or free "
@@ -69,9 +69,9 @@ def isolated_columns(kind: str, path: Path, limits: ReadLimits, wanted: Collecti
     )
 
 
-def _unreadable(kind: str, source: str, why: str) -> RecordingError:
+def _unreadable(kind: str, source: str, reason: str) -> RecordingError:
     again = "export" if kind == "parquet" else "save"
     return RecordingError(
-        f"{source}: not a readable {FORMATS[kind]} file ({why}); it may be cut short: copy or {again} it "
+        f"{source}: not a readable {FORMATS[kind]} file ({reason}); it may be cut short: copy or {again} it "
         "again"
     )

@@ -1,4 +1,4 @@
-"""Parquet, TDMS, HDF5 and MDF 4 files: each is read by its library, in a process of its own."""
+"""Readers of Parquet, TDMS, HDF5 and MDF 4 files; each format's library runs in a separate process."""
 
 import importlib.util
 from collections.abc import Collection
@@ -18,20 +18,20 @@ def read_parquet(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> Fil
     path
         The file.
     limits
-        Sizes beyond which it is refused.
+        Sizes beyond which the file is refused.
 
     Raises
     ------
     RecordingError
-        It is too large, is no Parquet file, or is damaged.
+        The file is too large, is no Parquet file, or is damaged.
     """
     return isolated_columns("parquet", path, limits)
 
 
 def read_tdms(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileColumns:
-    """Read the channels of a TDMS file as "group/channel"; those of waveforms have times of their own.
+    """Read the channels of a TDMS file as "group/channel"; each waveform has a separate time base.
 
-    Parameters and errors as in `read_parquet`; also if npTDMS is not installed.
+    Parameters and errors as in `read_parquet`; an error also if npTDMS is not installed.
     """
     _need("nptdms", "npTDMS", "TDMS", path)
     return isolated_columns("tdms", path, limits)
@@ -40,16 +40,17 @@ def read_tdms(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileCo
 def read_hdf5(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileColumns:
     """Read the vectors of an HDF5 file, and the fields of its tables, as "group/name".
 
-    Parameters and errors as in `read_parquet`; also if h5py is not installed.
+    Parameters and errors as in `read_parquet`; an error also if h5py is not installed.
     """
     _need("h5py", "h5py", "HDF5", path)
     return isolated_columns("hdf5 groups", path, limits)
 
 
 def read_mdf(path: Path, limits: ReadLimits, asked_for: Collection[str] = ()) -> FileColumns:
-    """Read channels of an MDF 4 file, those that are asked for, as "group/channel" with their times.
+    """Read the requested channels of an MDF 4 file as "group/channel" with their times.
 
-    Parameters and errors as in `read_parquet`; also if asammdf is not installed.
+    `asked_for` lists the names of the channels. The other parameters and the errors are as in `read_parquet`;
+    an error also if asammdf is not installed.
     """
     _need("asammdf", "asammdf", "MDF 4", path)
     return isolated_columns("mdf", path, limits, asked_for)

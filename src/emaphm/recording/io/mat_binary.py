@@ -1,6 +1,7 @@
-"""MATLAB's binary .mat formats, versions 4 to 7: the numeric arrays, every length checked before it is used.
+"""Parser of MATLAB's binary .mat formats, versions 4 to 7; each length is checked before it is used.
 
-Only what a recording can hold is read: real numeric arrays. Of the rest the name and the kind are given.
+Only real numeric arrays are read, since a recording consists of these. Other variables are listed by name and
+kind.
 
 References
 ----------
@@ -20,13 +21,13 @@ HEADER_BYTES = 128
 TYPES = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
 }  # fmt: skip
-"""How numbers are stored: the format's data types, as NumPy names them."""
+"""NumPy's names of the format's data types of stored numbers."""
 
 TYPES_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
-"""The same in version 4."""
+"""The same for version 4."""
 
 INT8, INT32, UINT32, MATRIX, COMPRESSED, UTF8 = 1, 5, 6, 14, 15, 16
-"""Further data types: of names, shapes, flags, variables."""
+"""Further data types, of names, shapes, flags and variables."""
 
 STRUCT, FIRST_NUMERIC, LAST_NUMERIC, OPAQUE = 2, 6, 15, 17
 """Classes of arrays: a struct, double to uint64, and objects such as strings, tables and times."""
@@ -40,12 +41,12 @@ IS_STRUCT = "is a struct; save it as a vector of real numbers under this name"
 
 
 class MatError(Exception):
-    """The bytes break a rule of the format; the text says which."""
+    """The bytes violate a rule of the format, which the text names."""
 
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """A variable: `values`, shape (n,), or the `complaint` that it is no array of numbers."""
+    """A variable: its `values`, shape (n,), or the `complaint` why it is no array of numbers."""
 
     name: str
     shape: tuple[int, ...]
@@ -59,16 +60,16 @@ def read_version_5(content: bytes, order: str, most_bytes: int) -> list[Variable
     Parameters
     ----------
     content
-        The whole file.
+        Bytes of the file.
     order
-        Its byte order, "<" or ">".
+        Byte order, "<" or ">".
     most_bytes
-        Largest sum of its unpacked variables [bytes].
+        Largest total size of the unpacked variables [bytes].
 
     Raises
     ------
     MatError
-        It is cut short, damaged, or larger.
+        The file is cut short, damaged, or larger.
     """
     variables, position = [], HEADER_BYTES
     while len(content) - position >= 8:
@@ -80,7 +81,7 @@ def read_version_5(content: bytes, order: str, most_bytes: int) -> list[Variable
         if kind != MATRIX:
             raise MatError(f"a variable of the unknown type {kind}")
         variable = _variable(body, order)
-        if variable.name:  # MATLAB's own data about objects have no name
+        if variable.name:  # MATLAB's internal data on objects have no name
             variables.append(variable)
     if content[position:].strip(b"\0"):
         raise MatError("bytes after the last variable")
@@ -95,11 +96,11 @@ def read_version_4(content: bytes) -> list[Variable]:
         if len(content) - position < 20:
             raise MatError("the header of a variable is cut short")
         header = np.frombuffer(content, f"{order}i4", 5, position)
-        what, rows, columns, imaginary, name_bytes = map(int, header)
+        type_code, rows, columns, imaginary, name_bytes = map(int, header)
         position += 20
-        storage, kind = what // 10 % 10, what % 10
-        if not 0 <= what < 5000 or what // 100 % 10 or storage >= len(TYPES_4) or kind > 2:
-            raise MatError(f"a variable of the unknown type {what}")
+        storage, kind = type_code // 10 % 10, type_code % 10
+        if not 0 <= type_code < 5000 or type_code // 100 % 10 or storage >= len(TYPES_4) or kind > 2:
+            raise MatError(f"a variable of the unknown type {type_code}")
         if min(rows, columns) < 0 or imaginary not in {0, 1} or name_bytes < 1:
             raise MatError("the header of a variable is damaged")
         dtype = np.dtype(order + TYPES_4[storage])
@@ -117,11 +118,11 @@ def read_version_4(content: bytes) -> list[Variable]:
 
 
 def _element(content: bytes, position: int, order: str) -> tuple[int, bytes, int]:
-    """Return the data type and the bytes of the element at `position`, and where the next one begins."""
+    """Return the data type and bytes of the element at `position`, and the position of the next element."""
     if len(content) - position < 8:
         raise MatError("an element is cut short")
     kind, size = np.frombuffer(content, f"{order}u4", 2, position).tolist()
-    if kind >> 16:  # up to four bytes, which stand in place of the size
+    if kind >> 16:  # a small element: up to four bytes in place of the size
         kind, size, start = kind & 0xFFFF, kind >> 16, position + 4
         if size > 4:
             raise MatError("an element is damaged")
@@ -180,7 +181,7 @@ def _variable(body: bytes, order: str) -> Variable:
 
 
 def _name(body: bytes, position: int, order: str) -> tuple[str, int]:
-    """Return the name at `position`, and where the next element begins."""
+    """Return the name at `position`, and the position of the next element."""
     kind, letters, position = _element(body, position, order)
     if kind not in {INT8, UTF8}:
         raise MatError("the name of a variable is damaged")

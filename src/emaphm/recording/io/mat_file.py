@@ -1,4 +1,4 @@
-"""MATLAB .mat files of all versions: which reader takes one, and which of its variables are columns."""
+"""Reader of MATLAB .mat files: it selects the parser of the version, and the variables that are columns."""
 
 import importlib.util
 from collections.abc import Collection
@@ -16,10 +16,10 @@ from emaphm.recording.io.mat_binary import MatError, Variable, read_version_4, r
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 HDF5_OFFSETS = (0, 512)
-"""Where the signature stands: MATLAB puts a header of its own before it."""
+"""Possible positions of the signature: MATLAB writes a header before it."""
 
 BYTE_ORDERS = {b"IM": "<", b"MI": ">"}
-"""The last two bytes of the header of version 5, as NumPy writes the byte order."""
+"""NumPy's byte order by the last two bytes of the header of version 5."""
 
 
 def read_mat(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileColumns:
@@ -30,12 +30,12 @@ def read_mat(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileCol
     path
         The file.
     limits
-        Sizes beyond which it is refused.
+        Sizes beyond which the file is refused.
 
     Raises
     ------
     RecordingError
-        It is too large, is no .mat file, is damaged, has a variable twice, or needs h5py, which is not
+        The file is too large, is no .mat file, is damaged, has a variable twice, or needs h5py, which is not
         installed.
     """
     source = str(path)

@@ -1,4 +1,4 @@
-"""Reading recordings from a file, by its ending: its rows become one recording, or many."""
+"""Reading of one or several recordings from a file, whose ending determines the format."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -41,15 +41,15 @@ READERS: dict[str, Callable[[Path, ReadLimits, Collection[str]], FileColumns]] =
     ".hdf5": read_hdf5,
     ".mf4": read_mdf,
 }
-"""How each kind of file is read; the endings in lower case. The last argument are the columns that are asked
-for."""
+"""Reader of each kind of file by its ending in lower case. The last argument of a reader is the names of the
+requested columns."""
 
 Known = Mapping[str, Label]
 
 NOTHING: Known = MappingProxyType({})
 
 SERIAL = "serial"
-"""Label under which the unit's serial number stands."""
+"""Name of the label with the unit's serial number."""
 
 
 def read_recording(
@@ -59,42 +59,44 @@ def read_recording(
     known: Known = NOTHING,
     limits: ReadLimits = ReadLimits(),  # noqa: B008 - frozen
 ) -> Recording:
-    """Read the one recording of `actuator` that a file holds.
+    """Read the single recording of `actuator` in a file.
 
-    Columns are found, converted and derived as ``actuator.channels`` says, else by their schema names; rows
-    are left out and cleaned as ``actuator.reading`` says, each with a note. Columns beyond the schema are
-    kept if they have as many rows; those that are constant are labels too. Where `current_A` is absent it is
-    made from the phase currents and `angle_rad` (`equivalent_current`, form "torque").
+    Columns are found, converted and derived according to ``actuator.channels``, else by their schema names.
+    Rows are left out and cleaned according to ``actuator.reading``, each step with a note. Columns beyond the
+    schema are kept if they have the same number of rows; constant columns are also labels. If `current_A` is
+    absent, it is computed from the phase currents and `angle_rad` (`equivalent_current`, form "torque").
 
     Parameters
     ----------
     path
-        A file with an ending of `READERS`; capitals do not matter.
+        A file with an ending of `READERS`, in upper or lower case.
     actuator
-        Gives the channels, how they were sampled, what of the file is read, and the pole pairs.
+        Gives the channels, their sampling, the rows to read, and the pole pairs.
     known
-        What holds for the whole file: channels of the schema, in SI units, and labels such as "serial".
+        Given values for the whole file: channels of the schema, in SI units, and labels such as "serial".
     limits
         Sizes beyond which a file is refused before it is read.
 
     Raises
     ------
     RecordingError
-        The file is too large, cannot be read, lacks a column, holds several recordings, or breaks a rule of
+        The file is too large, cannot be read, lacks a column, contains several recordings, or does not pass
         `emaphm.recording.checks.check`.
     ActuatorError
         `actuator` is no `Actuator`.
     """
     file = _opened(Path(path), actuator, known, limits)
     if file.reading.split is None:
-        pieces = stretches(file.table, file.kept, file.table.rows) if not np.all(file.kept) else [file.whole]
-        way = "the masks under [reading] leave"
+        pieces = (
+            stretches(file.table, file.kept, file.table.rows) if not np.all(file.kept) else [file.all_rows]
+        )
+        cause = "the masks under [reading] leave"
     else:
         pieces = list(_cut(file, file.reading.split).pieces)
-        way = f'split = "{file.reading.split}" makes'
+        cause = f'split = "{file.reading.split}" makes'
     if len(pieces) != 1:
         raise RecordingError(
-            f"{path}: {way} {len(pieces)} recordings of this file; read them with read_recordings, or cut "
+            f"{path}: {cause} {len(pieces)} recordings of this file; read them with read_recordings, or cut "
             "it: emaphm split FILE"
         )
     return _recording(file, pieces[0])
@@ -109,48 +111,50 @@ def read_recordings(
     on_refused: Callable[[str], None] | None = None,
     limits: ReadLimits = ReadLimits(),  # noqa: B008 - frozen
 ) -> list[Recording]:
-    """Read all recordings of `actuator` that a file holds, in their order.
+    """Read all recordings of `actuator` in a file, in their order.
 
     Parameters
     ----------
     path, actuator, known, limits
         As for `read_recording`.
     split
-        What the file is cut by (`emaphm.recording.splitting.cut`): names of columns with commas between,
-        "period", "rests" or "stretches"; as ``actuator.reading.split`` says where left out, else one
+        Way to cut the file (`emaphm.recording.splitting.cut`): names of columns separated by commas,
+        "period", "rests" or "stretches"; if omitted, ``actuator.reading.split``, and without that one
         recording.
     on_refused
-        Called with the reason for each piece that is no recording. Where left out, pieces that are too short
-        are passed over, and any other reason is raised.
+        Called with the reason for each piece that is no recording. If omitted, pieces that are too short are
+        skipped, and any other reason is raised.
 
     Raises
     ------
     RecordingError
         As for `read_recording`; also if no piece is a recording.
     """
-    return _every(_opened(Path(path), actuator, known, limits, split), split, on_refused)
+    return _recordings(_opened(Path(path), actuator, known, limits, split), split, on_refused)
 
 
 def recordings_of(
     columns: FileColumns, source: str, actuator: Actuator, *, split: str | None = None, known: Known = NOTHING
 ) -> list[Recording]:
-    """Return the recordings in columns that were not read from a file, as `read_recordings` would.
+    """Return the recordings in `columns` that were not read from a file, as `read_recordings` does.
 
-    `source` is what errors and results call them. The columns of names in `actuator.channels` are read as a
-    file's are.
+    `source` is their name in errors and results. Columns named in `actuator.channels` are converted as those
+    of a file.
     """
-    return _every(_table_in(columns, Path(source), actuator, known, split), split, None)
+    return _recordings(_table_in(columns, Path(source), actuator, known, split), split, None)
 
 
-def _every(file: "_File", split: str | None, on_refused: Callable[[str], None] | None) -> list[Recording]:
+def _recordings(
+    file: "_File", split: str | None, on_refused: Callable[[str], None] | None
+) -> list[Recording]:
     path = file.path
     by = split or file.reading.split
     if by is None and np.all(file.kept):
-        return [_recording(file, file.whole)]
-    found = _cut(file, by or "stretches")
-    reasons = list(found.refused)
+        return [_recording(file, file.all_rows)]
+    pieces = _cut(file, by or "stretches")
+    reasons = list(pieces.refused)
     recordings = []
-    for piece in found.pieces:
+    for piece in pieces.pieces:
         try:
             recordings.append(_recording(file, piece))
         except RecordingError as error:
@@ -167,7 +171,7 @@ def _every(file: "_File", split: str | None, on_refused: Callable[[str], None] |
 
 @dataclass(frozen=True)
 class _File:
-    """A file's table, the rows of it that are used, and how they are read."""
+    """A file's table, the rows that are used, and the settings for reading them."""
 
     path: Path
     actuator: Actuator
@@ -177,7 +181,7 @@ class _File:
     known: Known
 
     @property
-    def whole(self) -> Piece:
+    def all_rows(self) -> Piece:
         return Piece(0, self.table.rows)
 
 
@@ -186,42 +190,45 @@ def _opened(
 ) -> _File:
     check_actuator(actuator)
     _constants(known, str(path))  # refused before a large file is read
-    return _table_in(_columns(path, limits, _asked_for(actuator, split)), path, actuator, known, split)
+    return _table_in(
+        _columns(path, limits, _requested_columns(actuator, split)), path, actuator, known, split
+    )
 
 
 def _table_in(
-    held: FileColumns, path: Path, actuator: Actuator, known: Known, split: str | None = None
+    columns: FileColumns, path: Path, actuator: Actuator, known: Known, split: str | None = None
 ) -> _File:
     source = str(path)
     constants = _constants(known, source)
-    passed_by = {*constants, *actuator.reading.ignore}
-    sources, is_own = sources_in_file(held, actuator.channels, source, passed_by)
-    # What emaphm wrote for this rig has been cut and masked already, and lacks the columns to do it by.
-    wanted = actuator.reading
-    reading = Reading(longest_gap=wanted.longest_gap, outliers=wanted.outliers) if is_own else wanted
-    every = [*held.numeric, *held.unusable]
-    if is_own:  # a wrong unit is one also where it is passed over
-        check_units(actuator, (name for name in SCHEMA if name not in passed_by), source)
-    passed_over = _passed_over(actuator, reading, sources, constants) if is_own else []
+    not_read = {*constants, *actuator.reading.ignore}
+    sources, is_own = sources_in_file(columns, actuator.channels, source, not_read)
+    # A file that emaphm wrote for this rig is already cut and masked, and lacks the columns for doing so
+    # again.
+    described = actuator.reading
+    reading = Reading(longest_gap=described.longest_gap, outliers=described.outliers) if is_own else described
+    in_file = [*columns.numeric, *columns.unusable]
+    if is_own:  # a wrong unit is refused even if its entry is not applied
+        check_units(actuator, (name for name in SCHEMA if name not in not_read), source)
+    not_applied = _not_applied(actuator, reading, sources, constants) if is_own else []
     named = list(columns_in(split or reading.split or ""))
     named += Expression.parse(reading.keep).names if reading.keep else ()
     named += [reading.serial] if reading.serial else ()
-    needed = [there for name in named if (there := resolved(name, every, source))]
-    table = table_of(held, sources, actuator, source, needed=needed, known=constants)
-    if passed_over:
+    needed = [column for name in named if (column := resolved(name, in_file, source))]
+    table = table_of(columns, sources, actuator, source, needed=needed, known=constants)
+    if not_applied:
         table.notes.append(
             "no column that [channels] names is in the file: read by the names of the schema, as what emaphm "
-            f"has written, without {', '.join(passed_over)}"
+            f"has written, without {', '.join(not_applied)}"
         )
     return _File(path, actuator, reading, table, kept_rows(table, reading, source), known)
 
 
-def _passed_over(
+def _not_applied(
     actuator: Actuator, reading: Reading, sources: Mapping[str, Source], constants: Mapping[str, float]
 ) -> list[str]:
-    """Return what the actuator's description says of a file, and one of emaphm's own is read without.
+    """Return the parts of the description that are not applied to a file that emaphm wrote, for a note.
 
-    By `reading` in place of the actuator's.
+    `reading` contains the settings that are applied in place of `actuator.reading`.
     """
     entries = {name: actuator.channels.entry(name) for name in SCHEMA if name not in constants}
     entries = {name: entry for name, entry in entries.items() if entry != OWN_NAME}
@@ -247,18 +254,18 @@ def _cut(file: _File, by: str) -> Cut:
 
 
 def _recording(file: _File, piece: Piece) -> Recording:
-    """Return the recording that a piece of a file is."""
+    """Return the conditioned recording from a piece of a file."""
     actuator, table, rows = file.actuator, file.table, slice(piece.start, piece.stop)
     source = f"{file.path}: {piece.name}" if piece.name else str(file.path)
     channels = {name: values[rows] for name, values in table.channels.items()}
     further = {name: values[rows] for name, values in table.further.items()}
     labels = _labels(file, further) | dict(piece.labels)
-    # Not the raw column of a channel, which a condition or a cut names.
+    # The raw column of a channel, which a condition or a cut may name, is not added again.
     channels |= {
         name: values for name, values in further.items() if values.dtype.kind == "f" and name not in SCHEMA
     }
-    names = {name: where.label for name, where in table.sources.items()}
-    delays = {name: where.entry.delay_s for name, where in table.sources.items()}
+    names = {name: channel_source.label for name, channel_source in table.sources.items()}
+    delays = {name: channel_source.entry.delay_s for name, channel_source in table.sources.items()}
     channels, notes = conditioned(
         channels, table.constants, delays, file.reading, actuator.channels.sampling, names, source
     )
@@ -272,30 +279,30 @@ def _recording(file: _File, piece: Piece) -> Recording:
 
 
 def _labels(file: _File, further: Mapping[str, NDArray[Any]]) -> dict[str, Label]:
-    """Return what holds for all rows: constant columns beyond the schema, and what is known."""
-    found: dict[str, Label] = {}
+    """Return the labels of all rows: constant columns beyond the schema, and the given labels."""
+    labels: dict[str, Label] = {}
     for name, values in further.items():
         first = values[0] if values.size else ""
         if values.size and np.all(values == first):
-            found[name] = first if isinstance(first, str) else float(first)
+            labels[name] = first if isinstance(first, str) else float(first)
     serial = file.reading.serial
     if serial is not None:
-        there = resolved(serial, list(file.table.further), str(file.path))
-        if there is None or there not in found:
+        column = resolved(serial, list(file.table.further), str(file.path))
+        if column is None or column not in labels:
             raise RecordingError(
                 f"{file.path}: column '{serial}', the unit's serial number, is "
                 + (
                     "not the same throughout; cut the file by it"
-                    if there
+                    if column
                     else "not in the file; correct [reading]"
                 )
             )
-        found[SERIAL] = found[there]
-    return found | {name: value for name, value in file.known.items() if name not in SCHEMA}
+        labels[SERIAL] = labels[column]
+    return labels | {name: value for name, value in file.known.items() if name not in SCHEMA}
 
 
 def read_signal(path: str | Path, name: str) -> Sampled:
-    """Read one signal, such as a command to follow, from the columns `time_s` and `name` of a file.
+    """Read a signal, such as a command to simulate, from the columns `time_s` and `name` of a file.
 
     Raises
     ------
@@ -305,35 +312,35 @@ def read_signal(path: str | Path, name: str) -> Sampled:
         The values are not finite or the times do not increase.
     """
     path = Path(path)
-    held = _columns(path, ReadLimits(), ("time_s", name))
+    columns = _columns(path, ReadLimits(), ("time_s", name))
     for needed in ("time_s", name):
-        if needed not in held.numeric:
-            absent = f"is missing{nearest(needed, held.numeric)}; the file needs time_s and {name}"
-            raise RecordingError(f"{path}: column '{needed}' {held.unusable.get(needed, absent)}")
+        if needed not in columns.numeric:
+            absent = f"is missing{nearest(needed, columns.numeric)}; the file needs time_s and {name}"
+            raise RecordingError(f"{path}: column '{needed}' {columns.unusable.get(needed, absent)}")
     try:
-        return Sampled(held.numeric["time_s"], held.numeric[name])
+        return Sampled(columns.numeric["time_s"], columns.numeric[name])
     except SignalError as error:
         raise SignalError(f"{path}: {error}") from None
 
 
-def _asked_for(actuator: Actuator, split: str | None) -> set[str]:
-    """Return every name of a column that the description, or a way to cut, may mean."""
+def _requested_columns(actuator: Actuator, split: str | None) -> set[str]:
+    """Return all names of columns in the description and in the way to cut, with the schema names."""
     reading, names = actuator.reading, set(SCHEMA)
     for channel in SCHEMA:
         entry = actuator.channels.entry(channel)
-        names |= {one for one in (entry.column, entry.time) if one is not None}
+        names |= {name for name in (entry.column, entry.time) if name is not None}
         names |= set(Expression.parse(entry.derived).names) if entry.derived is not None else set()
     names |= set(Expression.parse(reading.keep).names) if reading.keep is not None else set()
     names |= {reading.serial} if reading.serial is not None else set()
     return names | set(columns_in(split or reading.split or ""))
 
 
-def _columns(path: Path, limits: ReadLimits, asked_for: Collection[str]) -> FileColumns:
+def _columns(path: Path, limits: ReadLimits, requested: Collection[str]) -> FileColumns:
     if not checked_size(path, limits.file_bytes, RecordingError):
         raise RecordingError(f"{path}: the file is empty; record or copy it again")
     read = READERS.get(path.suffix.lower())
     if read:
-        return read(path, limits, asked_for)
+        return read(path, limits, requested)
     ending = f"unknown file ending '{path.suffix}'" if path.suffix else "the name has no ending"
     raise RecordingError(
         f"{path}: {ending}; a recording ends in {', '.join(READERS)}: convert or rename the file"

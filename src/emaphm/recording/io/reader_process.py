@@ -1,6 +1,7 @@
-"""Processes that read files for this one, one file after another: what crashes such a process is the file's.
+"""Separate reader processes, each of which reads one file after another and may crash on a damaged file.
 
-Starting Python and a format's library takes 0.3 s, reading a recording some milliseconds.
+A process is kept for the next file: starting Python and a format's library takes 0.3 s, reading a recording a
+few milliseconds.
 """
 
 import atexit
@@ -21,25 +22,26 @@ from emaphm.recording.io.foreign_columns import Held, UnreadableError
 from emaphm.recording.io.limits import ReadLimits
 
 LONGEST_HEADER = 64 * 2**20
-"""Longest list of columns and complaints that a process may answer with [bytes]."""
+"""Longest list of columns and complaints in an answer [bytes]."""
 
 KEPT_UP_TO = 10_000_000
-"""Most numbers of a file after which its process is kept: a library may keep memory that it took for more."""
+"""Largest file [numbers] after which its process is kept: a library may not release the memory of a larger
+file."""
 
 
 class ReaderEndedError(Exception):
-    """The process ended without an answer, by itself."""
+    """The process ended by itself without an answer."""
 
 
 class ReaderTookTooLongError(Exception):
-    """The process was ended: its time was up."""
+    """The process was ended because it exceeded its time."""
 
 
 class ReaderProcess:
-    """A process that runs `foreign_columns`, and answers one request at a time."""
+    """A process that runs `foreign_columns` and answers one request at a time."""
 
     def __init__(self) -> None:
-        # What the process imports is what this one would; never what lies in the current folder.
+        # The process imports the same modules as this process, and none from the current folder.
         environment = os.environ | {
             "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
             "POLARS_MAX_THREADS": "2",
@@ -52,14 +54,14 @@ class ReaderProcess:
         self._answers: Any = self._process.stdout
 
     def read(self, kind: str, path: Path, limits: ReadLimits, wanted: Collection[str]) -> Held:
-        """Return what `foreign_columns.read` does; the process is of no more use after the last two errors.
+        """Return the columns that `foreign_columns.read` returns in the process.
 
         Raises
         ------
         UnreadableError
             The library refuses the file.
         ReaderEndedError, ReaderTookTooLongError
-            There is no answer.
+            There is no answer; the process cannot be used again.
         """
         request = {
             "kind": kind,
@@ -69,17 +71,17 @@ class ReaderProcess:
             "seconds": limits.seconds,
             "wanted": sorted(wanted),
         }
-        late = Event()  # this request's: one that came with the answer to the last says nothing of this
-        clock = Timer(limits.seconds, self._stop, (late,))
-        clock.start()
+        timed_out = Event()  # a new one for each request: an old timer must not affect this request
+        timer = Timer(limits.seconds, self._stop, (timed_out,))
+        timer.start()
         try:
-            answer, numbers = self._answered(request)
+            answer, numbers = self._answer(request)
         except ReaderEndedError:
-            if late.is_set():
+            if timed_out.is_set():
                 raise ReaderTookTooLongError from None
             raise
         finally:
-            clock.cancel()
+            timer.cancel()
         if "error" in answer:
             raise UnreadableError(answer["error"])
         ends = np.cumsum(answer["lengths"], dtype=int)
@@ -93,11 +95,11 @@ class ReaderProcess:
             {name: arrays[place] for name, place in answer["times"].items()},
         )
 
-    def _answered(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+    def _answer(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
         try:
             self._requests.write(json.dumps(request).encode() + b"\n")
             self._requests.flush()
-        except OSError:  # it has ended already
+        except OSError:  # the process has already ended
             raise ReaderEndedError from None
         header = self._answers.readline(LONGEST_HEADER)
         if not header.endswith(b"\n"):
@@ -109,25 +111,25 @@ class ReaderProcess:
             raise ReaderEndedError
         return answer, numbers
 
-    def _stop(self, late: Event) -> None:
-        late.set()
+    def _stop(self, timed_out: Event) -> None:
+        timed_out.set()
         self._process.kill()
 
     def end(self) -> None:
-        """End the process, and wait until it has."""
+        """End the process and wait for its end."""
         self._process.kill()
         self._answers.close()
-        with suppress(OSError):  # of a request that found no reader any more
+        with suppress(OSError):  # a buffered request whose reader has ended
             self._requests.close()
         self._process.wait()
 
 
 _idle: dict[int, list[ReaderProcess]] = {}
-"""Processes that wait for a file, by the process that started them: one that is forked has none yet."""
+"""Idle reader processes by the process that started them: a forked process begins without any."""
 
 
 def read_by_process(kind: str, path: Path, limits: ReadLimits, wanted: Collection[str]) -> Held:
-    """Return what `foreign_columns.read` does, by a process that was kept, or a new one.
+    """Return the columns that `foreign_columns.read` returns, in an idle process or a new one.
 
     Raises
     ------
@@ -139,7 +141,8 @@ def read_by_process(kind: str, path: Path, limits: ReadLimits, wanted: Collectio
         No process can be started.
     """
     idle = _idle.setdefault(os.getpid(), [])
-    # None may be idle. One that was kept may have ended by this file, or before: a new process will show.
+    # There may be no idle process, or it may have ended, before or because of this file: then a new process
+    # reads the file.
     with suppress(IndexError, ReaderEndedError):
         return _read_by(idle.pop(), kind, path, limits, wanted)
     return _read_by(ReaderProcess(), kind, path, limits, wanted)

@@ -1,4 +1,4 @@
-"""Writing a recording to CSV or Parquet, by the file's ending."""
+"""Writing a recording to a CSV or Parquet file, according to the file's ending."""
 
 import io
 from pathlib import Path
@@ -7,36 +7,36 @@ from emaphm.output_files import check_writable, written_whole
 from emaphm.recording.recording import Recording
 
 ENDINGS = (".csv", ".parquet")
-"""What `write_recording` can write."""
+"""Endings of the files that `write_recording` can write."""
 
 
 def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> None:
-    """Write all columns under their own names; their values are read back the same to the last bit.
+    """Write all columns under their names in the recording; reading returns the same values bit for bit.
 
-    Labels become columns that are the same throughout, which reading makes labels of again. Neither the notes
-    nor the sampling are kept: read rows that are instants with an actuator whose `channels.sampling` is
-    "instant", else they are taken for means.
+    Labels are written as constant columns, which become labels again when they are read. Notes and sampling
+    are not written: to read rows that are instants, use an actuator whose `channels.sampling` is "instant",
+    else they are taken as means.
 
     Parameters
     ----------
     recording
-        What to write.
+        Recording to write.
     path
-        A .csv or .parquet file; capitals do not matter.
+        A .csv or .parquet file, in upper or lower case.
     force
         Whether an existing file may be replaced.
 
     Raises
     ------
     OutputError
-        See `check_writable`; also if the operating system refuses half-way, nothing being left then.
+        See `check_writable`; also if the operating system refuses to write: then no partial file is left.
     """
     check_writable(path, force=force, endings=ENDINGS)
     import polars as pl
 
     labels = {name: value for name, value in recording.labels.items() if name not in recording}
     frame = recording.to_frame().with_columns(**{name: pl.lit(value) for name, value in labels.items()})
-    # Through memory: where the disk is full, polars has errors of its own for each format.
+    # Written through memory, because polars' errors for a full disk differ between formats.
     content = io.BytesIO()
     if Path(path).suffix.lower() == ".csv":
         frame.write_csv(content)

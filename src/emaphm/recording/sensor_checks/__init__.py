@@ -1,4 +1,4 @@
-"""Faults of sensors that a recording shows before anything is identified."""
+"""Detection of sensor faults in a recording without a model."""
 
 from emaphm.recording.sensor_checks.check import CheckedRecording, check_sensors
 from emaphm.recording.sensor_checks.finding import SensorFinding

@@ -1,4 +1,4 @@
-"""All checks of sensors that need no model: what is spoilt is corrected or given up, and always named."""
+"""All sensor checks that need no model; each fault is corrected or excluded, and noted."""
 
 from collections.abc import Container, Mapping
 from dataclasses import dataclass
@@ -20,18 +20,18 @@ from emaphm.recording.sensor_checks.phases import phase_findings
 from emaphm.recording.sensor_checks.resolution import Mask
 
 CHECKED = (*CURRENTS, "angle_rad", "voltage_V", "voltage_d_V", "voltage_q_V", "position_rad", "speed_rad_s")
-"""Channels whose sensors are checked: those that answer the command."""
+"""Channels whose sensors are checked: the responses to the command."""
 
 MOST_UNUSABLE = 0.5
-"""Share of spoilt rows beyond which a channel is left out as a whole."""
+"""Largest share of unusable rows; beyond it the whole channel is left out."""
 
 
 @dataclass(frozen=True, eq=False)
 class CheckedRecording:
-    """A recording after the checks of its sensors.
+    """A recording after the sensor checks.
 
-    `recording` has what could be corrected, with notes; `unusable` says of channels which rows (samples,)
-    are not to be compared; `findings` is what was found.
+    `recording` contains the corrected channels, with notes; `unusable` gives by channel whether each row
+    (samples,) must be excluded from the comparison with a model; `findings` lists the sensor faults.
     """
 
     recording: Recording
@@ -40,19 +40,19 @@ class CheckedRecording:
 
 
 def check_sensors(recording: Recording, actuator: Actuator) -> CheckedRecording:
-    """Return `recording` with the faults of its sensors found, and corrected where that is possible.
+    """Return `recording` with its sensor faults detected, and corrected if possible.
 
-    Single rows that were held are interpolated. Frozen and clipped rows are not to be compared; a channel
-    with more than `MOST_UNUSABLE` of them is left out. A phase with another scale is made of the other two,
-    phases in each other's place are put right. A `current_A` that was made of the phases is not checked, and
-    left out where something is found, to be made of what is left.
+    Single held rows are interpolated. Frozen and clipped rows are marked as unusable; a channel with more
+    than `MOST_UNUSABLE` of them is left out. A phase current with a wrong scale is computed from the other
+    two, swapped phases are exchanged. A `current_A` that was computed from the phases is not checked; after
+    any finding it is left out, so that it is computed again from the corrected channels.
 
     Raises
     ------
     RecordingError
-        The only channel that could be compared has too many spoilt rows.
+        No current is left, because its channels have too many unusable rows.
     """
-    given = recording
+    original = recording
     recording = without_equivalent_current(recording, actuator)
     columns = dict(recording.channels)
     corrected, findings = phase_findings(recording, actuator)
@@ -61,34 +61,35 @@ def check_sensors(recording: Recording, actuator: Actuator) -> CheckedRecording:
     for name in CHECKED:
         if name not in recording or np.ptp(columns[name]) == 0:
             continue
-        spoilt, found = _spoilt_rows(columns[name], name, recording, actuator)
-        findings += found
-        if spoilt.any():
-            unusable[name] = spoilt
-        held = held_rows(columns[name]) & ~spoilt
+        unusable_rows, channel_findings = _unusable_rows(columns[name], name, recording, actuator)
+        findings += channel_findings
+        if unusable_rows.any():
+            unusable[name] = unusable_rows
+        held = held_rows(columns[name]) & ~unusable_rows
         if held.any():
             columns[name] = interpolated(columns[name], held)
-            findings.append(_held(name, held))
+            findings.append(_held_finding(name, held))
     if not findings:
-        return CheckedRecording(given, {}, ())
+        return CheckedRecording(original, {}, ())
     left_out = [name for name, rows in unusable.items() if rows.mean() > MOST_UNUSABLE]
     kept = {name: values for name, values in columns.items() if name not in left_out}
-    _check_left(kept, recording, findings)
+    _check_current_left(kept, recording, findings)
     notes = [finding.sentence for finding in findings]
     rows = {name: unusable[name] for name in unusable if name not in left_out}
-    of_phases = [rows[name] for name in MADE_OF if name in rows]
-    if of_phases and "current_A" not in recording:
-        rows["current_A"] = np.any(of_phases, axis=0)
+    phase_rows = [rows[name] for name in MADE_OF if name in rows]
+    if phase_rows and "current_A" not in recording:
+        rows["current_A"] = np.any(phase_rows, axis=0)
     return CheckedRecording(recording.with_channels(kept, notes), rows, tuple(findings))
 
 
-def _spoilt_rows(
+def _unusable_rows(
     values: Array, name: str, recording: Recording, actuator: Actuator
 ) -> tuple[Mask, list[SensorFinding]]:
+    """Return whether each row (n,) of a channel is frozen or clipped, and the findings on it."""
     command = recording["command_rad"]
     unit = unit_for(SCHEMA[name].unit, actuator.coordinates)
     clipped = clipped_rows(values, name, command, actuator)
-    # A long plateau of a clipped signal does not move either.
+    # A long plateau of a clipped signal is not a frozen sensor.
     frozen = frozen_rows(values, name, command, actuator) & ~clipped
     findings = []
     if frozen.any():
@@ -108,7 +109,7 @@ def _spoilt_rows(
     return frozen | clipped, findings
 
 
-def _held(name: str, held: Mask) -> SensorFinding:
+def _held_finding(name: str, held: Mask) -> SensorFinding:
     count = int(held.sum())
     sentence = (
         f"{name} repeats the value of the row before in {count} rows {_place(held)} although it moves: lost "
@@ -118,18 +119,20 @@ def _held(name: str, held: Mask) -> SensorFinding:
 
 
 def _place(rows: Mask) -> str:
-    where = np.flatnonzero(rows)
-    return f"(between row {where[0] + 1} and row {where[-1] + 1})"
+    indices = np.flatnonzero(rows)
+    return f"(between row {indices[0] + 1} and row {indices[-1] + 1})"
 
 
-def _check_left(kept: Mapping[str, Array], recording: Recording, findings: list[SensorFinding]) -> None:
-    """Refuse a recording that nothing is left of."""
-    ways = (("current_A",), ("current_q_A",), MADE_OF)
+def _check_current_left(
+    kept: Mapping[str, Array], recording: Recording, findings: list[SensorFinding]
+) -> None:
+    """Refuse a recording in which no current is left after the checks."""
+    alternatives = (("current_A",), ("current_q_A",), MADE_OF)
 
-    def measured(columns: Container[str]) -> bool:
-        return any(all(name in columns for name in way) for way in ways)
+    def has_current(columns: Container[str]) -> bool:
+        return any(all(name in columns for name in channels) for channels in alternatives)
 
-    if measured(recording) and not measured(kept):
+    if has_current(recording) and not has_current(kept):
         raise RecordingError(
             f"{recording.source}: {findings[0].sentence}; too little of the current is left to diagnose, "
             "record it again"

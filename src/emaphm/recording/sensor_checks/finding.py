@@ -1,4 +1,4 @@
-"""What a check of a sensor found."""
+"""Result of a sensor check."""
 
 from dataclasses import dataclass, field
 
@@ -9,20 +9,20 @@ from emaphm.recording.sensor_checks.resolution import Mask
 
 @dataclass(frozen=True, eq=False)
 class SensorFinding:
-    """A fault of a sensor that its own signal shows, before any model is asked.
+    """A sensor fault that was detected from the sensor's own signal, without a model.
 
     Attributes
     ----------
     channel
-        The column, or columns, " and " between them.
+        The column, or several columns joined by " and ".
     kind
         "frozen", "held", "clipped", "scale", "reversed" or "swapped".
     size, unit
-        How much of it: rows held, seconds frozen, the level clipped at, the relative error of a scale.
+        Size of the fault: number of held rows, time frozen, level of clipping, relative error of a scale.
     rows
-        Whether each row of the channel is spoilt, (samples,); empty where all of them are.
+        Whether each row of the channel is affected, (samples,); empty if all rows are.
     sentence
-        What was found, with sensor, size and place.
+        Sentence on the fault, with sensor, size and place.
     """
 
     channel: str

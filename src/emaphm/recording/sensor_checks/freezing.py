@@ -1,4 +1,4 @@
-"""A sensor that keeps its value for a long time while what it measures goes on."""
+"""Detection of a sensor that keeps its value for a long time although its quantity changes."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -13,19 +13,23 @@ from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_e
 
 @dataclass(frozen=True)
 class FreezingSettings:
-    """Which runs of equal values count as frozen.
+    """Thresholds from which runs of equal values count as frozen.
 
-    `least_rows` at least, and `least_share` of the command's range commanded meanwhile, `answer` rows before
-    the run ends at least: of a resting actuator all signals rest until a command that jumps is answered. A
-    signal whose noise exceeds `noise_counts` counts cannot repeat a value by chance for so long, unless it
-    has settled: its last `around` steps are within `settled` of the noise, as those of exact numbers can be.
-    Or unless it came to rest and left again, as a shaft that friction holds at each turn: where its noise is
-    within `slow` of the usual step, so is its last step, and the run does not end by a jump.
-    Nor does that hold of a speed that counts an encoder's marks: of the `least_rows` steps on either side
-    none exceeds a count, where noise of that size has one in six that do.
-    Without noise, what ends the run decides: a jump of `jump` times the usual step of a row, its counts and
-    the `around` steps that follow. An actuator that is jammed or stands at an end stop starts from rest, as
-    a drive leaves a limit. `least_live` rows that move are needed, to know what is usual.
+    A run has at least `least_rows` rows, and until `answer` rows before its end the command moves by
+    `least_share` of its range: all signals of a resting actuator rest until it responds to a jump of the
+    command.
+
+    A signal whose noise exceeds `noise_counts` counts cannot repeat a value by chance for that time. There
+    are three exceptions. It has settled: its last `around` steps are within `settled` of the noise, as can be
+    in exact numbers. It came to rest and left slowly, as a shaft that friction holds at each reversal: its
+    noise and its last step are within `slow` of the usual step, and the run does not end with a jump. It is a
+    speed from counted encoder marks: none of the `least_rows` steps on either side exceeds a count, whereas
+    one in six would with noise of that size.
+
+    Without noise, the end of the run decides: a frozen signal jumps by `jump` times the largest of its usual
+    step, its count and the `around` steps that follow. A jammed actuator, or one at an end stop, starts from
+    rest, and a drive leaves its limit slowly. At least `least_live` moving rows are needed to determine the
+    usual step.
     """
 
     least_rows: int = 25
@@ -43,30 +47,30 @@ FREEZING = FreezingSettings()
 
 
 def frozen_rows(values: Array, channel: str, command: Array, actuator: Actuator) -> Mask:
-    """Return whether each row of `values` (n,) of a channel is frozen, while `command` (n,) moves on."""
+    """Return whether each row of `values` (n,) of a channel is frozen while `command` (n,) moves."""
     frozen = np.zeros(values.size, bool)
     first, lengths = runs_of_equal(values)
     long = lengths >= FREEZING.least_rows
     live = ~np.repeat(long, lengths)
     if not long.any() or np.count_nonzero(live) < FREEZING.least_live:
         return frozen
-    usual = _Usual.of(values, live)
+    signal = _MovingSignal.of(values, live)
     moved = FREEZING.least_share * float(np.ptp(command))
     for start, length in zip(first[long], lengths[long], strict=True):
         end, level = start + length, float(values[start])
-        # A signal at zero rests, or its drive is off.
+        # A signal at zero is at rest, or its drive is off.
         rests = level == 0 or is_hardware_limit(level, channel, actuator)
         swing = float(np.ptp(command[start : end - FREEZING.answer]))
         if rests or swing == 0 or swing < moved:
             continue
-        if usual.cannot_stay(values, start, end) or usual.cannot_leave(values[end - 1 :]):
+        if signal.cannot_stay(values, start, end) or signal.cannot_leave(values[end - 1 :]):
             frozen[start + 1 : end] = True
     return frozen
 
 
 @dataclass(frozen=True)
-class _Usual:
-    """What is usual of a signal where it moves: its noise, count, and step from row to row."""
+class _MovingSignal:
+    """Properties of a signal where it moves: its noise, converter count, and usual step from row to row."""
 
     noise: float
     count: float
@@ -74,9 +78,9 @@ class _Usual:
 
     @classmethod
     def of(cls, values: Array, live: Mask) -> Self:
-        """Return the usual noise, count and step of `values` (n,), from the rows where they are `live` (n,).
+        """Return the noise, count and usual step of `values` (n,), from the rows that are `live` (n,).
 
-        The noise is that of the longest live stretch.
+        The noise is estimated from the longest live stretch.
         """
         first, lengths = runs_of_equal(live.astype(float))
         length, start = max((n, at) for n, at in zip(lengths, first, strict=True) if live[at])
@@ -84,7 +88,7 @@ class _Usual:
         return cls(row_noise(values[start : start + length]), step_of_counts(values), step)
 
     def cannot_stay(self, values: Array, start: int, end: int) -> bool:
-        """Return whether noise would not let `values` (n,) stay where they are from row `start` to `end`."""
+        """Return whether the noise excludes that `values` (n,) stay constant from row `start` to `end`."""
         before = np.abs(np.diff(values[max(start - FREEZING.around, 0) : start + 1]))
         settled = before.size > 0 and np.max(before) < FREEZING.settled * self.noise
         return self.noise > FREEZING.noise_counts * self.count and not (
@@ -105,7 +109,7 @@ class _Usual:
         return steps.size >= FREEZING.least_live and float(np.max(steps)) < 1.5 * self.count
 
     def cannot_leave(self, values: Array) -> bool:
-        """Return whether `values` (n,) leave the first one by a jump, and then go on as usual."""
+        """Return whether `values` (n,) leave the first value by a jump and continue with usual steps."""
         steps = np.abs(np.diff(values[: FREEZING.around + 2]))
-        others = max(self.step, self.count, np.max(steps[1:], initial=0.0))
-        return bool(steps.size and steps[0] > FREEZING.jump * others)
+        usual = max(self.step, self.count, np.max(steps[1:], initial=0.0))
+        return bool(steps.size and steps[0] > FREEZING.jump * usual)

@@ -1,19 +1,20 @@
-"""Levels at which the hardware itself holds a signal: no fault of its sensor."""
+"""Levels at which the hardware limits a signal, which are no sensor fault."""
 
 from emaphm.actuator import Actuator
 
 NEAR = 0.03
-"""Distance from a limit, of the limit, within which a value is held there."""
+"""Largest distance between a level and a limit, relative to the limit, at which the level is that limit."""
 
 NEAR_STOP = 0.01
-"""The same of an end stop, of the travel."""
+"""The same distance for an end stop, relative to the travel."""
 
 NEAR_SUPPLY = 0.8
-"""Share of the supply from which on a voltage is all that there is: a source may give less than described."""
+"""Share of the described supply from which a voltage may be the full supply: a source may give less than
+described."""
 
 
 def is_hardware_limit(level: float, channel: str, actuator: Actuator) -> bool:
-    """Return whether the hardware of `actuator` may itself hold a channel at `level`."""
+    """Return whether `level` of a channel may be a limit of the hardware of `actuator`."""
     controller, electrical = actuator.controller, actuator.electrical
     if channel == "position_rad":
         return _is_end_stop(level, actuator)
@@ -32,7 +33,7 @@ def is_hardware_limit(level: float, channel: str, actuator: Actuator) -> bool:
 
 
 def _is_end_stop(position: float, actuator: Actuator) -> bool:
-    """Return whether the user may stand at `position` [rad; m if linear] because a stop holds it."""
+    """Return whether `position` of the user [rad; m if linear] is at an end stop."""
     stops = actuator.mechanics.end_stops
     if stops is None:
         return False

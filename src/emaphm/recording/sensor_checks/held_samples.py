@@ -1,4 +1,4 @@
-"""Samples that were lost and stand in the recording with the value of the row before."""
+"""Detection of held samples: lost samples that the recording replaces by the value of the row before."""
 
 from dataclasses import dataclass
 
@@ -11,22 +11,24 @@ from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_e
 
 @dataclass(frozen=True)
 class HeldSettings:
-    """Which repeated values count as held.
+    """Thresholds from which repeated values count as held.
 
-    In a smooth signal: a run of equal values where the signal, by the rows on either side, goes on by more
-    than `moves` times its noise, and `counts` counts, in each row: noise alone then repeats a value once in
-    10⁷ rows. Between `least_rows` of them and `longest_run` rows each: fewer may be chance, longer ones are
-    frozen. At least `least_share` of the rows that could show it are held. A value that also stands in
-    another run, of `rest` rows or more, is one at which the signal rests.
+    In a smooth signal, held rows are a run of equal values around which, on either side, the signal moves by
+    more than `moves` times its noise and `counts` counts per row: noise alone then repeats a value once in
+    10⁷ rows. At least `least_rows` rows are held, since fewer may be chance, and they are at least
+    `least_share` of the rows in which they could be detected. A run has at most `longest_run` rows; longer
+    runs are frozen. A value that also occurs in another run, of `rest` rows or more, is a value at which the
+    signal rests.
 
-    In a signal that is noise or ripple of `fine` counts or more (of one that moves by about a count a row,
-    rounding makes steps of 2, 0, 2 counts likelier than 2, 1, 2): single repeats between rows that are
-    `counts` counts away at least. A difference of 0 is then hardly likelier than one of 1 or 2 counts;
-    where it is `least_excess` times as frequent, and as any other difference, to `same` of the noise, most
-    repeats are held rows: of a drive that switches in a cycle, the same differences return too. They are
-    `least_repeats` and `least_repeated` of all rows at least. A value that stands again within `near` rows
-    is not counted: a drive whose cycle keeps step with the rows, for a part of a recording, takes the same
-    few values, while that of a lost sample is gone with it.
+    In a signal with noise or ripple of `fine` counts or more, held rows are single repeats between rows that
+    are at least `counts` counts away. (In a signal that moves by about a count per row, rounding makes steps
+    of 2, 0, 2 counts more likely than 2, 1, 2.) By chance, a difference of 0 is hardly more likely than a
+    difference of 1 or 2 counts. If it is `least_excess` times as frequent as these, and as any other
+    difference, to `same` of the noise, most repeats are held rows; for a drive that switches in a cycle,
+    other differences repeat as often. There are at least `least_repeats` repeats, and `least_repeated` of all
+    rows. A value that occurs again within `near` rows is not counted: a drive whose cycle is synchronous with
+    the rows, for a part of a recording, has the same few values, while the value of a lost sample does not
+    return.
     """
 
     moves: float = 5.0
@@ -47,50 +49,49 @@ HELD = HeldSettings()
 
 
 def held_rows(values: Array) -> Mask:
-    """Return whether each row of `values` (n,) only repeats the one before it, where that can be seen.
+    """Return whether each row of `values` (n,) is held, a repeat of the row before it, if that is detectable.
 
-    Rows where the signal moves no more than a repeat by chance are not found: there a held sample does no
-    harm.
+    Held rows are not detected where the signal hardly moves: there a held sample has hardly an error.
     """
     if values.size < 8:
         return np.zeros(values.size, bool)
-    return _in_motion(values) | _in_noise(values)
+    return _held_in_motion(values) | _held_in_noise(values)
 
 
-def _in_motion(values: Array) -> Mask:
-    """Return the held rows of a smooth signal: each is followed by a jump of all that was missed."""
-    nothing = np.zeros(values.size, bool)
-    # Differences of exact counts, but for rounding.
+def _held_in_motion(values: Array) -> Mask:
+    """Return the held rows (n,) of a smooth signal: each run is followed by a jump by the missed motion."""
+    none_held = np.zeros(values.size, bool)
+    # Differences are whole counts except for rounding.
     least = max(HELD.moves * row_noise(values), (HELD.counts - 0.01) * step_of_counts(values))
     steps = np.diff(values)
-    held = nothing.copy()
+    held = none_held.copy()
     first, lengths = runs_of_equal(values)
-    rests = _rests(values[first], lengths)
+    rests = _rest_values(values[first], lengths)
     for start, length, rest in zip(first, lengths, rests, strict=True):
         end = start + length
         if rest or not 2 <= length <= HELD.longest_run or start < 2 or end + 1 >= values.size:
             continue
         before, jump, after = values[start] - values[start - 1], steps[end - 1], steps[end]
-        # What the row before and the row after move by; the jump makes up for the rows held.
+        # Mean step before and after the run; the jump at its end covers the motion during the held rows.
         usual = (before + after) / 2
         missed = length * usual
         same_way = min(abs(before), abs(after)) > least and before * after > 0
         if same_way and abs(jump - missed) < abs(jump - usual):
             held[start + 1 : end] = True
-    could = int(np.count_nonzero(np.abs(steps) > least))
-    few = held.sum() < HELD.least_rows or held.sum() < HELD.least_share * could
-    return nothing if few else held
+    detectable = int(np.count_nonzero(np.abs(steps) > least))
+    too_few = held.sum() < HELD.least_rows or held.sum() < HELD.least_share * detectable
+    return none_held if too_few else held
 
 
-def _rests(values: Array, lengths: NDArray[np.intp]) -> Mask:
-    """Return of runs of equal `values` (k,) whether another one, of many rows, has the same value."""
-    many = lengths >= HELD.rest
+def _rest_values(values: Array, lengths: NDArray[np.intp]) -> Mask:
+    """Return whether each of the runs of equal `values` (k,) has the same value as another, long run."""
+    long = lengths >= HELD.rest
     _, place = np.unique(values, return_inverse=True)
-    return np.asarray(np.bincount(place, weights=many)[place] > many)
+    return np.asarray(np.bincount(place, weights=long)[place] > long)
 
 
-def _in_noise(values: Array) -> Mask:
-    """Return the held rows of a signal of fine counts: repeats that are far more frequent than by chance."""
+def _held_in_noise(values: Array) -> Mask:
+    """Return the held rows (n,) of a signal with fine counts: repeats far more frequent than by chance."""
     held = np.zeros(values.size, bool)
     count, noise = step_of_counts(values), row_noise(values)
     if noise < HELD.fine * count:
@@ -98,21 +99,21 @@ def _in_noise(values: Array) -> Mask:
     steps = np.diff(values)
     least = (HELD.counts - 0.5) * count
     between = (np.abs(steps[:-2]) > least) & (np.abs(steps[2:]) > least)
-    alone = ~_stands_again(values, max(count, HELD.same * noise) / 2)
-    repeated = between & (steps[1:-1] == 0) & alone[1:-2] & alone[2:-1]
+    is_unique = ~_occurs_again(values, max(count, HELD.same * noise) / 2)
+    repeated = between & (steps[1:-1] == 0) & is_unique[1:-2] & is_unique[2:-1]
     repeats = int(np.count_nonzero(repeated))
     if repeats < max(HELD.least_repeats, HELD.least_repeated * values.size):
         return held
-    others = steps[1:-1][between & (steps[1:-1] != 0)]
-    near = np.count_nonzero(np.abs(others) < (HELD.counts + 0.5) * count) / (2 * HELD.counts)
-    alike = np.unique(np.round(others / max(count, HELD.same * noise)), return_counts=True)[1]
-    if repeats >= HELD.least_excess * max(near, int(alike.max(initial=0))):
+    nonzero = steps[1:-1][between & (steps[1:-1] != 0)]
+    near = np.count_nonzero(np.abs(nonzero) < (HELD.counts + 0.5) * count) / (2 * HELD.counts)
+    frequencies = np.unique(np.round(nonzero / max(count, HELD.same * noise)), return_counts=True)[1]
+    if repeats >= HELD.least_excess * max(near, int(frequencies.max(initial=0))):
         held[2:-1] = repeated
     return held
 
 
-def _stands_again(values: Array, tolerance: float) -> Mask:
-    """Return whether each of `values` (n,) stands in a near row again, but for `tolerance`: not the next."""
+def _occurs_again(values: Array, tolerance: float) -> Mask:
+    """Return whether each of `values` (n,) occurs again, to `tolerance`, 2 to `HELD.near` rows away."""
     again = np.zeros(values.size, bool)
     for lag in range(2, HELD.near + 1):
         same = np.abs(values[lag:] - values[:-lag]) <= tolerance
@@ -122,6 +123,6 @@ def _stands_again(values: Array, tolerance: float) -> Mask:
 
 
 def interpolated(values: Array, held: Mask) -> Array:
-    """Return `values` (n,) with those that were `held` (n,) put on a line between the rows on either side."""
+    """Return `values` (n,) with the `held` rows (n,) interpolated linearly from the rows on either side."""
     rows = np.arange(values.size)
     return np.interp(rows, rows[~held], values[~held])

@@ -1,4 +1,4 @@
-"""Sensors of three phase currents against each other: one with another scale, or in another's place."""
+"""Comparison of the three phase-current sensors: wrong scale, reversed sign, swapped channels."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,13 +21,14 @@ from emaphm.recording.sensor_checks.resolution import row_noise, step_of_counts
 
 @dataclass(frozen=True)
 class PhaseSettings:
-    """When phases disagree.
+    """Thresholds from which phase currents are inconsistent.
 
-    The sum of the currents of a star is 0. An error of one sensor's scale makes it a multiple of that phase:
-    it is named from `least_scale` and `certain` standard errors on, if its residual is no more than
-    `residual` times the noise and counts of the sum, and another phase's `rival` times as much. Phases are in
-    another order if that order gives `right` of the current's magnitude as torque at least, and `better`
-    times as much as the recorded one, while the rotor makes a turn.
+    The sum of the currents of a star connection is 0. With a scale error of one sensor it is a multiple of
+    that phase's current. The error is reported if it exceeds `least_scale` and `certain` standard errors, if
+    the residual is at most `residual` times the noise and rounding of the sum, and if the residual for any
+    other phase is at least `rival` times as large. Phases are swapped if another order gives a torque of at
+    least `right` of the torque that currents of this magnitude can produce, and `better` times the torque of
+    the recorded order, while the rotor makes at least one electrical turn.
     """
 
     least_scale: float = 0.01
@@ -42,26 +43,28 @@ PHASE = PhaseSettings()
 
 
 def phase_findings(recording: Recording, actuator: Actuator) -> tuple[dict[str, Array], list[SensorFinding]]:
-    """Return the corrected phases, (samples,) each by channel, and what was wrong with them."""
+    """Return the corrected phase currents, (samples,) each by channel, and the findings on them."""
     if "current_A" in recording or not all(name in recording for name in PHASES):
         return {}, []
     phases = {name: recording[name] for name in PHASES}
-    scaled, findings = _balanced(phases)
-    ordered, more = _ordered({**phases, **scaled}, recording, actuator)
-    return {**scaled, **ordered}, [*findings, *more]
+    scaled, scale_findings = _with_scale_corrected(phases)
+    ordered, order_findings = _with_order_corrected({**phases, **scaled}, recording, actuator)
+    return {**scaled, **ordered}, [*scale_findings, *order_findings]
 
 
-def _balanced(phases: Mapping[str, Array]) -> tuple[dict[str, Array], list[SensorFinding]]:
-    """Return the phase that keeps the sum from 0, made of the other two, and its finding."""
+def _with_scale_corrected(phases: Mapping[str, Array]) -> tuple[dict[str, Array], list[SensorFinding]]:
+    """Return the phase current with a scale error, recomputed from the other two, and its finding."""
     total = np.sum(list(phases.values()), axis=0)
-    noise = (row_noise(total) ** 2 + sum(step_of_counts(one) ** 2 / 12 for one in phases.values())) ** 0.5
+    noise = (
+        row_noise(total) ** 2 + sum(step_of_counts(values) ** 2 / 12 for values in phases.values())
+    ) ** 0.5
     (residual, error, scale, name), (second, *_), _ = sorted(
         _scale_of(name, phases, total) for name in phases
     )
     certain = abs(scale) > max(PHASE.least_scale, PHASE.certain * error)
     if not certain or residual > PHASE.residual * noise or second < PHASE.rival * residual:
         return {}, []
-    others = [one for one in phases if one != name]
+    others = [phase for phase in phases if phase != name]
     corrected = -(phases[others[0]] + phases[others[1]])
     reversed_ = abs(scale + 2) < 0.2
     kind = "reversed" if reversed_ else "scale"
@@ -74,40 +77,43 @@ def _balanced(phases: Mapping[str, Array]) -> tuple[dict[str, Array], list[Senso
 
 
 def _scale_of(name: str, phases: Mapping[str, Array], total: Array) -> tuple[float, float, float, str]:
-    """Return the sum's residual without an error of one phase's scale, its standard error, it, the phase."""
-    others = -sum(values for other, values in phases.items() if other != name)
-    assert isinstance(others, np.ndarray)  # noqa: S101 - a sum of arrays
-    true = others - others.mean()
-    power = max(float(true @ true), np.finfo(float).tiny)
-    scale = float(true @ (total - total.mean())) / power
-    residual = float(np.std(total - scale * others))
+    """Return residual, standard error and size of a scale error of phase `name`, from the sum, and `name`.
+
+    The residual [A] is the standard deviation of the sum without that scale error.
+    """
+    implied = -sum(values for phase, values in phases.items() if phase != name)
+    assert isinstance(implied, np.ndarray)  # noqa: S101 - a sum of arrays
+    deviation = implied - implied.mean()
+    power = max(float(deviation @ deviation), np.finfo(float).tiny)
+    scale = float(deviation @ (total - total.mean())) / power
+    residual = float(np.std(total - scale * implied))
     return residual, residual / power**0.5, scale, name
 
 
-def _ordered(
+def _with_order_corrected(
     phases: Mapping[str, Array], recording: Recording, actuator: Actuator
 ) -> tuple[dict[str, Array], list[SensorFinding]]:
-    """Return the phases in the order that makes torque of their currents, where the recorded one does not."""
+    """Return the phase currents in the order that produces torque, and the finding, if they are swapped."""
     if "angle_rad" not in recording or actuator.electrical is None:
         return {}, []
     angle, pairs = rotor_angle(recording, actuator.electrical), actuator.electrical.pole_pairs
     if np.ptp(np.unwrap(angle)) * pairs < 2 * np.pi:
         return {}, []
-    of_motor = sinusoidal_equivalent_current if actuator.drive_kind == "foc" else equivalent_current
+    current_of = sinusoidal_equivalent_current if actuator.drive_kind == "foc" else equivalent_current
     magnitude = rms(np.stack(list(phases.values())))
     shares = {
-        order: rms(of_motor(np.stack([phases[name] for name in order]), angle, pairs))
+        order: rms(current_of(np.stack([phases[name] for name in order]), angle, pairs))
         for order in permutations(PHASES)
     }
     best = max(shares, key=lambda order: shares[order])
-    # A current that makes all the torque it can: rms of the phases × √(3/2), in either shape of the field.
-    right = PHASE.right * 1.5**0.5 * magnitude
-    if best == PHASES or shares[best] < max(right, PHASE.better * shares[PHASES]):
+    # Equivalent current at the largest torque: rms of the phases × √(3/2), for either shape of the back-EMF.
+    least = PHASE.right * 1.5**0.5 * magnitude
+    if best == PHASES or shares[best] < max(least, PHASE.better * shares[PHASES]):
         return {}, []
-    moved = [name for name, true in zip(PHASES, best, strict=True) if name != true]
+    swapped = [name for name, phase in zip(PHASES, best, strict=True) if name != phase]
     sentence = (
-        f"{' and '.join(moved)} are in each other's place, by the torque that they make at the recorded "
+        f"{' and '.join(swapped)} are in each other's place, by the torque that they make at the recorded "
         f"angle; they were taken as {', '.join(best)}. Check the wiring, or the names under [channels]"
     )
-    finding = SensorFinding(" and ".join(moved), "swapped", float(len(moved)), "channels", sentence)
-    return {name: phases[true] for name, true in zip(PHASES, best, strict=True)}, [finding]
+    finding = SensorFinding(" and ".join(swapped), "swapped", float(len(swapped)), "channels", sentence)
+    return {name: phases[phase] for name, phase in zip(PHASES, best, strict=True)}, [finding]

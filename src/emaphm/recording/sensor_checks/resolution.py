@@ -1,4 +1,4 @@
-"""How finely a sensor resolves its quantity: the step of its counts, its noise, and runs of equal values."""
+"""Resolution of a sensor: the step of its converter counts, its noise, and runs of equal values."""
 
 from typing import TypeAlias
 
@@ -9,21 +9,21 @@ from emaphm.arrays import Array
 from emaphm.recording.noise import robust_noise_level, smallest_step
 
 Mask: TypeAlias = NDArray[np.bool_]
-"""Whether each row of a channel is spoilt."""
+"""One truth value for each row of a channel, (samples,)."""
 
 
 def step_of_counts(values: Array) -> float:
-    """Return the least distance between different values, (n,): the count of a converter, rounding else."""
+    """Return the least distance between different `values` (n,): a converter's count, or the rounding."""
     return smallest_step(values, 4 * np.finfo(float).eps * float(np.max(np.abs(values), initial=0.0)))
 
 
 def row_noise(values: Array) -> float:
-    """Return the rms of what changes from row to row without a trend: noise, ripple, rounding."""
+    """Return the rms of the changes between rows of `values` (n,) without trend: noise, ripple, rounding."""
     return robust_noise_level(values, 3)
 
 
 def runs_of_equal(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the first rows and the lengths of all runs of equal values in `values` (n,)."""
+    """Return the first row and the length of each run of equal values in `values` (n,)."""
     changes = np.flatnonzero(np.diff(values) != 0) + 1
     first = np.concatenate([[0], changes])
     return first, np.diff(np.concatenate([first, [values.size]]))

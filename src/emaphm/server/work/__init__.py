@@ -1,1 +1,1 @@
-"""Work that the server has done by processes of its own: diagnoses of uploads, prognoses, figures."""
+"""Work of the server in separate processes: diagnoses of uploads, prognoses, figures."""

@@ -1,4 +1,4 @@
-"""Figures as SVG, drawn by a process of its own and kept in memory: drawing would hold up the pages."""
+"""Figures as SVG, drawn in a separate process, so that pages do not wait, and cached in memory."""
 
 import threading
 from collections import OrderedDict
@@ -14,7 +14,7 @@ Key = tuple[Any, ...]
 def drawn(name: str, document: dict[str, Any], *, narrow: bool = False) -> bytes:
     """Return a figure of a prognosis ("health", "life", "fan"), or "faults" of a diagnosis, as SVG.
 
-    `narrow` is for a phone.
+    `narrow` selects the layout for a phone.
     """
     from emaphm.plotting import fault_intervals, prognosis
     from emaphm.plotting.svg import plain_style, svg
@@ -29,31 +29,31 @@ def drawn(name: str, document: dict[str, Any], *, narrow: bool = False) -> bytes
 
 
 def estimates(document: dict[str, Any]) -> dict[str, Any]:
-    """Return the components of a kept diagnosis as `emaphm.diagnosis.Estimate`, by name."""
+    """Return the components of a stored diagnosis as `emaphm.diagnosis.Estimate`, by name."""
     from emaphm.diagnosis import Estimate
 
     result = {}
-    for name, one in document["faults"].items():
-        low, high = one["interval95"]
+    for name, fault in document["faults"].items():
+        low, high = fault["interval95"]
         limits = (min(low, 0.0), max(high, 1.0)) if name == "friction" else (0.0, 1.0)
         result[name] = Estimate(
-            one["value"],
-            one["standard_error"],
+            fault["value"],
+            fault["standard_error"],
             (low, high),
-            one["identifiable"],
-            one["verdict"],
-            one.get("reason", ""),
+            fault["identifiable"],
+            fault["verdict"],
+            fault.get("reason", ""),
             limits,
         )
     return result
 
 
 class Drawer:
-    """Draws figures, one at a time, and keeps the newest."""
+    """Draws figures, one at a time, and caches the most recently used."""
 
     def __init__(self, settings: ServerSettings) -> None:
         self._settings = settings
-        self._kept: OrderedDict[Key, bytes] = OrderedDict()
+        self._cached: OrderedDict[Key, bytes] = OrderedDict()
         self._lock = threading.Lock()
         self._calls = Calls(settings.drawing_seconds, settings.worker_bytes)
 
@@ -63,20 +63,20 @@ class Drawer:
         Raises
         ------
         ServerError
-            It cannot be drawn, or not in time.
+            The figure cannot be drawn, or not in time.
         """
         with self._lock:
-            if key in self._kept:
-                self._kept.move_to_end(key)
-                return self._kept[key]
+            if key in self._cached:
+                self._cached.move_to_end(key)
+                return self._cached[key]
         try:
             content = self._calls(drawn, name, document, narrow=narrow)
         except EndedError:
             raise ServerError("the figure was not drawn in time; load the page again") from None
         with self._lock:
-            self._kept[key] = content
-            while sum(map(len, self._kept.values())) > self._settings.figures_bytes:
-                self._kept.popitem(last=False)
+            self._cached[key] = content
+            while sum(map(len, self._cached.values())) > self._settings.figures_bytes:
+                self._cached.popitem(last=False)
         return content
 
     def stop(self) -> None:

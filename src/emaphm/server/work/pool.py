@@ -1,4 +1,4 @@
-"""A bounded pool of worker processes: each is fed by a thread, and started again when it dies."""
+"""A pool of worker processes: a thread sends jobs to each, and restarts it when it dies."""
 
 import logging
 import threading
@@ -15,30 +15,36 @@ from emaphm.server.work.worker import Forecast, JobOutcome, Place, Upload, work
 LOG = logging.getLogger("emaphm.server")
 
 MOST_KILLS = 2
-"""Of a job whose process dies: it is run again once."""
+"""Number of killed processes after which a job fails: it is tried again once."""
 
 IDLE_S = 1.0
-"""Between two looks into the queue [s]; an upload ends the wait."""
+"""Time between two checks of the queue [s]; an upload ends the wait."""
 
 AGAIN_S = 5.0
-"""Until a job or a prognosis is tried again that the history was not there for [s]."""
+"""Time until a job or a prognosis is tried again after the history was not available [s]."""
 
 TOO_LONG = "took longer than {:g} s; cut one manoeuvre out of the recording"
 KILLED = "the process that diagnosed it was killed twice; cut one manoeuvre out of the recording"
 
 
 class Pool:
-    """Processes that do the jobs of a queue, and in their spare time what `spare` gives.
+    """Processes that execute the jobs of a queue, and prognoses from `spare` when there is no job.
 
     Parameters
     ----------
+    queue
+        Queue of jobs.
+    place
+        Paths and settings of the workers.
+    settings
+        Limits of the server.
     spare
-        Called for the serial number of a unit whose prognosis is out of date, None where there is none.
+        Returns the serial number of a unit whose prognosis is out of date, None if there is none.
     on_forecast
         Called with the serial number and the state when a prognosis has ended: done, refused, failed, or
-        again, where the history was away or the process has died of it for the first time.
+        again, if the history was not available or the process has died for the first time.
     on_news
-        Called when a job or a prognosis may have made events.
+        Called when a job or a prognosis may have added events.
     """
 
     def __init__(
@@ -57,10 +63,10 @@ class Pool:
         self._on_forecast = on_forecast
         self._on_news = on_news
         self._progress: dict[int, float] = {}
-        self._killed: set[str] = set()  # units whose prognosis a process has died of, once
+        self._killed: set[str] = set()  # units whose prognosis has killed a process once
         self._stopping = False
         self._woken = threading.Condition()
-        # Uploads need not wait for prognoses, unless there is one process only.
+        # One process remains free of prognoses, so that uploads need not wait, unless it is the only one.
         self._forecasts = threading.Semaphore(max(settings.workers - 1, 1))
         self._threads = [
             threading.Thread(target=self._feed, name=f"worker {i}", daemon=True)
@@ -68,13 +74,13 @@ class Pool:
         ]
 
     def start(self) -> None:
-        """Start; jobs that ran when another server ended wait again."""
+        """Start the processes; jobs that were running when the last server ended wait again."""
         self._queue.resume()
         for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
-        """End the processes; jobs under way wait for the next server."""
+        """End the processes; running jobs wait for the next server."""
         with self._woken:
             self._stopping = True
             self._woken.notify_all()
@@ -83,35 +89,35 @@ class Pool:
         self._queue.resume()
 
     def wake(self) -> None:
-        """Look into the queue at once."""
+        """Check the queue at once."""
         with self._woken:
             self._woken.notify()
 
     def progress(self, job: int) -> float:
-        """Return how much of a running job is done, 0 to 1."""
+        """Return the share of a running job that is done, 0 to 1."""
         return self._progress.get(job, 0.0)
 
     def _feed(self) -> None:
-        """Feed one process until the pool stops."""
+        """Send jobs to one process until the pool stops."""
         process = OneProcess(work, self._place)
         try:
             while not self._stopping:
                 try:
-                    found = self._next(process)
-                except EmaphmError as error:  # the disk of the queue is full, or the history is away
+                    has_worked = self._next(process)
+                except EmaphmError as error:  # the disk of the queue is full, or the history not available
                     LOG.warning("%s", error)
-                    found = False
+                    has_worked = False
                 except Exception:
                     LOG.exception("a defect of emaphm; the server goes on")
-                    process.end()  # what it answers yet must not be taken for the next job's
-                    found = False
-                if not found:
+                    process.end()  # its pending answer must not be taken for that of the next job
+                    has_worked = False
+                if not has_worked:
                     self._wait(IDLE_S)
         finally:
             process.end()
 
     def _next(self, process: OneProcess) -> bool:
-        """Do one job; return whether there was one."""
+        """Execute one job or prognosis; return whether there was one."""
         job = self._queue.take(self._settings.quiet_seconds)
         if job is not None:
             self._upload(job, process)
@@ -128,13 +134,13 @@ class Pool:
             self._forecasts.release()
 
     def _wait(self, seconds: float) -> None:
-        """Wait until there is an upload or the pool stops, `seconds` [s] at most."""
+        """Wait until there is an upload or the pool stops, for at most `seconds` [s]."""
         with self._woken:
             if not self._stopping:
                 self._woken.wait(seconds)
 
     def _forecast(self, unit: str, process: OneProcess) -> None:
-        outcome = self._done(process, Forecast(unit), lambda _: None)
+        outcome = self._outcome(process, Forecast(unit), lambda _: None)
         if self._stopping:
             return
         if outcome is None:
@@ -151,7 +157,7 @@ class Pool:
 
     def _upload(self, job: Job, process: OneProcess) -> None:
         order = Upload(self._place.folder.upload(job.file), job.request["name"], job.request)
-        outcome = self._done(process, order, lambda share: self._progress.__setitem__(job.id, share))
+        outcome = self._outcome(process, order, lambda share: self._progress.__setitem__(job.id, share))
         self._progress.pop(job.id, None)
         if self._stopping and outcome is None:
             return
@@ -167,13 +173,13 @@ class Pool:
             return
         self._queue.end(job.id, outcome.state, outcome.message, outcome.result)
         self._on_news()
-        if outcome.state != FAILED:  # what was killed may be worth a look
+        if outcome.state != FAILED:  # the file of a failed job is kept for inspection
             order.file.unlink(missing_ok=True)
 
-    def _done(
+    def _outcome(
         self, process: OneProcess, order: Any, on_progress: Callable[[float], None]
     ) -> JobOutcome | None:
-        """Return what became of an order, None where the process died or the pool stops."""
+        """Return the outcome of an order, None if the process has died or the pool stops."""
         deadline = time.monotonic() + self._settings.job_seconds
         try:
             process.send(order)

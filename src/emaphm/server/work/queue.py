@@ -1,4 +1,4 @@
-"""The queue of jobs: a table in a SQLite file, so that what was accepted survives the server."""
+"""The queue of jobs: a table in a SQLite file, so that accepted uploads survive the end of the server."""
 
 import json
 import sqlite3
@@ -15,16 +15,17 @@ from emaphm.history.timestamp import timestamp
 
 WAITING, RUNNING, DONE, REFUSED, FAILED = "waiting", "running", "done", "refused", "failed"
 STATES = (WAITING, RUNNING, DONE, REFUSED, FAILED)
-"""Of a job. Refused: the recording or what was said of it cannot be used. Failed: it was killed twice."""
+"""States of a job. Refused: the recording or its fields cannot be used. Failed: its process was killed
+twice."""
 
 AGAIN = "again"
-"""What becomes of a job or a prognosis that the history was not there for: it waits again.
+"""Outcome of a job or a prognosis during which the history was not available: it waits again.
 
-It is not counted as killed.
+This is not counted as killed.
 """
 
 FORM = 1
-"""Of the table; a file of another form is refused."""
+"""Version of the table; a file of another version is refused."""
 
 TAKEN = """
 WITH of_units AS (
@@ -38,10 +39,10 @@ UPDATE jobs SET state = :running WHERE id = (
     ORDER BY min(id) OVER (PARTITION BY unit), hours, id LIMIT 1
 ) RETURNING *
 """
-"""Of the unit that has waited longest, the job of the lowest hours."""
+"""Query that takes the next job: of the unit that has waited longest, the job with the lowest hours."""
 
 MOST_QUIETS = 30
-"""How long a unit's uploads may follow each other until one is taken all the same, in quiet times."""
+"""Longest time for which successive uploads of a unit delay its jobs, in multiples of the quiet time."""
 
 OF_UNIT = "SELECT id FROM jobs WHERE state IN (?, ?) AND json_extract(request, '$.unit') = ? LIMIT 1"
 
@@ -62,22 +63,22 @@ CREATE TABLE IF NOT EXISTS jobs (
 
 @dataclass(frozen=True)
 class Job:
-    """An upload to be diagnosed.
+    """An upload in the queue.
 
     Attributes
     ----------
     state
         One of `STATES`.
     request
-        What was said of the recording: unit, hours, and the other fields of an upload.
+        Fields of the upload: unit, hours and others.
     file
-        Name of the recording in the folder of uploads, made by the server.
+        Name of the recording in the folder of uploads, assigned by the server.
     kills
-        How many worker processes have died of it.
+        Number of worker processes that have died during the job.
     message
-        Why it was refused or has failed.
+        Reason why it was refused or has failed.
     result
-        What came of it, where it is done.
+        Result of the diagnosis, if the job is done.
     """
 
     id: int
@@ -92,12 +93,12 @@ class Job:
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing more will be done."""
+        """Whether the job has ended."""
         return self.state in {DONE, REFUSED, FAILED}
 
 
 class Queue:
-    """Jobs, those of a unit in the order of hours; what a method has written is on disk when it returns."""
+    """Queue of jobs, those of a unit in the order of hours; changes are on disk when a method returns."""
 
     def __init__(self, file: Path) -> None:
         try:
@@ -114,16 +115,16 @@ class Queue:
             raise ServerError(f"{file}: cannot be used as a queue ({error}); give another --work") from None
         self._file = file
         self._lock = threading.Lock()
-        self._arrivals: dict[str, tuple[float, float]] = {}  # of a unit that uploads come of: first and last
+        self._arrivals: dict[str, tuple[float, float]] = {}  # first and last arrival of a unit's new uploads
 
     def close(self) -> None:
-        """Give the file back."""
+        """Close the file."""
         with self._lock:
             self._connection.close()
 
     def add(self, request: dict[str, Any], file: str) -> int:
         """Add a job; return its number."""
-        with self._working() as connection:
+        with self._locked_connection() as connection:
             cursor = connection.execute(
                 "INSERT INTO jobs (state, request, file, added_at) VALUES (?, ?, ?, ?)",
                 (WAITING, json.dumps(request), file, timestamp()),
@@ -133,19 +134,20 @@ class Queue:
         return int(cursor.lastrowid or 0)
 
     def take(self, quiet_s: float = 0.0) -> Job | None:
-        """Return the job that is next, now running; None where none is.
+        """Return the next job, marked as running, or None if there is none.
 
-        Of one unit that is the job of the lowest hours, and none while another is running of it: what a
-        recording says depends on those before it. So none is taken of a unit either whose last job was added
-        less than `quiet_s` [s] ago: files that are sent together come in any order.
+        Of each unit, the job with the lowest hours is next, and no job while another of the unit is running,
+        because the events of a recording depend on the recordings before it. For the same reason, no job is
+        taken of a unit whose last job was added less than `quiet_s` [s] ago: files that are sent together
+        arrive in any order.
         """
-        with self._working() as connection:
+        with self._locked_connection() as connection:
             names = {"waiting": WAITING, "running": RUNNING, "arriving": json.dumps(self._arriving(quiet_s))}
             row = connection.execute(TAKEN, names).fetchone()
         return None if row is None else _job(row)
 
     def _arriving(self, quiet_s: float) -> list[str]:
-        """Return the units that further uploads are expected of; forget the others' times."""
+        """Return the units of which further uploads are expected, and remove the times of the others."""
         now = time.monotonic()
         self._arrivals = {
             unit: (first, last)
@@ -155,42 +157,42 @@ class Queue:
         return list(self._arrivals)
 
     def end(self, job: int, state: str, message: str, result: dict[str, Any]) -> None:
-        """Write what became of a job."""
-        with self._working() as connection:
+        """Write the final state of a job."""
+        with self._locked_connection() as connection:
             connection.execute(
                 "UPDATE jobs SET state = ?, message = ?, result = ?, ended_at = ? WHERE id = ?",
                 (state, message, json.dumps(result), timestamp(), job),
             )
 
     def again(self, job: int) -> None:
-        """Let a job wait again."""
-        with self._working() as connection:
+        """Set a job back to waiting."""
+        with self._locked_connection() as connection:
             connection.execute("UPDATE jobs SET state = ? WHERE id = ?", (WAITING, job))
 
     def killed(self, job: int) -> int:
-        """Let a job wait again whose process has died; return how often that has happened to it."""
-        with self._working() as connection:
+        """Set a job whose process has died back to waiting; return how often its process has died."""
+        with self._locked_connection() as connection:
             row = connection.execute(
                 "UPDATE jobs SET state = ?, kills = kills + 1 WHERE id = ? RETURNING kills", (WAITING, job)
             ).fetchone()
         return int(row["kills"])
 
     def resume(self) -> int:
-        """Let jobs wait again that were running when the server ended; return how many they are."""
-        with self._working() as connection:
+        """Set the jobs that were running when the server ended back to waiting; return their number."""
+        with self._locked_connection() as connection:
             return connection.execute(
                 "UPDATE jobs SET state = ? WHERE state = ?", (WAITING, RUNNING)
             ).rowcount
 
     def job(self, number: int) -> Job | None:
-        """Return a job by its number."""
-        with self._working() as connection:
+        """Return the job with this number, None if there is none."""
+        with self._locked_connection() as connection:
             row = connection.execute("SELECT * FROM jobs WHERE id = ?", (number,)).fetchone()
         return None if row is None else _job(row)
 
     def jobs(self, limit: int, before: int | None = None) -> list[Job]:
-        """Return jobs, the newest first, of lower numbers than `before`."""
-        with self._working() as connection:
+        """Return at most `limit` jobs with numbers below `before`, the newest first."""
+        with self._locked_connection() as connection:
             rows = connection.execute(
                 "SELECT * FROM jobs WHERE id < ? ORDER BY id DESC LIMIT ?",
                 (2**62 if before is None else before, limit),
@@ -198,13 +200,13 @@ class Queue:
         return [_job(row) for row in rows]
 
     def total(self) -> int:
-        """Return how many jobs there are."""
-        with self._working() as connection:
+        """Return the number of all jobs."""
+        with self._locked_connection() as connection:
             return int(connection.execute("SELECT count(*) FROM jobs").fetchone()[0])
 
     def waiting(self) -> int:
-        """Return how many jobs wait or run."""
-        with self._working() as connection:
+        """Return the number of jobs that wait or run."""
+        with self._locked_connection() as connection:
             row = connection.execute(
                 "SELECT count(*) FROM jobs WHERE state IN (?, ?)", (WAITING, RUNNING)
             ).fetchone()
@@ -212,12 +214,12 @@ class Queue:
 
     def has_unit(self, unit: str) -> bool:
         """Return whether a job of a unit waits or runs."""
-        with self._working() as connection:
+        with self._locked_connection() as connection:
             row = connection.execute(OF_UNIT, (WAITING, RUNNING, unit)).fetchone()
         return row is not None
 
     @contextmanager
-    def _working(self) -> Iterator[sqlite3.Connection]:
+    def _locked_connection(self) -> Iterator[sqlite3.Connection]:
         try:
             with self._lock:
                 yield self._connection

@@ -1,4 +1,4 @@
-"""What is said of an upload, compared with the history: when it is sent, and again when it is diagnosed."""
+"""Check of the fields of an upload against the history, when it is sent and when it is diagnosed."""
 
 import re
 from typing import TYPE_CHECKING, Any
@@ -12,19 +12,19 @@ if TYPE_CHECKING:
     from emaphm.history import History
 
 AS_BEFORE = ""
-"""The description of a unit's last diagnosis."""
+"""Value of the field "actuator" for the description of the unit's last diagnosis."""
 
 OPTION = re.compile(r"--([a-z]+)")
-"""An option of the command line in a message; the field of an upload has the same name."""
+"""Pattern of an option of the command line in a message; the field of an upload has the same name."""
 
 
 def known_unit(history: "History", request: dict[str, Any]) -> Unit | None:
-    """Return the unit of an upload, None where it is to be begun with one of the server's descriptions.
+    """Return the unit of an upload, None if it is new and has one of the server's descriptions.
 
     Raises
     ------
     HistoryError
-        It is unknown, and no description is named.
+        The unit is unknown, and no description is named.
     """
     with history.database.reading() as connection:
         row = unit_or_none(connection, request["unit"])
@@ -41,7 +41,7 @@ def known_unit(history: "History", request: dict[str, Any]) -> Unit | None:
 
 
 def entry_of(request: dict[str, Any], part_number: str) -> Entry:
-    """Return the entry of an upload, of `part_number` where none is said."""
+    """Return the entry of an upload, with `part_number` if its fields give none."""
     return Entry(
         request["unit"],
         request["part"] or part_number,
@@ -53,17 +53,21 @@ def entry_of(request: dict[str, Any], part_number: str) -> Entry:
 
 
 def check_statement(history: "History", request: dict[str, Any], *, is_begun: bool) -> None:
-    """Refuse at once what is refused of an upload whatever its recording holds.
+    """Refuse an upload whose fields contradict the history, independently of its recording.
 
     Parameters
     ----------
+    history
+        History of all units.
+    request
+        Fields of the upload.
     is_begun
-        Whether an upload that waits may begin the unit.
+        Whether a waiting upload may add the unit.
 
     Raises
     ------
     HistoryError
-        As for its job; `HistoryUnavailableError` where the history is away.
+        The same as for its job; `HistoryUnavailableError` if the history is not available.
     """
     try:
         unit = known_unit(history, request)
@@ -78,5 +82,5 @@ def check_statement(history: "History", request: dict[str, Any], *, is_begun: bo
 
 
 def in_fields(message: str) -> str:
-    """Return a message with the fields of an upload in place of the options of the command line."""
+    """Return a message with options of the command line replaced by the fields of an upload."""
     return OPTION.sub(r"'\1'", message)

@@ -1,4 +1,4 @@
-"""What a worker process does: it diagnoses uploads and makes prognoses, one at a time."""
+"""The worker process, which diagnoses uploads and computes prognoses, one at a time."""
 
 import logging
 import os
@@ -29,16 +29,17 @@ if TYPE_CHECKING:
 LOG = logging.getLogger("emaphm.server")
 
 SERVER = "server"
-"""The watcher of events that follow from what the server has diagnosed and forecast."""
+"""Name of the watcher in the events from diagnoses and prognoses of the server."""
 
 NICENESS = 3
-"""Of a worker, which takes all of a core for seconds: pages go first. It has half the share of others
-where all cores are busy; with 10 it would have a tenth, and uploads would wait for minutes."""
+"""Priority of a worker, below that of the pages, because it uses a core for seconds. If all cores are busy,
+it has half the share of other processes; with 10 it would have a tenth, and uploads would wait for
+minutes."""
 
 
 @dataclass(frozen=True)
 class Upload:
-    """A job: the file of a recording, and what was said of it."""
+    """A job: the file of a recording, and the fields of the upload."""
 
     file: Path
     name: str
@@ -54,7 +55,7 @@ class Forecast:
 
 @dataclass(frozen=True)
 class JobOutcome:
-    """What became of a job."""
+    """Final state of a job, with a message and the result."""
 
     state: str
     message: str = ""
@@ -63,10 +64,10 @@ class JobOutcome:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a worker works: the history's address, the server's folder, descriptions by name.
+    """Paths and settings of a worker: the history's address, the server's folder, descriptions by name.
 
-    `detector` says in addition whether an upload is like healthy recordings, `prognosis` from when on a
-    remaining useful life makes an event. `seed` is the source of randomness of diagnoses and prognoses.
+    `detector` compares an upload with healthy recordings. `prognosis` contains the thresholds from which a
+    remaining useful life raises an event. `seed` is the source of randomness of diagnoses and prognoses.
     """
 
     db: str
@@ -80,7 +81,7 @@ class Place:
 
 
 def work(orders: Connection, parent: Connection, place: Place) -> None:
-    """Do jobs as they come through `orders`, until the server ends; answer progress and a `JobOutcome`."""
+    """Execute the jobs received from `orders` until the server ends; send progress and a `JobOutcome`."""
     prepare_worker(parent, place.memory_bytes)
     os.nice(NICENESS)
     with suppress(EOFError, OSError):  # the server has ended
@@ -99,12 +100,12 @@ def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> JobOut
                 prognosed(history, job.unit, place.prognosis, place.seed, SERVER)
                 return JobOutcome(DONE)
             return _diagnosed(job, history, place, orders)
-    except HistoryUnavailableError as error:  # which says nothing of the recording
+    except HistoryUnavailableError as error:  # not an error of the recording
         return JobOutcome(AGAIN, str(error))
     except EmaphmError as error:
         text = str(error)
         if isinstance(job, Upload):
-            text = text.replace(str(job.file), job.name)  # where it is kept is nobody's business
+            text = text.replace(str(job.file), job.name)  # clients must not learn the path on the server
             text = in_fields(text)
         return JobOutcome(REFUSED, text)
     except MemoryError:
@@ -145,13 +146,13 @@ def _diagnosed(job: Upload, history: "History", place: Place, orders: Connection
         "explained": kept.explained,
         "health": health_in(kept.document),
         "degraded": list(degraded_in(kept.document)),
-        "events": [one.message for one in events],
+        "events": [event.message for event in events],
     }
     if diagnosis is None:
         return JobOutcome(DONE, "is in the history already", result)
     try:
         _write_report(diagnosis, kept, place.folder)
-    except (OutputError, MemoryError) as error:  # the diagnosis is in the history all the same
+    except (OutputError, MemoryError) as error:  # the diagnosis itself is already in the history
         LOG.warning("no report of diagnosis %d: %s", number, error or "it takes too much memory")
         return JobOutcome(DONE, "is in the history, but its report could not be kept", result)
     return JobOutcome(DONE, "", result)
@@ -166,29 +167,29 @@ def _searched(
 
 
 def _described(known: "Unit | None", request: dict[str, Any], place: Place) -> "Actuator":
-    """Return the description to diagnose with: one of the server's, or that of the unit's last diagnosis."""
+    """Return the description for a diagnosis: one of the server, or that of the unit's last diagnosis."""
     if known is None or request["actuator"] != AS_BEFORE:
         return place.actuators[request["actuator"]]
     return known.actuator
 
 
 def _filed(history: "History", recording: "Recording") -> "tuple[int, UnitRow, KeptDiagnosis]":
-    """Return the last diagnosis of a recording: its number, its unit, and itself."""
+    """Return the number, the unit and the stored form of the last diagnosis of a recording."""
     from emaphm.history.views import diagnosis, last_diagnosis
     from emaphm.recording.content import recording_hash
 
     key = recording_hash(recording)
     with history.database.reading() as connection:
         number = last_diagnosis(connection, key)
-        found = None if number is None else diagnosis(connection, number)
-    if number is None or found is None:
+        stored = None if number is None else diagnosis(connection, number)
+    if number is None or stored is None:
         raise HistoryError("the diagnosis is not in the history; upload the recording again")
-    unit, kept, _ = found
+    unit, kept, _ = stored
     return number, unit, kept
 
 
 def _write_report(diagnosis: "Diagnosis", kept: "KeptDiagnosis", folder: ServerFolder) -> None:
-    """Write the report and the figures of the recording, which the history does not hold."""
+    """Write the report and the figures of the recording, which are not stored in the history."""
     from emaphm.output_files import written_whole
     from emaphm.plotting.diagnosis import draw_fit, draw_residual
     from emaphm.plotting.svg import plain_style, svg

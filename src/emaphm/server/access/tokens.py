@@ -1,4 +1,4 @@
-"""Tokens that let someone in: made here, kept hashed in a file that only its owner can read."""
+"""Access tokens, stored as hashes in a file that only its owner can read, and sessions of browsers."""
 
 import hashlib
 import hmac
@@ -14,13 +14,13 @@ from emaphm.input_files import read_bytes
 from emaphm.output_files import written_whole
 
 TOKEN_BYTES = 32
-"""Random bytes of a token: nobody guesses it, so that a plain hash of it can be kept."""
+"""Random bytes of a token: it cannot be guessed, so that a hash without salt suffices."""
 
 MOST_BYTES = 2**20
-"""Of a file of tokens [bytes]."""
+"""Largest size of a file of tokens [bytes]."""
 
 MOST_SESSIONS = 1000
-"""Browsers that are logged in at the same time; the oldest is logged out for another."""
+"""Largest number of sessions at the same time; for a further session, the oldest is ended."""
 
 LONGEST_NAME = 60
 
@@ -31,7 +31,7 @@ def add_token(path: Path, name: str) -> str:
     Raises
     ------
     ServerError
-        The name is no name or in the file already, or the file cannot be used (`read_tokens`).
+        The name is not valid or already in the file, or the file cannot be used (`read_tokens`).
     """
     if not name or not name.isprintable() or " " in name or len(name) > LONGEST_NAME:
         raise ServerError(
@@ -43,7 +43,7 @@ def add_token(path: Path, name: str) -> str:
             f"{path}: has a token of '{name}' already; take its line out of the file, or give another name"
         )
     token = secrets.token_urlsafe(TOKEN_BYTES)
-    lines = [f"{digest} {one}" for digest, one in {**known, _digest(token): name}.items()]
+    lines = [f"{digest} {owner}" for digest, owner in {**known, _digest(token): name}.items()]
     with written_whole(path) as temporary:
         temporary.touch(mode=0o600)
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -56,17 +56,17 @@ def read_tokens(path: Path) -> dict[str, str]:
     Raises
     ------
     ServerError
-        The file is missing, others can read or write it, or it is no file of tokens.
+        The file is missing, other users can read or write it, or it is no file of tokens.
     """
     if not path.exists():
         raise ServerError(f"{path}: no such file; make it with --tokens {path} --add-token NAME")
     content = read_bytes(path, MOST_BYTES, ServerError)
-    found = path.stat()
-    if stat.S_IMODE(found.st_mode) & 0o077:
+    status = path.stat()
+    if stat.S_IMODE(status.st_mode) & 0o077:
         raise ServerError(
             f"{path}: other users can read this file of tokens; take that from them: chmod 600 {path}"
         )
-    if found.st_uid not in {os.geteuid(), 0}:
+    if status.st_uid not in {os.geteuid(), 0}:
         raise ServerError(f"{path}: belongs to another user; make a file of your own with --add-token")
     tokens = {}
     for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
@@ -82,7 +82,7 @@ def read_tokens(path: Path) -> dict[str, str]:
 
 
 class Doorkeeper:
-    """Says who may come in: by a token, or by the session of a browser that has shown one."""
+    """Authorisation by a token, or by the session of a browser that has sent a token."""
 
     def __init__(self, tokens: dict[str, str], session_hours: float) -> None:
         self._tokens = tokens
@@ -91,7 +91,7 @@ class Doorkeeper:
         self._lock = threading.Lock()
 
     def accepts(self, token: str) -> bool:
-        """Return whether `token` is one of those known."""
+        """Return whether `token` is valid."""
         digest = _digest(token)
         return any(hmac.compare_digest(digest, known) for known in self._tokens)
 
@@ -100,14 +100,14 @@ class Doorkeeper:
         key = secrets.token_urlsafe(TOKEN_BYTES)
         with self._lock:
             now = time.monotonic()
-            self._sessions = {one: ends for one, ends in self._sessions.items() if ends > now}
+            self._sessions = {digest: end for digest, end in self._sessions.items() if end > now}
             while len(self._sessions) >= MOST_SESSIONS:
                 del self._sessions[next(iter(self._sessions))]
             self._sessions[_digest(key)] = now + self._lasts_s
         return key
 
     def knows(self, session: str) -> bool:
-        """Return whether `session` is the key of one that has not ended."""
+        """Return whether `session` is the key of a session that has not ended."""
         return self._sessions.get(_digest(session), 0.0) > time.monotonic()
 
     def end(self, session: str) -> None:

@@ -1,4 +1,4 @@
-"""What stands before every request: whose it is, where it comes from, how large and how slow it may be."""
+"""Middleware that checks every request: token, origin, size and duration."""
 
 import asyncio
 import ipaddress
@@ -9,8 +9,8 @@ from urllib.parse import urlsplit
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse
 
+from emaphm.server.access.tokens import Doorkeeper
 from emaphm.server.settings import ServerSettings
-from emaphm.server.tokens import Doorkeeper
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -27,10 +27,10 @@ HEADERS = {
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-cache, private",
 }
-"""Of every answer that does not say otherwise."""
+"""Headers of every answer that does not set them itself."""
 
 OPEN = ("/login", "/static/")
-"""What is answered to anyone: the page that asks for a token, and its style."""
+"""Paths without a token: the log-in page and its style."""
 
 UPLOADS = ("/upload", "/api/v1/recordings")
 
@@ -38,7 +38,7 @@ READING = ("GET", "OPTIONS")
 
 
 class Guard:
-    """Middleware that lets a request through to the pages, or answers it itself."""
+    """Middleware that passes a request on to the application, or refuses it."""
 
     def __init__(
         self,
@@ -55,7 +55,7 @@ class Guard:
         self._uploading = 0
 
     async def __call__(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
-        """Answer a request."""
+        """Answer a request, as an ASGI application."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -64,55 +64,55 @@ class Guard:
         headers = {
             name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]
         }
-        answer = self._refusal(scope, headers)
-        if answer is not None:
-            await answer(scope, receive, _with_headers(send))
+        refusal = self._refusal(scope, headers)
+        if refusal is not None:
+            await refusal(scope, receive, _with_headers(send))
             return
         if scope["method"] == "POST" and scope["path"] in UPLOADS:
             await self._upload(scope, receive, send)
             return
-        body = _Bounded(receive, self._settings.other_bytes, self._settings.other_seconds)
+        body = _LimitedBody(receive, self._settings.other_bytes, self._settings.other_seconds)
         await self._run(scope, body, _with_headers(send))
 
     async def _upload(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
-        """Let an upload through, in its time; a limited number at once."""
+        """Pass an upload on, with its limit of time and of uploads at once."""
         if self._uploading >= self._settings.uploads_at_once:
-            busy = _said(
+            busy = _text_answer(
                 scope, 503, "too many uploads at once; try again in some seconds", {"retry-after": "5"}
             )
             await busy(scope, receive, _with_headers(send))
             return
         self._uploading += 1
-        # Fields and boundaries come on top of the file.
+        # The form's fields and boundaries add to the size of the file.
         most = self._settings.upload_bytes + self._settings.other_bytes
-        body = _Bounded(receive, most, self._settings.upload_seconds)
+        body = _LimitedBody(receive, most, self._settings.upload_seconds)
         try:
             await self._run(scope, body, _with_headers(send))
         finally:
             self._uploading -= 1
 
-    async def _run(self, scope: "Scope", body: "_Bounded", send: "Send") -> None:
+    async def _run(self, scope: "Scope", body: "_LimitedBody", send: "Send") -> None:
         if body.declared_too_large(scope):
             await body.refusal(scope)(scope, body, send)
             return
         await self._app(scope, body, send)
 
     def _refusal(self, scope: "Scope", headers: dict[str, str]) -> "ASGIApp | None":
-        """Return the answer to a request that may not come through, None for one that may."""
+        """Return the answer to a request that is refused, None for a request that is passed on."""
         if self._only_loopback and not _is_loopback(headers.get("host", "")):
-            # A name that another site has pointed to this machine (DNS rebinding).
-            return _said(scope, 421, "this server answers to localhost only")
+            # Against DNS rebinding: another site's host name may resolve to this machine.
+            return _text_answer(scope, 421, "this server answers to localhost only")
         if scope["method"] not in READING and _is_foreign(headers):
-            return _said(scope, 403, "this form was sent by another site")
-        if scope["path"].startswith(OPEN) or self._lets_in(headers):
+            return _text_answer(scope, 403, "this form was sent by another site")
+        if scope["path"].startswith(OPEN) or self._is_authorised(headers):
             return None
         if _wants_json(scope):
-            return _said(
+            return _text_answer(
                 scope, 401, "give a token: Authorization: Bearer TOKEN", {"www-authenticate": "Bearer"}
             )
         return RedirectResponse("/login", status_code=303)
 
-    def _lets_in(self, headers: dict[str, str]) -> bool:
+    def _is_authorised(self, headers: dict[str, str]) -> bool:
         if self._doorkeeper is None:
             return True
         kind, _, token = headers.get("authorization", "").partition(" ")
@@ -121,15 +121,15 @@ class Guard:
         return self._doorkeeper.knows(session_in(headers.get("cookie", "")))
 
 
-class _Bounded:
-    """The body of a request, of a limited size [bytes], in limited time [s] from now to its last byte."""
+class _LimitedBody:
+    """The body of a request, with limits of its size [bytes] and of the time until its last byte [s]."""
 
     def __init__(self, receive: "Receive", most: int, seconds: float) -> None:
         self._receive = receive
         self._most = most
         self._seconds = seconds
         self._deadline: float | None = asyncio.get_running_loop().time() + seconds
-        self._seen = 0
+        self._received = 0
 
     @property
     def reason(self) -> str:
@@ -144,8 +144,8 @@ class _Bounded:
                 408, f"took longer than {self._seconds:g} s to send; send less of it", {"connection": "close"}
             ) from None
         if message["type"] == "http.request":
-            self._seen += len(message.get("body", b""))
-            if self._seen > self._most:
+            self._received += len(message.get("body", b""))
+            if self._received > self._most:
                 raise HTTPException(413, self.reason, {"connection": "close"})
             if not message.get("more_body", False):
                 self._deadline = None
@@ -156,7 +156,7 @@ class _Bounded:
         return not declared.isdigit() or int(declared[:20]) > self._most
 
     def refusal(self, scope: "Scope") -> "ASGIApp":
-        return _said(
+        return _text_answer(
             scope,
             413,
             self.reason,
@@ -165,12 +165,12 @@ class _Bounded:
 
 
 def session_in(cookies: str) -> str:
-    """Return the session that a Cookie header holds, empty where it holds none."""
+    """Return the key of the session in a Cookie header, empty if there is none."""
     try:
-        found = SimpleCookie(cookies).get(COOKIE)
+        morsel = SimpleCookie(cookies).get(COOKIE)
     except CookieError:
         return ""
-    return found.value if found else ""
+    return morsel.value if morsel else ""
 
 
 def _with_headers(send: "Send") -> "Send":
@@ -195,7 +195,7 @@ def _without_body(send: "Send") -> "Send":
     return sending
 
 
-def _said(scope: "Scope", status: int, text: str, headers: dict[str, str] | None = None) -> "ASGIApp":
+def _text_answer(scope: "Scope", status: int, text: str, headers: dict[str, str] | None = None) -> "ASGIApp":
     if _wants_json(scope):
         return JSONResponse({"detail": text}, status, headers)
     return PlainTextResponse(f"{text}\n", status, headers)
@@ -214,7 +214,7 @@ def _is_loopback(host: str) -> bool:
 
 
 def _is_foreign(headers: dict[str, str]) -> bool:
-    """Return whether another site's page sent a request: a browser says where a form stands."""
+    """Return whether a page of another site sent a request, according to the browser's headers."""
     if headers.get("sec-fetch-site", "same-origin") not in {"same-origin", "none"}:
         return True
     origin = headers.get("origin")

@@ -1,4 +1,4 @@
-"""A connection that sends no request is closed: silent and slow ones would keep all others out."""
+"""HTTP protocol that closes connections without a request, which would block the limited connections."""
 
 import asyncio
 from typing import Any
@@ -6,16 +6,16 @@ from typing import Any
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
 HEAD_SECONDS = 10.0
-"""For the head of a request, from the connection or the answer before it [s]."""
+"""Longest time for the head of a request, from the connection or the previous answer [s]."""
 
 
 class ImpatientProtocol(H11Protocol):
-    """HTTP/1.1 where the head of each request must have come within `HEAD_SECONDS`.
+    """HTTP/1.1 where the head of each request must arrive within `HEAD_SECONDS`.
 
-    uvicorn's own limit for what is kept alive ends with the first byte that comes.
+    uvicorn's own keep-alive limit applies only until the first byte of a request.
     """
 
-    _silent: asyncio.TimerHandle | None = None
+    _head_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: Any) -> None:
         """Begin to wait for the head of a request."""
@@ -28,16 +28,16 @@ class ImpatientProtocol(H11Protocol):
         super().on_response_complete()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """End the waiting."""
-        if self._silent is not None:
-            self._silent.cancel()
+        """Cancel the timer."""
+        if self._head_timer is not None:
+            self._head_timer.cancel()
         super().connection_lost(exc)
 
     def _expect_head(self) -> None:
-        if self._silent is not None:
-            self._silent.cancel()
-        self._silent = self.loop.call_later(HEAD_SECONDS, self._close_if_silent, self.cycle)
+        if self._head_timer is not None:
+            self._head_timer.cancel()
+        self._head_timer = self.loop.call_later(HEAD_SECONDS, self._close_if_silent, self.cycle)
 
     def _close_if_silent(self, last: RequestResponseCycle | None) -> None:
-        if self.cycle is last:  # no further request has come
+        if self.cycle is last:  # no further request has arrived
             self.transport.close()

@@ -1,0 +1,1 @@
+"""Who may use the server: tokens, checks of every request, and limits of a connection."""
