@@ -26,7 +26,7 @@ async def app(scope: Any, _: Any, send: Any) -> None:
 
 @pytest.fixture
 def address(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[str, int]]:
-    from emaphm.server import connection
+    from emaphm.server.access import connection
 
     monkeypatch.setattr(connection, "HEAD_SECONDS", HEAD_S)
     listening = socket.create_server(("127.0.0.1", 0))
