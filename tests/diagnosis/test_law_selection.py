@@ -75,7 +75,7 @@ def test_the_law_is_named_and_its_parameter_found(found: Diagnosis) -> None:
     assert found.laws == ("stribeck",)
     assert found.explained
     assert json.loads(json.dumps(found.to_dict()))["laws"] == ["stribeck"]
-    assert "Explained best by laws that the description lacks: stribeck; without" in str(found)
+    assert "Explained best by laws that the description lacks: stribeck; without them" in str(found)
     assert "emaphm calibrate --laws stribeck)." in str(found)
     # The value is the law's own, in its unit, and no deviation from what no description has.
     speed = found.law_parameters["stribeck_speed"]

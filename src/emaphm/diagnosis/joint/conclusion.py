@@ -31,71 +31,73 @@ def conclusion(
     results: Sequence[SearchResult],
     single: Sequence[Diagnosis],
     estimate: JointEstimate,
-    known: JointUncertainty,
+    uncertainty: JointUncertainty,
     seed: int,
 ) -> JointDiagnosis:
-    """Return the diagnosis of the unit; its counts and time are still to be filled in.
+    """Return the diagnosis of the unit, with its numbers of simulations and its time still those of one part.
 
     Parameters
     ----------
     alone
-        Where the search of each recording alone ended.
+        Results of the separate searches.
     results, single
-        The joint estimate as each recording's own result, and what is concluded from that.
-    estimate, known
-        The joint fit, and how well it is known.
+        The joint estimate as a result of each recording, and the diagnoses from these results.
+    estimate, uncertainty
+        The joint fit, and its uncertainty.
     """
     joint, count, space = estimate.joint, len(results), results[0].objective.space
-    between = _between(known, joint)
-    covariance = known.covariance + estimate.scatter
+    between = _contradictions_between(uncertainty, joint)
+    covariance = uncertainty.covariance + estimate.scatter
     covariance[: joint.shared, : joint.shared] += between.covariance
     if not estimate.corrected:
-        bias = _bias(joint, results, known.point, seed)
+        bias = _bias_of_estimate(joint, results, uncertainty.point, seed)
         covariance = covariance + np.outer(bias, bias)
     local = covariance[np.ix_(joint.indices[0], joint.indices[0])]
     sets = collinear_sets(results[0], local, seed)
     components = estimates(space, results[0].point, local, sets)
-    if not all(one.explained for one in single):
+    if not all(diagnosis.explained for diagnosis in single):
         components = unexplained(components, space.fixed)
     elif not between.agree:
-        components = {name: _undecided(one) for name, one in components.items()}
+        components = {name: _undecided(component) for name, component in components.items()}
     else:
         components = _tested_by_each(components, results, seed)
-    parts = [
-        _recording(one, *pair, contradicts=bool(flag))
-        for one, pair, flag in zip(single, zip(alone, results, strict=True), between.named, strict=True)
+    entries = [
+        _recording_entry(diagnosis, *pair, contradicts=bool(contradicting))
+        for diagnosis, pair, contradicting in zip(
+            single, zip(alone, results, strict=True), between.named, strict=True
+        )
     ]
     first = single[0]
-    kept = {field.name: getattr(first, field.name) for field in fields(first)}
-    shared = [space.coordinates[i] for i in joint.terms[0].shared_places]
-    residual = np.concatenate([one.compared_residual for one in results])
-    channels = tuple(dict.fromkeys(name for one in single for name in one.channels))
+    common_fields = {field.name: getattr(first, field.name) for field in fields(first)}
+    coordinates = [space.coordinates[i] for i in joint.terms[0].shared_places]
+    residual = np.concatenate([result.compared_residual for result in results])
+    channels = tuple(dict.fromkeys(name for diagnosis in single for name in diagnosis.channels))
     return JointDiagnosis(
-        **kept
+        **common_fields
         | {
             "components": components,
-            "coordinates": tuple(shared),
+            "coordinates": tuple(coordinates),
             "covariance": covariance[: joint.shared, : joint.shared],
             "fitness": float(np.mean(residual**2)),
             "residual_rms_A": rms(residual),
-            "explained": between.agree and all(one.explained for one in single),
+            "explained": between.agree and all(diagnosis.explained for diagnosis in single),
             "recording": first.recording if count == 1 else f"{count} recordings",
-            "time_s": _end_to_end([one.time_s for one in single]),
-            "recorded": np.concatenate([one.recorded for one in single]),
-            "modelled": np.concatenate([one.modelled for one in single]),
+            "time_s": _end_to_end([diagnosis.time_s for diagnosis in single]),
+            "recorded": np.concatenate([diagnosis.recorded for diagnosis in single]),
+            "modelled": np.concatenate([diagnosis.modelled for diagnosis in single]),
             "channels": channels,
             "nuisances": of_unit(nuisance_estimates(results[0].objective, results[0].point, local)),
             "collinear_sets": sets,
-            "moves": any(one.moves for one in single),
-            "recording_notes": _of_all(single, lambda one: one.recording_notes),
-            "reasons": _of_all(single, lambda one: one.reasons),
+            "moves": any(diagnosis.moves for diagnosis in single),
+            "recording_notes": _sentences_of_all(single, lambda diagnosis: diagnosis.recording_notes),
+            "reasons": _sentences_of_all(single, lambda diagnosis: diagnosis.reasons),
             "sensor_faults": tuple(
-                replace(fault, sentence=_named(one, fault.sentence, count))
-                for one in single
-                for fault in one.sensor_faults
+                replace(fault, sentence=_with_recording_name(diagnosis, fault.sentence, count))
+                for diagnosis in single
+                for fault in diagnosis.sensor_faults
             ),
         },
-        recordings=tuple(parts),
+        recordings=tuple(entries),
         contradicted=tuple(
             dict.fromkeys(NAMES[column] for i, column in enumerate(space.columns) if between.contradicted[i])
         ),
@@ -105,34 +107,38 @@ def conclusion(
 def _tested_by_each(
     components: Mapping[str, Estimate], results: Sequence[SearchResult], seed: int
 ) -> dict[str, Estimate]:
-    """Return the components of the unit, undecided where something else explains each recording as well.
+    """Return the components of the unit, undecided if another explanation is as good for each recording.
 
-    What one of them excludes is excluded: where it keeps the verdict, its interval counts, of several the
-    shortest.
+    One recording that excludes the other explanations is enough: its verdict and interval are taken, the
+    shortest interval of several.
     """
-    whole = dict[str, Estimate]()
+    shortest = dict[str, Estimate]()
     for result in results:
         jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
-        found = tested(components, result, jacobians, seed)
-        whole = {
-            name: min(whole.get(name, one), one, key=_doubt(components[name])) for name, one in found.items()
+        components_there = tested(components, result, jacobians, seed)
+        shortest = {
+            name: min(shortest.get(name, estimate), estimate, key=_doubt_key(components[name]))
+            for name, estimate in components_there.items()
         }
-        if whole == components:
+        if shortest == components:
             break
-    return whole
+    return shortest
 
 
-def _doubt(first: Estimate) -> Callable[[Estimate], tuple[bool, float]]:
-    """Return what an estimate is ordered by: whether it has another verdict than `first`, then its length."""
-    return lambda one: (one.verdict != first.verdict, one.interval95[1] - one.interval95[0])
+def _doubt_key(first: Estimate) -> Callable[[Estimate], tuple[bool, float]]:
+    """Return the sort key of an estimate: whether its verdict differs from `first`, then its length."""
+    return lambda estimate: (
+        estimate.verdict != first.verdict,
+        estimate.interval95[1] - estimate.interval95[0],
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _Between:
-    """What the recordings contradict each other in.
+    """Contradictions between the recordings.
 
-    `contradicted`, (p,), are the shared coordinates, `named`, (n,), the recordings that contradict the
-    others; `covariance`, (p, p), is what their scatter adds to that of the joint estimate.
+    `contradicted` (p,) marks shared coordinates, `named` (n,) marks recordings that contradict the others;
+    `covariance` (p, p) is the covariance due to the scatter between recordings.
     """
 
     contradicted: NDArray[np.bool_]
@@ -145,20 +151,24 @@ class _Between:
         return not (self.contradicted.any() or self.named.any())
 
 
-def _between(known: JointUncertainty, joint: JointObjective) -> _Between:
+def _contradictions_between(uncertainty: JointUncertainty, joint: JointObjective) -> _Between:
+    """Return the contradictions between the recordings; none without separate estimates."""
     shared, count = joint.shared, len(joint.terms)
-    if known.alone is None:
+    if uncertainty.alone is None:
         return _Between(np.zeros(shared, bool), np.zeros(count, bool), np.zeros((shared, shared)))
     priors = joint.prior_deviations[:shared]
-    found, named = contradictions(known.alone, priors), dissenting(known.alone, priors)
-    between = _Between(found.contradicted, named, found.covariance)
-    # The mean of recordings that scatter is known the better the more they are; what they contradict each
-    # other in may be any of theirs.
-    return replace(between, covariance=found.covariance / count) if between.agree else between
+    heterogeneity = contradictions(uncertainty.alone, priors)
+    dissenters = dissenting(uncertainty.alone, priors)
+    between = _Between(heterogeneity.contradicted, dissenters, heterogeneity.covariance)
+    # The mean of n consistent recordings has 1/n of their scatter. Where they contradict each other, the
+    # value of any recording may be the true one.
+    return replace(between, covariance=heterogeneity.covariance / count) if between.agree else between
 
 
-def _bias(joint: JointObjective, results: Sequence[SearchResult], point: Array, seed: int) -> Array:
-    """Return how far the model's discrepancy, where it is known, leads a fit without correction, (d,)."""
+def _bias_of_estimate(
+    joint: JointObjective, results: Sequence[SearchResult], point: Array, seed: int
+) -> Array:
+    """Return the error (d,) of an uncorrected fit due to the known discrepancy of the model."""
     normals, gradients = list[Array](), list[Array]()
     for r, result in enumerate(results):
         rows = result.objective.channel_rows
@@ -171,41 +181,49 @@ def _bias(joint: JointObjective, results: Sequence[SearchResult], point: Array, 
     return np.asarray(joint.box.project(point - step) - point)
 
 
-def _recording(
+def _recording_entry(
     single: Diagnosis, alone: SearchResult, result: SearchResult, *, contradicts: bool
 ) -> JointRecording:
+    """Return the entry of one recording."""
     common = of_unit(single.nuisances)
-    own = rms(alone.compared_residual)
+    separate_rms = rms(alone.compared_residual)
     return JointRecording(
         single.recording,
         single.channels,
         single.explained,
         single.residual_rms_A,
         single.relative_residual,
-        single.residual_rms_A / max(own, np.finfo(float).tiny),
+        single.residual_rms_A / max(separate_rms, np.finfo(float).tiny),
         contradicts,
         tuple(result.objective.space.faults(alone.point).tolist()),
-        {name: one for name, one in single.nuisances.items() if name not in common},
+        {name: estimate for name, estimate in single.nuisances.items() if name not in common},
         single.load,
     )
 
 
-def _of_all(single: Sequence[Diagnosis], of: Callable[[Diagnosis], Sequence[str]]) -> tuple[str, ...]:
-    """Return sentences of all recordings, each with the name of its own."""
-    return tuple(_named(one, sentence, len(single)) for one in single for sentence in of(one))
+def _sentences_of_all(
+    single: Sequence[Diagnosis], of: Callable[[Diagnosis], Sequence[str]]
+) -> tuple[str, ...]:
+    """Return the sentences of all recordings, each preceded by the name of its recording."""
+    return tuple(
+        _with_recording_name(diagnosis, sentence, len(single))
+        for diagnosis in single
+        for sentence in of(diagnosis)
+    )
 
 
-def _named(one: Diagnosis, sentence: str, count: int) -> str:
-    """Return a sentence of one recording of `count`."""
-    return f"{one.recording}: {sentence}" if count > 1 else sentence
+def _with_recording_name(diagnosis: Diagnosis, sentence: str, count: int) -> str:
+    """Return a sentence, preceded by the name of its recording if there are several."""
+    return f"{diagnosis.recording}: {sentence}" if count > 1 else sentence
 
 
-def _undecided(one: Estimate) -> Estimate:
-    return replace(one, verdict="cannot tell", reason=one.reason or CONTRADICTED)
+def _undecided(estimate: Estimate) -> Estimate:
+    """Return an estimate as undecided because the recordings contradict each other."""
+    return replace(estimate, verdict="cannot tell", reason=estimate.reason or CONTRADICTED)
 
 
 def _end_to_end(times: Sequence[Array]) -> Array:
-    """Return the times [s] of recordings, each beginning an interval after the end of the one before."""
+    """Return the times [s] of all recordings in sequence, one interval apart."""
     placed, offset = list[Array](), float(times[0][0])
     for time_s in times:
         placed.append(time_s - time_s[0] + offset)
