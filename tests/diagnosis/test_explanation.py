@@ -161,7 +161,7 @@ def test_an_inertia_that_nothing_would_show_is_named() -> None:
         return unseen_inertia(faults_objective(problem_of(recording, THESIS, channels=None), nuisances))
 
     (note,) = noted(CHANNELS[:1])
-    assert "from current_A alone, one that is 5 % off reads as faults" in note
+    assert "from current_A alone, a deviation of 5 % appears as faults" in note
     assert noted(CHANNELS[:1], ("load", "inertia")) == noted(CHANNELS[:1], ()) == noted(CHANNELS[:2]) == ()
 
 
@@ -367,7 +367,7 @@ def test_a_wrong_temperature_is_contradicted_where_a_sensor_is_wrong_too() -> No
     none = np.zeros_like(objective.target)
     point = local_search(objective, start, none, np.random.default_rng(0)).best
     (said,) = contradicted_values(SearchResult.at(objective, point), seed=0)
-    assert "asks for a temperature that is +" in said
+    assert "the temperature estimated from the other channels differs by +" in said
 
 
 def test_a_current_that_never_changes_is_named() -> None:

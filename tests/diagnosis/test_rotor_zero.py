@@ -118,7 +118,7 @@ def test_which_phase_is_which_stays_open_then() -> None:
         low, high = one.interval95
         assert low <= getattr(FAULTY, name) <= high
         assert one.verdict == "cannot tell"
-        assert "one phase has 0.400, one 0.100, one 0.001: which has which is open" in one.reason
+        assert "the phases have shorts of 0.400, 0.100, 0.001 in unknown order" in one.reason
     assert "Give rotor_zero in [electrical]" in str(found)
     assert found.shorts_of_open_phases == pytest.approx((0.4, 0.1), abs=0.02)
     assert diagnosed(TURNED).shorts_of_open_phases == ()
