@@ -21,7 +21,7 @@ from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.one_value import idle_channels
 from emaphm.diagnosis.explanation.reasons import reasons_against
 from emaphm.diagnosis.explanation.residuals import is_drowned
-from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
+from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, shift_by_delay
 from emaphm.diagnosis.explanation.unseen_inertia import unseen_inertia
 from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.discrepancy import Discrepancy
@@ -295,7 +295,7 @@ def test_a_delay_reads_as_a_lower_gain() -> None:
     result = at_the_truth({})
     jacobians = jacobians_at(result.objective, result.point, np.random.default_rng(0))
     gain = result.objective.space.coordinates.index("gain")
-    late, early = (taken_up_of_a_delay(result, jacobians, one)[gain] for one in (2e-4, -2e-4))
+    late, early = (shift_by_delay(result, jacobians, one)[gain] for one in (2e-4, -2e-4))
     assert late < 0 < early
     assert late == pytest.approx(-early)
 

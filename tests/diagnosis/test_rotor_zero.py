@@ -69,7 +69,7 @@ def test_a_zero_that_is_off_shows_where_phases_differ(faults: Faults) -> None:
     away = -TURNED_RAD / electrical.pole_pairs * THESIS.mechanics.gear_ratio
     moved = Recording({**recording.channels, "command_rad": recording["command_rad"] + away})
     (reason,) = contradicted(moved, faults)
-    found = re.search(r"zero seems to be (\S+) rad", reason)
+    found = re.search(r"deviate from the description by (\S+) rad", reason)
     assert found is not None
     assert float(found[1]) == pytest.approx(TURNED_RAD, rel=0.25)
 

@@ -26,7 +26,7 @@ from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.residual_share import notes_on_alternatives
-from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
+from emaphm.diagnosis.selection.supply.supply_scan import with_requested_supply
 from emaphm.diagnosis.verdict import VERDICT, Estimate, estimates, undecided_by_model_error, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
@@ -152,7 +152,7 @@ def diagnose(
     recording = recording.with_channels(recording.channels, notes) if notes else recording
     corrected = chosen.least_squares and result.discrepancy is not None
     if corrected:
-        result = with_asked_supply(result, settings)
+        result = with_requested_supply(result, settings)
     if corrected and deviations:
         diagnosis, result = _with_deviations(
             result,

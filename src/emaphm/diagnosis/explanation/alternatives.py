@@ -15,7 +15,7 @@ from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.other_values import including
 from emaphm.diagnosis.explanation.refits import Refit
-from emaphm.diagnosis.explanation.sensor_scores import taken_up_of_a_delay
+from emaphm.diagnosis.explanation.sensor_scores import shift_by_delay
 from emaphm.diagnosis.verdict import Estimate, with_phase_undecided
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
@@ -94,7 +94,7 @@ def beyond_a_delay(gain: Estimate, result: SearchResult, jacobians: Array) -> Es
     """
     column = result.objective.space.coordinates.index("gain")
     tolerance = ALTERNATIVES.tolerance * result.objective.problem.actuator.nuisances.delay
-    shift = taken_up_of_a_delay(result, jacobians, tolerance)
+    shift = shift_by_delay(result, jacobians, tolerance)
     low, high = gain.interval95
     distance = max(low - HEALTHY.gain, HEALTHY.gain - high)
     if distance > abs(float(shift[column])):

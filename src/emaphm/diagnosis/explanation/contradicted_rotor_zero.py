@@ -5,8 +5,8 @@ With a wrong zero, a short of one phase appears as shorts of other phases, with 
 """
 
 from emaphm.arrays import Array
-from emaphm.diagnosis.explanation.refits import left_by_descents
-from emaphm.diagnosis.selection.rotor_zero import ROTOR_ZERO_SETTINGS, WAY_OUT, with_rotor_at, zero_shown
+from emaphm.diagnosis.explanation.refits import residual_after_descents
+from emaphm.diagnosis.selection.rotor_zero import ROTOR_ZERO_SETTINGS, WAY_OUT, with_rotor_at, zero_deviation
 from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import stream
 
@@ -19,11 +19,11 @@ def contradicted_zero(result: SearchResult, jacobians: Array, seed: int) -> tupl
 
     `jacobians` (n, d, channel rows) are those at the estimate.
     """
-    size = zero_shown(result, jacobians)
+    size = zero_deviation(result, jacobians)
     if not size:
         return ()
     as_described, with_other_zero = (
-        left_by_descents(
+        residual_after_descents(
             result,
             objective,
             result.outputs_correction,

@@ -56,7 +56,7 @@ def phases_as_described(components: Mapping[str, Estimate], problem: Problem) ->
         return ()
     note = (
         f"the assignment of phases rests on rotor_zero ({actuator.electrical.rotor_zero:g} rad) in "
-        "[electrical], which recordings behind field-oriented control do not identify: unless it was measured, "
-        "a short may be in another phase, or in one phase where two are named"
+        "[electrical], which recordings behind field-oriented control do not identify: unless it was "
+        "measured, a short may be in another phase, or in one phase where two are named"
     )
     return (note,)

@@ -65,7 +65,7 @@ class Refit:
         return best
 
 
-def left_by_descents(
+def residual_after_descents(
     result: SearchResult, objective: MapObjective, correction: Array, count: int, rng: np.random.Generator
 ) -> float:
     """Return the mean squared residual of the channels after `count` descents from the estimate.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array, rms
-from emaphm.diagnosis.explanation.refits import left_by_descents
+from emaphm.diagnosis.explanation.refits import residual_after_descents
 from emaphm.estimation.levenberg_marquardt import movable
 from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
 from emaphm.estimation.space.parameter_space import ParameterSpace
@@ -83,7 +83,7 @@ class SensorScore:
         consequence = "which gives a smaller residual; otherwise the faults would compensate for it"
         if self.kind == "delay":
             way = "late" if self.size > 0 else "early"
-            remedy = f"; if it always does, state delay_s = {self.size:.2g} for it under [channels]"
+            remedy = f"; if this persists, state delay_s = {self.size:.2g} for it under [channels]"
             sentence = f"{subject} seems to be some {1e3 * abs(self.size):.2g} ms {way}, {consequence}"
             return sentence + (remedy if self.channel else "")
         if self.kind == "scale":
@@ -135,7 +135,7 @@ def _residual_share(result: SearchResult, error: SensorScore, seed: int) -> floa
     kinds, directions, _ = zip(*_directions(result), strict=True)
     with_error[:rows] += error.size * directions[kinds.index((error.kind, error.channel))]
     variances = [
-        left_by_descents(
+        residual_after_descents(
             result,
             objective,
             correction,
@@ -147,7 +147,7 @@ def _residual_share(result: SearchResult, error: SensorScore, seed: int) -> floa
     return variances[1] / variances[0] if variances[0] > 0 else 1.0
 
 
-def taken_up_of_a_delay(result: SearchResult, jacobians: Array, delay: float) -> Array:
+def shift_by_delay(result: SearchResult, jacobians: Array, delay: float) -> Array:
     """Return the error (d,) of the parameters due to a common `delay` [s] of all measured channels."""
     fit = _LinearFit.at(result, jacobians)
     kind = ("delay", "" if len(result.objective.problem.channels) > 1 else result.objective.problem.primary)

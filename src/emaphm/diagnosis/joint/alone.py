@@ -26,9 +26,9 @@ from emaphm.diagnosis.selection.deviations import (
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, search_with_law
 from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
-from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
+from emaphm.diagnosis.selection.rotor_zero import is_zero_searched, with_rotor_zero, with_zero_near, zero_of
 from emaphm.diagnosis.selection.selection import Selection
-from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
+from emaphm.diagnosis.selection.supply.supply_scan import with_requested_supply
 from emaphm.diagnosis.selection.varying_load import explains_better, with_varying_load
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.discrepancy import resolves_switching
@@ -58,19 +58,19 @@ deviating unit do, and one in a hundred of others by chance."""
 class _Alone:
     """The separate estimate of one recording.
 
-    `searched` is the estimate before, `found` after the selection of deviating nuisances. `load` are the
+    `searched` is the estimate before, `selection` after the selection of deviating nuisances. `load` are the
     nuisances of a varying load that was selected without a request.
     """
 
     searched: SearchResult
-    found: Selection
+    selection: Selection
     settings: SearchSettings
     load: tuple[str, ...] = ()
 
     @property
     def result(self) -> SearchResult:
         """The estimate with the selected nuisances."""
-        return self.found.result
+        return self.selection.result
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -91,7 +91,7 @@ class _Alone:
         """Return the laws selected for this recording alone, without a lag of the current sensors."""
         if not self.moves:
             return ()
-        selection = select_laws_in_motion(self.searched, self.found, self.settings)
+        selection = select_laws_in_motion(self.searched, self.selection, self.settings)
         return tuple(name for name in selection.laws if name not in ONLY_WHILE_SWITCHING)
 
     def search_with_laws(self, laws: Sequence[str]) -> Self:
@@ -108,8 +108,8 @@ class _Alone:
         """
         if not (self.result.residual_is_expected and self.moves):
             return self
-        found = with_description_error(self.searched, self.found, self.settings)
-        return replace(self, found=found)
+        selection = with_description_error(self.searched, self.selection, self.settings)
+        return replace(self, selection=selection)
 
     def with_control_errors(self) -> Self:
         """Return the estimate with deviating gains of the control free, if the actuator moves."""
@@ -130,7 +130,7 @@ class _Alone:
 
     def selecting(self, searched: SearchResult) -> Self:
         """Return the estimate from `searched`, with the nuisances that deviate significantly."""
-        return replace(self, searched=searched, found=select_nuisances(searched, self.settings))
+        return replace(self, searched=searched, selection=select_nuisances(searched, self.settings))
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ def search_alone(
         own_settings = settings if r == 0 else settings.child("recording", r)
         result = search(objective, own_settings, fitness="least_squares")
         if result.discrepancy is not None:
-            result = with_asked_supply(result, own_settings)
+            result = with_requested_supply(result, own_settings)
         estimate = _Alone(result, Selection(result), own_settings)
         if nuisances is None and result.discrepancy is not None:
             estimate = estimate.selecting(result)
@@ -178,9 +178,9 @@ def search_alone(
     estimates, laws = in_threads(estimate_of, range(len(recordings)), workers, on_progress), tuple[str, ...]()
     if nuisances is None:
         estimates, laws = _with_deviations(estimates)
-    selected = tuple(dict.fromkeys(name for estimate in estimates for name in estimate.found.nuisances))
+    selected = tuple(dict.fromkeys(name for estimate in estimates for name in estimate.selection.nuisances))
     alone = [
-        _with_all(estimate.result, estimate.found.nuisances, selected, settings) for estimate in estimates
+        _with_all(estimate.result, estimate.selection.nuisances, selected, settings) for estimate in estimates
     ]
     load = dict.fromkeys(name for estimate in estimates for name in estimate.load)
     return AloneSearches(alone, (*load, *selected, *suspected_parameters(alone[0])), laws)
@@ -212,13 +212,13 @@ def _with_common_zero(estimates: list[_Alone]) -> tuple[list[_Alone], tuple[str,
     If displaced Hall sensors give a clearly smaller residual, return the estimates with that law instead, and
     its name.
     """
-    if not all(is_sought(estimate.searched.objective) for estimate in estimates):
+    if not all(is_zero_searched(estimate.searched.objective) for estimate in estimates):
         return estimates, ()
     for estimate in estimates:
         if not moves_at(estimate.searched.objective, estimate.searched.point):
             continue
         turned = with_rotor_zero(estimate.searched, estimate.settings)
-        if not is_sought(turned.objective):  # it is free now
+        if not is_zero_searched(turned.objective):  # it is free now
             return _with_zero_of(estimate, turned, estimates)
     return estimates, ()
 

@@ -119,13 +119,13 @@ def _with_rotor_zero(searched: SearchResult, settings: SearchSettings) -> tuple[
     If nuisances are selected with the zero, it is kept only if the residual is clearly smaller than with the
     nuisances that are selected without it.
     """
-    turned = with_rotor_zero(searched, settings)
-    found = select_nuisances(turned, settings)
-    if turned is searched or not found.nuisances:
-        return turned, found
+    with_zero = with_rotor_zero(searched, settings)
+    selection = select_nuisances(with_zero, settings)
+    if with_zero is searched or not selection.nuisances:
+        return with_zero, selection
     without_zero = select_nuisances(searched, settings)
-    if share_of_residual(found.result, without_zero.result) < SELECTION.likely_share:
-        return turned, found
+    if share_of_residual(selection.result, without_zero.result) < SELECTION.likely_share:
+        return with_zero, selection
     return searched, without_zero
 
 

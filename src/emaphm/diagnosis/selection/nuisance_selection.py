@@ -18,7 +18,7 @@ from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
 from emaphm.diagnosis.selection.laws.law_fit import without_law
 from emaphm.diagnosis.selection.nuisance_candidates import worthwhile_candidates
 from emaphm.diagnosis.selection.profile import PROFILED
-from emaphm.diagnosis.selection.residual_share import hopeless_next_to, share_of_residual
+from emaphm.diagnosis.selection.residual_share import hopelessness_relative_to, share_of_residual
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rivals import residual_power, with_rivals
 from emaphm.diagnosis.selection.selection import Selection
@@ -74,7 +74,7 @@ def _by_global_search(
     errors = [name for name in possible if name == COMMON_DELAY or error_kind(name) in ("scale", "offset")]
     ends = in_threads(lambda name: _FarEnd.of(result, names, name, settings.seed), errors, problem.workers)
     best_ends = sorted(ends, key=lambda end: end.cost)[: SENSOR_SELECTION.most_corrected]
-    is_hopeless = hopeless_next_to(result)
+    is_hopeless = hopelessness_relative_to(result)
 
     def corrected_result(end: _FarEnd) -> SearchResult | None:
         child = settings.child("nuisance selection from afar", end.name)
@@ -133,7 +133,7 @@ def _best_candidate(
             continue
         child = settings.child("nuisance selection", candidate.name)
         # Only a sensor error has to explain most of the residual beyond the expected size.
-        is_hopeless = hopeless_next_to(result) if sensor_error(candidate.name) else never
+        is_hopeless = hopelessness_relative_to(result) if sensor_error(candidate.name) else never
         point = candidate.point[np.newaxis]
         tried = correct_bias(
             candidate.objective, point, child.max_corrections, child.seed, is_hopeless=is_hopeless

@@ -82,9 +82,9 @@ def _response(result: SearchResult, objective: MapObjective, jacobians: Array, c
     variance = float(np.mean(result.residual[: objective.channel_rows] ** 2))
     prior = variance * objective.rows_of_priors / objective.space.prior_deviations**2
     normal = information(jacobians) + np.diag(prior)
-    others = np.delete(np.arange(len(normal)), column)
+    free = np.delete(np.arange(len(normal)), column)
     response = np.ones(len(normal))
-    response[others] = -np.linalg.solve(normal[np.ix_(others, others)], normal[others, column])
+    response[free] = -np.linalg.solve(normal[np.ix_(free, free)], normal[free, column])
     return response
 
 

@@ -18,7 +18,7 @@ def share_of_residual(tried: SearchResult, before: SearchResult) -> float:
     return before.objective.left(residual) / before.objective.left(before.residual[:rows])
 
 
-def leaves_as_much(tried: SearchResult, before: SearchResult, share: float) -> bool:
+def is_residual_above(tried: SearchResult, before: SearchResult, share: float) -> bool:
     """Return whether the residual of `tried` is more than a `share` of the residual of `before`.
 
     This must hold both for the mean squared residual of all channels, and for that of the primary channel
@@ -50,7 +50,7 @@ def notes_on_alternatives(result: SearchResult) -> tuple[str, ...]:
     return (f"{explanation}; the intervals include this alternative",)
 
 
-def hopeless_next_to(before: SearchResult) -> Callable[[SearchResult], bool]:
+def hopelessness_relative_to(before: SearchResult) -> Callable[[SearchResult], bool]:
     """Return the criterion for stopping the corrections of an estimate that makes no progress.
 
     If the estimate `before` does not explain the recording, an estimate that does has a clearly smaller
@@ -58,4 +58,4 @@ def hopeless_next_to(before: SearchResult) -> Callable[[SearchResult], bool]:
     """
     if before.residual_is_expected:
         return never
-    return lambda tried: leaves_as_much(tried, before, LAW_SELECTION.share)
+    return lambda tried: is_residual_above(tried, before, LAW_SELECTION.share)

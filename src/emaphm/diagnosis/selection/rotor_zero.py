@@ -14,7 +14,7 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator
 from emaphm.arrays import Array
 from emaphm.diagnosis.selection.description_errors import not_as_described, objective_with
-from emaphm.diagnosis.selection.residual_share import hopeless_next_to, share_of_residual
+from emaphm.diagnosis.selection.residual_share import hopelessness_relative_to, share_of_residual
 from emaphm.diagnosis.selection.settings import ROTOR_ZERO
 from emaphm.diagnosis.verdict import VERDICT
 from emaphm.estimation.bias_correction import correct_bias
@@ -67,7 +67,7 @@ def is_as_described(objective: MapObjective) -> bool:
     return actuator.electrical is not None and ROTOR_ZERO not in not_as_described(objective) and not is_known
 
 
-def zero_shown(result: SearchResult, jacobians: Array) -> float:
+def zero_deviation(result: SearchResult, jacobians: Array) -> float:
     """Return the deviation of the rotor's zero by the score test [rad, electrical]; 0 if not significant.
 
     `jacobians` (n, d, channel rows) are those at the estimate.
@@ -98,7 +98,7 @@ def with_rotor_zero(searched: SearchResult, settings: SearchSettings) -> SearchR
     smaller. Otherwise `searched` is returned; or, if the new search explains the recording with a zero close
     to the description, the estimate with the described zero from its end point.
     """
-    if not is_sought(searched.objective):
+    if not is_zero_searched(searched.objective):
         return searched
     if searched.residual_is_expected and not (
         _phases_differ(searched) and _is_deviation_significant(searched, settings.seed)
@@ -117,7 +117,7 @@ def with_rotor_zero(searched: SearchResult, settings: SearchSettings) -> SearchR
     return as_described if as_described.residual_is_expected else searched
 
 
-def is_sought(objective: MapObjective) -> bool:
+def is_zero_searched(objective: MapObjective) -> bool:
     """Return whether the rotor's zero is identifiable and may deviate."""
     return objective.problem.actuator.commutates and is_as_described(objective)
 
@@ -133,7 +133,7 @@ def with_zero_near(searched: SearchResult, near: float, settings: SearchSettings
         objective_with(searched.objective, (ROTOR_ZERO,)),
         child,
         fitness="least_squares",
-        is_hopeless=hopeless_next_to(searched),
+        is_hopeless=hopelessness_relative_to(searched),
     )
     sixths = round((zero_of(freed) - near) / SIXTH)
     if not sixths:
@@ -181,4 +181,4 @@ def _phases_differ(result: SearchResult) -> bool:
 
 def _is_deviation_significant(result: SearchResult, seed: int) -> bool:
     """Return whether the score test indicates a deviation of the rotor's zero."""
-    return zero_shown(result, jacobians_of(result, stream(seed, "Jacobians of the rotor's zero"))) != 0.0
+    return zero_deviation(result, jacobians_of(result, stream(seed, "Jacobians of the rotor's zero"))) != 0.0

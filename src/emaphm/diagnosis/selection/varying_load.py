@@ -15,7 +15,7 @@ from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.laws.law_fit import Fit
 from emaphm.diagnosis.selection.linear_model import LinearModel
 from emaphm.diagnosis.selection.load_steps import with_steps
-from emaphm.diagnosis.selection.residual_share import leaves_as_much, share_of_residual
+from emaphm.diagnosis.selection.residual_share import is_residual_above, share_of_residual
 from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import LAW_SELECTION, SELECTION
 from emaphm.errors import DivergedError
@@ -91,7 +91,7 @@ def with_varying_load(searched: SearchResult, settings: SearchSettings) -> Selec
         estimate = _estimate_with(searched, loaded, settings)
         if estimate is not None and _is_accepted(estimate, names):
             return Selection(estimate, names)
-        if estimate is not None and not leaves_as_much(estimate, searched, LAW_SELECTION.clearly_less):
+        if estimate is not None and not is_residual_above(estimate, searched, LAW_SELECTION.clearly_less):
             improved.append(Selection(estimate, names))
     if not improved:
         return None

@@ -199,7 +199,7 @@ def hidden_scores(result: SearchResult, seed: int) -> dict[str, Score]:
 def answered_scores(result: SearchResult, laws: Sequence[HiddenLaw], seed: int) -> dict[str, Score]:
     """Return the scores of hidden `laws` by the responses of the reference model (`answered_sizes`)."""
     response = reference_response(result, stream(seed, "Jacobians of the response"))
-    assert response is not None  # noqa: S101 - asked for only where there is a reference model
+    assert response is not None  # noqa: S101 - computed only where there is a reference model
     scatter = stream(seed, "responses to the hidden laws").normal(
         0.0, RESPONSE_STEP, (RESPONSE_REPLICATES, result.point.size)
     )

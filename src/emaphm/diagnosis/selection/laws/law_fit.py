@@ -14,7 +14,7 @@ from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS, Law
 from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.arrays import Array
-from emaphm.diagnosis.selection.residual_share import hopeless_next_to, leaves_as_much
+from emaphm.diagnosis.selection.residual_share import hopelessness_relative_to, is_residual_above
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, LAW_SELECTION, MOTOR
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.global_search.multistart import local_search, multistart
@@ -66,7 +66,7 @@ class Fit:
 
     def corrected(self, settings: SearchSettings) -> SearchResult:
         """Return the estimate corrected by the reference model; the correction stops if it is hopeless."""
-        is_hopeless = hopeless_next_to(self.before)
+        is_hopeless = hopelessness_relative_to(self.before)
         return correct_bias(
             self.objective, self.points, settings.max_corrections, settings.seed, is_hopeless=is_hopeless
         )
@@ -96,7 +96,7 @@ def search_with(
     the residual before any refinement.
     """
     estimate = Fit.of(searched, objective, name, settings).corrected(settings)
-    if leaves_as_much(estimate, searched, LAW_SELECTION.clearly_less):
+    if is_residual_above(estimate, searched, LAW_SELECTION.clearly_less):
         return estimate
     return refine_by_reference(estimate, settings.seed)
 

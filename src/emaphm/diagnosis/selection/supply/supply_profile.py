@@ -106,7 +106,7 @@ def supply_profile(
     """
     prior = usual_deviation(objective.problem.actuator, SUPPLY)
     rng, reference = stream(seed, "reference runs of a supply scan"), reference_problem(objective)
-    first, others = _scanned_deviations(prior)
+    first, further = _scanned_deviations(prior)
 
     def outcomes_of(deviations: Array) -> list[RippleResidual]:
         return _residuals_at(objective, start, deviations, reference, rng)
@@ -118,8 +118,8 @@ def supply_profile(
     profile = profile_of(first)
     if not thorough and np.all(profile.shares[1:] > SUPPLY_SCAN.far_share):
         return profile
-    outcomes += outcomes_of(others)
-    return profile_of(np.concatenate([first, others]))
+    outcomes += outcomes_of(further)
+    return profile_of(np.concatenate([first, further]))
 
 
 def first_supplies(actuator: Actuator) -> Array:

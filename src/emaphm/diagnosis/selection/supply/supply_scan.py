@@ -81,7 +81,7 @@ def with_supply(result: SearchResult, names: tuple[str, ...], settings: SearchSe
     return result
 
 
-def with_asked_supply(result: SearchResult, settings: SearchSettings) -> SearchResult:
+def with_requested_supply(result: SearchResult, settings: SearchSettings) -> SearchResult:
     """Return the result with a requested supply fixed where the scan locates it."""
     if SUPPLY in result.objective.space.nuisances.chosen and is_scanned(result.objective.problem.actuator):
         return with_supply(result, (), settings)
