@@ -36,10 +36,11 @@ def select_deviations(
 
     Gains of the control are tested first, then nuisances. Laws are tested if these do not explain the
     recording, if the ripple indicates a lag, or if the residual indicates a hidden law; parameters of the
-    description if no law was selected. If the actuator does not move, laws are not identifiable and only
-    nuisances are tested; so it is for a drive that does not switch, because the residual of a few percent
-    that remains for any machine resembles laws. If the residual exceeds the expected size at first, a varying
-    load competes with all other deviations; without laws if its residual is no more than noise.
+    description if no law was selected. If the residual exceeds the expected size at first, a varying load
+    competes with all other deviations, except laws if its residual is no more than noise.
+
+    Only nuisances are tested if the actuator does not move, because laws are then not identifiable, or if its
+    drive does not switch, because the residual of a few percent that remains for any machine resembles laws.
     """
     if not searched.residual_is_expected:
         all_phases = over_all_phases(searched, settings.seed)
