@@ -60,4 +60,6 @@ def test_faults_are_found_on_a_rig() -> None:
     found = diagnose(recorded(rig, PLAN.actuator, BRIEF, faults, 3), PLAN.actuator, seed=3, workers=1)
     assert error_percent(faults.vector, found.faults.vector) < 0.5
     assert found.explained
-    assert any("which phase is which rests on rotor_zero (0 rad)" in note for note in found.recording_notes)
+    assert any(
+        "the assignment of phases rests on rotor_zero (0 rad)" in note for note in found.recording_notes
+    )

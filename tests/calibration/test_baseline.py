@@ -299,7 +299,7 @@ def test_a_calibrated_unit_is_diagnosed_where_its_description_misleads(
 
 def test_deviations_are_reported_in_text_and_json(diagnosed: Diagnosis) -> None:
     text = str(diagnosed)
-    assert "Known no better than before the recording: inertia, viscous, coulomb" in text
+    assert "Not identifiable from the recording: inertia, viscous, coulomb" in text
     shown = replace(diagnosed.nuisances[f"{BASELINE}inertia"], value=0.06, standard_error=0.001, known=True)
     assert "Deviation of the unit from its description: inertia +6.18 ± 0.11 %." in str(
         replace(diagnosed, nuisances={**diagnosed.nuisances, f"{BASELINE}inertia": shown})

@@ -74,4 +74,4 @@ def test_recordings_of_one_unit_share_what_is_off() -> None:
     assert found.explained
     assert found.selected == tuple(f"baseline {name}" for name in MOTOR)
     assert all(covered(FAULTS.vector, found)[2:5])
-    assert f"{', '.join(MOTOR)}, one of which at least is off" in "\n".join(found.notes())
+    assert f"{', '.join(MOTOR)}, at least one of which deviates" in "\n".join(found.notes())

@@ -21,7 +21,7 @@ from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.one_value import idle_channels
 from emaphm.diagnosis.explanation.reasons import reasons_against
 from emaphm.diagnosis.explanation.residuals import is_drowned
-from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, taken_up_of_a_delay
+from emaphm.diagnosis.explanation.sensor_scores import SensorScore, sensor_scores, shift_by_delay
 from emaphm.diagnosis.explanation.unseen_inertia import unseen_inertia
 from emaphm.diagnosis.verdict import estimates
 from emaphm.estimation.discrepancy import Discrepancy
@@ -162,7 +162,7 @@ def test_an_inertia_that_nothing_would_show_is_named() -> None:
         return unseen_inertia(faults_objective(problem_of(recording, THESIS, channels=None), nuisances))
 
     (note,) = noted(CHANNELS[:1])
-    assert "from current_A alone, one that is 5 % off reads as faults" in note
+    assert "from current_A alone, a deviation of 5 % appears as faults" in note
     assert noted(CHANNELS[:1], ("load", "inertia")) == noted(CHANNELS[:1], ()) == noted(CHANNELS[:2]) == ()
 
 
@@ -296,7 +296,7 @@ def test_a_delay_reads_as_a_lower_gain() -> None:
     result = at_the_truth({})
     jacobians = jacobians_at(result.objective, result.point, np.random.default_rng(0))
     gain = result.objective.space.coordinates.index("gain")
-    late, early = (taken_up_of_a_delay(result, jacobians, one)[gain] for one in (2e-4, -2e-4))
+    late, early = (shift_by_delay(result, jacobians, one)[gain] for one in (2e-4, -2e-4))
     assert late < 0 < early
     assert late == pytest.approx(-early)
 
@@ -368,7 +368,7 @@ def test_a_wrong_temperature_is_contradicted_where_a_sensor_is_wrong_too() -> No
     none = np.zeros_like(objective.target)
     point = local_search(objective, start, none, np.random.default_rng(0)).best
     (said,) = contradicted_values(SearchResult.at(objective, point), seed=0)
-    assert "asks for a temperature that is +" in said
+    assert "the temperature estimated from the other channels differs by +" in said
 
 
 def test_a_current_that_never_changes_is_named() -> None:

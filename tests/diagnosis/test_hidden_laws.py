@@ -90,7 +90,8 @@ def test_a_law_that_would_explain_as_well_is_named() -> None:
     other = SearchResult.at(objective, point, discrepancy=discrepancy)
     assert notes_on_alternatives(result) == ()
     (note,) = notes_on_alternatives(replace(result, alternatives=(other,)))
-    assert note == "with cogging the recording would be explained as well; the intervals hold that too"
+    explanation = "with cogging the recording would be explained equally well"
+    assert note == f"{explanation}; the intervals include this alternative"
 
 
 def test_none_is_suspected_where_there_is_none_or_it_is_described() -> None:

@@ -18,7 +18,7 @@ from emaphm.diagnosis.selection import control_errors, first_look
 from emaphm.diagnosis.selection.laws import law_fit, law_selection, sensor_lag
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, acts, with_law, without_law
 from emaphm.diagnosis.selection.laws.law_selection import SUSPECTS, select_laws
-from emaphm.diagnosis.selection.residual_share import hopeless_next_to
+from emaphm.diagnosis.selection.residual_share import hopelessness_relative_to
 from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import SENSOR_SELECTION
 from emaphm.diagnosis.verdict import NOT_EXPLAINED
@@ -75,7 +75,7 @@ def test_the_law_is_named_and_its_parameter_found(found: Diagnosis) -> None:
     assert found.laws == ("stribeck",)
     assert found.explained
     assert json.loads(json.dumps(found.to_dict()))["laws"] == ["stribeck"]
-    assert "Explained best by laws that the description lacks: stribeck; without" in str(found)
+    assert "Explained best by laws that the description lacks: stribeck; without them" in str(found)
     assert "emaphm calibrate --laws stribeck)." in str(found)
     # The value is the law's own, in its unit, and no deviation from what no description has.
     speed = found.law_parameters["stribeck_speed"]
@@ -202,7 +202,7 @@ def test_only_what_leaves_less_is_refined(
 ) -> None:
     tried = SimpleNamespace()
     monkeypatch.setattr(law_fit.Fit, "of", lambda *_: SimpleNamespace(corrected=lambda *_: tried))
-    monkeypatch.setattr(law_fit, "leaves_as_much", lambda one, *_: not (refined and one is tried))
+    monkeypatch.setattr(law_fit, "is_residual_above", lambda one, *_: not (refined and one is tried))
     monkeypatch.setattr(law_fit, "refine_by_reference", lambda *_: at_the_truth)
     found = law_fit.search_with(at_the_truth, at_the_truth.objective, "any", SETTINGS)
     assert found is (at_the_truth if refined else tried)
@@ -214,11 +214,11 @@ def test_what_leaves_hardly_less_of_what_is_not_explained_is_hopeless(
     farther = with_discrepancy(
         SearchResult.at(astray.objective, astray.objective.space.project(astray.point + 0.1)), seed=0
     )
-    assert hopeless_next_to(astray)(astray)
-    assert hopeless_next_to(astray)(farther)
-    assert not hopeless_next_to(astray)(at_the_truth)
+    assert hopelessness_relative_to(astray)(astray)
+    assert hopelessness_relative_to(astray)(farther)
+    assert not hopelessness_relative_to(astray)(at_the_truth)
     # Whatever is tried next to an explanation may be a little better.
-    assert not hopeless_next_to(at_the_truth)(astray)
+    assert not hopelessness_relative_to(at_the_truth)(astray)
 
 
 def test_no_lag_is_scanned_where_the_first_leave_as_much_of_what_is_not_explained(

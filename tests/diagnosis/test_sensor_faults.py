@@ -35,7 +35,7 @@ def test_a_speed_of_another_scale_may_be_the_position_sensor_of_the_drive() -> N
     for channels, also in ((FOUR, True), ((*LINE, "speed_rad_s"), False)):
         (fault,) = sensor_faults((), tuple(estimate), estimate, (), channels, THESIS, explained=True)
         assert "The sensor of speed_rad_s shows 1.03 times its quantity" in fault.sentence
-        assert ("A position sensor of another scale" in fault.sentence) == also
+        assert ("A wrong scale of the position sensor" in fault.sentence) == also
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Which faults explain a recording, how sure each is, and what cannot be known."""
+"""Diagnosis: faults that explain a recording, their uncertainty, and what is not identifiable."""
 
 from emaphm.diagnosis.diagnose import diagnose
 from emaphm.diagnosis.error_metric import error_percent

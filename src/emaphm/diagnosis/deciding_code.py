@@ -1,4 +1,4 @@
-"""Which code of the package decides a diagnosis: what keeps results takes its fingerprint (`execution`)."""
+"""Code of the package on which a diagnosis depends; stored results keep its fingerprint (`execution`)."""
 
 DECIDING = (
     "actuator",
@@ -11,7 +11,7 @@ DECIDING = (
     "quantiles.py",
     "random_streams.py",
 )
-"""The rooms and files whose code decides what a recording is found to show."""
+"""Sub-packages and files whose code determines the result of a diagnosis."""
 
 NOT_DECIDING = ("actuator/toml", "diagnosis/text.py")
-"""Parts of these rooms that only read descriptions or lay out text."""
+"""Parts of these sub-packages that only read descriptions or format text."""

@@ -1,4 +1,4 @@
-"""From a recording to a diagnosis."""
+"""The diagnosis of one recording: search, corrections, tests and verdicts."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.residual_share import notes_on_alternatives
-from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
+from emaphm.diagnosis.selection.supply.supply_scan import with_requested_supply
 from emaphm.diagnosis.verdict import VERDICT, Estimate, estimates, undecided_by_model_error, unexplained
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
@@ -55,11 +55,11 @@ from emaphm.simulation import Model, model_named
 from emaphm.version import VERSION
 
 SAMPLING_SHARE = 0.9
-"""Part of the whole progress bar that sampling the posterior fills."""
+"""Share of the progress bar for the sampling of the posterior, where it is requested."""
 
 SEARCH_SHARE = 0.2
-"""Part of the rest that the first search fills where deviations from the description are looked for after
-it: about the time that it takes where it does not explain the recording."""
+"""Share of the remaining progress bar for the first search, where a search for deviations from the
+description follows: about its share of the time if it does not explain the recording."""
 
 
 @one_blas_thread()
@@ -84,43 +84,43 @@ def diagnose(
     ----------
     method
         "hybrid" (space-filling starts, damped least squares, bias correction); an optimiser by name or
-        abbreviation, at its published settings; or such a name with "+lsq", to have it find the starts
-        of the least squares: see `emaphm.estimation.methods`.
+        abbreviation, at its published settings; or such a name with "+lsq": the optimiser then finds the
+        starting points of the least squares. See `emaphm.estimation.methods`.
     model
-        What reproduces the recording: "averaged"; an optimiser alone may also use "monitor", or
-        "reference", slowly.
+        The model that is fitted to the recording: "averaged"; an optimiser alone may also use "monitor" or
+        the slow "reference".
     fitness
-        What an optimiser minimises: one of `COST_FUNCTIONS`; least squares where they follow.
+        Cost function of an optimiser, one of `COST_FUNCTIONS`; "least_squares" if least squares follow.
     max_corrections
-        Most corrections of the model's bias by the reference model (with least squares, actuators with an
-        electrical description, recordings up to 60 s); 0 turns them off.
+        Largest number of corrections of the model's bias by the reference model (with least squares,
+        actuators with an electrical description, recordings up to 60 s); 0 turns them off.
     nuisances
-        What a method with least squares estimates with the faults: names in
-        `emaphm.estimation.space.nuisances.NAMES`; none where empty. Where left out, it estimates those of the
-        actuator's description, and those that deviate significantly from it
+        Nuisances that a method with least squares estimates with the faults: names in
+        `emaphm.estimation.space.nuisances.NAMES`; none if empty. By default, the nuisances of the actuator's
+        description, and nuisances that deviate significantly from it
         (`emaphm.diagnosis.selection.nuisance_selection`). A recorded load or temperature counts as known.
-        Parameters of the unit that its baseline leaves open are estimated whatever is named here.
+        Parameters of the unit that its baseline leaves open are always estimated.
     seed, workers
-        The same seed gives the same bits, whatever the number of threads.
+        Seed of the random numbers, and number of threads. The result depends on the seed only, bit by bit.
     posterior
-        Whether to sample the posterior as well, by 60,000 to 130,000 simulations, at most some 260,000, where
-        a search takes 2,000 to 4,000: see `emaphm.estimation.posterior.mcmc`. Values and verdicts stay those
-        of the search.
+        Whether to sample the posterior in addition. This takes 60,000 to 130,000 simulations, at most some
+        260,000; a search takes 2,000 to 4,000. See `emaphm.estimation.posterior.mcmc`. Values and verdicts
+        remain those of the search.
     starts
-        Where least squares begin, in place of a global search. If they do not explain the recording from
-        there, the whole range is searched after all, and a note says so.
+        Starting points of the least squares, instead of a global search. If the estimate from these points
+        does not explain the recording, the whole range is searched, and a note states this.
     on_progress
-        Called with the fraction done, from 0 to 1.
+        Called with the completed fraction, from 0 to 1.
 
     Raises
     ------
     RecordingError
-        `recording` is no `Recording`, or its values are orders of magnitude away from this actuator's.
+        `recording` is no `Recording`, or its values differ from this actuator's by orders of magnitude.
     ActuatorError
         `actuator` is no `Actuator`.
     MethodError
-        The recording has no current that the model can be compared in; a name is unknown, or fitness or
-        model do not go with the method, or the model not with a posterior.
+        The recording has no current that can be compared with the model; a name is unknown; the method does
+        not support the fitness or the model; or the model does not support a posterior.
     """
     began = time.perf_counter()
     check_recording(recording)
@@ -150,8 +150,8 @@ def diagnose(
     )
     diagnosis = diagnosis.with_sensor_faults(checked.findings)
     if posterior:
-        sampling = subprogress(on_progress, 1 - SAMPLING_SHARE, 1.0)
-        diagnosis = _with_posterior(diagnosis, result, seed, sampling)
+        sampling_progress = subprogress(on_progress, 1 - SAMPLING_SHARE, 1.0)
+        diagnosis = _with_posterior(diagnosis, result, seed, sampling_progress)
     if on_progress:
         on_progress(1.0)
     evaluations, reference_runs = result.objective.problem.runs.of(result.objective.problem.model)
@@ -175,7 +175,7 @@ def _searched(
 ) -> tuple[Diagnosis, SearchResult]:
     """Return the diagnosis that a search leads to, and the estimate behind it.
 
-    With `deviations`, those from the description are looked for where the search corrects the model's bias.
+    With `deviations`, these from the description are estimated if the search corrects the bias of the model.
     """
     deviations = deviations and settings.method.least_squares and settings.max_corrections > 0
     result = search(
@@ -188,7 +188,7 @@ def _searched(
     name, notes = _searched_by(settings.method, starts, result)
     recording = recording.with_channels(recording.channels, notes) if notes else recording
     if settings.method.least_squares and result.discrepancy is not None:
-        result = with_asked_supply(result, settings)
+        result = with_requested_supply(result, settings)
         if deviations:
             rest = subprogress(on_progress, SEARCH_SHARE, 1.0)
             return _with_deviations(result, recording, name, settings, rest)
@@ -203,27 +203,27 @@ def _with_deviations(
     settings: SearchSettings,
     on_progress: Progress | None,
 ) -> tuple[Diagnosis, SearchResult]:
-    """Return the diagnosis that allows for deviations from the description, and the estimate behind it."""
+    """Return the diagnosis with the selected deviations from the description, and its estimate."""
     moves = moves_at(searched.objective, searched.point)
     selection = select_deviations(searched, settings, moves=moves, on_progress=on_progress)
-    found = with_discrepancy(selection.result, settings.seed)
-    concluded = conclude(found, recording, name, "least_squares", settings.seed)
-    notes = notes_on_alternatives(found) if concluded.explained else ()
+    estimate = with_discrepancy(selection.result, settings.seed)
+    concluded = conclude(estimate, recording, name, "least_squares", settings.seed)
+    notes = notes_on_alternatives(estimate) if concluded.explained else ()
     diagnosis = replace(
         concluded,
-        selected=(*selection.nuisances, *suspected_parameters(found)),
+        selected=(*selection.nuisances, *suspected_parameters(estimate)),
         recording_notes=(*concluded.recording_notes, *notes),
     ).with_laws(selection.laws)
     if moves and not diagnosis.explained:
-        drives = other_drive(searched, found, settings)
+        drives = other_drive(searched, estimate, settings)
         diagnosis = replace(diagnosis, reasons=(*drives, *diagnosis.reasons))
-    return diagnosis, found
+    return diagnosis, estimate
 
 
 def _with_posterior(
     diagnosis: Diagnosis, result: SearchResult, seed: int, on_progress: Progress | None
 ) -> Diagnosis:
-    """Return the `diagnosis` at `result` with samples of the posterior."""
+    """Return the `diagnosis` of `result` with samples of the posterior."""
     from emaphm.estimation.posterior.mcmc import sample
 
     correction, covariance = result.outputs_correction, diagnosis.covariance
@@ -232,17 +232,17 @@ def _with_posterior(
 
 
 def _searched_by(method: Method, starts: Starts | None, result: SearchResult) -> tuple[str, tuple[str, ...]]:
-    """Return the name of the method that has led to the result, and notes on how it came about."""
+    """Return the name of the method that found the result, and notes on the search."""
     if starts is None:
         return method.name, ()
     if result.started:
         return f"{starts.method}{WITH_LEAST_SQUARES}", ()
-    astray = f"least squares from the answer of the {starts.method} do not explain it"
-    return method.name, (f"{astray}; all of the range was searched",)
+    failure = f"least squares from the answer of the {starts.method} do not explain the recording"
+    return method.name, (f"{failure}; all of the range was searched",)
 
 
 def without_spoilt_rows(objective: MapObjective, checked: CheckedRecording) -> MapObjective:
-    """Return the objective of a checked recording without its spoilt rows."""
+    """Return the objective of a checked recording without the rows that the checks found unusable."""
     return objective.ignoring(masks_of_means(checked.unusable, objective.problem))
 
 
@@ -256,18 +256,18 @@ def objective_for(
     *,
     below_healthy: bool = True,
 ) -> MapObjective:
-    """Return what `method` minimises on a recording.
+    """Return the objective that `method` minimises on a recording.
 
-    With least squares, it is the residual of every channel, with faults and nuisances as parameters. Rows
-    right after a jump of the command are left out where the exact moment of the jump matters. Without
-    `below_healthy`, the friction is not below healthy. Without least squares, it is the residual of the
-    current, with the faults alone as parameters, in [0, 1].
+    With least squares, this is the residual of all channels, with faults and nuisances as parameters. Rows
+    right after a jump of the command are omitted where they depend on the exact instant of the jump. Without
+    `below_healthy`, the friction has a lower bound at its healthy value. Without least squares, this is the
+    residual of the current, with only the faults as parameters, in [0, 1].
 
     Raises
     ------
     MethodError
-        A nuisance is unknown, or needs the electrical description that the actuator lacks; or the method
-        estimates none.
+        A nuisance is unknown, or needs an electrical description that the actuator lacks; or the method
+        estimates no nuisances.
     """
     problem = problem_of(recording, actuator, model, workers, None if method.least_squares else ())
     _check_current(problem, recording)
@@ -284,7 +284,7 @@ def objective_for(
 
 
 def _check_current(problem: Problem, recording: Recording) -> None:
-    """Refuse a recording without a current: windings and magnets show in nothing else well enough."""
+    """Refuse a recording without a current: no other channel identifies faults of windings and magnets."""
     if problem.primary in TORQUE_CURRENTS:
         return
     others = [name for name in recording if name not in SCHEMA]
@@ -305,32 +305,32 @@ def conclude(
     *,
     tests: bool = True,
 ) -> Diagnosis:
-    """Return the diagnosis at `result`; its counts and time are still to be filled in.
+    """Return the diagnosis of `result`, with its numbers of simulations and its time still 0.
 
-    Without `tests`, the verdicts are those of the intervals.
+    With `tests=False`, the verdicts are those of the intervals alone.
     """
     objective, problem, space = result.objective, result.objective.problem, result.objective.space
     jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
     moves = moves_at(objective, result.point)
     healthy, reasons = _explanation(result, jacobians, seed, moves=moves)
-    of_all_phases = over_all_phases(result, seed) if reasons else result
-    if of_all_phases is not result:
-        healthy_there, reasons_there = _explanation(of_all_phases, jacobians, seed, moves=moves)
-        if not reasons_there:
-            result, healthy, reasons = of_all_phases, healthy_there, reasons_there
+    all_phases = over_all_phases(result, seed) if reasons else result
+    if all_phases is not result:
+        all_phases_healthy, all_phases_reasons = _explanation(all_phases, jacobians, seed, moves=moves)
+        if not all_phases_reasons:
+            result, healthy, reasons = all_phases, all_phases_healthy, all_phases_reasons
     residual = result.fitted_residual[: problem.samples]
-    known = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
-    components = estimates(space, result.point, known.covariance, known.collinear_sets)
+    uncertainty = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
+    components = estimates(space, result.point, uncertainty.covariance, uncertainty.collinear_sets)
     if reasons:
         components = unexplained(components, space.fixed)
         reasons = with_command((*reasons, *notes_on_moment(result)), problem)
     elif tests:
         components = tested(components, result, jacobians, seed)
-    components = undecided_by_model_error(components, known.model_error_share, space)
+    components = undecided_by_model_error(components, uncertainty.model_error_share, space)
     return Diagnosis(
         components=components,
         coordinates=space.coordinates,
-        covariance=known.covariance,
+        covariance=uncertainty.covariance,
         method=method,
         model=problem.model.name,
         fitness_name=fitness,
@@ -349,8 +349,8 @@ def conclude(
         modelled=problem.recorded - residual,
         channels=problem.channels,
         recording_notes=(*recording.notes, *cautions(components, result, moves=moves)),
-        nuisances=nuisance_estimates(objective, result.point, known.covariance),
-        collinear_sets=known.collinear_sets,
+        nuisances=nuisance_estimates(objective, result.point, uncertainty.covariance),
+        collinear_sets=uncertainty.collinear_sets,
         moves=moves,
         model_error=healthy,
         reasons=reasons,
@@ -360,9 +360,9 @@ def conclude(
 def tested(
     components: Mapping[str, Estimate], result: SearchResult, jacobians: Array, seed: int
 ) -> dict[str, Estimate]:
-    """Return the `components` at `result`, undecided where something else explains the recording as well.
+    """Return the `components` of `result`; those with an equally good other explanation are undecided.
 
-    `jacobians` (n, d, channel rows) are those of the channels there.
+    `jacobians` (n, d, channel rows) are those of the channels at the estimate.
     """
     components = with_alternatives(components, result, jacobians, seed)
     components = tested_by_refits(components, result, jacobians, seed)
@@ -373,7 +373,7 @@ def tested(
 def _explanation(
     result: SearchResult, jacobians: Array, seed: int, *, moves: bool
 ) -> tuple[Mapping[str, HealthyComparison], tuple[str, ...]]:
-    """Return the residuals compared with healthy recordings', and the reasons against the estimate."""
+    """Return the comparison of residuals with healthy recordings, and the reasons against the estimate."""
     healthy = compared_with_healthy(
         result.objective.problem,
         result.residual_by_channel,
@@ -395,9 +395,9 @@ def nuisance_estimates(
             float(value[0]),
             float(error),
             unit_of(name, objective.problem.actuator.coordinates),
-            name in nuisances.located or bool(error < VERDICT.uninformative * before),
+            name in nuisances.located or bool(error < VERDICT.uninformative * prior_deviation),
         )
-        for (name, value), error, before in zip(
+        for (name, value), error, prior_deviation in zip(
             values.items(), errors, nuisances.prior_deviations, strict=True
         )
     }

@@ -1,4 +1,4 @@
-"""The error of a diagnosis against the truth: in percent, and from when on a component is wrong."""
+"""Error of a diagnosis against the truth: in percent, and the limit above which a component is wrong."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,23 +8,23 @@ from emaphm.arrays import floats
 from emaphm.errors import FaultError
 
 WRONG_ERROR = 0.03
-"""Error of a component, in its unit [0, 1], from which it counts as wrong."""
+"""Error of a component, in its unit [0, 1], above which it counts as wrong."""
 
 WRONG_HALF_WIDTHS = 2.0
-"""Half-widths of its 95 % interval that such an error exceeds."""
+"""Number of half-widths of the 95 % interval that the error of a wrong component must also exceed."""
 
 
 def error_percent(truth: ArrayLike | Faults, found: ArrayLike | Faults) -> NDArray[np.float64]:
-    """Return the error [%] of fault vectors `found` (…, 8) against `truth` (…, 8); either may be `Faults`.
+    """Return the error [%] of fault vectors `found` (…, 8) against `truth` (…, 8); both may be `Faults`.
 
-    100 sqrt(sum_{i=1..6} (K_i - k_i)² + K_6 wrap(K_7 - k_7)² + (K_8 - k_8)²): the phase counts as much as
-    there is eccentricity, its difference taken on the circle. Source: thesis 6.4, with what its formula
-    omits.
+    100 sqrt(sum_{i=1..6} (K_i - k_i)² + K_6 wrap(K_7 - k_7)² + (K_8 - k_8)²), with K the truth and k the
+    estimate: the error of the phase is taken on the circle and weighted by the eccentricity. Source: thesis
+    6.4, completed with the terms that its formula omits.
 
     Raises
     ------
     FaultError
-        One of them is not of numbers, or has no 8 components.
+        A fault vector is not numeric, or does not have 8 components.
     """
     K, k = _vectors(truth), _vectors(found)
     difference = K - k

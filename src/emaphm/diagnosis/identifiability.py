@@ -1,4 +1,4 @@
-"""How well an estimate is known, and what of it is identifiable only in combination."""
+"""Covariance of an estimate, and sets of parameters that are identifiable only in combination."""
 
 from dataclasses import dataclass, replace
 
@@ -30,7 +30,7 @@ from emaphm.random_streams import stream
 class Identifiability:
     """The `covariance` (d, d) of an estimate, and its `collinear_sets`.
 
-    Of each variance, `model_error_share` (d,) is what the model's error adds that a calibration has learned.
+    `model_error_share` (d,) is the share of each variance due to the model error that a calibration learned.
     """
 
     covariance: Array
@@ -39,16 +39,16 @@ class Identifiability:
 
 
 def identifiability(result: SearchResult, seed: int, *, explained: bool = True) -> Identifiability:
-    """Return how well the estimate of `result` is known.
+    """Return the covariance and the collinear sets of the estimate of `result`.
 
-    The covariance is that of the data and the optimiser's scatter, and of the faults that healthy recordings
-    seem to have where a calibration has learned them. Where the recording is not `explained`, it includes an
-    error that is as large as the residual and looks like a parameter, and is inflated by the normalised
-    residual; and always it includes the spread of alternatives that fit as well, and of slow motions what
-    switching alone makes of an estimate (`switching_errors`). Where the search has not converged, or motion
-    is slow (`response_of`), a Gauss-Newton step remains: towards the optimum that a population method may not
-    have reached, and for the model's discrepancy not yet corrected. The covariance then includes its square,
-    and that of how far another command behind slow rows would move the estimate.
+    The covariance is the sum of the covariance due to the data, the scatter of the optimiser, the apparent
+    faults of healthy recordings where a calibration has learned them, the spread of alternatives that fit
+    equally well, and, of slow motions, the effect of switching on the estimate (`switching_errors`). Where
+    the recording is not `explained`, it also includes an error that is as large as the residual and has the
+    effect of a parameter, and is multiplied by the squared normalised residual. Where the search has not
+    converged (a population method), or motion is slow (`response_of`: part of the model's discrepancy is not
+    corrected), a Gauss-Newton step to the optimum remains, and its square is added. The square of the step
+    that another course of the command between slow rows would cause is also added.
     """
     objective, space = result.objective, result.objective.space
     rows = objective.channel_rows
@@ -82,31 +82,31 @@ def identifiability(result: SearchResult, seed: int, *, explained: bool = True) 
 
 
 def collinear_sets(result: SearchResult, covariance: Array, seed: int) -> tuple[CollinearSet, ...]:
-    """Return the sets of which only a combination is identifiable, by the `covariance` (d, d) at `result`.
+    """Return the sets of parameters of which only a combination is identifiable, by the `covariance` (d, d).
 
-    Sets of nuisances alone are left out, and components that are known well enough all the same.
+    Sets that contain nuisances only are omitted, and so are components with sufficiently small intervals.
     """
     space = result.objective.space
     faults, names = len(space.columns), space.coordinates
     half_widths = Z95 * np.sqrt(np.diag(covariance))
-    chosen: dict[tuple[str, ...], list[int]] = {}
+    members_of: dict[tuple[str, ...], list[int]] = {}
     for members in collinear_coordinates(covariance):
-        matter = [i for i in members if i >= faults or half_widths[i] > VERDICT.healthy_margin]
-        called = tuple(dict.fromkeys(_parameter_name(names[i]) for i in matter))
-        if len(called) > 1 and matter[0] < faults:
-            chosen[called] = matter
-    if not chosen:
+        relevant = [i for i in members if i >= faults or half_widths[i] > VERDICT.healthy_margin]
+        labels = tuple(dict.fromkeys(_parameter_name(names[i]) for i in relevant))
+        if len(labels) > 1 and relevant[0] < faults:
+            members_of[labels] = relevant
+    if not members_of:
         return ()
-    further = further_information(result, seed)
+    information = further_information(result, seed)
     channels = result.objective.problem.channels
     return tuple(
-        CollinearSet(called, channels, resolving_channels(covariance, members, further))
-        for called, members in chosen.items()
+        CollinearSet(labels, channels, resolving_channels(covariance, members, information))
+        for labels, members in members_of.items()
     )
 
 
 def _parameter_name(coordinate: str) -> str:
-    """Return what a coordinate belongs to: the eccentricity has two of them, the baseline several."""
+    """Return the parameter of a coordinate: eccentricity and baseline have several coordinates."""
     if coordinate.startswith(BASELINE):
         name = coordinate.removeprefix(BASELINE)
         return "the baseline" if name.isdigit() else f"the unit's {name}"
@@ -114,33 +114,33 @@ def _parameter_name(coordinate: str) -> str:
 
 
 def further_information(result: SearchResult, seed: int) -> dict[str, Array]:
-    """Return the information (d, d) that each channel that was not recorded would add, by its name."""
+    """Return the information (d, d) that each unrecorded channel would add, by its name."""
     objective = result.objective
-    problem, information = objective.problem, _of_known_nuisances(objective)
+    problem, information = objective.problem, _nuisance_information(objective)
     comparable = comparable_channels(problem.actuator, problem.model)
     missing = tuple(name for name in comparable if name not in problem.measured)
     if not missing:
         return information
     channels = (*missing, *problem.channels)
-    other = replace(objective, problem=problem.observing(channels))
-    jacobians = jacobians_at(other, result.point, stream(seed, "Jacobians of further channels"))
-    signals = other.outputs(result.point[np.newaxis])[0, : other.channel_rows]
-    further = further_channels_information(
+    extended = replace(objective, problem=problem.observing(channels))
+    jacobians = jacobians_at(extended, result.point, stream(seed, "Jacobians of further channels"))
+    signals = extended.outputs(result.point[np.newaxis])[0, : extended.channel_rows]
+    added = further_channels_information(
         dict(zip(channels, np.split(signals, len(channels)), strict=True)),
         dict(zip(channels, np.split(jacobians, len(channels), axis=2), strict=True)),
         problem.channels,
-        # Of a signal that hardly varies, the size is that of the faults' effect on it.
+        # The noise of a signal that hardly varies is relative to the effect of faults on it.
         PRIOR_DEVIATION,
     )
-    return information | further
+    return information | added
 
 
-def _of_known_nuisances(objective: MapObjective) -> dict[str, Array]:
-    """Return the information (d, d) of channels that would make a nuisance known."""
+def _nuisance_information(objective: MapObjective) -> dict[str, Array]:
+    """Return the information (d, d) of the channels that measure a nuisance, by channel."""
     information = {}
     for i, name in enumerate(objective.space.coordinates):
         if name in KNOWN_BY:
-            known = np.zeros((objective.space.dimensions,) * 2)
-            known[i, i] = DEFAULT_SCATTER**-2
-            information[KNOWN_BY[name]] = known
+            of_nuisance = np.zeros((objective.space.dimensions,) * 2)
+            of_nuisance[i, i] = DEFAULT_SCATTER**-2
+            information[KNOWN_BY[name]] = of_nuisance
     return information

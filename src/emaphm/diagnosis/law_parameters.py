@@ -1,4 +1,4 @@
-"""The laws that a diagnosis found, and their parameters in their own units."""
+"""Laws that a diagnosis selected, and their parameters in physical units."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,11 +15,10 @@ from emaphm.estimation.space.nuisances import BASELINE
 def law_parameters(
     nuisances: Mapping[str, NuisanceEstimate], laws: Sequence[str], actuator: Actuator
 ) -> dict[str, NuisanceEstimate]:
-    """Return the values of the parameters of `laws` that were estimated, by the parameter's name.
+    """Return the estimated values of the parameters of `laws`, by parameter name.
 
-    Among the `nuisances` they are deviations from the values that the law was started with, which no
-    description has: a value v there is start · exp(v) here, but for parameters of either sign, which are
-    estimated themselves.
+    The `nuisances` contain deviations v of the logarithm from the law's starting value, which no description
+    has; the value is start · exp(v). A parameter of either sign is estimated in its own unit.
     """
     values = {}
     for law in (LAWS[name] for name in laws):
@@ -37,20 +36,24 @@ def law_parameters(
 
 
 def shown_laws(laws: Sequence[str], nuisances: Mapping[str, NuisanceEstimate]) -> tuple[str, ...]:
-    """Return those of `laws` that a recording shows: one of the estimated parameters at least is known.
+    """Return the `laws` that the recording identifies: at least one estimated parameter is known.
 
-    A law none of whose parameters was estimated is kept: it was compared at the values it was started with.
+    A law without estimated parameters is kept: it was compared at its starting values.
     """
     estimated = {
         law: [nuisances[BASELINE + name] for name in LAWS[law].parameters if BASELINE + name in nuisances]
         for law in laws
     }
-    return tuple(law for law, values in estimated.items() if not values or any(one.known for one in values))
+    return tuple(
+        law
+        for law, estimates in estimated.items()
+        if not estimates or any(estimate.known for estimate in estimates)
+    )
 
 
 def without_laws(
     nuisances: Mapping[str, NuisanceEstimate], laws: Sequence[str]
 ) -> dict[str, NuisanceEstimate]:
-    """Return the `nuisances` less the parameters that the `laws` bring."""
-    brought = {BASELINE + name for law in laws for name in LAWS[law].parameters}
-    return {name: one for name, one in nuisances.items() if name not in brought}
+    """Return the `nuisances` without the parameters of the `laws`."""
+    of_laws = {BASELINE + name for law in laws for name in LAWS[law].parameters}
+    return {name: estimate for name, estimate in nuisances.items() if name not in of_laws}

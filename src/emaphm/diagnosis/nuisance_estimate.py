@@ -1,4 +1,4 @@
-"""The estimate of a parameter that is no fault."""
+"""The estimate of a nuisance or of a parameter of the unit."""
 
 import math
 from collections.abc import Mapping
@@ -12,10 +12,10 @@ from emaphm.estimation.space.nuisances import BASELINE
 class NuisanceEstimate:
     """A parameter estimated with the faults: a value and its standard error in `unit`.
 
-    A deviation of the unit from its description is one of the logarithm, unless the parameter may have either
-    sign (`emaphm.actuator.unit.baseline.SIGNED`).
+    The value of a parameter of the unit is the deviation of its logarithm from the description, or in its own
+    unit if it may have either sign (`emaphm.actuator.unit.baseline.SIGNED`).
 
-    `known` is false where the channels have next to no information on it, so that its prior is all there is.
+    `known` is false where the channels hardly constrain the parameter, so that the prior determines it.
     """
 
     value: float
@@ -26,7 +26,7 @@ class NuisanceEstimate:
     def __str__(self) -> str:
         """Return the value with its standard error and unit."""
         unit = "" if self.unit == "-" else f" {self.unit}"
-        # Both to the second digit of the error.
+        # Value and error are rounded to the second digit of the error.
         digits = max(0, 1 - math.floor(math.log10(max(self.standard_error, 1e-12))))
         return f"{self.value:+z.{digits}f} ± {self.standard_error:.{digits}f}{unit}"
 
@@ -36,5 +36,5 @@ class NuisanceEstimate:
 
 
 def of_unit(nuisances: Mapping[str, NuisanceEstimate]) -> dict[str, NuisanceEstimate]:
-    """Return those of `nuisances` by name that are the unit's, common to all of its recordings."""
-    return {name: one for name, one in nuisances.items() if name.startswith(BASELINE)}
+    """Return the parameters of the unit among `nuisances`, by name: all its recordings share them."""
+    return {name: estimate for name, estimate in nuisances.items() if name.startswith(BASELINE)}

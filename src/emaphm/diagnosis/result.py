@@ -1,4 +1,4 @@
-"""The result of a diagnosis: the faults, how well each is known, and how it was computed."""
+"""The result of a diagnosis: faults with their uncertainty, nuisances, reasons and settings."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 
 ESTIMATOR = "estimator"
-"""Method of a diagnosis that the network of an estimator made alone."""
+"""Method name of a diagnosis by the network of an estimator alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +56,11 @@ class Diagnosis:
     Attributes
     ----------
     components
-        The eight of `Faults`, in order.
+        Estimates of the eight components of `Faults`, in order.
     coordinates, covariance
         Names (d,) of the estimate's coordinates, and its covariance (d, d).
     method, model, fitness_name
-        How it was searched, which model was fitted, and which cost function was minimised.
+        Search method, fitted model, and minimised cost function.
     fitness
         Value of the cost function at the estimate, in its own unit (`emaphm.estimation.cost_functions`).
     residual_rms_A
@@ -68,35 +68,35 @@ class Diagnosis:
     explained
         Whether the estimate explains the recording: `emaphm.diagnosis.explanation.reasons_against`.
     evaluations, reference_runs
-        Simulations of the fitted model, and of the reference model that corrects it or is compared with it.
+        Number of simulations of the fitted model, and of the reference model for corrections and comparisons.
     time_s, recorded, modelled
         Time [s], recorded and modelled current [A], each (samples,).
     channels
         Channels that were compared with the model.
     nuisances
-        Parameters that were estimated with the faults, by name.
+        Other parameters that were estimated together with the faults, by name.
     selected
-        Nuisances that were estimated because they deviate significantly, though nobody asked for them;
-        "baseline NAME" are parameters of the actuator that the recording contradicts.
+        Nuisances that were estimated without a request, because they deviate significantly from the
+        description; "baseline NAME" are parameters of the actuator that the recording contradicts.
     laws
-        Optional laws that explain the recording clearly better, though the description lacks them; none
-        where it is not explained all the same, or shows no value of a law (`with_laws`).
+        Optional laws that the description lacks and with which the residual is clearly smaller. Empty if the
+        recording is not explained even so; without laws whose parameters are not identifiable (`with_laws`).
     collinear_sets
-        Parameters of which only the combined effect is known.
+        Sets of parameters of which only the combined effect is identifiable.
     moves
         False where the actuator stood still.
     posterior
-        Samples of the posterior distribution, where asked for.
+        Samples of the posterior distribution, if requested.
     recording_notes
-        What was done to the recording's channels.
+        Notes on the recording: how its channels were processed, and cautions.
     sensor_faults
-        Faults of sensors, apart from those of the actuator.
+        Faults of sensors.
     model_error
-        Each channel's residual compared with that of healthy recordings, where a calibration has learned it.
+        Comparison of each channel's residual with healthy recordings, if a calibration has learned these.
     reasons
-        Why the recording is not explained: sentences without their full stop; empty where it is explained.
+        Why the recording is not explained: sentences without full stop; empty if it is explained.
     healthy_check
-        Whether the recording is like healthy ones, as a detector says; where asked for.
+        Result of a detector: whether the recording is similar to healthy recordings; if requested.
     """
 
     components: Mapping[str, Estimate]
@@ -132,8 +132,8 @@ class Diagnosis:
     healthy_check: "DetectorResult | None" = None
 
     def with_sensor_faults(self, findings: Sequence[SensorFinding]) -> "Diagnosis":
-        """Return the diagnosis with faults of sensors, by its estimate and by the earlier `findings`."""
-        found = sensor_faults(
+        """Return the diagnosis with the sensor faults from its estimate and the model-free `findings`."""
+        faults = sensor_faults(
             findings,
             self.selected,
             self.nuisances,
@@ -142,13 +142,13 @@ class Diagnosis:
             self.actuator,
             explained=self.explained,
         )
-        return replace(self, sensor_faults=found)
+        return replace(self, sensor_faults=faults)
 
     def with_laws(self, laws: Sequence[str]) -> Self:
-        """Return the diagnosis with those of the `laws` of its search that are worth a calibration.
+        """Return the diagnosis with the identified `laws` of its search.
 
-        What lowers the residual of a recording that stays unexplained need not be what causes it: it then has
-        no values of these laws either.
+        If the recording is not explained, no law is reported, and no value of its parameters: a law that
+        reduces such a residual need not be its cause.
         """
         if self.explained:
             return replace(self, laws=shown_laws(laws, self.nuisances))
@@ -156,7 +156,7 @@ class Diagnosis:
 
     @property
     def by_estimator(self) -> bool:
-        """Whether the network of an estimator made it alone."""
+        """Whether the diagnosis is by the network of an estimator alone."""
         return self.method == ESTIMATOR
 
     @property
@@ -171,10 +171,10 @@ class Diagnosis:
 
     @property
     def shared_covariance(self) -> Array | None:
-        """The part of the faults' covariance that all recordings of the unit share, (f, f), f ≤ 8.
+        """Covariance (f, f), f ≤ 8, of the errors of faults that all recordings of the unit have in common.
 
-        Of the first f `coordinates`. A unit's parameters deviate, within tolerances or a baseline, by the
-        same amounts in each of its recordings. None where the parameters are known.
+        It belongs to the first f `coordinates`. The unknown deviations of a unit's parameters, within
+        tolerances or a baseline, are the same in all its recordings. None if the parameters are known.
         """
         parameters = [name for name in self.selected if name.startswith(BASELINE)]
         suspected = {name: DESCRIPTION_ERRORS.prior_of(name.removeprefix(BASELINE)) for name in parameters}
@@ -182,39 +182,39 @@ class Diagnosis:
 
     @cached_property
     def load(self) -> LoadEstimate | None:
-        """The load over the recording, None where it is not estimated as one that varies."""
+        """The load over the recording; None if it was not estimated as varying."""
         return estimated_load(self.nuisances, self.coordinates, self.covariance, self.time_s)
 
     @property
     def shorts_of_open_phases(self) -> tuple[float, ...]:
-        """The shorts, the largest first, where the recording does not show which phase has which.
+        """The significant shorts, the largest first, if their assignment to the phases is not identifiable.
 
-        So it is where the rotor's electrical zero was estimated; empty elsewhere
+        This is the case if the rotor's electrical zero was estimated; otherwise empty
         (`emaphm.diagnosis.explanation.open_phases`).
         """
         if BASELINE + ROTOR_ZERO not in self.selected or not self.explained:
             return ()
         shorts = [self.components[name] for name in SHORTS]
-        present = [
+        significant = [
             short.value
             for short in shorts
             if short.value - Z95 * short.standard_error > VERDICT.healthy_margin
         ]
-        return tuple(sorted(present, reverse=True)) if shorts[0].verdict == "cannot tell" else ()
+        return tuple(sorted(significant, reverse=True)) if shorts[0].verdict == "cannot tell" else ()
 
     @property
     def law_parameters(self) -> dict[str, NuisanceEstimate]:
-        """The values of the parameters of `laws`, in their own units, by name."""
+        """The estimated parameters of `laws` in physical units, by name."""
         return law_parameters(self.nuisances, self.laws, self.actuator)
 
     @property
     def relative_residual(self) -> float:
-        """The residual's rms as a fraction of the recorded current's."""
+        """The rms of the residual as a fraction of the rms of the recorded current."""
         size = float(np.sqrt(np.mean(self.recorded**2)))
         return self.residual_rms_A / size if size > 0 else float("inf")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `emaphm diagnose --json` prints, ready for `json.dumps`."""
+        """Return the content of `emaphm diagnose --json`, ready for `json.dumps`."""
         shared = self.shared_covariance
         return {
             "faults": {name: _fault_dict(estimate) for name, estimate in self.components.items()},
@@ -255,7 +255,7 @@ class Diagnosis:
         }
 
     def to_json(self, path: str | Path | None = None) -> str:
-        """Return the diagnosis as JSON, and write it to a `path`; `OutputError` if it is refused."""
+        """Return the diagnosis as JSON, and write it to `path` if given; `OutputError` if that fails."""
         content = json.dumps(self.to_dict(), indent=2)
         if path is not None:
             with written_whole(path) as temporary:
@@ -269,26 +269,28 @@ class Diagnosis:
         return draw_diagnosis(self)
 
     def table(self, truth: Faults | None = None) -> str:
-        """Return the components as a table of text, with the true values where they are known."""
+        """Return the components as a text table, with the true values if given."""
         header = ["fault", "estimate", "95 % interval", "verdict", "meaning"]
         if truth is not None:
             header.insert(1, "true")
         return format_table(header, fault_rows(self.components, self.faults, self.actuator, truth))
 
     def notes(self) -> list[str]:
-        """Return what a reader must know with the table, a line each."""
-        # What was found before the diagnosis stands among the recording's notes too.
-        said = {fault.sentence.removesuffix(".") for fault in self.sensor_faults}
-        of_recording = [f"{self.recording}: {note}." for note in self.recording_notes if note not in said]
+        """Return the notes on the table, one line each."""
+        # Sensor faults found without a model are also among the recording's notes.
+        sensor_sentences = {fault.sentence.removesuffix(".") for fault in self.sensor_faults}
+        of_recording = [
+            f"{self.recording}: {note}." for note in self.recording_notes if note not in sensor_sentences
+        ]
         of_sensors = [f"Sensor fault: {fault}" for fault in self.sensor_faults]
         posterior = self.posterior.notes(self.interval) if self.posterior else []
         check = [f"Against healthy recordings: {self.healthy_check.sentence}."] if self.healthy_check else []
         return [*of_recording, *of_sensors, *self._notes_on_estimate(), *posterior, *check]
 
     def _notes_on_estimate(self) -> Iterator[str]:
-        """Yield lines on motion, residual, nuisances, collinear sets and the unit's deviations."""
+        """Yield notes on motion, residual, nuisances, collinear sets and deviations of the unit."""
         yield from on_fit(self.reasons, self.channels, moves=self.moves, explained=self.explained)
-        yield from (f"Residual of {name}: {one}" for name, one in self.model_error.items())
+        yield from (f"Residual of {name}: {comparison}" for name, comparison in self.model_error.items())
         yield from on_known(self.nuisances, self.load)
         yield from on_load(self.load)
         yield from on_laws(self.laws, self.law_parameters)
@@ -299,11 +301,11 @@ class Diagnosis:
 
     @property
     def subject(self) -> str:
-        """What was diagnosed, in words."""
+        """Words for the diagnosed data in sentences."""
         return "the recording"
 
     def summary(self) -> str:
-        """Return one line: how well the model explains the recording, and what it took."""
+        """Return one line: whether the model explains the recording, the residual, and the effort."""
         verdict = f"{'explains' if self.explained else 'does NOT explain'} {self.subject}"
         return (
             f"The {self.model} model {verdict}: residual {self.residual_rms_A:.3g} A rms "
@@ -312,11 +314,12 @@ class Diagnosis:
         )
 
     def __str__(self) -> str:
-        """Return what `emaphm diagnose` prints."""
+        """Return the text output of `emaphm diagnose`."""
         return "\n".join([self.table(), *self.notes(), self.summary()])
 
 
 def _fault_dict(estimate: Estimate) -> dict[str, Any]:
+    """Return the JSON entry of one component."""
     values = {
         "value": estimate.value,
         "standard_error": estimate.standard_error,

@@ -1,4 +1,4 @@
-"""Faults of the sensors: what their signals show by themselves, and what the model shows of them."""
+"""Faults of sensors: from checks of the signals without a model, and from errors estimated with the model."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -15,24 +15,30 @@ from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.recording.sensor_checks import SensorFinding
 
 REVERSED = 0.2
-"""Largest deviation of a factor from -1 that is called a reversed sensor: a reversal has no size."""
+"""Largest deviation of a scale factor from -1 up to which a sensor is called reversed."""
 
 CERTAIN = 3.0
-"""Standard errors that an estimated error of a sensor is off zero at least to be called a fault."""
+"""Smallest distance of an estimated sensor error from zero, in standard errors, to be called a fault."""
 
 LIKE_A_SPEED_SCALE = (
-    " A position sensor of another scale that the drive controls by, or another gear ratio, looks alike."
+    " A wrong scale of the position sensor in the drive's control loop, or another gear ratio, would have "
+    "the same effect."
 )
-"""The recorded position then follows the command as it should, and the speed does not go with it."""
+"""With these, the recorded position follows the command correctly, and the speed is inconsistent with it."""
 
-LIKE_A_HELD_SHAFT = " A shaft that friction held off the command as the recording began looks alike."
-"""Where no position shows where it stood, and no rest before the motion was recorded."""
+LIKE_A_HELD_SHAFT = (
+    " A shaft that friction held away from the command at the start of the recording would have the same "
+    "effect."
+)
+"""Added if neither a position nor a rest before the motion was recorded."""
 
-LIKE_A_CURRENT_SCALE = " A torque constant that is {factor:.3g} times the described one looks alike."
-"""Without windings, nothing but the torque of the current shows."""
+LIKE_A_CURRENT_SCALE = (
+    " A torque constant of {factor:.3g} times the described value would have the same effect."
+)
+"""Added if the actuator has no electrical description: a current then acts through its torque alone."""
 
 UNFOLLOWED = "does not follow its quantity: its scale of {factor:.2g} may be 0"
-"""A scale that is no more than `CERTAIN` standard errors from 0 has no size worth a name."""
+"""Meaning of a scale factor within `CERTAIN` standard errors of 0."""
 
 MEANINGS = {
     "bias": "shows {size:.3g} {unit} at zero",
@@ -50,16 +56,16 @@ class SensorFault:
     Attributes
     ----------
     channel
-        The column; several with " and " between them, "all channels" for a delay that they share.
+        The column; several columns are joined by " and "; "all channels" for a common delay.
     kind
         "bias", "scale", "reversed", "drift", "delay", "frozen", "held", "clipped" or "swapped".
     size, unit
-        Bias, drift: in the channel's unit. Scale: relative error. Delay [s], above 0 where the channel is
-        late. Frozen [s], held [rows], clipped: the level. Swapped: how many channels.
+        Bias, drift: in the channel's unit. Scale: relative error. Delay [s], positive if the channel is
+        late. Frozen: duration [s]; held: number of rows; clipped: the level; swapped: number of channels.
     standard_error
-        Of the size, None where it was not estimated.
+        Standard error of the size; None if it was not estimated.
     sentence
-        What is wrong, how much, and what it may be mistaken for.
+        Description of the fault, its size, and other causes with the same effect.
     """
 
     channel: str
@@ -73,7 +79,7 @@ class SensorFault:
         return self.sentence
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fault as the JSON of a diagnosis has it."""
+        """Return the fault's entry in the JSON of a diagnosis."""
         return asdict(self)
 
 
@@ -89,21 +95,21 @@ def sensor_faults(
 ) -> tuple[SensorFault, ...]:
     """Return the faults of sensors.
 
-    A delay that was estimated is a fault; a zero, scale or drift where it is larger than what the `actuator`
-    says is usual of its sensors.
+    A significant delay is a fault; a significant zero error, scale or drift is a fault if it is larger than
+    the standard deviation of its prior, which the `actuator` states.
 
     Parameters
     ----------
     findings
-        Of the checks without a model.
+        Sensor faults found by checks without a model.
     selected
-        Nuisances that deviate significantly, of this recording or of others of a joint diagnosis; those of
-        this one that are errors of sensors count, if the recording is `explained`: what causes a residual
-        that stays is not known.
+        Nuisances that deviate significantly, in this recording or in other recordings of a joint diagnosis.
+        Errors of sensors among them count if they were estimated for this recording and it is `explained`:
+        the cause of an unexplained residual is unknown.
     nuisances, collinear_sets, channels
         As in `Diagnosis`.
     """
-    found = [SensorFault(f.channel, f.kind, f.size, f.unit, None, f"{f.sentence}.") for f in findings]
+    faults = [SensorFault(f.channel, f.kind, f.size, f.unit, None, f"{f.sentence}.") for f in findings]
     if explained:
         errors = {
             name: error
@@ -115,20 +121,20 @@ def sensor_faults(
             if size <= CERTAIN * nuisances[name].standard_error:
                 continue
             if error[1] == "delay" or size > usual_deviation(actuator, name):
-                fault = _estimated(name, *error, nuisances[name], collinear_sets, channels)
-                found.append(_with_torque_constant(fault) if actuator.electrical is None else fault)
-    return tuple(found)
+                fault = _estimated_fault(name, *error, nuisances[name], collinear_sets, channels)
+                faults.append(_with_torque_constant(fault) if actuator.electrical is None else fault)
+    return tuple(faults)
 
 
 def _with_torque_constant(fault: SensorFault) -> SensorFault:
-    """Return a fault of an actuator without windings with what else it may be."""
+    """Return the fault, with a wrong torque constant as another possible cause of a current's scale."""
     if not (fault.channel in TORQUE_CURRENTS and fault.kind == "scale"):
         return fault
     alike = LIKE_A_CURRENT_SCALE.format(factor=1 / (1 + fault.size))
     return replace(fault, sentence=f"{fault.sentence}{alike}")
 
 
-def _estimated(
+def _estimated_fault(
     name: str,
     quantity: str,
     error: str,
@@ -136,13 +142,13 @@ def _estimated(
     collinear_sets: Sequence[CollinearSet],
     channels: Sequence[str],
 ) -> SensorFault:
-    """Return the fault of a sensor that was estimated as nuisance `name`."""
+    """Return the sensor fault that was estimated as nuisance `name`."""
     kind = "bias" if error == "offset" else error
     if kind == "scale" and abs(estimate.value + 2) < REVERSED:
         kind = "reversed"
     channel = "all channels"
     if quantity != "all":
-        channel = next(one for one in SENSOR_CHANNELS[quantity] if one in channels)
+        channel = next(column for column in SENSOR_CHANNELS[quantity] if column in channels)
     follows = abs(1 + estimate.value) > CERTAIN * estimate.standard_error
     meaning = (MEANINGS[kind] if follows or kind != "scale" else UNFOLLOWED).format(
         size=estimate.value,
@@ -153,12 +159,16 @@ def _estimated(
     )
     if quantity == "all" and estimate.value < 0:
         meaning = meaning.replace("come late", "come early")
-    spread = np.format_float_positional(estimate.standard_error, 2, fractional=False, trim="-")
-    digits = f" (± {spread} {estimate.unit})".replace(" -)", ")")
-    others = [
-        other for one in collinear_sets if name in one.members for other in one.members if other != name
+    error_text = np.format_float_positional(estimate.standard_error, 2, fractional=False, trim="-")
+    digits = f" (± {error_text} {estimate.unit})".replace(" -)", ")")
+    collinear = [
+        member
+        for group in collinear_sets
+        if name in group.members
+        for member in group.members
+        if member != name
     ]
-    faults = [other for other in others if other in NAMES]
+    actuator_faults = [member for member in collinear if member in NAMES]
     sentence = f"The sensor of {channel} {meaning}{digits}."
     if quantity == "all":
         sentence = f"All channels {meaning} against the command{digits}."
@@ -166,7 +176,7 @@ def _estimated(
         sentence += LIKE_A_SPEED_SCALE
     if channel in TORQUE_CURRENTS and kind == "bias" and "position_rad" not in channels:
         sentence += LIKE_A_HELD_SHAFT
-    if others:
-        what = "an actuator fault" if faults else "another deviation"
-        sentence += f" This recording does not tell it from {what}: {', '.join(others)}."
+    if collinear:
+        cause = "an actuator fault" if actuator_faults else "another deviation"
+        sentence += f" This recording does not distinguish it from {cause}: {', '.join(collinear)}."
     return SensorFault(channel, kind, estimate.value, estimate.unit, estimate.standard_error, sentence)

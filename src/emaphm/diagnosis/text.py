@@ -1,4 +1,4 @@
-"""A diagnosis in words: the rows of its table, and the notes that go with it."""
+"""The text of a diagnosis: rows of its table, and notes."""
 
 import math
 from collections.abc import Container, Iterator, Mapping, Sequence
@@ -37,7 +37,7 @@ NOT_EXPLAINED = (
 def fault_rows(
     components: Mapping[str, Estimate], faults: Faults, actuator: Actuator, truth: Faults | None
 ) -> list[tuple[str, ...]]:
-    """Return rows of text: component, truth if given, value, interval, verdict, meaning or reason."""
+    """Return table rows: component, truth if given, value, interval, verdict, and reason or meaning."""
     meanings = physical_text(faults, actuator)
     rows = []
     for name, estimate in components.items():
@@ -56,7 +56,7 @@ def fault_rows(
 
 
 def on_fit(reasons: Sequence[str], channels: Sequence[str], *, moves: bool, explained: bool) -> Iterator[str]:
-    """Yield that the actuator stands still, and why the recording is not explained."""
+    """Yield that the actuator does not move, and why the recording is not explained."""
     if not moves:
         yield SHOWN_STILL if "position_rad" in channels else STANDS_STILL
     if not explained:
@@ -65,9 +65,9 @@ def on_fit(reasons: Sequence[str], channels: Sequence[str], *, moves: bool, expl
 
 
 def on_known(nuisances: Mapping[str, NuisanceEstimate], load: LoadEstimate | None) -> Iterator[str]:
-    """Yield what was estimated with the faults, and is known; of a `load` that varies see `on_load`."""
-    own = _of_recording(nuisances, load)
-    if known := ", ".join(f"{name} {estimate}" for name, estimate in own.items() if estimate.known):
+    """Yield the known nuisances, without the parts of a varying `load` (`on_load`)."""
+    of_recording = _of_recording(nuisances, load)
+    if known := ", ".join(f"{name} {estimate}" for name, estimate in of_recording.items() if estimate.known):
         yield f"Estimated with the faults: {known}."
 
 
@@ -77,11 +77,13 @@ def on_unknown(
     collinear_sets: Sequence[CollinearSet],
     channels: Sequence[str],
 ) -> Iterator[str]:
-    """Yield what is known only in combination, and what the `channels` do not show at all."""
-    yield from (f"Known only in combination: {one}" for one in collinear_sets)
-    collinear = {name for one in collinear_sets for name in one.members}
-    own = _of_recording(nuisances, load)
-    if unknown := [name for name, one in own.items() if not one.known and name not in collinear]:
+    """Yield the collinear sets, and the nuisances that are not identifiable from the `channels`."""
+    yield from (f"Known only in combination: {group}" for group in collinear_sets)
+    collinear = {name for group in collinear_sets for name in group.members}
+    of_recording = _of_recording(nuisances, load)
+    if unknown := [
+        name for name, estimate in of_recording.items() if not estimate.known and name not in collinear
+    ]:
         yield (
             f"Not identifiable from {', '.join(channels)}: {', '.join(unknown)}. The intervals "
             "include the prior uncertainty. Record more channels, or the quantity itself."
@@ -91,41 +93,44 @@ def on_unknown(
 def _of_recording(
     nuisances: Mapping[str, NuisanceEstimate], load: LoadEstimate | None
 ) -> dict[str, NuisanceEstimate]:
-    """Return the nuisances that are neither parameters of the unit nor parts of a `load` that varies."""
+    """Return the nuisances without parameters of the unit and without parts of a varying `load`."""
     unit = of_unit(nuisances)
     return {
-        name: one for name, one in nuisances.items() if name not in unit and not (load and is_of_load(name))
+        name: estimate
+        for name, estimate in nuisances.items()
+        if name not in unit and not (load and is_of_load(name))
     }
 
 
 def on_load(load: LoadEstimate | None) -> Iterator[str]:
-    """Yield what was estimated of a load that varies, and what it may be in truth."""
+    """Yield the estimate of a varying load, and its other possible causes."""
     if not load:
         return
     yield (
-        f"The load {load}; it was estimated with the faults. Recorded as load_Nm, it is known, and the "
-        "faults better."
+        f"The load {load}; it was estimated together with the faults. If it is recorded as load_Nm, the "
+        "faults are known better."
     )
     if load.is_constant:
-        yield "That is more than expected: state by 'load' under [nuisances] how large it may be."
+        yield "This load is larger than expected: state its usual size as 'load' under [nuisances]."
     elif not load.steps:
-        yield "Other viscous friction than described, as of cold grease, may look like this load."
+        yield "Viscous friction that differs from the description (cold grease) may have the same effect."
 
 
 def on_laws(names: Sequence[str], values: Mapping[str, NuisanceEstimate]) -> Iterator[str]:
-    """Yield what to do about the laws that the description lacks, with the `values` of their parameters."""
+    """Yield the laws that the description lacks, the `values` of their parameters, and the remedy."""
     if not names:
         return
     laws = [LAWS[name] for name in names]
     text = (
-        f"Explained best by laws that the description lacks: {', '.join(law.name for law in laws)}; without, "
-        "they would read as faults."
+        f"Explained best by laws that the description lacks: {', '.join(law.name for law in laws)}; without "
+        "them, their effects would appear as faults."
     )
     if values:
-        text += f" Found: {', '.join(f'{name} {_marked(one)}' for name, one in values.items())}."
-    if seen := [law.name for law in laws if not law.by_faults]:
+        text += f" Found: {', '.join(f'{name} {_marked(estimate)}' for name, estimate in values.items())}."
+    if calibrated := [law.name for law in laws if not law.by_faults]:
         text += (
-            f" If this persists, calibrate the healthy actuator (emaphm calibrate --laws {','.join(seen)})."
+            " If this persists, calibrate the healthy actuator "
+            f"(emaphm calibrate --laws {','.join(calibrated)})."
         )
     for law in laws:
         if law.by_faults:
@@ -138,7 +143,7 @@ def on_laws(names: Sequence[str], values: Mapping[str, NuisanceEstimate]) -> Ite
 
 
 def on_selected(selected: Sequence[str]) -> Iterator[str]:
-    """Yield what to do about the parameters that were estimated although nobody asked to."""
+    """Yield the parameters that were estimated without a request, and the remedy."""
     of_recording = [
         name for name in selected if not (sensor_error(name) or name.startswith(BASELINE) or name in LOADS)
     ]
@@ -146,59 +151,61 @@ def on_selected(selected: Sequence[str]) -> Iterator[str]:
         yield (
             "Also estimated, because it deviates significantly from the description: "
             f"{', '.join(of_recording)}. "
-            "If this persists, correct the actuator's file; taken as known, it would read as faults."
+            "If this persists, correct the actuator's file; if taken as known, the deviation would appear as "
+            "faults."
         )
     of_description = [name.removeprefix(BASELINE) for name in selected if name.startswith(BASELINE)]
     if ROTOR_ZERO in of_description:
         yield (
-            "The rotor's electrical zero is not where the description puts it, and was estimated; a sixth of "
-            "a turn more explains the recording as well, so which phase is which stays open. Give "
-            "rotor_zero in [electrical] of the actuator's file: the estimate names the phases of later "
-            "recordings alike."
+            "The rotor's electrical zero deviates from the description and was estimated. A sixth of a turn "
+            "more explains the recording equally well, so the assignment of the phases is open. Give "
+            "rotor_zero in [electrical] of the actuator's file: with the estimate, later recordings have the "
+            "same assignment."
         )
     if parameters := [name for name in of_description if name != ROTOR_ZERO]:
-        one_of = ", one of which at least is off" if len(parameters) > 1 else ""
+        one_of = ", at least one of which deviates" if len(parameters) > 1 else ""
         yield (
             f"Also estimated, because the recording contradicts the description: {', '.join(parameters)}"
             f"{one_of}. If this persists, calibrate the healthy unit (emaphm calibrate), or state under "
-            "[tolerances] how far it may be off; taken as exact, it would read as faults."
+            "[tolerances] how far it may deviate; if taken as exact, the deviation would appear as faults."
         )
 
 
 def on_unit(
     nuisances: Mapping[str, NuisanceEstimate], law_parameters: Container[str], subject: str
 ) -> Iterator[str]:
-    """Yield what `subject` shows of the parameters of the unit, and which it does not show.
+    """Yield the estimated parameters of the unit, and those that `subject` does not identify.
 
-    But those of laws that the description lacks (`on_laws`).
+    Parameters of laws that the description lacks are omitted (`on_laws`).
     """
-    unit = {name.removeprefix(BASELINE): one for name, one in of_unit(nuisances).items()}
-    described = {name: one for name, one in unit.items() if name not in law_parameters}
-    if shown := [_deviation(name, one) for name, one in described.items() if one.known]:
-        yield f"Deviation of the unit from its description: {', '.join(shown)}."
-    if unseen := [name for name, one in described.items() if not one.known]:
-        yield f"Known no better than before {subject}: {', '.join(unseen)} of the unit."
+    unit = {name.removeprefix(BASELINE): estimate for name, estimate in of_unit(nuisances).items()}
+    described = {name: estimate for name, estimate in unit.items() if name not in law_parameters}
+    if known := [_deviation(name, estimate) for name, estimate in described.items() if estimate.known]:
+        yield f"Deviation of the unit from its description: {', '.join(known)}."
+    if unknown := [name for name, estimate in described.items() if not estimate.known]:
+        yield f"Not identifiable from {subject}: {', '.join(unknown)} of the unit."
 
 
 def on_calibration(actuator: Actuator) -> Iterator[str]:
-    """Yield which parameters a calibration of the unit has not measured."""
+    """Yield the parameters that the calibration of the unit has not estimated."""
     if kept := not_calibrated(actuator):
         yield (
-            f"The calibration has not measured {', '.join(kept)}: taken as described; a unit that differs "
-            "there reads as faults."
+            f"The calibration has not measured {', '.join(kept)}: taken as described. A deviation of the "
+            "unit in these parameters would appear as faults."
         )
 
 
 def _deviation(name: str, estimate: NuisanceEstimate) -> str:
-    """Return by how much the unit's parameter `name` is off: in percent, where its logarithm is estimated."""
+    """Return the deviation of a parameter of the unit, in percent if its logarithm is estimated."""
     if name in SIGNED:
         return f"{name} {_marked(estimate)}"
     factor = math.exp(estimate.value)
-    share = replace(
+    percentage = replace(
         estimate, value=100 * (factor - 1), standard_error=100 * factor * estimate.standard_error, unit="%"
     )
-    return f"{name} {_marked(share)}"
+    return f"{name} {_marked(percentage)}"
 
 
 def _marked(estimate: NuisanceEstimate) -> str:
+    """Return the estimate as text, marked if it is not identifiable."""
     return f"{estimate}{'' if estimate.known else ' (not identifiable)'}"

@@ -1,4 +1,4 @@
-"""From an estimate and its covariance to a statement about each fault component."""
+"""Intervals and verdicts of the fault components, from an estimate and its covariance."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -19,22 +19,22 @@ Z95 = 1.959963984540054
 """Half-width of a normal 95 % interval, in standard errors."""
 
 R95 = (-2 * math.log(0.05)) ** 0.5
-"""The same of the distance from 0 of two independent normal errors, in standard errors (Rayleigh)."""
+"""95 % quantile of the distance from 0 of two independent normal errors, in standard errors (Rayleigh)."""
 
 DIRECTIONS = 720
-"""Number of directions in which the distance of an ellipse from 0 is taken."""
+"""Number of directions in which the distance of an ellipse from 0 is computed."""
 
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """From which values a component is called degraded, healthy, or not identifiable, in its unit [0, 1].
+    """Limits of the verdicts, in the unit [0, 1] of a component.
 
-    Degraded: the whole interval is more than `healthy_margin` away from the healthy value; no model is right
-    to a hundredth of the range. Healthy: no value in the interval is more than `hidden_fault` away from it.
-    Not identifiable: the interval is longer than `longest_interval`, half the range. Where only the bounds of
-    the range make it shorter, the verdict is open. A standard error above `uninformative` times the prior's
-    leaves the whole range open. Shorts that differ by less than `equal_shorts` are
-    equal. `make study` (accuracy) counts false alarms and detections.
+    Degraded: the whole interval is more than `healthy_margin` from the healthy value; no model is accurate
+    to a hundredth of the range. Healthy: no value in the interval is more than `hidden_fault` from it. Not
+    identifiable: the interval is longer than `longest_interval`, half the range. An interval that is shorter
+    only because of the bounds of the range gives no verdict. With a standard error above `uninformative`
+    times that of the prior, the interval is the whole range. Shorts that differ by less than `equal_shorts`
+    are equal. `make study` (accuracy) counts false alarms and detections.
     """
 
     healthy_margin: float = 0.02
@@ -49,26 +49,26 @@ VERDICT = VerdictSettings()
 
 COMMON_SHORTS = (
     "all three windings seem to have lost the same share: a weaker magnet, or a wrong torque constant, "
-    "temperature or scale of the current would look alike"
+    "temperature or scale of the current would have the same effect"
 )
 UNCONSTRAINED = "this recording does not constrain it; a larger or faster command would"
 BOTH = "its interval contains both the healthy value and relevant faults"
 OF_MODEL_ERROR = (
-    "in recordings left out of the calibration the model's error looked like this; calibrate on more "
-    "manoeuvres, or with the law it lacks (--laws)"
+    "the model's error in healthy recordings has a similar effect; calibrate on more manoeuvres, or with the "
+    "missing law (--laws)"
 )
-NOT_EXPLAINED = "no model of this actuator explains the recording, so what causes its residual is not known"
+NOT_EXPLAINED = "no model of this actuator explains the recording, so the cause of its residual is not known"
 
 
 @dataclass(frozen=True)
 class Estimate:
     """One fault component: its normalised value, standard error, 95 % interval and verdict.
 
-    The verdict is "degraded" where the whole interval is away from the healthy value, "healthy" where it
-    leaves room for no fault that matters, else "cannot tell". `identifiable` is false where the interval
-    covers more than half of the range: the value is then not known, whatever the verdict. `reason` says why
-    a verdict or a value is missing. The interval of the eccentricity's phase may run past 0 or 1, where the
-    circle closes. `limits` are the least and the largest value that the component may have.
+    The verdict is "degraded" if the whole interval is away from the healthy value, "healthy" if the interval
+    contains no relevant fault, and "cannot tell" otherwise. `identifiable` is false if the interval covers
+    more than half of the range: the value is then unknown, whatever the verdict. `reason` states why a
+    verdict or a value is missing. The interval of the eccentricity's phase may extend beyond 0 or 1, because
+    the phase is periodic. `limits` are the smallest and the largest possible value of the component.
     """
 
     value: float
@@ -81,7 +81,7 @@ class Estimate:
 
     @property
     def unconstrained(self) -> bool:
-        """Whether the interval is all of the range: the recording says nothing of the component."""
+        """Whether the interval is the whole range: the recording does not constrain the component."""
         return self.interval95 == self.limits
 
 
@@ -90,7 +90,7 @@ def estimates(
 ) -> dict[str, Estimate]:
     """Return the eight components at `point` (d,) with intervals from `covariance` (d, d).
 
-    Where a component is not identifiable, its reason names the `collinear_sets` that it is a member of.
+    The reason of a component that is not identifiable names the members of its collinear set.
     """
     faults = space.faults(point)
     result = {}
@@ -110,18 +110,18 @@ def estimates(
 
 
 def _common_shorts(components: Mapping[str, Estimate]) -> dict[str, Estimate]:
-    """Return the shorts, undecided, where all three windings have lost the same share of their turns.
+    """Return the shorts as undecided if all three windings have lost the same share of turns; else nothing.
 
-    That is where all are degraded, and the two smaller ones equal within their errors. It would be a
-    coincidence of three faults; a weaker magnet, a wrong torque constant or temperature, and a wrong scale of
-    the current lower the flux of all three windings.
+    The condition is that all three are degraded, and the two smaller ones are equal within their errors.
+    Three equal faults would be a coincidence; a weaker magnet, a wrong torque constant or temperature, or a
+    wrong scale of the current has the same effect on all three windings.
     """
     shorts = {name: components[name] for name in SHORTS}
     if any(short.verdict != "degraded" for short in shorts.values()):
         return {}
-    least, next_to = sorted(shorts.values(), key=lambda short: short.value)[:2]
-    error = Z95 * float(np.hypot(least.standard_error, next_to.standard_error))
-    if next_to.value - least.value > max(error, VERDICT.equal_shorts):
+    smallest, second = sorted(shorts.values(), key=lambda short: short.value)[:2]
+    error = Z95 * float(np.hypot(smallest.standard_error, second.standard_error))
+    if second.value - smallest.value > max(error, VERDICT.equal_shorts):
         return {}
     return {
         name: replace(short, verdict="cannot tell", reason=COMMON_SHORTS) for name, short in shorts.items()
@@ -129,7 +129,7 @@ def _common_shorts(components: Mapping[str, Estimate]) -> dict[str, Estimate]:
 
 
 def undecided(name: str, estimate: Estimate, reason: str) -> Estimate:
-    """Return the estimate as undecided for a `reason`, its interval widened to hold the healthy value."""
+    """Return the estimate as undecided, with its `reason`, and with the healthy value in its interval."""
     healthy = float(getattr(HEALTHY, name))
     low, high = estimate.interval95
     interval = (min(low, healthy), max(high, healthy))
@@ -139,7 +139,7 @@ def undecided(name: str, estimate: Estimate, reason: str) -> Estimate:
 def with_phase_undecided(
     components: Mapping[str, Estimate], before: Mapping[str, Estimate]
 ) -> dict[str, Estimate]:
-    """Return the components, the phase undecided too where the eccentricity is and was not `before`."""
+    """Return the components; the phase becomes undecided together with a formerly degraded eccentricity."""
     size = components["eccentricity"]
     if size.verdict != "cannot tell" or before["eccentricity"].verdict != "degraded":
         return dict(components)
@@ -150,22 +150,22 @@ def with_phase_undecided(
 def undecided_by_model_error(
     components: Mapping[str, Estimate], share: Array, space: ParameterSpace
 ) -> dict[str, Estimate]:
-    """Return the components, with another reason where one is undecided mostly for the learned model error.
+    """Return the components; the reason is the learned model error where it has most of the variance.
 
-    `share` (d,) is the model error's share of the variance of each coordinate of `space`.
+    `share` (d,) is the share of the model error in the variance of each coordinate of `space`.
     """
     named = dict(components)
     for name, estimate in components.items():
-        at = [i for i, coordinate in enumerate(space.coordinates) if coordinate in (name, f"{name}_x")]
-        if at and estimate.reason in (UNCONSTRAINED, BOTH) and share[at[0]] > 1 / 2:
+        columns = [i for i, coordinate in enumerate(space.coordinates) if coordinate in (name, f"{name}_x")]
+        if columns and estimate.reason in (UNCONSTRAINED, BOTH) and share[columns[0]] > 1 / 2:
             named[name] = replace(estimate, reason=OF_MODEL_ERROR)
     return named
 
 
 def unexplained(components: Mapping[str, Estimate], fixed: Collection[str] = ()) -> dict[str, Estimate]:
-    """Return the components of a recording that is not explained: none is called healthy or degraded.
+    """Return the components of a recording that is not explained: all are undecided.
 
-    Those that are `fixed`, which were not estimated, keep their own reason.
+    `fixed` components, which were not estimated, keep their reason.
     """
     return {
         name: replace(
@@ -176,12 +176,13 @@ def unexplained(components: Mapping[str, Estimate], fixed: Collection[str] = ())
 
 
 def _collinear_with(name: str, collinear_sets: Sequence[CollinearSet]) -> str:
-    """Return why a member of a collinear set is not identifiable, nothing for another component."""
+    """Return the reason of a member of a collinear set; empty for other components."""
     others = [group.others(name) for group in collinear_sets if name in group.members]
     return f"only its combined effect with {others[0]} is identifiable" if others else ""
 
 
 def _unknown(value: float, error: float, limits: tuple[float, float], reason: str) -> Estimate:
+    """Return an undecided estimate whose interval is the whole range."""
     return Estimate(
         value, error, limits, identifiable=False, verdict="cannot tell", reason=reason, limits=limits
     )
@@ -195,19 +196,19 @@ def _component(
     limits: tuple[float, float] = (0.0, 1.0),
     ends: tuple[float, float] | None = None,
 ) -> Estimate:
-    """Return the estimate of a component, with the verdict that its interval allows.
+    """Return the estimate of a component with its verdict.
 
-    The interval's `ends` are `Z95` standard errors from the `value` where they are not given.
+    The `ends` of the interval are by default `Z95` standard errors from the `value`.
     """
     unconstrained = collinear or UNCONSTRAINED
     if error > VERDICT.uninformative * PRIOR_DEVIATION:
-        # A search may have ended anywhere in the range: so may the interval be.
+        # The search may end anywhere in the range, so the interval is the whole range.
         return _unknown(value, error, limits, unconstrained)
     least, most = limits
     below, above = ends or (value - Z95 * error, value + Z95 * error)
     low, high = interval = (max(below, least), min(above, most))
     if 2 * Z95 * error > VERDICT.longest_interval and high - low < 2 * Z95 * error:
-        # Only the bound of the range makes it shorter: the search may have ended there for whatever reason.
+        # Only a bound of the range shortens the interval: the search may have stopped there for any reason.
         return Estimate(value, error, interval, False, "cannot tell", unconstrained, limits)
     identifiable = high - low <= VERDICT.longest_interval
     verdict = verdict_of((low, high), healthy)
@@ -220,7 +221,7 @@ def _component(
 
 
 def verdict_of(interval: tuple[float, float], healthy: float) -> Verdict:
-    """Return the verdict on a component by its 95 % `interval` and its `healthy` value."""
+    """Return the verdict on a component from its 95 % `interval` and its `healthy` value."""
     low, high = interval
     if max(low - healthy, healthy - high) > VERDICT.healthy_margin:
         return "degraded"
@@ -232,40 +233,42 @@ def verdict_of(interval: tuple[float, float], healthy: float) -> Verdict:
 def _eccentricity(
     space: ParameterSpace, point: Array, covariance: Array, collinear: str
 ) -> Mapping[str, Estimate]:
-    """Return radius and phase from Cartesian form; the phase only where the eccentricity is degraded."""
-    x = space.columns.index(5)
+    """Return radius and phase from the Cartesian form; the phase only if the eccentricity is degraded."""
+    first = space.columns.index(5)
     faults = space.faults(point)
-    block = covariance[x : x + 2, x : x + 2]
+    block = covariance[first : first + 2, first : first + 2]
     radius = float(faults[5])
     phase = float(faults[6])
-    along = point[x : x + 2] / radius if radius > 0 else np.array([1.0, 0.0])
-    across = np.array([-along[1], along[0]])
-    radial = float(np.sqrt(along @ block @ along))
-    turning = float(np.sqrt(across @ block @ across)) / (2 * np.pi * max(radius, 1e-12))
-    half = Z95 * turning
-    ends = _distances(point[x : x + 2], block)
-    error = max(radial, (ends[1] - ends[0]) / (2 * Z95))
+    radial_direction = point[first : first + 2] / radius if radius > 0 else np.array([1.0, 0.0])
+    tangential_direction = np.array([-radial_direction[1], radial_direction[0]])
+    radial_error = float(np.sqrt(radial_direction @ block @ radial_direction))
+    phase_error = float(np.sqrt(tangential_direction @ block @ tangential_direction)) / (
+        2 * np.pi * max(radius, 1e-12)
+    )
+    half_width = Z95 * phase_error
+    ends = _distances(point[first : first + 2], block)
+    error = max(radial_error, (ends[1] - ends[0]) / (2 * Z95))
     size = _component(radius, error, healthy=0.0, collinear=collinear, ends=ends)
-    if size.verdict != "degraded" or 2 * half > VERDICT.longest_interval:
+    if size.verdict != "degraded" or 2 * half_width > VERDICT.longest_interval:
         reason = "no significant eccentricity, so its direction is undefined"
         if size.verdict == "degraded":
-            reason = "the recording shows the eccentricity, and not its direction"
-        angle = _unknown(phase, min(turning, float(PRIOR_DEVIATION)), (0.0, 1.0), reason)
+            reason = "the recording identifies the eccentricity, and not its direction"
+        angle = _unknown(phase, min(phase_error, float(PRIOR_DEVIATION)), (0.0, 1.0), reason)
     else:
-        # A direction is neither good nor bad: it shares the verdict of the eccentricity itself.
-        interval = (phase - half, phase + half)
-        angle = Estimate(phase, turning, interval, identifiable=True, verdict=size.verdict)
+        # A direction is neither healthy nor degraded: it has the verdict of the eccentricity.
+        interval = (phase - half_width, phase + half_width)
+        angle = Estimate(phase, phase_error, interval, identifiable=True, verdict=size.verdict)
     return {"eccentricity": size, "eccentricity_phase": angle}
 
 
 def _distances(centre: Array, covariance: Array) -> tuple[float, float]:
-    """Return the least and the largest distance from 0 of an ellipse about `centre` (2,), `Z95` errors out.
+    """Return the smallest and largest distance from 0 of the ellipse of `Z95` errors about `centre` (2,).
 
-    An unknown direction makes a radius uncertain too, which its radial error does not show: an estimate of
-    0.01 that is known to 0.001 along itself and to 0.2 across may have a radius of 0.4.
+    An unknown direction also makes the radius uncertain, which the radial error does not include: an estimate
+    of 0.01 with an error of 0.001 in its direction and of 0.2 across it may have a radius of 0.4.
 
-    At 0 no direction can be chosen to fit, so both coordinates err: 0 is outside only where the estimate is
-    `R95` errors from it. By `Z95`, 15 % of the recordings of a centred rotor would have it outside.
+    The smallest distance is 0 unless the estimate is more than `R95` errors from 0, since both coordinates
+    have errors there. With `Z95` instead, 15 % of the recordings of a centred rotor would exclude 0.
     """
     values, axes = np.linalg.eigh(covariance)
     reach = Z95 * np.sqrt(np.maximum(values, 0.0))

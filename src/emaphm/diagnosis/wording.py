@@ -1,4 +1,4 @@
-"""What each fault means physically, in words."""
+"""Physical meaning of each fault as text."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from emaphm.diagnosis.verdict import VERDICT
 
 
 def physical_text(faults: Faults, actuator: Actuator) -> dict[str, str]:
-    """Return what each component means on `actuator`, with its unit."""
+    """Return the physical meaning of each component on `actuator`, with its unit."""
     p = faults.physical(actuator)
     angle = unit_for("rad", actuator.coordinates)
     below_healthy = faults.friction < -VERDICT.healthy_margin

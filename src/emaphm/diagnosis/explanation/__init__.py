@@ -1,1 +1,1 @@
-"""Whether an estimate explains a recording, and what is to be doubted all the same."""
+"""Whether an estimate explains a recording, and cautions that apply although it does."""

@@ -1,4 +1,4 @@
-"""What a recording cannot tell, whatever the estimate: the cautions that go with a diagnosis."""
+"""Cautions of a diagnosis: limits of what the recording identifies, whatever the estimate."""
 
 from collections.abc import Mapping
 
@@ -14,7 +14,7 @@ from emaphm.estimation.search_result import SearchResult
 def cautions(components: Mapping[str, Estimate], result: SearchResult, *, moves: bool) -> tuple[str, ...]:
     """Return notes on rows, channels, inertia, phases and load at `result`, whose faults are `components`.
 
-    Whether the model `moves` there decides what a channel can be expected to show.
+    If the model does not move (`moves`), channels and inertia are not expected to have information.
     """
     objective, problem = result.objective, result.objective.problem
     return (

@@ -1,4 +1,4 @@
-"""A command that asks for speeds far beyond the motor's: a note on its unit where nothing is explained."""
+"""Check of a command that requires speeds far beyond the motor's: its unit is probably wrong."""
 
 import numpy as np
 
@@ -6,14 +6,14 @@ from emaphm.actuator.laws import largest_speed
 from emaphm.estimation.problem import Problem
 
 BEYOND = 3.0
-"""Multiple of the motor's largest speed that no command is made for, but for its steps."""
+"""Multiple of the motor's largest speed that commands do not require, except in steps."""
 
 LEAST_SHARE = 0.25
-"""Share of the moving rows that ask for more: of a step it is a row, of degrees most of the motion."""
+"""Smallest share of moving rows above that speed: a step has one such row, a command in degrees most."""
 
 
 def notes_on_command(problem: Problem) -> tuple[str, ...]:
-    """Return a sentence on a command that the motor could follow nowhere near, or none."""
+    """Return a sentence on a command that the motor cannot follow by far; else nothing."""
     actuator = problem.actuator
     largest = largest_speed(actuator)
     rates = np.abs(np.diff(problem.measured["command_rad"])) / problem.inputs.interval
@@ -21,20 +21,20 @@ def notes_on_command(problem: Problem) -> tuple[str, ...]:
     if not speeds.size or float(np.mean(speeds > BEYOND * largest)) < LEAST_SHARE:
         return ()
     note = (
-        f"command_rad asks the motor for up to {speeds.max():.3g} "
-        f"{'m/s' if actuator.has_linear_motor else 'rad/s'}, and {largest:.3g} are the most that it reaches; "
-        "check the unit of command_rad, as degrees or milliradians for rad, and the gear ratio"
+        f"command_rad requires motor speeds of up to {speeds.max():.3g} "
+        f"{'m/s' if actuator.has_linear_motor else 'rad/s'}, and the motor reaches {largest:.3g} at most; "
+        "check the unit of command_rad (degrees or milliradians instead of rad) and the gear ratio"
     )
     return (note,)
 
 
 def with_command(reasons: tuple[str, ...], problem: Problem) -> tuple[str, ...]:
-    """Return the `reasons` that a recording is not explained, next to a command that no motor could follow.
+    """Return the `reasons` against a recording, with a note on a command that the motor cannot follow.
 
-    Such a command leaves every channel unlike the model. What a reason says of another sensor is therefore
-    left out; the size of the primary channel's residual stays.
+    With such a command no channel agrees with the model. Reasons that concern other sensors are therefore
+    omitted; the size of the primary channel's residual is kept.
     """
     notes = notes_on_command(problem)
     if not notes:
         return reasons
-    return (*notes, *(one for one in reasons if one.startswith(f"{problem.primary}: the residual")))
+    return (*notes, *(reason for reason in reasons if reason.startswith(f"{problem.primary}: the residual")))

@@ -1,4 +1,4 @@
-"""Parameters that are farther off than what is known of them allows: nuisances, the unit's, scales."""
+"""Estimates that deviate too far from their priors: nuisances, parameters of the unit, sensor scales."""
 
 import math
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from emaphm.estimation.space.parameter_variation import variation_unit
 
 
 def far_nuisances(result: SearchResult) -> Iterator[str]:
-    """Yield the nuisances that are farther off than their stated priors allow; errors of sensors may be."""
+    """Yield a sentence on each nuisance too far from its stated prior; sensor errors are not included."""
     space, actuator = result.objective.space, result.objective.problem.actuator
     for name, values in space.nuisance_values(result.point[np.newaxis]).items():
         if sensor_error(name) is not None or not has_stated_prior(actuator, name):
@@ -26,44 +26,47 @@ def far_nuisances(result: SearchResult) -> Iterator[str]:
             unit = unit_of(name, actuator.coordinates)
             yield (
                 f"{name}: the estimate of {values[0]:+.3g} {unit} is {deviations:.1f} standard deviations of "
-                f"its prior ({prior:g} {unit}) off; the description or a channel's scale may be wrong"
+                f"its prior ({prior:g} {unit}) from nominal; the description or a channel's scale may be "
+                "wrong"
             )
 
 
 def far_parameters(result: SearchResult) -> Iterator[str]:
-    """Yield the unit's parameters that are farther off than tolerances and calibration account for."""
+    """Yield a sentence on each parameter of the unit too far from its tolerance or calibration."""
     space, actuator = result.objective.space, result.objective.problem.actuator
     values, limit = space.nuisance_values(result.point[np.newaxis]), EXPLANATION.prior_deviations
 
-    def off(name: str) -> float:
-        # Population methods estimate faults alone.
+    def deviation_of(name: str) -> float:
+        # Population methods estimate only faults.
         return float(values.get(BASELINE + name, [0.0])[0])
 
     tolerances, baseline = actuator.open_tolerances, actuator.baseline
     for name, deviation in tolerances.deviations.items() if tolerances else ():
-        if abs(off(name)) > limit * deviation:
+        if abs(deviation_of(name)) > limit * deviation:
             yield (
-                f"{name}: the estimate is {_deviation(name, off(name), actuator)} off the description, more "
-                f"than its tolerance of ± {100 * getattr(tolerances, name):.3g} % accounts for; the "
-                "description or a channel's scale may be wrong"
+                f"{name}: the estimate is {_deviation(name, deviation_of(name), actuator)} off the "
+                f"description, more than its tolerance of ± {100 * getattr(tolerances, name):.3g} % "
+                "accounts for; the description or a channel's scale may be wrong"
             )
     for name, deviation in baseline.deviations.items() if baseline else ():
-        if abs(off(name)) > limit * deviation:
+        if abs(deviation_of(name)) > limit * deviation:
             yield (
-                f"{name}: the estimate is {_deviation(name, off(name), actuator)} off its calibrated value, "
-                f"{abs(off(name)) / deviation:.1f} standard errors of the calibration; the unit has changed "
-                "in it, a channel's scale is wrong, or the calibration is: calibrate on other manoeuvres too"
+                f"{name}: the estimate is {_deviation(name, deviation_of(name), actuator)} off its "
+                f"calibrated value, {abs(deviation_of(name)) / deviation:.1f} standard errors of the "
+                "calibration; the parameter has changed, a channel's scale is wrong, or the calibration is "
+                "wrong: calibrate on further manoeuvres"
             )
 
 
 def _deviation(name: str, value: float, actuator: Actuator) -> str:
+    """Return a deviation as text, in percent if the logarithm is estimated."""
     if name in SIGNED:
         return f"{value:+.3g} {variation_unit(name, actuator.coordinates)}".removesuffix(" -")
     return f"{100 * math.expm1(value):+.3g} %"
 
 
 def other_scales(result: SearchResult) -> dict[str, float]:
-    """Return the estimated scales of sensors that are farther off than the prior has them, by name."""
+    """Return the estimated scales of sensors too far from their priors, by name."""
     space, actuator = result.objective.space, result.objective.problem.actuator
     return {
         name: float(values[0])
@@ -74,7 +77,7 @@ def other_scales(result: SearchResult) -> dict[str, float]:
 
 
 def several_scales(result: SearchResult) -> Iterator[str]:
-    """Yield that several sensors have another scale, or are reversed."""
+    """Yield a sentence if several sensors have another scale, or are reversed."""
     far = other_scales(result)
     if len(far) > 1 and max(far.values()) < -1:
         channels = " and ".join(name.removesuffix("_scale") for name in far)

@@ -1,7 +1,7 @@
-"""Channels that do not follow their quantity, though another scale and zero of the sensor take up the rest.
+"""Check of channels with an estimated scale and zero: whether they follow their quantity at all.
 
-With a factor of 0 on the modelled signal and the mean of the recorded one as the zero, any noise leaves a
-residual of noise alone: rows in another order, another channel, or the current of another manoeuvre.
+With a scale factor of 0 and the mean of the channel as its zero, any noise has an acceptable residual: rows
+in another order, another channel, or the current of another manoeuvre.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,13 +10,13 @@ from emaphm.arrays import Array
 from emaphm.estimation.search_result import SearchResult
 
 CERTAIN = 4.0
-"""Standard deviations by which the explained sum of squares exceeds what the parameters take up of noise."""
+"""Smallest excess of the explained sum of squares over that of a fit to noise, in standard deviations."""
 
 
 def unfollowed(result: SearchResult, channels: Sequence[str]) -> Iterator[str]:
-    """Yield a sentence on each of the `channels`, scaled ones, of which the model explains nothing for sure.
+    """Yield a sentence on each of the scaled `channels` of which the model explains no more than of noise.
 
-    The share of the variation about the mean is named: the zero of a sensor explains no motion.
+    The sentence gives the explained share of the variance, because a sensor's zero explains no motion.
     """
     problem = result.objective.problem
     for name in channels:
@@ -26,7 +26,7 @@ def unfollowed(result: SearchResult, channels: Sequence[str]) -> Iterator[str]:
             yield (
                 f"{name} does not follow its quantity: whatever its scale, the model explains "
                 f"{100 * max(explained_share(recorded, residual), 0.0):.2g} % of its variation, no more than "
-                "of noise; it may be noise, another channel, or of another manoeuvre"
+                "of noise; it may be noise, another channel, or from another manoeuvre"
             )
 
 
@@ -36,10 +36,10 @@ def explained_share(recorded: Array, residual: Array) -> float:
 
 
 def is_followed(recorded: Array, residual: Array, parameters: int) -> bool:
-    """Return whether a fit of this many `parameters` explains more of `recorded` (samples,) than of noise.
+    """Return whether a fit of `parameters` parameters explains more of `recorded` (samples,) than of noise.
 
-    Of white noise of variance σ², d parameters take up σ² times chi-squared of d degrees of freedom at most:
-    d σ² on average, with a standard deviation of √(2 d) σ². The residual's variance is taken for σ².
+    Of white noise with variance σ², d parameters explain at most σ² times a chi-squared variable with d
+    degrees of freedom: d σ² on average, with a standard deviation of √(2 d) σ². σ² is that of the residual.
     """
     explained = recorded.size * float(recorded.var() - residual.var())
     noise = parameters + CERTAIN * (2 * parameters) ** 0.5

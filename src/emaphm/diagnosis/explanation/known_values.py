@@ -1,8 +1,8 @@
-"""Recorded loads and temperatures against what the recording itself says of them.
+"""Test of recorded loads and temperatures against their estimates.
 
-A recorded value is taken as known. Where it is wrong, faults make up for it: windings that are called cold
-read as shorts. The quantity is therefore estimated after all, about the recorded value, by descents from the
-estimate; where they lead far away and leave a smaller residual, the recording contradicts the value.
+A recorded value is taken as known. If it is wrong, faults compensate for it: with a recorded temperature that
+is too low, shorts appear. The quantity is therefore estimated by descents from the estimate, about its
+recorded value. If they end far from this value, with a smaller residual, the recording contradicts it.
 """
 
 from dataclasses import dataclass, replace
@@ -25,13 +25,13 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True)
 class KnownValueSettings:
-    """From when on a recorded value is contradicted; `make study` (spoilt) measures it.
+    """Limits from which a recorded value is contradicted; `make study` (spoilt) measures the effect.
 
-    A temperature is `farthest` standard deviations of its prior off nominal: current alone could not tell it
-    from shorts, and the description calls it next to impossible.
+    A temperature is more than `farthest` standard deviations of its prior from nominal: from the current
+    alone it could not be distinguished from shorts, and by the description it is almost impossible.
 
-    Or the estimate is `deviations` standard deviations of the quantity's prior off the recorded value, and
-    leaves less than `share` of the mean squared residual. The prior is `widening` times as wide for it.
+    Or the estimate is more than `deviations` standard deviations of its prior from the recorded value, with
+    less than `share` of the mean squared residual. For this estimate the prior is `widening` times as wide.
     """
 
     farthest: float = 3.0
@@ -44,8 +44,8 @@ class KnownValueSettings:
 KNOWN_VALUES = KnownValueSettings()
 
 
-def _widened(nuisances: NuisanceSet, actuator: Actuator) -> dict[str, float]:
-    """Return how many times as wide as described the priors are: those of selected nuisances are wide."""
+def _widening_factors(nuisances: NuisanceSet, actuator: Actuator) -> dict[str, float]:
+    """Return the factors by which the priors are wider than described: those of selected nuisances are."""
     priors = zip(nuisances.chosen, nuisances.prior_deviations[: len(nuisances.chosen)], strict=True)
     return {
         name: float(prior) / usual_deviation(actuator, name)
@@ -57,11 +57,12 @@ def _widened(nuisances: NuisanceSet, actuator: Actuator) -> dict[str, float]:
 def contradicted_values(result: SearchResult, seed: int) -> list[str]:
     """Return a sentence on each recorded load or temperature that the recording contradicts."""
     measured = result.objective.problem.measured
-    known = [name for name in ("load", "temperature") if KNOWN_BY[name] in measured]
-    return [sentence for name in known if (sentence := _contradicted(result, name, seed))]
+    recorded = [name for name in ("load", "temperature") if KNOWN_BY[name] in measured]
+    return [sentence for name in recorded if (sentence := _contradiction_of(result, name, seed))]
 
 
-def _contradicted(result: SearchResult, name: str, seed: int) -> str:
+def _contradiction_of(result: SearchResult, name: str, seed: int) -> str:
+    """Return a sentence if the recording contradicts the recorded value of `name`; else an empty one."""
     objective, settings = result.objective, KNOWN_VALUES
     actuator, channel = objective.problem.actuator, KNOWN_BY[name]
     if name == "temperature" and actuator.electrical is None:
@@ -72,12 +73,12 @@ def _contradicted(result: SearchResult, name: str, seed: int) -> str:
             f"{channel} is {rise:+.3g} K off nominal, {abs(rise) / prior:.1f} standard deviations of its "
             f"prior ({prior:g} K); check that column, or give a wider one under [nuisances] of the actuator"
         )
-    others = tuple(one for one in objective.problem.measured if one != channel)
+    other_columns = tuple(column for column in objective.problem.measured if column != channel)
     nuisances = objective.space.nuisances
-    wider = with_wider_priors(actuator, {**_widened(nuisances, actuator), name: settings.widening})
+    wider = with_wider_priors(actuator, {**_widening_factors(nuisances, actuator), name: settings.widening})
     duration = objective.problem.inputs.duration
     chosen = (*nuisances.chosen, name)
-    free = NuisanceSet.of(wider, chosen, others, nuisances.unit, nuisances.located, duration=duration)
+    free = NuisanceSet.of(wider, chosen, other_columns, nuisances.unit, nuisances.located, duration=duration)
     space = ParameterSpace.of(actuator, free)
     start = space.carried_over(result.point, objective.space)
     rows = objective.channel_rows
@@ -94,6 +95,6 @@ def _contradicted(result: SearchResult, name: str, seed: int) -> str:
     ):
         return ""
     return (
-        f"{channel}: the recording itself asks for a {name} that is {value:+.3g} "
-        f"{unit_of(name, actuator.coordinates)} off the recorded one; check that column, or leave it out"
+        f"{channel}: the {name} estimated from the other channels differs by {value:+.3g} "
+        f"{unit_of(name, actuator.coordinates)} from the recorded one; check that column, or leave it out"
     )

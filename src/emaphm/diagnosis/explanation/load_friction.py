@@ -1,4 +1,4 @@
-"""Friction that grows with the load, where it looks like a fault of a unit calibrated under another load."""
+"""Load-dependent friction, which appears as a fault of a unit that was calibrated under another load."""
 
 from collections.abc import Mapping
 
@@ -10,16 +10,16 @@ from emaphm.diagnosis.verdict import Estimate
 from emaphm.estimation.search_result import SearchResult
 
 USUAL = 0.3
-"""Friction of a ball screw or gear, of the load that it carries, up to which that is nothing unusual."""
+"""Largest usual friction of a ball screw or gear, relative to its load."""
 
 LAW = "load-dependent"
 
 
 def load_may_be_friction(components: Mapping[str, Estimate], result: SearchResult) -> tuple[str, ...]:
-    """Return a note where a usual friction of the load would make a calibrated unit's friction look degraded.
+    """Return a note if usual load-dependent friction would explain a calibrated unit's degraded friction.
 
     A healthy screw whose friction was 10 % of the load, calibrated under 0.12 N·m, had a friction of 0.114 ±
-    0.001 under 0.35 N·m: under one load there is no difference.
+    0.001 under 0.35 N·m: one load does not separate the two.
     """
     objective, actuator = result.objective, result.objective.problem.actuator
     if actuator.baseline is None or components["friction"].verdict != "degraded" or _is_described(actuator):
@@ -29,19 +29,24 @@ def load_may_be_friction(components: Mapping[str, Estimate], result: SearchResul
     described = actuator.mechanics.offset
     calibrated = np.abs(actuator.baseline.loads or (described,))
     load = abs(described + float(estimated[0]) + float(np.mean(recorded)))
-    more = load - float(np.clip(load, calibrated.min(), calibrated.max()))
-    excess = components["friction"].value * actuator.faults.friction * actuator.mechanics.dynamic_friction
-    if not more or not 0 < excess / more <= USUAL:
+    excess_load = load - float(np.clip(load, calibrated.min(), calibrated.max()))
+    excess_friction = (
+        components["friction"].value * actuator.faults.friction * actuator.mechanics.dynamic_friction
+    )
+    if not excess_load or not 0 < excess_friction / excess_load <= USUAL:
         return ()
     unit = unit_for("N·m", actuator.coordinates)
     note = (
-        f"friction that is {100 * excess / more:.2g} % of the load looks like this: the load is "
-        f"{abs(more):.3g} {unit} {'larger' if more > 0 else 'smaller'} in size than any of the calibration; "
+        f"friction that is {100 * excess_friction / excess_load:.2g} % of the load has the same effect: the "
+        "load is "
+        f"{abs(excess_load):.3g} {unit} {'larger' if excess_load > 0 else 'smaller'} in size than any of the "
+        "calibration; "
         f"calibrate under several loads with the law {LAW} (--laws {LAW})"
     )
     return (note,)
 
 
 def _is_described(actuator: Actuator) -> bool:
+    """Return whether the description has load-dependent friction."""
     friction = actuator.friction
     return friction is not None and (friction.load_friction or friction.load_external) is not None

@@ -8,15 +8,15 @@ from emaphm.arrays import Array
 from emaphm.estimation.objective import MapObjective
 
 LEAST_MOTION = 0.01
-"""Share of the command's range that the position covers at least where a manoeuvre moves the actuator."""
+"""Smallest range of the position of a moving actuator, relative to the command's range."""
 
 LEAST_WHITENESS, FOLLOWS = 0.6, 0.5
-"""Von Neumann's ratio of white noise in few rows at least, and the correlation of a motion with its command.
-In slow rows of a fast motion the ratio is as large: 0.5 of a chirp up to 3 Hz in rows at 10 Hz."""
+"""Smallest ratio of von Neumann of white noise in few rows, and correlation of a motion with its command.
+Slow rows of a fast motion have an equally large ratio: 0.5 for a chirp up to 3 Hz in rows at 10 Hz."""
 
 
 def moves_at(objective: MapObjective, point: Array) -> bool:
-    """Return whether the actuator moved: by its recorded position, or else by the model's at `point` (d,)."""
+    """Return whether the actuator moved: by the recorded position, or else by the model at `point` (d,)."""
     measured, name = objective.problem.measured, "position_rad"
     position = measured[name] if name in measured else modelled_position(objective, point)
     command = measured["command_rad"]
@@ -24,13 +24,15 @@ def moves_at(objective: MapObjective, point: Array) -> bool:
 
 
 def _is_noise(position: Array, command: Array) -> bool:
-    """Return whether a `position` (samples,) is no more than white noise, and does not follow the `command`.
+    """Return whether a `position` (samples,) is white noise and does not follow the `command`.
 
-    Its rows then differ from their neighbours as they do from all others (the ratio of von Neumann 1941).
+    In white noise, rows differ from their neighbours as much as from all other rows (von Neumann 1941).
     """
-    off, asked = position - position.mean(), command - command.mean()
-    ratio = np.mean(np.diff(off) ** 2) / max(2 * np.mean(off**2), np.finfo(float).tiny)
-    follows = abs(off @ asked) > FOLLOWS * float(np.linalg.norm(off) * np.linalg.norm(asked))
+    centred, centred_command = position - position.mean(), command - command.mean()
+    ratio = np.mean(np.diff(centred) ** 2) / max(2 * np.mean(centred**2), np.finfo(float).tiny)
+    follows = abs(centred @ centred_command) > FOLLOWS * float(
+        np.linalg.norm(centred) * np.linalg.norm(centred_command)
+    )
     return bool(ratio > max(LEAST_WHITENESS, 1 - 4 / position.size**0.5)) and not follows
 
 

@@ -1,4 +1,4 @@
-"""Channels that show one value throughout: idle ones, and sensors that stand while the actuator moves."""
+"""Constant channels: channels that are not compared, and sensors without signal while the actuator moves."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,7 +11,7 @@ from emaphm.estimation.search_result import SearchResult
 
 
 def idle_channels(problem: Problem) -> tuple[str, ...]:
-    """Return a note on each recorded channel that is not compared, because it shows one value throughout."""
+    """Return a note on each recorded channel that is not compared because it is constant."""
     return tuple(
         f"{name} is {problem.measured[name][0]:.3g} throughout and is not compared; check its sensor, or "
         "leave the column out"
@@ -21,7 +21,7 @@ def idle_channels(problem: Problem) -> tuple[str, ...]:
 
 
 def standing_sensors(result: SearchResult) -> Iterator[str]:
-    """Yield the sensors of current and motion that show one value while the model moves."""
+    """Yield a sentence on each sensor of current or motion that is constant while the model moves."""
     problem = result.objective.problem
     if np.ptp(problem.recorded) == 0:
         yield (
@@ -40,6 +40,6 @@ def standing_sensors(result: SearchResult) -> Iterator[str]:
     for name, values in zip(still, modelled.reshape(len(still), -1), strict=True):
         if np.any(problem.measured[name]) and np.ptp(values) > 0:
             yield (
-                f"{name} shows {problem.measured[name][0]:.3g} throughout, while by the current the actuator "
-                "moves; it is jammed, or the sensor is frozen"
+                f"{name} shows {problem.measured[name][0]:.3g} throughout, while the current indicates that "
+                "the actuator moves; it is jammed, or the sensor is frozen"
             )

@@ -1,9 +1,10 @@
-"""What a manoeuvre that never reverses cannot show: small faults, and friction apart from a load.
+"""Verdicts on a manoeuvre in one direction, which does not identify small faults, nor friction under a load.
 
-Friction then acts as a load does, the backlash is crossed once, and the motor passes each angle once. The
-optimum lies in a flat valley, the search may end off it, and the linear model there claims more than is
-known. Of 32 single steps and staircases 4 had an eccentricity of 5 to 12 % that was not there, one a backlash
-and one a friction; of 64 recordings of pulses and square waves, two had a friction of 3 or 4 %.
+Without reversal, friction has the same effect as a load, the backlash is crossed once, and the motor passes
+each angle once. The optimum lies in a flat valley, the search may end away from it, and the covariance of the
+linear model there is too small. Of 32 single steps and staircases, 4 had a false eccentricity of 5 to 12 %,
+one a false backlash and one a false friction; of 64 recordings of pulses and square waves, two had a false
+friction of 3 or 4 %.
 """
 
 from collections.abc import Mapping
@@ -18,42 +19,42 @@ from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 
 SMALLEST_RETURN = 0.1
-"""Share of its way that an actuator must go back: a step's overshoot is less."""
+"""Smallest backward path that counts as a reversal, relative to the forward path; overshoot is less."""
 
 LIKE_A_LOAD = ("friction", "backlash")
-"""Components that are never called degraded by such a manoeuvre, unless the load is known."""
+"""Components that are never called degraded by a manoeuvre in one direction, unless the load is known."""
 
-REASON = "the actuator moves one way only, and faults look alike there; record a manoeuvre that reverses"
+REASON = "the actuator moves in one direction only, and faults look alike; record a manoeuvre that reverses"
 
 
 def undecided_where_one_way(components: Mapping[str, Estimate], result: SearchResult) -> dict[str, Estimate]:
-    """Return the `components` of `result`; undecided those degraded by little, if it moves one way only.
+    """Return the `components` of `result`; slightly degraded ones are undecided if it moves in one direction.
 
-    By little is what leaves an interval that begins less than `VERDICT.hidden_fault` from healthy; of those
-    `LIKE_A_LOAD`, anything.
+    A component is slightly degraded if its interval begins less than `VERDICT.hidden_fault` from healthy;
+    degraded components `LIKE_A_LOAD` are always undecided unless the load is known.
     """
-    unknown = LIKE_A_LOAD if "load" in result.objective.space.coordinates else ()
-    small = {
-        name: undecided(name, one, REASON)
-        for name, one in components.items()
-        if one.verdict == "degraded"
+    confounded = LIKE_A_LOAD if "load" in result.objective.space.coordinates else ()
+    slight = {
+        name: undecided(name, component, REASON)
+        for name, component in components.items()
+        if component.verdict == "degraded"
         and name != "eccentricity_phase"
-        and (name in unknown or _from_healthy(name, one) < VERDICT.hidden_fault)
+        and (name in confounded or _distance_from_healthy(name, component) < VERDICT.hidden_fault)
     }
-    if not small or not moves_one_way(result.objective, result.point):
+    if not slight or not moves_one_way(result.objective, result.point):
         return dict(components)
-    return with_phase_undecided({**components, **small}, components)
+    return with_phase_undecided({**components, **slight}, components)
 
 
-def _from_healthy(name: str, estimate: Estimate) -> float:
-    """Return how far the interval of a component begins from its healthy value."""
+def _distance_from_healthy(name: str, component: Estimate) -> float:
+    """Return the distance of a component's interval from its healthy value."""
     healthy = float(getattr(HEALTHY, name))
-    low, high = estimate.interval95
+    low, high = component.interval95
     return max(low - healthy, healthy - high)
 
 
 def moves_one_way(objective: MapObjective, point: Array) -> bool:
-    """Return whether the model at `point` (d,) never goes back by more than `SMALLEST_RETURN` of its way."""
-    moved = np.diff(modelled_position(objective, point))
-    ways = (float(moved[moved > 0].sum()), float(-moved[moved < 0].sum()))
-    return min(ways) < SMALLEST_RETURN * max(ways)
+    """Return whether the backward path of the model at `point` (d,) is below `SMALLEST_RETURN`."""
+    changes = np.diff(modelled_position(objective, point))
+    paths = (float(changes[changes > 0].sum()), float(-changes[changes < 0].sum()))
+    return min(paths) < SMALLEST_RETURN * max(paths)

@@ -1,4 +1,4 @@
-"""Which phase has which short, where the rotor's electrical zero was estimated or nothing shows it."""
+"""Assignment of shorts to phases if the rotor's electrical zero was estimated or is not identifiable."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,21 +14,21 @@ from emaphm.recording.schema import PHASES
 
 
 def undecided_between_phases(components: Mapping[str, Estimate], result: SearchResult) -> dict[str, Estimate]:
-    """Return the `components` of `result`; where the rotor's zero was estimated, no short is any one phase's.
+    """Return the `components` of `result`; shorts are undecided if the rotor's zero was estimated.
 
-    A sixth of a turn more, and a is what b was, b what c was, c what a was: all three explain the recording.
-    A verdict that they share is kept.
+    With a zero a sixth of a turn more, the phases a, b, c are the former b, c, a, and the recording is
+    explained equally well. A common verdict of the three shorts is kept.
     """
     if BASELINE + ROTOR_ZERO not in suspected_parameters(result):
         return dict(components)
     shorts = [components[name] for name in SHORTS]
-    share_a_verdict = len({one.verdict for one in shorts}) == 1
-    interval = min(one.interval95[0] for one in shorts), max(one.interval95[1] for one in shorts)
-    values = ", one ".join(f"{one.value:.3f}" for one in sorted(shorts, key=lambda one: -one.value))
-    reason = f"one phase has {values}: which has which is open, as the rotor's zero was estimated"
+    have_common_verdict = len({short.verdict for short in shorts}) == 1
+    interval = min(short.interval95[0] for short in shorts), max(short.interval95[1] for short in shorts)
+    values = ", ".join(f"{short.value:.3f}" for short in sorted(shorts, key=lambda short: -short.value))
+    reason = f"the phases have shorts of {values} in unknown order, because the rotor's zero was estimated"
     open_phases = {
         name: replace(components[name], interval95=interval)
-        if share_a_verdict
+        if have_common_verdict
         else replace(components[name], interval95=interval, verdict="cannot tell", reason=reason)
         for name in SHORTS
     }
@@ -37,25 +37,26 @@ def undecided_between_phases(components: Mapping[str, Estimate], result: SearchR
         interval95=(0.0, 1.0),
         identifiable=False,
         verdict="cannot tell",
-        reason="it counts from the rotor's electrical zero, which was estimated",
+        reason="its reference is the rotor's electrical zero, which was estimated",
     )
     return {**components, **open_phases, "eccentricity_phase": direction}
 
 
 def phases_as_described(components: Mapping[str, Estimate], problem: Problem) -> tuple[str, ...]:
-    """Return a note where nothing but the described `rotor_zero` says which phase a short is in.
+    """Return a note if the phase of a short depends on the described `rotor_zero` alone.
 
-    A motor with sinusoidal back-EMF moves alike whatever its electrical zero is. By one 1 rad off, a short of
-    0.15 in phase b was 0.02 in b and 0.16 in c, by one 2.6 rad off it was halved between two phases.
+    The motion of a motor with sinusoidal back-EMF does not depend on its electrical zero. With a zero 1 rad
+    off, a short of 0.15 in phase b was estimated as 0.02 in b and 0.16 in c; with a zero 2.6 rad off, it was
+    divided equally between two phases.
     """
     actuator = problem.actuator
-    shown = all(name in problem.measured for name in PHASES)
+    are_recorded = all(name in problem.measured for name in PHASES)
     degraded = any(components[name].verdict == "degraded" for name in (*SHORTS, "eccentricity"))
-    if actuator.electrical is None or actuator.drive_kind != "foc" or shown or not degraded:
+    if actuator.electrical is None or actuator.drive_kind != "foc" or are_recorded or not degraded:
         return ()
     note = (
-        f"which phase is which rests on rotor_zero ({actuator.electrical.rotor_zero:g} rad) in [electrical], "
-        "which recordings behind field-oriented control do not show: unless it was measured, a short may be "
-        "in another phase, or in one where two are named"
+        f"the assignment of phases rests on rotor_zero ({actuator.electrical.rotor_zero:g} rad) in "
+        "[electrical], which recordings behind field-oriented control do not identify: unless it was "
+        "measured, a short may be in another phase, or in one phase where two are named"
     )
     return (note,)

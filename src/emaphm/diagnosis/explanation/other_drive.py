@@ -1,8 +1,8 @@
-"""Whether a drive of another kind than the described one explains a recording.
+"""Test of a drive of another kind than described.
 
-A brushless motor's current is controlled by comparators or by a PI controller with pulse-width modulation,
-and a data sheet of the motor does not say which. The current of the one lags where that of the other does
-not, which no law and no fault makes up for.
+The current of a brushless motor is controlled by comparators, or by a PI controller with pulse-width
+modulation; the motor's data sheet does not state which. The dynamics of the current differ, and no law or
+fault compensates for this.
 """
 
 import math
@@ -24,35 +24,36 @@ from emaphm.estimation.space.nuisances import BASELINE
 from emaphm.estimation.space.parameter_variation import ParameterVariation
 
 OTHER_KINDS = {"hysteresis": "six-step", "six-step": "hysteresis"}
-"""For a drive of one kind, that which turns the same motor."""
+"""For each kind of drive, the other kind for the same motor."""
 
 GAINS = {"hysteresis": SPEED_LOOP, "six-step": (*SPEED_LOOP, *CURRENT_CONTROL)}
-"""What is estimated with the faults, by kind: the speed loop is tuned to the current's."""
+"""Gains that are estimated with the faults, by kind: the speed loop is tuned to the current loop."""
 
 USUAL_BANDWIDTH_HZ, USUAL_PWM_HZ, WITHIN = 400.0, 2e4, 0.7
-"""Of a current control by PI, and the standard deviation of the gains' logarithms: they are sought within a
-factor of 16 either way."""
+"""Usual bandwidth and PWM frequency of a PI current control, and the prior standard deviation of the
+logarithms of the gains: they are searched within a factor of 16 in both directions."""
 
 MOST_LEFT = {True: 0.8, False: 0.25}
-"""Share of the mean squared residual that the drive of another kind may leave: where it explains the
-recording, and where it does not, since its modulation may have another frequency."""
+"""Largest share of the mean squared residual with the drive of another kind: if it explains the recording,
+and if it does not, because its modulation may have another frequency."""
 
 USUAL_HYSTERESIS = 0.02
-"""Of comparators, a share of the current limit."""
+"""Usual hysteresis of comparators, relative to the current limit."""
 
 
-def other_drive(searched: SearchResult, found: SearchResult, settings: SearchSettings) -> tuple[str, ...]:
-    """Return that a drive of another kind would explain far more of the recording; nothing if none does.
+def other_drive(searched: SearchResult, selected: SearchResult, settings: SearchSettings) -> tuple[str, ...]:
+    """Return a sentence if the residual with a drive of another kind is far smaller; nothing otherwise.
 
-    Than `found`, with all that deviates, from the estimate `searched` by the description.
+    It is compared with `selected`, the estimate with all selected deviations; `searched` is the estimate with
+    the description.
     """
     objective = searched.objective
     kind = OTHER_KINDS.get(objective.problem.actuator.drive_kind)
     if kind is None:
         return ()
     actuator = with_drive(objective.problem.actuator, kind)
-    known = objective.space.nuisances.parameters
-    gains = tuple(name for name in GAINS[kind] if name not in known)
+    free = objective.space.nuisances.parameters
+    gains = tuple(name for name in GAINS[kind] if name not in free)
     opened = ParameterVariation.free(actuator, gains).known_to(dict.fromkeys(gains, WITHIN))
     child = settings.child("another kind of drive")
     try:
@@ -60,24 +61,24 @@ def other_drive(searched: SearchResult, found: SearchResult, settings: SearchSet
             with_open(objective, actuator, opened),
             child,
             fitness="least_squares",
-            is_hopeless=lambda rival: share_of_residual(rival, found) > MOST_LEFT[True],
+            is_hopeless=lambda rival: share_of_residual(rival, selected) > MOST_LEFT[True],
         )
     except DivergedError:
         return ()
-    share = share_of_residual(rival, found)
+    share = share_of_residual(rival, selected)
     if share > MOST_LEFT[rival.residual_is_expected]:
         return ()
     present = objective.problem.actuator.drive_kind
     reason = (
-        f"a drive of kind '{kind}', with {_in_words(rival, gains)}, leaves {100 * share:.2g} % of the mean "
-        f"squared residual of the described one of kind '{present}'; if the drive is one, write that kind "
+        f"a drive of kind '{kind}', with {_gains_as_text(rival, gains)}, has {100 * share:.2g} % of the mean "
+        f"squared residual of the described kind '{present}'; if the drive is of that kind, write the kind "
         "and its gains into the actuator's file"
     )
     return (reason,)
 
 
 def with_drive(actuator: Actuator, kind: str) -> Actuator:
-    """Return the actuator with a drive of another `kind` of the same motor, at usual values."""
+    """Return the actuator with a drive of another `kind` for the same motor, with usual values."""
     values: dict[str, Any] = actuator.model_dump(exclude_none=True)
     electrical, drive = values["electrical"], values.get("drive", {}) | {"kind": kind}
     bandwidth = 2 * math.pi * USUAL_BANDWIDTH_HZ
@@ -91,8 +92,8 @@ def with_drive(actuator: Actuator, kind: str) -> Actuator:
     return Actuator.from_dict(values | {"drive": drive}, where=actuator.name)
 
 
-def _in_words(rival: SearchResult, gains: tuple[str, ...]) -> str:
-    """Return the gains that were estimated."""
+def _gains_as_text(rival: SearchResult, gains: tuple[str, ...]) -> str:
+    """Return the estimated gains as text."""
     described = lumped_parameters(rival.objective.problem.actuator, gains)
     deviations = rival.objective.space.nuisance_values(rival.point[np.newaxis])
     values = [

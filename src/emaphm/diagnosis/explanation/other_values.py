@@ -1,4 +1,4 @@
-"""Intervals that include what another explanation of the recording says, which explains it as well."""
+"""Intervals that include the values of another, equally good explanation of the recording."""
 
 from dataclasses import replace
 
@@ -8,15 +8,15 @@ from emaphm.actuator.faults import HEALTHY
 from emaphm.diagnosis.verdict import Estimate, verdict_of
 
 OTHER_DIRECTION = 0.02
-"""How far a direction must be off to count as another; by more than the half-width of its interval, too."""
+"""Smallest change that makes another direction; it must also exceed the half-width of the interval."""
 
 
 def with_other_value(name: str, estimate: Estimate, first: Estimate, other: float, why: str) -> Estimate:
-    """Return an `estimate` whose interval has the value of an alternative too.
+    """Return the `estimate` with the value of an alternative included in its interval.
 
-    It is undecided where that interval says another thing than `first`, the estimate without alternatives,
-    and a direction where it is another one; `why` says under which condition the `other` value explains the
-    recording. The alternative is known as well as the first.
+    It is undecided if the verdict of that interval differs from `first`, the estimate without alternatives; a
+    direction, if the directions differ. `why` states the condition under which the `other` value explains the
+    recording. The alternative has the interval width of the first estimate.
     """
     if first.unconstrained:
         return estimate
@@ -31,11 +31,11 @@ def with_other_value(name: str, estimate: Estimate, first: Estimate, other: floa
         max(estimate.interval95[1], min(other + half_width, most)),
     )
     estimate = replace(estimate, interval95=interval)
-    if name == "eccentricity_phase":  # a direction is neither good nor bad
-        another = abs(other - first.value) > max(OTHER_DIRECTION, half_width)
+    if name == "eccentricity_phase":  # a direction is neither healthy nor degraded
+        is_contradicted = abs(other - first.value) > max(OTHER_DIRECTION, half_width)
     else:
-        another = verdict_of(interval, getattr(HEALTHY, name)) != first.verdict
-    if first.verdict == "cannot tell" or not another:
+        is_contradicted = verdict_of(interval, getattr(HEALTHY, name)) != first.verdict
+    if first.verdict == "cannot tell" or not is_contradicted:
         return estimate
-    reason = f"the recording is explained as well by {other:.3f} {why}"
+    reason = f"the recording is explained equally well by {other:.3f} {why}"
     return replace(estimate, verdict="cannot tell", reason=reason)

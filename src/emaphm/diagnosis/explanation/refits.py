@@ -1,4 +1,4 @@
-"""Refits of an estimate under another explanation, and what they leave of the recording."""
+"""Refits of an estimate under another explanation, and their residuals."""
 
 from dataclasses import dataclass
 
@@ -13,16 +13,16 @@ from emaphm.estimation.search_result import TINY, SearchResult
 from emaphm.random_streams import stream
 
 PROMISING, CORRECTIONS = 1.5, 2
-"""How many times as much descents may leave to be corrected by the reference model, and how often at most."""
+"""Largest residual of descents that are corrected, relative to before, and number of corrections."""
 
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """Where descents ended: the `point` (d,) of an `objective`, and the `mean_square` of the residual there.
+    """End point of descents: the `point` (d,) of an `objective`, and the residual there.
 
-    It is of channels and priors, with what counts leave open of it; `error` is what the discrepancy's
-    standard error adds to it: refits may be corrected by means of more runs of the reference model or of
-    fewer.
+    `mean_square` is the mean squared residual of channels and priors, including the error of rounding;
+    `error` is the contribution of the discrepancy's standard error to it, which depends on the number of runs
+    of the reference model.
     """
 
     objective: MapObjective
@@ -32,23 +32,23 @@ class Refit:
 
     @classmethod
     def under(cls, objective: MapObjective, starts: Array, corrected: SearchResult) -> "Refit":
-        """Return where descents from `starts` (n, d) lead under the correction of an estimate."""
+        """Return the end of descents from `starts` (n, d) with the correction of the estimate `corrected`."""
         correction = corrected.outputs_correction
         point = descents_from(objective, starts, correction).best
-        known = corrected.discrepancy
-        error = 0.0 if known is None else float(np.mean(known.standard_error**2))
+        discrepancy = corrected.discrepancy
+        error = 0.0 if discrepancy is None else float(np.mean(discrepancy.standard_error**2))
         mean_square = objective.mean_square(objective.residual(point, correction))
         return cls(objective, point, max(mean_square, TINY), error)
 
     @property
     def misfit(self) -> float:
-        """What is left but for the discrepancy's error."""
+        """The mean squared residual without the contribution of the discrepancy's error."""
         return max(self.mean_square - self.error, TINY)
 
     def corrected(self, before: "Refit", seed: int, name: str) -> "Refit":
-        """Return the refit corrected by the reference model, while that leads on.
+        """Return the refit corrected by the reference model, as long as this reduces the residual.
 
-        Where more is left than `before`, and less than `PROMISING` times as much.
+        It is corrected if its residual is larger than that of `before`, by a factor less than `PROMISING`.
         """
         best, objective, reference = self, self.objective, None
         for iteration in range(CORRECTIONS):
@@ -56,8 +56,8 @@ class Refit:
                 break
             reference = reference or reference_problem(objective)
             rng = stream(seed, f"reference runs of {name}", iteration)
-            none = np.zeros_like(objective.target)
-            comparison = compared(objective, none, best.point[np.newaxis], reference, rng)[0]
+            no_correction = np.zeros_like(objective.target)
+            comparison = compared(objective, no_correction, best.point[np.newaxis], reference, rng)[0]
             further = Refit.under(objective, best.point[np.newaxis], comparison)
             if further.mean_square >= best.mean_square:
                 break
@@ -70,7 +70,7 @@ def mean_square_after_descents(
 ) -> float:
     """Return the mean squared residual of the channels after `count` descents from the estimate.
 
-    Of an `objective` with the estimate's coordinates, under a `correction` (rows,).
+    The `objective` has the coordinates of the estimate; `correction` (rows,) is that of its outputs.
     """
     point = local_search(objective, result.point, correction, rng, with_descents(count)).best
     return objective.mean_square(objective.residual(point, correction)[: objective.channel_rows])

@@ -1,4 +1,4 @@
-"""Residuals that are more than noise, switching and the known error of the model account for."""
+"""Checks of residuals against noise, switching and the known error of the model."""
 
 from collections.abc import Iterator, Mapping
 
@@ -25,30 +25,30 @@ def residual_within_limits(recorded: Array, residual: Array, noise: float, *, co
 
 
 def corrected_by_switching(result: SearchResult) -> bool:
-    """Return whether the reference model has corrected what the averaged one lacks."""
+    """Return whether the reference model, with its switching, has corrected the estimate."""
     return bool(result.correction.any()) and resolves_switching(result.objective.problem)
 
 
 def unlike_healthy(name: str, healthy: Mapping[str, HealthyComparison]) -> Iterator[str]:
-    """Yield that a channel's residual is worse than those of healthy recordings."""
+    """Yield a sentence if the residual of a channel is worse than in healthy recordings."""
     if not healthy[name].as_healthy:
         yield f"{name}: the residual is {healthy[name]}".rstrip(".")
 
 
 def primary_residual(result: SearchResult) -> Iterator[str]:
-    """Yield that the primary channel's residual is more than what is expected of it."""
+    """Yield a sentence if the residual of the primary channel exceeds its limits."""
     problem = result.objective.problem
     corrected = corrected_by_switching(result)
     residual = result.compared_residual
     recorded, noise = problem.compared(problem.primary, problem.recorded), problem.noise
     share = problem.compared_share(problem.primary)
     switching = result.switching_variance / share
-    usual = robust_noise_level(recorded, 2) ** 2 + rounding_step(recorded) ** 2 / 12 + switching
+    expected = robust_noise_level(recorded, 2) ** 2 + rounding_step(recorded) ** 2 / 12 + switching
     if described_noise(problem.primary, problem.actuator) is None:
-        # Spikes are no noise, whatever they add to its variance.
-        noise = min(noise, EXPLANATION.spikes * usual**0.5)
+        # Spikes increase the measured variance, but do not count as noise.
+        noise = min(noise, EXPLANATION.spikes * expected**0.5)
     noise = (noise**2 + result.slow_variance) ** 0.5
-    largest = share * EXPECTED_RESIDUAL**2 * usual
+    largest = share * EXPECTED_RESIDUAL**2 * expected
     exceeds = not result.residual_is_expected and result.residual_variance > largest
     if residual_within_limits(recorded, residual, noise, corrected=corrected) and not (corrected and exceeds):
         return
@@ -61,7 +61,7 @@ def primary_residual(result: SearchResult) -> Iterator[str]:
 def channel_residuals(
     result: SearchResult, healthy: Mapping[str, HealthyComparison], *, moves: bool
 ) -> Iterator[str]:
-    """Yield the channels that the model does not resemble, and those whose residual is too large."""
+    """Yield a sentence on each channel that the model does not resemble, or whose residual is too large."""
     problem = result.objective.problem
     switching = result.switching_variances
     model = EXPLANATION.channel_model if switching else EXPLANATION.uncorrected_model
@@ -69,7 +69,7 @@ def channel_residuals(
         variance = switching.get(name, 0.0) / problem.compared_share(name)
         residual, recorded = problem.compared(name, rows), problem.compared(name, problem.measured[name])
         square, size = float(np.mean(residual**2)), signal_size(name, recorded) ** 2
-        known = variance + rounding_step(recorded) ** 2 / 12 + (_described(name, result)) ** 2
+        known = variance + rounding_step(recorded) ** 2 / 12 + (_described_noise(name, result)) ** 2
         noise = max(robust_noise_level(recorded, 2) ** 2, known)
         exceeds = square > EXPLANATION.channel_noise**2 * (noise + variance) + model**2 * size
         share = percent(square**0.5, size**0.5)
@@ -89,22 +89,23 @@ def channel_residuals(
 
 
 def is_drowned(name: str, recorded: Array, residual: Array) -> bool:
-    """Return whether a channel's noise exceeds a signal that is as the model has it, and no other one.
+    """Return whether a channel is noise that contains the modelled signal.
 
-    Of y = m + n, m modelled and n noise without likeness to it, y² - n² is m², to 2 |m n| / √rows by chance.
-    Of a signal without likeness to the model it is -m². `recorded` and `residual` are of one channel,
-    (samples,). The current along the flux, held at 0, is an example.
+    For y = m + n, with m modelled and n independent noise, y² - n² is m², with a random error of 2 |m n| /
+    √rows. For a signal unrelated to the model it is -m². An example is the current along the flux, which is
+    controlled to 0.
     """
-    modelled, left = signal_size(name, recorded - residual), rms(residual)
-    chance = 2 * EXPLANATION.drowned_errors * modelled * left / recorded.size**0.5
-    found = signal_size(name, recorded) ** 2 - left**2
-    return bool(found >= (1 - EXPLANATION.unresembled) * modelled**2 - chance)
+    modelled, residual_rms = signal_size(name, recorded - residual), rms(residual)
+    tolerance = 2 * EXPLANATION.drowned_errors * modelled * residual_rms / recorded.size**0.5
+    difference = signal_size(name, recorded) ** 2 - residual_rms**2
+    return bool(difference >= (1 - EXPLANATION.unresembled) * modelled**2 - tolerance)
 
 
-def _described(name: str, result: SearchResult) -> float:
+def _described_noise(name: str, result: SearchResult) -> float:
+    """Return the described rms noise of a channel, 0 without one."""
     return described_noise(name, result.objective.problem.actuator) or 0.0
 
 
 def percent(part: float, whole: float) -> str:
-    """Return `part` in percent of the `whole`, as it is where that is 0."""
+    """Return `part` in percent of the `whole`; in its own unit if the whole is 0."""
     return f"{100 * part / whole:.3g} %" if whole > 0 else f"{part:.3g}"

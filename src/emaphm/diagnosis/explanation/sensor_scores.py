@@ -1,9 +1,9 @@
-"""Sensors that err although nobody estimates it: score tests on the residual of the faults' estimate.
+"""Score tests for sensor errors that are not estimated, from the residual of the estimate.
 
-A current that comes a millisecond late reads as a lower position gain, with a small residual. But that
-residual has a direction: that of the signal's derivative. For each error that a sensor may have, its size is
-estimated from the residual as if it were one more parameter of the linear model at the estimate, next to all
-that is estimated already (Rao 1948: a score test; Frisch and Waugh 1933: the partial regression).
+A current that is a millisecond late appears as a lower position gain, with a small residual. This residual
+has the direction of the signal's derivative. For each possible error of a sensor, its size is estimated from
+the residual as one more parameter of the linear model at the estimate, in addition to all estimated
+parameters (score test: Rao 1948; partial regression: Frisch and Waugh 1933).
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,13 +30,14 @@ from emaphm.recording.noise import rounding_step
 
 @dataclass(frozen=True)
 class SensorScoreSettings:
-    """From when on a sensor's error contradicts an estimate; `make study` (spoilt) measures it.
+    """Limits from which a sensor error contradicts an estimate; `make study` (spoilt) measures the effect.
 
-    Tried is an error that is `score` standard errors from 0 and larger than what every rig may have: `delay`
-    [s], `scale` (relative), `offset` (relative to the channel's rms); `most` of them, the most significant
-    first. The standard error includes the model's own: `alignment` is the share of it that may lie along a
-    direction. It contradicts where `descents` with that error leave less than `share` of the mean squared
-    residual. True recordings left 0.99 and more, one row of delay at 5 kHz 0.77 to 0.99.
+    An error is tried if it is `score` standard errors from 0 and larger than is usual for any rig: `delay`
+    [s], `scale` (relative), `offset` (relative to the channel's rms). At most `most` errors are tried, the
+    most significant first. The standard error includes that of the model: `alignment` is the share of the
+    model's error that may lie along a direction. An error contradicts the estimate if less than `share` of
+    the mean squared residual remains after `descents` with it. Correct recordings had 0.99 and more, one row
+    of delay at 5 kHz 0.77 to 0.99.
     """
 
     score: float = 2.0
@@ -54,10 +55,10 @@ SENSOR_SCORES = SensorScoreSettings()
 
 @dataclass(frozen=True)
 class SensorScore:
-    """The `size` of a sensor's error that the residual shows, and its `standard_error`.
+    """Estimated `size` of a sensor error, with its `standard_error`.
 
     `kind` is "delay" [s], "scale" (relative) or "offset" (relative to the channel's rms); `channel` is empty
-    where all channels have it together. `rounding` is what half a step of the channel's values amounts to.
+    for an error that all channels share. `rounding` is the size of half a rounding step of the channel.
     """
 
     kind: str
@@ -68,39 +69,37 @@ class SensorScore:
 
     @property
     def score(self) -> float:
-        """The size in standard errors, without sign."""
+        """Absolute size in standard errors."""
         return abs(self.size) / self.standard_error if self.standard_error > 0 else 0.0
 
     def is_suspect(self) -> bool:
-        """Return whether the error is significant, and larger than every rig may have."""
+        """Return whether the error is significant, and larger than is usual for any rig."""
         least = max(float(getattr(SENSOR_SCORES, self.kind)), self.rounding)
         return self.score > SENSOR_SCORES.score and abs(self.size) > least
 
     def __str__(self) -> str:
-        """Return a sentence."""
-        what = self.channel or "what was measured"
-        certainty = "which leaves a smaller residual; the faults would otherwise take it up"
+        """Return a sentence on the error."""
+        subject = self.channel or "the recording"
+        consequence = "which gives a smaller residual; otherwise the faults would compensate for it"
         if self.kind == "delay":
             way = "late" if self.size > 0 else "early"
-            mend = f"; if it always does, state delay_s = {self.size:.2g} for it under [channels]"
-            found = f"{what} seems to come some {1e3 * abs(self.size):.2g} ms {way}, {certainty}"
-            return found + (mend if self.channel else "")
+            remedy = f"; if this persists, state delay_s = {self.size:.2g} for it under [channels]"
+            sentence = f"{subject} seems to be some {1e3 * abs(self.size):.2g} ms {way}, {consequence}"
+            return sentence + (remedy if self.channel else "")
         if self.kind == "scale":
-            return f"{what} seems to have another scale, by some {100 * self.size:+.2g} %, {certainty}"
-        return f"{what} seems to have another zero, by some {100 * self.size:+.2g} % of its rms, {certainty}"
+            return f"{subject} seems to have another scale, by some {100 * self.size:+.2g} %, {consequence}"
+        size = f"{100 * self.size:+.2g} % of its rms"
+        return f"{subject} seems to have another zero, by some {size}, {consequence}"
 
 
 def contradictions(result: SearchResult, jacobians: Array, seed: int) -> list[str]:
-    """Return a sentence on the error that contradicts the estimate most, if one does.
-
-    `jacobians` (n, d, channel rows) are those of the channels at the estimate.
-    """
-    scores = sorted(sensor_scores(result, jacobians), key=lambda one: -one.score)
-    suspects = [one for one in scores if one.is_suspect()][: SENSOR_SCORES.most]
+    """Return a sentence on the sensor error that contradicts the estimate most, if there is one."""
+    scores = sorted(sensor_scores(result, jacobians), key=lambda suspect: -suspect.score)
+    suspects = [suspect for suspect in scores if suspect.is_suspect()][: SENSOR_SCORES.most]
     if suspects and moves_slowly(result.objective.problem):
-        answered = answered_by_reference(result, jacobians, suspects, seed)
-        suspects = [one for one in answered if one.is_suspect()]
-    shares = [_residual_share(result, one, seed) for one in suspects]
+        by_reference = answered_by_reference(result, jacobians, suspects, seed)
+        suspects = [suspect for suspect in by_reference if suspect.is_suspect()]
+    shares = [_residual_share(result, suspect, seed) for suspect in suspects]
     if not shares or min(shares) >= SENSOR_SCORES.share:
         return []
     return [str(suspects[int(np.argmin(shares))])]
@@ -109,27 +108,28 @@ def contradictions(result: SearchResult, jacobians: Array, seed: int) -> list[st
 def answered_by_reference(
     result: SearchResult, jacobians: Array, suspects: Sequence[SensorScore], seed: int
 ) -> list[SensorScore]:
-    """Return `suspects` as they are where the recording answers by the reference model's derivatives.
+    """Return `suspects` with sizes by the reference model's derivatives.
 
-    On a slow motion the estimate errs along directions that the fitted model's derivatives do not take out,
-    and these pass for a delay (`answered_sizes`). No standard error is smaller than by the fitted model.
+    In a slow motion the estimate has errors that the regression on the fitted model's derivatives does not
+    remove, and these appear as a delay (`answered_sizes`). Standard errors are at least those by the fitted
+    model.
     """
     response = reference_response(result, stream(seed, "response of the sensors' errors"))
     errors = switching_errors(result, stream(seed, "switching of the sensors' errors"))
     if response is None:
         return list(suspects)
-    mean, along = jacobians.mean(axis=0), {kind: values for kind, values, _ in _directions(result)}
-    answered = []
-    for one in suspects:
-        direction = along[one.kind, one.channel][np.newaxis]
+    mean, directions = jacobians.mean(axis=0), {kind: values for kind, values, _ in _directions(result)}
+    scores = []
+    for suspect in suspects:
+        direction = directions[suspect.kind, suspect.channel][np.newaxis]
         sizes, covariance = answered_sizes(result, (mean, direction), (response, direction), errors)
-        error = max(float(covariance[0, 0] ** 0.5), one.standard_error)
-        answered.append(replace(one, size=float(sizes[0]), standard_error=error))
-    return answered
+        error = max(float(covariance[0, 0] ** 0.5), suspect.standard_error)
+        scores.append(replace(suspect, size=float(sizes[0]), standard_error=error))
+    return scores
 
 
 def _residual_share(result: SearchResult, error: SensorScore, seed: int) -> float:
-    """Return what descents with a sensor's error leave of the mean squared residual, relative to without."""
+    """Return the mean squared residual after descents with a sensor error, relative to that without."""
     objective, rows = result.objective, result.objective.channel_rows
     with_error = result.outputs_correction.copy()
     kinds, directions, _ = zip(*_directions(result), strict=True)
@@ -147,45 +147,49 @@ def _residual_share(result: SearchResult, error: SensorScore, seed: int) -> floa
     return variances[1] / variances[0] if variances[0] > 0 else 1.0
 
 
-def taken_up_of_a_delay(result: SearchResult, jacobians: Array, delay: float) -> Array:
-    """Return by how much the parameters (d,) are off where all that was measured came a `delay` [s] late."""
+def shift_by_delay(result: SearchResult, jacobians: Array, delay: float) -> Array:
+    """Return the error (d,) of the parameters due to a common `delay` [s] of all measured channels."""
     fit = _LinearFit.at(result, jacobians)
     kind = ("delay", "" if len(result.objective.problem.channels) > 1 else result.objective.problem.primary)
-    direction = next(values for which, values, _ in _directions(result) if which == kind)
+    direction = next(values for key, values, _ in _directions(result) if key == kind)
     shift = delay * direction
     return np.asarray(np.linalg.solve(fit.normal, fit.jacobian @ shift))
 
 
 def sensor_scores(result: SearchResult, jacobians: Array) -> tuple[SensorScore, ...]:
-    """Return what the residual of `result` shows of each sensor's delay, scale and offset.
+    """Return the scores of delay, scale and offset of each sensor from the residual of `result`.
 
-    With the rows J of the mean Jacobian, the residual r and the direction v of an error, the estimate next to
-    the parameters x, whose priors are P, is
+    With the mean Jacobian J, the residual r and the direction v of an error, the estimate of the error in
+    addition to the parameters x, whose prior precision is P, is
 
         θ = (v·r - b·g) / (v·v - b·J v),   b = (J Jᵀ + P)⁻¹ J v,   g = J r - P x
 
-    and its variance is the long-run variance of the scores (v - bJ) r, and what counts of a converter leave
-    open of them, over the square of the denominator.
-    Parameters that a bound keeps from moving as θ asks are left out of J.
+    Its variance is the long-run variance of the scores (v - bJ) r, plus that due to rounding, over the square
+    of the denominator. Parameters that would move beyond a bound are omitted from J.
 
     Parameters
     ----------
     jacobians
-        Of the channels at the estimate, (n, d, channel rows).
+        Jacobians of the channels at the estimate, (n, d, channel rows).
     """
     objective = result.objective
     residual = result.residual[: objective.channel_rows]
     fit = _LinearFit.at(result, jacobians)
     jacobian = fit.jacobian
     kinds, directions, roundings = zip(*_directions(result), strict=True)
-    along = np.array(directions)
-    effects, asked = along @ jacobian.T, along @ residual
-    squares = np.einsum("mr,mr->m", along, along)
-    taken_up = np.array([fit.taken_up(*one) for one in zip(effects, asked, squares, strict=True)])
-    curvature = squares - np.einsum("md,md->m", taken_up, effects)
-    sizes = asked - taken_up @ fit.gradient
+    error_directions = np.array(directions)
+    effects, products = error_directions @ jacobian.T, error_directions @ residual
+    squares = np.einsum("mr,mr->m", error_directions, error_directions)
+    coefficients = np.array(
+        [
+            fit.regression_coefficients(*products_of_error)
+            for products_of_error in zip(effects, products, squares, strict=True)
+        ]
+    )
+    curvature = squares - np.einsum("md,md->m", coefficients, effects)
+    sizes = products - coefficients @ fit.gradient
     channels = len(objective.problem.channels)
-    remaining = along - taken_up @ jacobian
+    remaining = error_directions - coefficients @ jacobian
     of_model = _model_error(result, remaining)
     scatter = long_run_covariance(remaining * residual, channels)
     errors = np.sqrt(np.diag(scatter + rounding_scores(objective.problem, remaining)) + of_model**2)
@@ -199,10 +203,10 @@ def sensor_scores(result: SearchResult, jacobians: Array) -> tuple[SensorScore, 
 
 
 def _model_error(result: SearchResult, directions: Array) -> Array:
-    """Return what the model's own error may contribute along `directions` (m, rows), (m,).
+    """Return the possible contribution (m,) of the model's error along `directions` (m, rows).
 
-    It is a share of a channel's rms, but no more than its residual, and of unknown shape: some of it may
-    happen to lie along what remains of a direction.
+    The model's error is a share of a channel's rms, limited by its residual, and of unknown shape: a part of
+    it may lie along a direction.
     """
     objective = result.objective
     rows, channels = objective.channel_rows, len(objective.problem.channels)
@@ -227,21 +231,21 @@ class _LinearFit:
 
     @classmethod
     def at(cls, result: SearchResult, jacobians: Array) -> "_LinearFit":
-        """Return the linear model at the estimate of `result`, by `jacobians` (n, d, channel rows)."""
+        """Return the linear model at the estimate of `result`, from `jacobians` (n, d, channel rows)."""
         space = result.objective.space
         residual = result.residual[: result.objective.channel_rows]
         rows = result.objective.rows_of_priors
         prior = float(np.mean(residual**2)) * rows / space.prior_deviations**2
-        # A component may be anywhere; what is known of it beforehand does not draw it anywhere.
+        # The prior of a fault component limits its error, but does not pull it to the centre.
         centred = np.where(np.arange(prior.size) < len(space.columns), 0.0, prior * result.point)
         jacobian = jacobians.mean(axis=0)
         normal = jacobian @ jacobian.T + np.diag(prior)
         return cls(space, result.point, jacobian, normal, jacobian @ residual - centred)
 
-    def taken_up(self, effect: Array, asked: float, square: float) -> Array:
-        """Return what the parameters take up of a direction, (d,): 0 for those that a bound holds.
+    def regression_coefficients(self, effect: Array, product: float, square: float) -> Array:
+        """Return the regression coefficients (d,) of a direction on the Jacobian; 0 at active bounds.
 
-        `effect`, (d,), `asked` and `square` are the products of the direction with the Jacobian, with the
+        `effect` (d,), `product` and `square` are the products of the direction with the Jacobian, with the
         residual and with itself.
         """
         free = movable(self.point, self.gradient, self.space)
@@ -251,9 +255,9 @@ class _LinearFit:
             share[:] = 0.0
             share[free], step = np.linalg.solve(normal, np.array([effect[free], self.gradient[free]]).T).T
             curvature = square - float(share @ effect)
-            size = (asked - float(share @ self.gradient)) / curvature if curvature > 0 else 0.0
-            reached = self.point[free] + step - size * share[free]
-            inside = (reached >= self.space.lower[free]) & (reached <= self.space.upper[free])
+            size = (product - float(share @ self.gradient)) / curvature if curvature > 0 else 0.0
+            end = self.point[free] + step - size * share[free]
+            inside = (end >= self.space.lower[free]) & (end <= self.space.upper[free])
             if inside.all():
                 break
             free = free[inside]
@@ -262,9 +266,9 @@ class _LinearFit:
 
 
 def _directions(result: SearchResult) -> Iterator[tuple[tuple[str, str], Array, float]]:
-    """Yield kind and channel of each error, what a unit of it adds to the weighted channels, (rows,).
+    """Yield kind and channel of each error, its effect (rows,) on the weighted channels, and its rounding.
 
-    And what half a step of the channel's rounding amounts to.
+    The last value is the size of half a rounding step of the channel.
     """
     objective = result.objective
     problem = objective.problem

@@ -1,11 +1,11 @@
-"""What counts as an explanation of a recording."""
+"""Limits within which an estimate explains a recording."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class ResidualSettings:
-    """The largest residual of the current that is accepted: `noise` and `model` add by squares.
+    """Largest accepted residual of the current: `noise` and `model` add by squares.
 
     `noise` is a multiple of the white noise on the recording, `model` a share of the current's rms.
     """
@@ -21,23 +21,23 @@ the corrected residual was up to 1.17 times the noise."""
 
 @dataclass(frozen=True)
 class ExplanationSettings:
-    """What else an estimate has to fulfil, to explain a recording; `make study` (spoilt) measures it.
+    """Further conditions for an estimate to explain a recording; `make study` (spoilt) measures the effect.
 
-    A noise that is measured on the recording counts up to `spikes` times what most of the rows show.
+    A noise that is measured on the recording counts up to `spikes` times the noise of most rows.
 
     A channel other than the primary one may have a residual of `channel_model` of its rms
-    (`uncorrected_model` where the reference model was not asked), and of `channel_noise` times its noise,
+    (`uncorrected_model` without corrections by the reference model), and of `channel_noise` times its noise,
     rounding and switching.
-    Beyond rounding and switching, the residual may be no more than `unresembled` of every channel's mean
-    square: a noise that is measured on the recording itself would otherwise excuse a model that resembles
-    nothing. Where it is more, the model's signal must be found in the recorded one again, to
+    Beyond rounding and switching, the squared residual may be at most `unresembled` of the mean square of any
+    channel: otherwise a noise that is measured on the recording would excuse a model that does not resemble
+    the channel. A larger residual is accepted if the channel contains the model's signal, within
     `drowned_errors` standard errors.
 
-    A nuisance may be `prior_deviations` standard deviations of its prior off, where the description states
-    that prior; a prior that is merely usual, as the load's, says nothing against a larger one. So may a
-    parameter with a tolerance or of the unit's calibration.
+    A nuisance may be `prior_deviations` standard deviations of its prior from nominal, if the description
+    states that prior; a default prior, such as that of the load, does not exclude larger values. The same
+    limit applies to parameters with a tolerance or a calibration.
 
-    Phase currents may add up to `phase_sum` of their rms, and to `channel_noise` times the noise of the sum.
+    The sum of the phase currents may be `phase_sum` of their rms plus `channel_noise` times its noise.
     """
 
     spikes: float = 1.5

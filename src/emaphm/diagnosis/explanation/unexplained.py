@@ -1,8 +1,9 @@
-"""How far off an estimate may be where it does not explain its recording, or where others explain it as well.
+"""Additional covariance of an estimate: for an unexplained recording, and for equally good alternatives.
 
-What is left unexplained is seen only where it is like no parameter; as much of it may be like one. And laws
-that explain as much lead to other estimates: model averaging (Hoeting, Madigan, Raftery and Volinsky 1999),
-with the alternatives' spread about the one that is reported.
+The residual contains only the part of an error that has no parameter with a similar effect; the part with
+such an effect may be as large. Laws that explain equally much lead to other estimates: the spread of these
+alternatives about the reported estimate is added (model averaging: Hoeting, Madigan, Raftery and Volinsky
+1999).
 """
 
 import numpy as np
@@ -15,18 +16,19 @@ from emaphm.estimation.uncertainty.correlation import integral_time
 from emaphm.quantiles import normal_quantile, student_t_quantile
 
 COMPARABLE = 2.0
-"""Another end of a search counts next to the estimate up to this ratio of their mean squared residuals.
+"""Largest ratio of the mean squared residual of an alternative to that of the estimate.
 
-Of models that all are wrong by more than noise, the one that leaves least is not the nearest to the truth.
-Where the recording is explained, the other must explain it too. `make study` (limits, plants) measures it.
+If the errors of all models exceed the noise, the model with the smallest residual is not necessarily nearest
+to the truth. If the recording is explained, the alternative must also explain it. `make study` (limits,
+plants) measures the effect.
 """
 
 
 def unexplained_scores(result: SearchResult, jacobian: Array) -> Array:
-    """Return the covariance (d, d) of `jacobian` (d, channel rows) times an error as large as the residual.
+    """Return the covariance (d, d) of the scores of an error that is as large as the residual.
 
-    Σ_c (T_c / Δt) w_c² r_c² J_c J_cᵀ: rms r_c and largest integral time T_c as observed, so an upper bound
-    over all errors with the residual's spectrum or a flatter one.
+    Σ_c (T_c / Δt) w_c² r_c² J_c J_cᵀ, with the observed rms r_c and largest integral time T_c: an upper bound
+    for all errors with the spectrum of the residual or a flatter one. J is `jacobian` (d, channel rows).
     """
     problem = result.objective.problem
     parts = np.split(jacobian, len(problem.channels), axis=1)
@@ -40,41 +42,46 @@ def unexplained_scores(result: SearchResult, jacobian: Array) -> Array:
 
 
 def inflation(result: SearchResult, *, explained: bool) -> float:
-    """Return the factor on the covariance of an estimate: 1.0 where it explains the recording.
+    """Return the factor on the covariance of an estimate: 1.0 if it explains the recording.
 
-    Else the square of the normalised residual. A fit has taken up of the model's error what is like a
-    parameter, and may have taken up more than it left: as many times more, it is assumed, as it left more
-    than is expected.
+    Otherwise it is the square of the normalised residual. The fit has absorbed the part of the model's error
+    that has the effect of a parameter. The ratio of this part to the residual is assumed to be that of the
+    residual to its expected size.
     """
     return 1.0 if explained else max(1.0, result.normalised_residual) ** 2
 
 
 def alternatives_covariance(result: SearchResult, *, explained: bool) -> Array | float:
-    """Return what the spread of the alternatives about the estimate adds to its covariance (d, d).
+    """Return the covariance (d, d) due to the spread of the alternatives about the estimate.
 
-    Their mean square, as wide as Student's t of as many degrees of freedom; 0.0 without any.
+    It is their mean squared distance, widened by Student's t of their number; 0.0 without alternatives.
     """
-    kept = [one for one in result.alternatives if _comparable(one, result, explained=explained)]
-    if not kept:
+    comparable = [
+        alternative
+        for alternative in result.alternatives
+        if _is_comparable(alternative, result, explained=explained)
+    ]
+    if not comparable:
         return 0.0
-    shifts = np.array([_shift(one, result) for one in kept])
-    widening = student_t_quantile(len(kept), 0.975) / float(normal_quantile(0.975))
-    return np.asarray(widening**2 * shifts.T @ shifts / len(kept))
+    differences = np.array([_difference(alternative, result) for alternative in comparable])
+    widening = student_t_quantile(len(comparable), 0.975) / float(normal_quantile(0.975))
+    return np.asarray(widening**2 * differences.T @ differences / len(comparable))
 
 
-def _comparable(other: SearchResult, result: SearchResult, *, explained: bool) -> bool:
-    comparable = other.residual_variance <= COMPARABLE * result.residual_variance
-    return comparable and (other.residual_is_expected or not explained)
+def _is_comparable(alternative: SearchResult, result: SearchResult, *, explained: bool) -> bool:
+    """Return whether an alternative explains the recording about as well as the estimate."""
+    comparable = alternative.residual_variance <= COMPARABLE * result.residual_variance
+    return comparable and (alternative.residual_is_expected or not explained)
 
 
-def _shift(other: SearchResult, result: SearchResult) -> Array:
-    """Return the estimate of `other` less that of `result`, (d,), 0 in coordinates that it does not have."""
-    values = _values(other.objective, other.point)
-    here = zip(result.objective.space.coordinates, result.point.tolist(), strict=True)
-    return np.array([values.get(name, value) - value for name, value in here])
+def _difference(alternative: SearchResult, result: SearchResult) -> Array:
+    """Return the difference (d,) of an alternative from `result`; 0 in coordinates that it does not have."""
+    values = _values_by_name(alternative.objective, alternative.point)
+    estimates = zip(result.objective.space.coordinates, result.point.tolist(), strict=True)
+    return np.array([values.get(name, value) - value for name, value in estimates])
 
 
-def _values(objective: MapObjective, point: Array) -> dict[str, float]:
-    """Return the coordinates of a point by name, less those of the unit: they mean another thing by law."""
+def _values_by_name(objective: MapObjective, point: Array) -> dict[str, float]:
+    """Return the coordinates of a point by name, without those of the unit, which differ between laws."""
     named = zip(objective.space.coordinates, point.tolist(), strict=True)
     return {name: value for name, value in named if not name.startswith(BASELINE)}

@@ -1,7 +1,7 @@
-"""What each recording of a joint diagnosis asks for by itself.
+"""Separate searches of the recordings of a joint diagnosis.
 
-That gives the starts of the joint fit, what deviates significantly from the description in any of the
-recordings, and the estimates that are compared for contradictions.
+Their results are the starting points of the joint fit, the parameters that deviate significantly from the
+description in any recording, and the estimates that are compared for contradictions.
 """
 
 from collections import Counter
@@ -26,9 +26,9 @@ from emaphm.diagnosis.selection.deviations import (
 from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.laws.law_fit import ONLY_WHILE_SWITCHING, search_with_law
 from emaphm.diagnosis.selection.nuisance_selection import select_nuisances
-from emaphm.diagnosis.selection.rotor_zero import is_sought, with_rotor_zero, with_zero_near, zero_of
+from emaphm.diagnosis.selection.rotor_zero import is_zero_searched, with_rotor_zero, with_zero_near, zero_of
 from emaphm.diagnosis.selection.selection import Selection
-from emaphm.diagnosis.selection.supply.supply_scan import with_asked_supply
+from emaphm.diagnosis.selection.supply.supply_scan import with_requested_supply
 from emaphm.diagnosis.selection.varying_load import explains_better, with_varying_load
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.discrepancy import resolves_switching
@@ -47,38 +47,39 @@ from emaphm.threads import in_threads
 T = TypeVar("T")
 
 METHOD = "hybrid"
-"""How each recording is searched by itself."""
+"""Search method of the separate searches."""
 
 LEAST_SHARE = 1 / 3
-"""Share of the recordings that must show a parameter to be off: half of those of such a unit do, one in a
-hundred by chance."""
+"""Share of the recordings that must indicate a deviation of a parameter: half of the recordings of a
+deviating unit do, and one in a hundred of others by chance."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Alone:
-    """One recording's estimate: as `searched`, and as `found`, with the nuisances that deviate.
+    """The separate estimate of one recording.
 
-    `load` is what it was searched with of a load that varies, which nobody asked for.
+    `searched` is the estimate before, `selection` after the selection of deviating nuisances. `load` are the
+    nuisances of a varying load that was selected without a request.
     """
 
     searched: SearchResult
-    found: Selection
+    selection: Selection
     settings: SearchSettings
     load: tuple[str, ...] = ()
 
     @property
     def result(self) -> SearchResult:
-        """The estimate with what was found."""
-        return self.found.result
+        """The estimate with the selected nuisances."""
+        return self.selection.result
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Parameters of the description that the result has free, though nobody asked for them."""
+        """Free parameters of the description that were selected without a request."""
         return tuple(name.removeprefix(BASELINE) for name in suspected_parameters(self.result))
 
     @property
     def is_corrected(self) -> bool:
-        """Whether the reference model, which switches, was asked."""
+        """Whether the reference model, with its switching, has corrected the estimate."""
         return self.searched.discrepancy is not None and resolves_switching(self.searched.objective.problem)
 
     @property
@@ -87,10 +88,10 @@ class _Alone:
         return moves_at(self.result.objective, self.result.point)
 
     def find_laws(self) -> tuple[str, ...]:
-        """Return the laws that the recording alone shows, but for one that no search finds."""
+        """Return the laws selected for this recording alone, without a lag of the current sensors."""
         if not self.moves:
             return ()
-        selection = select_laws_in_motion(self.searched, self.found, self.settings)
+        selection = select_laws_in_motion(self.searched, self.selection, self.settings)
         return tuple(name for name in selection.laws if name not in ONLY_WHILE_SWITCHING)
 
     def search_with_laws(self, laws: Sequence[str]) -> Self:
@@ -101,24 +102,24 @@ class _Alone:
         return self.selecting(searched)
 
     def with_description_error(self) -> Self:
-        """Return the estimate with parameters free that are off.
+        """Return the estimate with deviating parameters of the description free.
 
-        Where the actuator moves and the residual without them is expected.
+        They are tested if the actuator moves and the residual without them is expected.
         """
         if not (self.result.residual_is_expected and self.moves):
             return self
-        found = with_description_error(self.searched, self.found, self.settings)
-        return replace(self, found=found)
+        selection = with_description_error(self.searched, self.selection, self.settings)
+        return replace(self, selection=selection)
 
     def with_control_errors(self) -> Self:
-        """Return the estimate with gains of the control free that are off, where it moves."""
+        """Return the estimate with deviating gains of the control free, if the actuator moves."""
         if not self.moves:
             return self
         searched = with_control_errors(self.searched, self.settings)
         return self if searched is self.searched else self.selecting(searched)
 
     def with_varying_load(self) -> Self:
-        """Return the estimate with a load of its own that varies, where that explains it better."""
+        """Return the estimate with a varying load of this recording, if that explains it better."""
         if self.searched.residual_is_expected or not (self.is_corrected and self.moves):
             return self
         loaded = with_varying_load(self.searched, self.settings)
@@ -128,16 +129,16 @@ class _Alone:
         return replace(rival, load=loaded.nuisances) if explains_better(rival.result, self.result) else self
 
     def selecting(self, searched: SearchResult) -> Self:
-        """Return the estimate as `searched`, with the nuisances that deviate significantly from there."""
-        return replace(self, searched=searched, found=select_nuisances(searched, self.settings))
+        """Return the estimate from `searched`, with the nuisances that deviate significantly."""
+        return replace(self, searched=searched, selection=select_nuisances(searched, self.settings))
 
 
 @dataclass(frozen=True, eq=False)
 class AloneSearches:
-    """Where the search of each recording alone ends, and what was selected.
+    """Results of the separate searches.
 
-    `selected` are the quantities that were selected in any of them and are estimated of all, `laws` those
-    that the description lacks.
+    `selected` are the quantities that were selected in any recording and are estimated in all, `laws` the
+    selected laws that the description lacks.
     """
 
     results: list[SearchResult]
@@ -153,158 +154,170 @@ def search_alone(
     workers: int | None,
     on_progress: Progress | None,
 ) -> AloneSearches:
-    """Return where the search of each recording alone ends, and what was selected in any of them.
+    """Return the results of the separate searches, and the quantities selected in any of them.
 
-    Nuisances that deviate significantly, laws, and parameters that are not as described: what is selected for
-    one is estimated of all. Arguments as of `emaphm.diagnosis.joint.diagnose_joint`.
+    Nuisances that deviate significantly, laws, and parameters that deviate from the description are selected;
+    a selected quantity is estimated in all recordings. Arguments as in
+    `emaphm.diagnosis.joint.diagnose_joint`.
     """
 
-    def searched(r: int) -> _Alone:
+    def estimate_of(r: int) -> _Alone:
         checked = recordings[r]
         objective = objective_for(checked.recording, actuator, settings.method, AVERAGED, nuisances, workers)
         objective = without_spoilt_rows(objective, checked)
-        # The first one's streams are those of a diagnosis of it alone.
-        own = settings if r == 0 else settings.child("recording", r)
-        result = search(objective, own, fitness="least_squares")
+        # The first recording has the random streams of its single diagnosis.
+        own_settings = settings if r == 0 else settings.child("recording", r)
+        result = search(objective, own_settings, fitness="least_squares")
         if result.discrepancy is not None:
-            result = with_asked_supply(result, own)
-        searched_alone = _Alone(result, Selection(result), own)
+            result = with_requested_supply(result, own_settings)
+        estimate = _Alone(result, Selection(result), own_settings)
         if nuisances is None and result.discrepancy is not None:
-            searched_alone = searched_alone.selecting(result)
-        return searched_alone
+            estimate = estimate.selecting(result)
+        return estimate
 
-    found, laws = in_threads(searched, range(len(recordings)), workers, on_progress), tuple[str, ...]()
+    estimates, laws = in_threads(estimate_of, range(len(recordings)), workers, on_progress), tuple[str, ...]()
     if nuisances is None:
-        found, laws = _with_deviations(found)
-    selected = tuple(dict.fromkeys(name for one in found for name in one.found.nuisances))
-    alone = [_with_all(one.result, one.found.nuisances, selected, settings) for one in found]
-    load = dict.fromkeys(name for one in found for name in one.load)
+        estimates, laws = _with_deviations(estimates)
+    selected = tuple(dict.fromkeys(name for estimate in estimates for name in estimate.selection.nuisances))
+    alone = [
+        _with_all(estimate.result, estimate.selection.nuisances, selected, settings) for estimate in estimates
+    ]
+    load = dict.fromkeys(name for estimate in estimates for name in estimate.load)
     return AloneSearches(alone, (*load, *selected, *suspected_parameters(alone[0])), laws)
 
 
-def _with_deviations(found: list[_Alone]) -> tuple[list[_Alone], tuple[str, ...]]:
-    """Return the estimates with what of the unit is not as described, common to all, and the laws among that.
+def _with_deviations(estimates: list[_Alone]) -> tuple[list[_Alone], tuple[str, ...]]:
+    """Return the estimates with deviations of the unit, common to all recordings, and the selected laws.
 
-    And with loads that vary, of each its own.
+    Each recording may also get a varying load of its own.
     """
-    corrected = all(one.is_corrected for one in found)
+    corrected = all(estimate.is_corrected for estimate in estimates)
     if corrected:
-        asked = _of_each(found, _Alone.with_control_errors)
-        found = _with_common_parameters(found, asked)
-    found = _of_each(found, _Alone.with_varying_load)
+        freed = _of_each(estimates, _Alone.with_control_errors)
+        estimates = _with_common_parameters(estimates, freed)
+    estimates = _of_each(estimates, _Alone.with_varying_load)
     if not corrected:
-        return found, ()
-    found, sensors = _with_common_zero(found)
-    found, others = _with_common_laws(found)
-    if not (sensors or others):
-        asked = _of_each(found, _Alone.with_description_error)
-        found = _with_common_parameters(found, asked)
-    return found, (*sensors, *others)
+        return estimates, ()
+    estimates, hall_laws = _with_common_zero(estimates)
+    estimates, other_laws = _with_common_laws(estimates)
+    if not (hall_laws or other_laws):
+        freed = _of_each(estimates, _Alone.with_description_error)
+        estimates = _with_common_parameters(estimates, freed)
+    return estimates, (*hall_laws, *other_laws)
 
 
-def _with_common_zero(found: list[_Alone]) -> tuple[list[_Alone], tuple[str, ...]]:
-    """Return the estimates with the rotor's zero, common to all, where a recording shows that it is off.
+def _with_common_zero(estimates: list[_Alone]) -> tuple[list[_Alone], tuple[str, ...]]:
+    """Return the estimates with a common zero of the rotor, if a recording indicates that it deviates.
 
-    Or with the law of Hall sensors out of place, where that leaves clearly less of it; and the law's name.
+    If displaced Hall sensors give a clearly smaller residual, return the estimates with that law instead, and
+    its name.
     """
-    if not all(is_sought(one.searched.objective) for one in found):
-        return found, ()
-    for one in found:
-        if not moves_at(one.searched.objective, one.searched.point):
+    if not all(is_zero_searched(estimate.searched.objective) for estimate in estimates):
+        return estimates, ()
+    for estimate in estimates:
+        if not moves_at(estimate.searched.objective, estimate.searched.point):
             continue
-        shown = with_rotor_zero(one.searched, one.settings)
-        if not is_sought(shown.objective):  # it is free now
-            return _with_zero_of(one, shown, found)
-    return found, ()
+        turned = with_rotor_zero(estimate.searched, estimate.settings)
+        if not is_zero_searched(turned.objective):  # it is free now
+            return _with_zero_of(estimate, turned, estimates)
+    return estimates, ()
 
 
 def _with_zero_of(
-    one: _Alone, shown: SearchResult, found: list[_Alone]
+    first: _Alone, with_zero: SearchResult, estimates: list[_Alone]
 ) -> tuple[list[_Alone], tuple[str, ...]]:
-    """Return `_with_common_zero` where `one` of the recordings has `shown` another zero."""
-    turned = one.selecting(shown)
-    sensed = with_hall_angles(one.searched, turned.result, one.settings)
+    """Return `_with_common_zero` from the estimate `first`, which indicates another zero."""
+    turned = first.selecting(with_zero)
+    sensed = with_hall_angles(first.searched, turned.result, first.settings)
 
-    def with_sensors(each: _Alone) -> _Alone:
-        if each is one and sensed is not None:
-            return each.selecting(sensed)
-        return each.search_with_laws((HALL_ANGLES,))
+    def with_hall_law(other: _Alone) -> _Alone:
+        if other is first and sensed is not None:
+            return other.selecting(sensed)
+        return other.search_with_laws((HALL_ANGLES,))
 
-    def with_zero(each: _Alone) -> _Alone:
-        if each is one:
+    def with_same_zero(other: _Alone) -> _Alone:
+        if other is first:
             return turned
-        near = zero_of(shown)
-        return each.selecting(with_zero_near(each.searched, near, each.settings))
+        near = zero_of(with_zero)
+        return other.selecting(with_zero_near(other.searched, near, other.settings))
 
     if sensed is not None:
-        return _of_each(found, with_sensors), (HALL_ANGLES,)
-    return _of_each(found, with_zero), ()
+        return _of_each(estimates, with_hall_law), (HALL_ANGLES,)
+    return _of_each(estimates, with_same_zero), ()
 
 
-def _with_common_laws(found: list[_Alone]) -> tuple[list[_Alone], tuple[str, ...]]:
-    """Return the estimates with laws that the description lacks, common to all, and the names of these.
+def _with_common_laws(estimates: list[_Alone]) -> tuple[list[_Alone], tuple[str, ...]]:
+    """Return the estimates with common laws that the description lacks, and the names of these laws.
 
-    Those of the first whose residual exceeds what is expected, if more residuals are as expected with them;
-    where all are, those that a share of `LEAST_SHARE` shows.
+    If residuals exceed the expected size, these are the laws of the first such recording, kept if more
+    residuals have the expected size with them. Otherwise these are the laws that at least `LEAST_SHARE` of
+    the recordings indicate.
     """
-    exceeding = [one for one in found if not one.result.residual_is_expected and one.moves]
-    asked = _of_each(exceeding[:1] or found, _Alone.find_laws)
-    counts = Counter(name for laws in asked for name in laws)
-    laws = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(asked))
+    exceeding = [
+        estimate for estimate in estimates if not estimate.result.residual_is_expected and estimate.moves
+    ]
+    indicated = _of_each(exceeding[:1] or estimates, _Alone.find_laws)
+    counts = Counter(name for laws in indicated for name in laws)
+    laws = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(indicated))
     if not laws:
-        return found, ()
-    with_them = _of_each(found, lambda one: one.search_with_laws(laws))
-    expected, before = (sum(one.result.residual_is_expected for one in each) for each in (with_them, found))
-    return (with_them, laws) if expected > before or not exceeding else (found, ())
+        return estimates, ()
+    with_laws = _of_each(estimates, lambda estimate: estimate.search_with_laws(laws))
+    expected, before = (
+        sum(estimate.result.residual_is_expected for estimate in group) for group in (with_laws, estimates)
+    )
+    return (with_laws, laws) if expected > before or not exceeding else (estimates, ())
 
 
-def _with_common_parameters(found: list[_Alone], asked: list[_Alone]) -> list[_Alone]:
-    """Return the estimates with parameters free, in all, that are off in `LEAST_SHARE` of them at least.
+def _with_common_parameters(estimates: list[_Alone], freed: list[_Alone]) -> list[_Alone]:
+    """Return the estimates with the parameters free, in all, that deviate in at least `LEAST_SHARE` of them.
 
-    `asked` are those `found` with the parameters free that each shows by itself.
+    `freed` are the `estimates` with the deviating parameters of each recording free.
     """
-    open_before = found[0].parameters
-    counts = Counter(name for one in asked for name in one.parameters if name not in open_before)
-    free = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(found))
+    open_before = estimates[0].parameters
+    counts = Counter(name for estimate in freed for name in estimate.parameters if name not in open_before)
+    free = tuple(name for name, count in counts.items() if count >= LEAST_SHARE * len(estimates))
     if not free:
-        return found
+        return estimates
 
-    def with_these(one: _Alone) -> _Alone:
-        if set(one.parameters) == {*open_before, *free}:
-            return one
-        searched = with_free(one.searched, free, one.settings)
-        return one.selecting(searched)
+    def with_free_parameters(estimate: _Alone) -> _Alone:
+        if set(estimate.parameters) == {*open_before, *free}:
+            return estimate
+        searched = with_free(estimate.searched, free, estimate.settings)
+        return estimate.selecting(searched)
 
-    return _of_each(asked, with_these)
+    return _of_each(freed, with_free_parameters)
 
 
-def _of_each(found: Sequence[_Alone], function: Callable[[_Alone], T]) -> list[T]:
-    """Return what `function` makes of each estimate, of several at once."""
-    return in_threads(function, found, found[0].searched.objective.problem.workers)
+def _of_each(estimates: Sequence[_Alone], function: Callable[[_Alone], T]) -> list[T]:
+    """Return the value of `function` for each estimate, computed in threads."""
+    return in_threads(function, estimates, estimates[0].searched.objective.problem.workers)
 
 
 def _with_all(
     result: SearchResult, names: tuple[str, ...], selected: tuple[str, ...], settings: SearchSettings
 ) -> SearchResult:
-    """Return the result with the nuisances `selected` in any recording estimated of this one too."""
+    """Return the result with all nuisances that were `selected` in any recording estimated."""
     problem, estimated = result.objective.problem, result.objective.space.nuisances
     possible = estimated.others(problem.actuator, tuple(problem.measured))
-    more = tuple(name for name in selected if name not in names and name in possible)
-    if not more:
+    added = tuple(name for name in selected if name not in names and name in possible)
+    if not added:
         return result
-    objective, point = with_nuisances(result, names, more)
+    objective, point = with_nuisances(result, names, added)
     child = settings.child("nuisances of other recordings")
     return correct_bias(objective, point[np.newaxis], child.max_corrections, child.seed)
 
 
 def alone_estimates(alone: Sequence[SearchResult], joint: JointObjective, seed: int) -> AloneEstimates | None:
-    """Return what each recording alone asks for; None of one recording."""
+    """Return the separate estimates and their meta-analysis; None for a single recording."""
     if len(alone) == 1:
         return None
-    places = [term.shared_places for term in joint.terms]
-    points = np.array([one.point[at] for one, at in zip(alone, places, strict=True)])
+    shared_columns = [term.shared_places for term in joint.terms]
+    points = np.array([result.point[columns] for result, columns in zip(alone, shared_columns, strict=True)])
     covariances = np.array(
-        [identifiability(one, seed).covariance[np.ix_(at, at)] for one, at in zip(alone, places, strict=True)]
+        [
+            identifiability(result, seed).covariance[np.ix_(columns, columns)]
+            for result, columns in zip(alone, shared_columns, strict=True)
+        ]
     )
     meta = random_effects(points, covariances, joint.prior_deviations[: joint.shared])
     return AloneEstimates(points, covariances, np.ones(len(alone)), meta)

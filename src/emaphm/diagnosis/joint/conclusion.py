@@ -32,24 +32,24 @@ def conclusion(
     results: Sequence[SearchResult],
     single: Sequence[Diagnosis],
     estimate: JointEstimate,
-    known: JointUncertainty,
+    uncertainty: JointUncertainty,
     seed: int,
 ) -> JointDiagnosis:
-    """Return the diagnosis of the unit; its counts and time are still to be filled in.
+    """Return the diagnosis of the unit, with its numbers of simulations and its time still those of one part.
 
     Parameters
     ----------
     alone
-        Where the search of each recording alone ended.
+        Results of the separate searches.
     results, single
-        The joint estimate as each recording's own result, and what is concluded from that.
-    estimate, known
-        The joint fit, and how well it is known.
+        The joint estimate as a result of each recording, and the diagnoses from these results.
+    estimate, uncertainty
+        The joint fit, and its uncertainty.
     """
     joint, space = estimate.joint, results[0].objective.space
-    between = _between(known, joint)
+    between = _contradictions_between(uncertainty, joint)
     explained = all(diagnosis.explained for diagnosis in single)
-    covariance = _covariance(estimate, known, between, results, seed)
+    covariance = _covariance(estimate, uncertainty, between, results, seed)
     local = covariance[np.ix_(joint.indices[0], joint.indices[0])]
     sets = collinear_sets(results[0], local, seed)
     components = estimates(space, results[0].point, local, sets)
@@ -61,7 +61,7 @@ def conclusion(
         components = _tested_by_each(components, results, seed)
     residual = np.concatenate([result.compared_residual for result in results])
     return JointDiagnosis(
-        **_end_to_end(single)
+        **_common_fields(single)
         | {
             "components": components,
             "coordinates": tuple(space.coordinates[i] for i in joint.terms[0].shared_places),
@@ -73,7 +73,7 @@ def conclusion(
             "collinear_sets": sets,
         },
         recordings=tuple(
-            _recording(diagnosis, searched, result, contradicts=bool(named))
+            _recording_entry(diagnosis, searched, result, contradicts=bool(named))
             for diagnosis, searched, result, named in zip(single, alone, results, between.named, strict=True)
         ),
         contradicted=tuple(
@@ -84,23 +84,23 @@ def conclusion(
 
 def _covariance(
     estimate: JointEstimate,
-    known: JointUncertainty,
+    uncertainty: JointUncertainty,
     between: "_Between",
     results: Sequence[SearchResult],
     seed: int,
 ) -> Array:
     """Return the covariance (d, d) of the joint estimate: of its fit, its scatter and between recordings."""
     joint = estimate.joint
-    covariance = known.covariance + estimate.scatter
+    covariance = uncertainty.covariance + estimate.scatter
     covariance[: joint.shared, : joint.shared] += between.covariance
     if estimate.corrected:
         return covariance
-    bias = _bias(joint, results, known.point, seed)
+    bias = _bias_of_estimate(joint, results, uncertainty.point, seed)
     return np.asarray(covariance + np.outer(bias, bias))
 
 
-def _end_to_end(single: Sequence[Diagnosis]) -> dict[str, Any]:
-    """Return fields of the diagnosis of all recordings: those of the first, and of all where they differ."""
+def _common_fields(single: Sequence[Diagnosis]) -> dict[str, Any]:
+    """Return the fields of the joint diagnosis that follow from those of the recordings, end to end."""
     first, count = single[0], len(single)
     return {field.name: getattr(first, field.name) for field in fields(first)} | {
         "recording": first.recording if count == 1 else f"{count} recordings",
@@ -109,10 +109,10 @@ def _end_to_end(single: Sequence[Diagnosis]) -> dict[str, Any]:
         "modelled": np.concatenate([diagnosis.modelled for diagnosis in single]),
         "channels": tuple(dict.fromkeys(name for diagnosis in single for name in diagnosis.channels)),
         "moves": any(diagnosis.moves for diagnosis in single),
-        "recording_notes": _of_all(single, lambda diagnosis: diagnosis.recording_notes),
-        "reasons": _of_all(single, lambda diagnosis: diagnosis.reasons),
+        "recording_notes": _sentences_of_all(single, lambda diagnosis: diagnosis.recording_notes),
+        "reasons": _sentences_of_all(single, lambda diagnosis: diagnosis.reasons),
         "sensor_faults": tuple(
-            replace(fault, sentence=_named(diagnosis, fault.sentence, count))
+            replace(fault, sentence=_with_recording_name(diagnosis, fault.sentence, count))
             for diagnosis in single
             for fault in diagnosis.sensor_faults
         ),
@@ -122,35 +122,38 @@ def _end_to_end(single: Sequence[Diagnosis]) -> dict[str, Any]:
 def _tested_by_each(
     components: Mapping[str, Estimate], results: Sequence[SearchResult], seed: int
 ) -> dict[str, Estimate]:
-    """Return the components of the unit, undecided where something else explains each recording as well.
+    """Return the components of the unit, undecided if another explanation is as good for each recording.
 
-    What one of them excludes is excluded: where it keeps the verdict, its interval counts, of several the
-    shortest.
+    One recording that excludes the other explanations is enough: its verdict and interval are taken, the
+    shortest interval of several.
     """
-    judged = dict[str, Estimate]()
+    shortest = dict[str, Estimate]()
     for result in results:
         jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
-        by_recording = tested(components, result, jacobians, seed)
-        judged = {
-            name: min(judged.get(name, estimate), estimate, key=_by_verdict_and_length(components[name]))
-            for name, estimate in by_recording.items()
+        components_there = tested(components, result, jacobians, seed)
+        shortest = {
+            name: min(shortest.get(name, estimate), estimate, key=_doubt_key(components[name]))
+            for name, estimate in components_there.items()
         }
-        if judged == components:
+        if shortest == components:
             break
-    return judged
+    return shortest
 
 
-def _by_verdict_and_length(first: Estimate) -> Callable[[Estimate], tuple[bool, float]]:
-    """Return what an estimate is ordered by: whether it has another verdict than `first`, then its length."""
-    return lambda one: (one.verdict != first.verdict, one.interval95[1] - one.interval95[0])
+def _doubt_key(first: Estimate) -> Callable[[Estimate], tuple[bool, float]]:
+    """Return the sort key of an estimate: whether its verdict differs from `first`, then its length."""
+    return lambda estimate: (
+        estimate.verdict != first.verdict,
+        estimate.interval95[1] - estimate.interval95[0],
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _Between:
-    """What the recordings contradict each other in.
+    """Contradictions between the recordings.
 
-    `contradicted`, (p,), are the shared coordinates, `named`, (n,), the recordings that contradict the
-    others; `covariance`, (p, p), is what their scatter adds to that of the joint estimate.
+    `contradicted` (p,) marks shared coordinates, `named` (n,) marks recordings that contradict the others;
+    `covariance` (p, p) is the covariance due to the scatter between recordings.
     """
 
     contradicted: NDArray[np.bool_]
@@ -163,20 +166,24 @@ class _Between:
         return not (self.contradicted.any() or self.named.any())
 
 
-def _between(known: JointUncertainty, joint: JointObjective) -> _Between:
+def _contradictions_between(uncertainty: JointUncertainty, joint: JointObjective) -> _Between:
+    """Return the contradictions between the recordings; none without separate estimates."""
     shared, count = joint.shared, len(joint.terms)
-    if known.alone is None:
+    if uncertainty.alone is None:
         return _Between(np.zeros(shared, bool), np.zeros(count, bool), np.zeros((shared, shared)))
     priors = joint.prior_deviations[:shared]
-    found, named = contradictions(known.alone, priors), dissenting(known.alone, priors)
-    between = _Between(found.contradicted, named, found.covariance)
-    # The mean of recordings that scatter is known the better the more they are; what they contradict each
-    # other in may be any of theirs.
-    return replace(between, covariance=found.covariance / count) if between.agree else between
+    heterogeneity = contradictions(uncertainty.alone, priors)
+    dissenters = dissenting(uncertainty.alone, priors)
+    between = _Between(heterogeneity.contradicted, dissenters, heterogeneity.covariance)
+    # The mean of n consistent recordings has 1/n of their scatter. Where they contradict each other, the
+    # value of any recording may be the true one.
+    return replace(between, covariance=heterogeneity.covariance / count) if between.agree else between
 
 
-def _bias(joint: JointObjective, results: Sequence[SearchResult], point: Array, seed: int) -> Array:
-    """Return how far the model's discrepancy, where it is known, leads a fit without correction, (d,)."""
+def _bias_of_estimate(
+    joint: JointObjective, results: Sequence[SearchResult], point: Array, seed: int
+) -> Array:
+    """Return the error (d,) of an uncorrected fit due to the known discrepancy of the model."""
     normals, gradients = list[Array](), list[Array]()
     for r, result in enumerate(results):
         rows = result.objective.channel_rows
@@ -189,50 +196,54 @@ def _bias(joint: JointObjective, results: Sequence[SearchResult], point: Array, 
     return np.asarray(joint.box.project(point - step) - point)
 
 
-def _recording(
+def _recording_entry(
     single: Diagnosis, alone: SearchResult, result: SearchResult, *, contradicts: bool
 ) -> JointRecording:
+    """Return the entry of one recording."""
     common = of_unit(single.nuisances)
-    own = rms(alone.compared_residual)
+    separate_rms = rms(alone.compared_residual)
     return JointRecording(
         name=single.recording,
         channels=single.channels,
         explained=single.explained,
         residual_rms_A=single.residual_rms_A,
         relative_residual=single.relative_residual,
-        misfit_ratio=single.residual_rms_A / max(own, np.finfo(float).tiny),
+        misfit_ratio=single.residual_rms_A / max(separate_rms, np.finfo(float).tiny),
         contradicts=contradicts,
         alone=tuple(result.objective.space.faults(alone.point).tolist()),
-        nuisances={name: one for name, one in single.nuisances.items() if name not in common},
+        nuisances={name: estimate for name, estimate in single.nuisances.items() if name not in common},
         load=single.load,
     )
 
 
-def _of_all(single: Sequence[Diagnosis], sentences: Callable[[Diagnosis], Sequence[str]]) -> tuple[str, ...]:
-    """Return sentences on all recordings once, then those on some, each with the name of its recording."""
+def _sentences_of_all(
+    single: Sequence[Diagnosis], of: Callable[[Diagnosis], Sequence[str]]
+) -> tuple[str, ...]:
+    """Return the sentences that all recordings share, then the others with the names of their recordings."""
     shared = [
-        sentence for sentence in sentences(single[0]) if all(sentence in sentences(one) for one in single)
+        sentence for sentence in of(single[0]) if all(sentence in of(diagnosis) for diagnosis in single)
     ]
-    some = [
-        _named(one, sentence, len(single))
-        for one in single
-        for sentence in sentences(one)
+    others = [
+        _with_recording_name(diagnosis, sentence, len(single))
+        for diagnosis in single
+        for sentence in of(diagnosis)
         if sentence not in shared
     ]
-    return (*shared, *some)
+    return (*shared, *others)
 
 
-def _named(diagnosis: Diagnosis, sentence: str, count: int) -> str:
-    """Return a sentence of one recording of `count`."""
+def _with_recording_name(diagnosis: Diagnosis, sentence: str, count: int) -> str:
+    """Return a sentence, preceded by the name of its recording if there are several."""
     return f"{diagnosis.recording}: {sentence}" if count > 1 else sentence
 
 
 def _undecided(estimate: Estimate) -> Estimate:
+    """Return an estimate as undecided because the recordings contradict each other."""
     return replace(estimate, verdict="cannot tell", reason=estimate.reason or CONTRADICTED)
 
 
 def _times_end_to_end(times: Sequence[Array]) -> Array:
-    """Return the times [s] of recordings, each beginning an interval after the end of the one before."""
+    """Return the times [s] of all recordings in sequence, one interval apart."""
     placed, offset = list[Array](), float(times[0][0])
     for time_s in times:
         placed.append(time_s - time_s[0] + offset)

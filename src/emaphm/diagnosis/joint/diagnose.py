@@ -1,4 +1,4 @@
-"""From several recordings of one unit to one diagnosis: common faults, and what is each recording's own."""
+"""Joint diagnosis of several recordings of one unit: common faults, and nuisances of each recording."""
 
 import time
 from collections.abc import Sequence
@@ -33,10 +33,10 @@ from emaphm.recording.sensor_checks import check_sensors
 from emaphm.simulation import AVERAGED
 
 STARTS = 3
-"""Points that the joint descent begins at: the best of what the recordings alone ask for, and their mean."""
+"""Number of starting points of the joint descent: the best of the separate estimates and their mean."""
 
 ALONE_SHARE = 0.6
-"""Share of the time that the searches of single recordings take."""
+"""Share of the progress bar for the separate searches."""
 
 
 @one_blas_thread()
@@ -52,36 +52,38 @@ def diagnose_joint(
 ) -> JointDiagnosis:
     """Return the faults of one unit that explain all its `recordings`, with their uncertainty.
 
-    The sensors of each are checked as those of one alone are, and rows that they spoilt are not compared.
-    The faults and the deviations from the actuator's baseline are common; nuisances, such as load and
-    temperature, are each recording's own, as are the channels. Where recordings scatter by more than their
-    errors, the covariance includes it; where they contradict each other, no component is called healthy or
-    degraded, and those that contradict the others are named.
+    The sensors of each recording are checked as in a single diagnosis, and unusable rows are not compared.
+    The faults and the deviations from the actuator's baseline are common; each recording has its own
+    channels and its own nuisances, such as load and temperature. If the estimates scatter by more than their
+    errors, the covariance includes this scatter; if recordings contradict each other, no component is called
+    healthy or degraded, and the recordings that contradict the others are named.
 
     Parameters
     ----------
     nuisances, max_corrections, seed, workers, on_progress
-        As for `emaphm.diagnose`. What deviates significantly from the description in one recording is
-        estimated of all; so is a law that the description lacks, but for a lag of the current sensors, which
-        is not looked for.
+        As for `emaphm.diagnose`. A nuisance that deviates significantly from the description in one
+        recording is estimated in all, and so is a law that the description lacks, except a lag of the
+        current sensors, which is not tested.
 
     Raises
     ------
     MethodError
-        There is no recording, they are of different units, one has no current, or a nuisance is unknown.
+        There is no recording, the recordings are of different units, a recording has no current, or a
+        nuisance is unknown.
     RecordingError
-        A recording cannot be of this actuator, by orders of magnitude, or too little of its current is left;
-        or two are the same, or one is no `Recording`.
+        The values of a recording differ from this actuator's by orders of magnitude, too few rows of its
+        current are usable, two recordings are the same, or one is no `Recording`.
     ActuatorError
         `actuator` is no `Actuator`.
     """
     began = time.perf_counter()
-    for one in recordings:
-        check_recording(one)
+    for recording in recordings:
+        check_recording(recording)
     check_actuator(actuator)
     _check(recordings, actuator)
     checked = [
-        with_channels_exchanged(check_sensors(one, actuator), actuator, AVERAGED) for one in recordings
+        with_channels_exchanged(check_sensors(recording, actuator), actuator, AVERAGED)
+        for recording in recordings
     ]
     searches = search_alone(
         checked,
@@ -91,39 +93,41 @@ def diagnose_joint(
         workers,
         subprogress(on_progress, 0.0, ALONE_SHARE),
     )
-    alone = searches.results
-    joint, point = _fitted(alone, workers)
+    separate_results = searches.results
+    joint, point = _fitted(separate_results, workers)
     if max_corrections:
         joint = joint.corrected([np.zeros_like(term.correction) for term in joint.terms])
     correcting = subprogress(on_progress, ALONE_SHARE, 0.95)
     estimate = corrected_estimate(joint, point, max_corrections, seed, correcting)
-    # Without correction the searches stop short of what each recording asks for: steps from the joint
-    # estimate show it.
-    separate = alone_estimates(alone, joint, seed) if estimate.corrected else None
-    known = joint_uncertainty(estimate, seed, alone=separate)
-    results = [with_discrepancy(one, seed) for one in _by_recording(estimate, known.point)]
+    # Without correction, the separate searches end before their optimum: steps from the joint estimate then
+    # give the separate estimates.
+    separate_estimates = alone_estimates(separate_results, joint, seed) if estimate.corrected else None
+    uncertainty = joint_uncertainty(estimate, seed, alone=separate_estimates)
+    results = [with_discrepancy(result, seed) for result in _by_recording(estimate, uncertainty.point)]
     single = [
         replace(
-            conclude(result, one.recording, METHOD, "least_squares", seed, tests=False),
+            conclude(result, check.recording, METHOD, "least_squares", seed, tests=False),
             selected=searches.selected,
-        ).with_sensor_faults(one.findings)
-        for result, one in zip(results, checked, strict=True)
+        ).with_sensor_faults(check.findings)
+        for result, check in zip(results, checked, strict=True)
     ]
-    joint_diagnosis = conclusion(alone, results, single, estimate, known, seed)
-    models = [one.objective.problem.runs.of(AVERAGED) for one in results]
+    diagnosis = conclusion(separate_results, results, single, estimate, uncertainty, seed)
+    runs = [result.objective.problem.runs.of(AVERAGED) for result in results]
     return replace(
-        joint_diagnosis.with_laws(searches.laws),
-        evaluations=sum(run for run, _ in models),
-        reference_runs=sum(run for _, run in models),
+        diagnosis.with_laws(searches.laws),
+        evaluations=sum(fitted for fitted, _ in runs),
+        reference_runs=sum(reference for _, reference in runs),
         seconds=time.perf_counter() - began,
     )
 
 
 def _check(recordings: Sequence[Recording], actuator: Actuator) -> None:
-    """Refuse recordings that cannot be of one unit, before the work."""
+    """Refuse recordings that cannot be of one unit, before any search."""
     if not recordings:
         raise MethodError("no recording to diagnose; give those of one unit")
-    serials = {str(one): recording for recording in recordings if (one := recording.labels.get("serial"))}
+    serials = {
+        str(serial): recording for recording in recordings if (serial := recording.labels.get("serial"))
+    }
     if len(serials) > 1:
         (first, recording), (second, other) = list(serials.items())[:2]
         raise MethodError(
@@ -136,32 +140,36 @@ def _check(recordings: Sequence[Recording], actuator: Actuator) -> None:
 
 
 def _fitted(alone: Sequence[SearchResult], workers: int | None) -> tuple[JointObjective, Array]:
-    """Return the joint objective, corrected as each recording alone is, and where its descent ends (d,)."""
+    """Return the joint objective with the corrections of the separate searches, and its fitted point (d,)."""
     space = alone[0].objective.space
     unit = space.nuisances.unit
     shared = len(space.columns) + unit.priors.size
-    terms = tuple(RecordingTerm(one.objective, shared, one.outputs_correction) for one in alone)
+    terms = tuple(
+        RecordingTerm(separate.objective, shared, separate.outputs_correction) for separate in alone
+    )
     joint = JointObjective(terms, unit, MULTISTART.fine.step, workers)
     point = np.zeros(joint.box.lower.size)
-    for index, one in zip(joint.indices, alone, strict=True):
-        point[index] = one.point
+    for index, separate in zip(joint.indices, alone, strict=True):
+        point[index] = separate.point
     starts = np.tile(point, (len(alone) + 1, 1))
-    asked = np.array([one.point[term.shared_places] for one, term in zip(alone, terms, strict=True)])
-    starts[:, : joint.shared] = [*asked, asked.mean(axis=0)]
-    costs = np.array([one.cost for one in joint.evaluate(joint.box.project(starts))])
+    shared_values = np.array(
+        [separate.point[term.shared_places] for separate, term in zip(alone, terms, strict=True)]
+    )
+    starts[:, : joint.shared] = [*shared_values, shared_values.mean(axis=0)]
+    costs = np.array([separate.cost for separate in joint.evaluate(joint.box.project(starts))])
     best = np.argsort(costs, kind="stable")[:STARTS]
     return joint, descend(joint, starts[best], joint.box, MULTISTART.fine).best
 
 
 def _by_recording(estimate: JointEstimate, point: Array) -> list[SearchResult]:
-    """Return the joint estimate as each recording's own result, with its discrepancy."""
+    """Return the joint estimate as a result of each recording, with its discrepancy."""
     joint, corrected = estimate.joint, estimate.corrected
     return [
         SearchResult.at(
             term.objective,
             joint.local(r, point),
-            correction=known.mean if corrected else term.correction,
-            discrepancy=known if corrected else None,
+            correction=discrepancy.mean if corrected else term.correction,
+            discrepancy=discrepancy if corrected else None,
         )
-        for r, (term, known) in enumerate(zip(joint.terms, estimate.discrepancies, strict=True))
+        for r, (term, discrepancy) in enumerate(zip(joint.terms, estimate.discrepancies, strict=True))
     ]

@@ -1,4 +1,4 @@
-"""The result of a joint diagnosis: the faults of one unit, and what each of its recordings says of them."""
+"""The result of a joint diagnosis: faults of one unit, and the fit of each of its recordings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,23 +18,23 @@ class JointRecording:
     Attributes
     ----------
     name
-        Of the file.
+        Name of the file.
     channels
-        What was compared.
+        Channels that were compared with the model.
     explained
-        Whether its residual under the common faults is no more than noise and model account for.
+        Whether the estimate with the common faults explains this recording.
     residual_rms_A, relative_residual
-        Of recorded less modelled current [A], and as a fraction of the recorded current's rms.
+        Rms of the recorded less the modelled current [A], and as a fraction of the recorded current's rms.
     misfit_ratio
-        Its rms residual under the common faults over that of its own best fit.
+        Ratio of the rms residual with the common faults to the rms residual of the separate fit.
     contradicts
-        Whether the faults that it alone asks for contradict those of the others.
+        Whether the separate estimate of this recording contradicts the others.
     alone
-        The faults (8,) that it alone asks for.
+        The faults (8,) of the separate estimate.
     nuisances
-        What was estimated of this recording.
+        Nuisances of this recording.
     load
-        The load over the recording, where it is estimated as one that varies.
+        The load over the recording; None if it was not estimated as varying.
     """
 
     name: str
@@ -59,17 +59,17 @@ class JointRecording:
             "misfit_ratio": self.misfit_ratio,
             "contradicts": self.contradicts,
             "k_alone": list(self.alone),
-            "nuisances": {name: one.to_dict() for name, one in self.nuisances.items()},
+            "nuisances": {name: estimate.to_dict() for name, estimate in self.nuisances.items()},
         }
 
     @property
     def row(self) -> tuple[str, ...]:
-        """The recording's row of text."""
-        varying = [f"load {self.load}"] if self.load else []
-        others = [
-            f"{name} {one}"
-            for name, one in self.nuisances.items()
-            if one.known and not (self.load and is_of_load(name))
+        """The recording's row of the text table."""
+        load_text = [f"load {self.load}"] if self.load else []
+        nuisance_texts = [
+            f"{name} {estimate}"
+            for name, estimate in self.nuisances.items()
+            if estimate.known and not (self.load and is_of_load(name))
         ]
         return (
             self.name,
@@ -77,20 +77,20 @@ class JointRecording:
             f"{100 * self.relative_residual:.1f} %",
             f"{self.misfit_ratio:.2f}",
             "yes" if self.contradicts else "no",
-            ", ".join([*varying, *others]),
+            ", ".join([*load_text, *nuisance_texts]),
         )
 
 
-HEADER = ("recording", "explained", "residual", "of its own fit's", "contradicts the others", "nuisances")
+HEADER = ("recording", "explained", "residual", "ratio to own fit", "contradicts the others", "nuisances")
 
 
 @dataclass(frozen=True, eq=False)
 class JointDiagnosis(Diagnosis):
     """The faults of one unit that explain all its recordings.
 
-    As `Diagnosis`: signals are those of the recordings end to end, `covariance` and `nuisances` those of what
-    the recordings share. `recordings` has what is each one's own; `contradicted` names the faults in which
-    they differ by more than their errors.
+    As `Diagnosis`: the signals of all recordings follow each other, `covariance` and `nuisances` are those of
+    the common parameters. `recordings` has the results of each recording; `contradicted` names the faults in
+    which recordings differ by more than their errors.
     """
 
     recordings: tuple[JointRecording, ...] = ()
@@ -99,31 +99,31 @@ class JointDiagnosis(Diagnosis):
     @property
     def contradicting(self) -> tuple[str, ...]:
         """The recordings that contradict the others."""
-        return tuple(one.name for one in self.recordings if one.contradicts)
+        return tuple(recording.name for recording in self.recordings if recording.contradicts)
 
     @property
     def subject(self) -> str:
-        """What was diagnosed, in words."""
+        """Words for the diagnosed data in sentences."""
         return f"the {len(self.recordings)} recordings"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `emaphm diagnose --joint --json` prints, ready for `json.dumps`."""
+        """Return the content of `emaphm diagnose --joint --json`, ready for `json.dumps`."""
         return {
             **super().to_dict(),
             "contradicted": list(self.contradicted),
-            "recordings": [one.to_dict() for one in self.recordings],
+            "recordings": [recording.to_dict() for recording in self.recordings],
         }
 
     def notes(self) -> list[str]:
-        """Return what a reader must know with the table, a line each."""
+        """Return the notes on the table, one line each."""
         lines = super().notes()
-        if all(one.explained for one in self.recordings):
+        if all(recording.explained for recording in self.recordings):
             lines = [line for line in lines if line != NOT_EXPLAINED]
         if self.contradicting:
             lines.append(
                 f"Contradicting the others: {', '.join(self.contradicting)}. Either the unit has changed "
-                "between the recordings, or these are of another unit, or a channel of theirs is reversed or "
-                "not in the unit described: diagnose them alone, and the others without them."
+                "between the recordings, or these recordings are of another unit, or one of their channels "
+                "is reversed or not in the described unit: diagnose them alone, and the others without them."
             )
         elif self.contradicted:
             lines.append(
@@ -133,6 +133,6 @@ class JointDiagnosis(Diagnosis):
         return lines
 
     def __str__(self) -> str:
-        """Return what `emaphm diagnose --joint` prints."""
-        rows = [one.row for one in self.recordings]
+        """Return the text output of `emaphm diagnose --joint`."""
+        rows = [recording.row for recording in self.recordings]
         return f"{super().__str__()}\n\n{format_table(HEADER, rows)}"

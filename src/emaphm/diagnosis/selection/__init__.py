@@ -1,1 +1,1 @@
-"""What is estimated though nobody asked: nuisances, errors of sensors, laws."""
+"""Selection of nuisances, sensor errors, laws and parameters that are estimated without a request."""

@@ -1,10 +1,10 @@
-"""Gains of the drive's control loops that are not as described, and parts that the description lacks.
+"""Gains of the drive's control loops that deviate from the description, and missing parts of the control.
 
-Drives have them in units of their own, tune them by themselves, or keep them to themselves. The current then
-answers to its demand, or the demand to the speed, sooner or later than the model's. Where that is large the
-residual exceeds what is expected, and all gains are asked for at once. Where it is small the faults take it
-up: of the current's control the residual shows that by its direction (Rao 1948: a score test); of the
-speed's, `description_errors` asks for what makes up for it.
+Drives have gains in their own units, tune them automatically, or do not disclose them. The current then
+responds to its demand, or the demand to the speed, faster or slower than in the model. If this deviation is
+large, the residual exceeds the expected size, and all gains are estimated together. If it is small, faults
+compensate for it. A score test (Rao 1948) detects this for the gains of the current control; for those of the
+speed control, `description_errors` tests the nuisances that compensate for them.
 """
 
 from collections.abc import Sequence
@@ -28,6 +28,8 @@ from emaphm.random_streams import stream
 from emaphm.threads import in_threads
 
 LIKE_A_DELAY = ("command-lag", "feedforward")
+"""Laws with an effect similar to late, or early, channels."""
+
 CONTROL_LAWS = ("speed-integral", "position-integral", *LIKE_A_DELAY)
 """Parts of the control that a description may lack."""
 
@@ -35,39 +37,40 @@ CONTROL = (*SPEED_CONTROL, *CURRENT_CONTROL)
 
 
 def as_described(objective: MapObjective, names: Sequence[str]) -> tuple[str, ...]:
-    """Return those of the control's parameters `names` that rest on the description alone."""
+    """Return the parameters among `names` that the drive has and that are neither free nor calibrated."""
     actuator, known = objective.problem.actuator, not_as_described(objective)
     return tuple(name for name in names if name not in known and any(described_parts(actuator, name) or ()))
 
 
 def with_control_errors(searched: SearchResult, settings: SearchSettings) -> SearchResult:
-    """Return the estimate with gains of the control free, where the recording shows that they are off.
+    """Return the estimate with gains of the control free, if the recording indicates that they deviate.
 
-    Where its residual is expected, those of the current control that it shows; where it is not, all. They
-    must leave clearly less than `searched`, which is returned as it is elsewhere; and than the search without
-    them from where they lead, which is returned where it has only found its way better.
+    If the residual of `searched` is expected, the gains of the current control are tested; otherwise all
+    gains. Their estimate must have a clearly smaller residual than `searched`, and than the search without
+    them from its end point. If only that repeated search explains the recording, its result is returned;
+    otherwise `searched`.
     """
-    names, least = _asked_for(searched, settings.seed)
+    names, largest_share = _suspected_gains(searched, settings.seed)
     if not names:
         return searched
-    found = with_free(searched, names, settings)
-    if not found.residual_is_expected:
-        least = 0.0 if searched.residual_is_expected else CONTROL_ERRORS.excess_share
-    if share_of_residual(found, searched) >= least or _may_be_another_gear(found):
+    freed = with_free(searched, names, settings)
+    if not freed.residual_is_expected:
+        largest_share = 0.0 if searched.residual_is_expected else CONTROL_ERRORS.excess_share
+    if share_of_residual(freed, searched) >= largest_share or _may_be_another_gear(freed):
         return searched
-    back = without_law(found, searched, settings)
-    if share_of_residual(found, back) < least:
-        return found
-    return back if back.residual_is_expected else searched
+    repeated = without_law(freed, searched, settings)
+    if share_of_residual(freed, repeated) < largest_share:
+        return freed
+    return repeated if repeated.residual_is_expected else searched
 
 
 def with_control_law(searched: SearchResult, found: Selection, settings: SearchSettings) -> Selection | None:
-    """Return the estimate with a law of the control from that `searched` without one.
+    """Return the estimate with a law of the control, from the estimate `searched` without one; or None.
 
-    `found` has the nuisances that were selected without laws. Where they do not explain the recording, the
-    law is returned that leaves least, if that is no more than noise: other laws are tried elsewhere, and
-    compared with it. A command that lags looks like channels that come late, a feedforward like early ones:
-    where a delay was selected that explains the recording, only these two are tried.
+    `found` contains the nuisances that were selected without laws. If they do not explain the recording, the
+    law with the smallest residual is returned, if its residual is no more than noise: other laws are tested
+    elsewhere and compared with it. A lag of the command has an effect similar to late channels, a feedforward
+    to early channels: if a delay was selected that explains the recording, only these two laws are tested.
     """
     laws = (
         CONTROL_LAWS
@@ -77,59 +80,59 @@ def with_control_law(searched: SearchResult, found: Selection, settings: SearchS
         else ()
     )
     possible = [name for name in laws if LAWS[name].is_possible(searched.objective.problem.actuator)]
-    tried = in_threads(
+    estimates = in_threads(
         lambda name: search_with_law(searched, name, settings),
         possible,
         searched.objective.problem.workers,
     )
-    convincing = {
-        name: one
-        for name, one in zip(possible, tried, strict=True)
-        if one.residual_is_expected and one.normalised_residual < CONTROL_ERRORS.convincing
+    accepted = {
+        name: estimate
+        for name, estimate in zip(possible, estimates, strict=True)
+        if estimate.residual_is_expected and estimate.normalised_residual < CONTROL_ERRORS.convincing
     }
-    if not convincing:
+    if not accepted:
         return None
-    name = min(convincing, key=lambda one: convincing[one].residual_variance)
-    return Selection(convincing[name], laws=(name,))
+    name = min(accepted, key=lambda law: accepted[law].residual_variance)
+    return Selection(accepted[name], laws=(name,))
 
 
 def contradicted_control(result: SearchResult, seed: int) -> tuple[str, ...]:
-    """Return the gains of the current control if the residual shows one of them to be off."""
-    return _shown(result, seed)[0]
+    """Return the gains of the current control if the score test indicates a deviation of one; else none."""
+    return _gains_by_score(result, seed)[0]
 
 
-def _may_be_another_gear(found: SearchResult) -> bool:
-    """Return whether another gear ratio is as likely as the speed gain that was estimated.
+def _may_be_another_gear(estimate: SearchResult) -> bool:
+    """Return whether another gear ratio is as likely as the estimated speed gain.
 
-    With c times the gear ratio, a current is as before where the speed gain is c times as large, and the
-    position gain, the torque constant and the friction 1 / c times: shorts and a lower friction make up for
-    that. The line voltage and the motion do not.
+    From the current alone, c times the gear ratio has the same effect as c times the speed gain and 1 / c of
+    position gain, torque constant and friction, for which shorts and a lower friction compensate. Line
+    voltage and motion separate the two.
     """
-    values = found.objective.space.nuisance_values(found.point[np.newaxis])
-    off = float(np.abs(values.get(BASELINE + SPEED_CONTROL[0], np.zeros(1)))[0])
-    return len(found.objective.problem.channels) == 1 and off > CONTROL_ERRORS.most_alone
+    values = estimate.objective.space.nuisance_values(estimate.point[np.newaxis])
+    deviation = float(np.abs(values.get(BASELINE + SPEED_CONTROL[0], np.zeros(1)))[0])
+    return len(estimate.objective.problem.channels) == 1 and deviation > CONTROL_ERRORS.most_alone
 
 
-def _asked_for(searched: SearchResult, seed: int) -> tuple[tuple[str, ...], float]:
-    """Return the gains that are asked for, and what share of the residual they may leave."""
+def _suspected_gains(searched: SearchResult, seed: int) -> tuple[tuple[str, ...], float]:
+    """Return the gains to estimate, and the largest share of the residual with which they are kept."""
     if not searched.residual_is_expected:
         return as_described(searched.objective, CONTROL), SELECTION.likely_share
-    names, score = _shown(searched, seed)
+    names, score = _gains_by_score(searched, seed)
     return names, 1.0 if score > CONTROL_ERRORS.certain else SELECTION.likely_share
 
 
-def _shown(result: SearchResult, seed: int) -> tuple[tuple[str, ...], float]:
-    """Return the gains of the current control if the residual shows one of them to be off, and the score."""
+def _gains_by_score(result: SearchResult, seed: int) -> tuple[tuple[str, ...], float]:
+    """Return the gains of the current control if the score test indicates a deviation, and the score."""
     names = as_described(result.objective, CURRENT_CONTROL)
-    score = _score(result, names, seed) if names else 0.0
+    score = _largest_score(result, names, seed) if names else 0.0
     return names if score > CONTROL_ERRORS.likely else (), score
 
 
-def _score(result: SearchResult, names: tuple[str, ...], seed: int) -> float:
-    """Return by how many standard errors the residual shows one of `names` to be off: the largest.
+def _largest_score(result: SearchResult, names: tuple[str, ...], seed: int) -> float:
+    """Return the largest deviation of the parameters `names`, in standard errors, by a score test.
 
-    0 where none is off by as much as is asked for, and for a unit whose model error was learned: what is left
-    of its recordings has directions of its own.
+    Deviations below `CONTROL_ERRORS.least` count as 0, and so do all of a unit whose model error was learned:
+    its residuals may have the direction of a gain.
     """
     objective, step = result.objective, CONTROL_ERRORS.step
     learned = objective.problem.actuator.model_error

@@ -1,15 +1,16 @@
-"""Parameters of the description that are off, although faults or sensors make up for them.
+"""Parameters of the description that deviate although faults or sensor errors compensate for them.
 
-Two kinds show in an estimate whose residual is expected.
+Two kinds are detectable in an estimate whose residual is expected.
 
-- The motion of a drive stays as it is where the gain of its speed loop, all torques and the inertia change by
-  one factor: the current changes by it. So a speed gain that is a tenth off reads as a current of another
-  scale, an inertia and a friction. One parameter that is off is likelier than a sensor and the inertia, or
-  two sensors, at once.
-- Shorts of all phases lower the torque constant by a share, the resistance by the same one, the inductance by
-  twice that. So they take up a torque constant that is off, and leave an inductance that contradicts it: the
-  residual's regression on the derivative by the inductance shows it (a score test, Rao 1948). Which of the
-  motor's parameters are off does not show: all are estimated, and intervals of shorts are as wide as that.
+- If the gain of the speed loop, all torques and the inertia change by one factor, the motion is unchanged and
+  the current changes by this factor. A speed gain that deviates by a tenth therefore appears as another scale
+  of the current, another inertia and another friction. A deviation of one parameter is more probable than
+  simultaneous deviations of a sensor and the inertia, or of two sensors.
+- Shorts of all phases by a small share reduce torque constant and resistance by this share, and the
+  inductance by twice as much. They compensate for a wrong torque constant, but then the inductance
+  contradicts them: the residual is regressed on the derivative with respect to the inductance (a score test,
+  Rao 1948). Which parameter of the motor deviates is not identifiable: all are estimated, and the intervals
+  of the shorts are correspondingly wide.
 """
 
 from collections.abc import Sequence
@@ -42,15 +43,16 @@ from emaphm.random_streams import stream
 SPEED_LOOP = ("speed_gain",)
 INDUCTANCE = "inductance"
 
-MADE_UP_BY, OF_THE_CLOCK = (INERTIA, "current_scale", "voltage_scale"), ("position_scale", "speed_scale")
-"""Nuisances of which two together may be a speed gain; and those that say rather that times are wrong."""
+COMPENSATING, OF_TIME_AXIS = (INERTIA, "current_scale", "voltage_scale"), ("position_scale", "speed_scale")
+"""Nuisances of which two together indicate a speed gain; and nuisances that indicate a wrong time axis."""
 
 
 @dataclass(frozen=True)
 class PossibleError:
-    """Parameters of the description that are asked for together.
+    """Parameters of the description that are estimated together.
 
-    Whether one is `certain` to be off, and nuisances that they would be `instead_of`: none of these is left.
+    `certain`: whether a deviation is certain. `instead_of`: nuisances that the parameters replace; the
+    parameters are kept only if none of these is selected with them.
     """
 
     parameters: tuple[str, ...]
@@ -59,72 +61,72 @@ class PossibleError:
 
 
 def possible_errors(result: SearchResult, names: Sequence[str], seed: int) -> list[PossibleError]:
-    """Return what may be off where the residual of `result` is expected.
+    """Return the parameters that may deviate although the residual of `result` is expected.
 
-    `names` are the nuisances that were selected for it. Not asked for is what the actuator does not have,
-    what a calibration has found, and what is open anyway; nor the motor where a phase is healthy and no
-    inertia or scale was selected: nothing has taken up a torque constant then.
+    `names` are the nuisances that were selected for it. Parameters that the actuator does not have, or that
+    are calibrated or free already, are omitted. So is the motor if a phase is healthy and no inertia or scale
+    was selected: then nothing has compensated for a torque constant.
     """
-    actuator, known = result.objective.problem.actuator, not_as_described(result.objective)
+    actuator, not_described = result.objective.problem.actuator, not_as_described(result.objective)
 
     def possible(parameters: tuple[str, ...]) -> bool:
         described = all(described_parts(actuator, name) is not None for name in parameters)
-        return described and not set(parameters) & set(known)
+        return described and not set(parameters) & set(not_described)
 
-    if set(names) & set(OF_THE_CLOCK):
+    if set(names) & set(OF_TIME_AXIS):
         return []
-    found = []
-    if len(set(names) & set(MADE_UP_BY)) > 1 and possible(SPEED_LOOP):
-        found.append(PossibleError(SPEED_LOOP, instead_of=MADE_UP_BY))
-    if possible(MOTOR) and (set(names) & set(MADE_UP_BY) or _all_shorted(result)):
+    errors = []
+    if len(set(names) & set(COMPENSATING)) > 1 and possible(SPEED_LOOP):
+        errors.append(PossibleError(SPEED_LOOP, instead_of=COMPENSATING))
+    if possible(MOTOR) and (set(names) & set(COMPENSATING) or _all_shorted(result)):
         score = inductance_score(result, seed)
         if score > DESCRIPTION_ERRORS.likely:
-            found.append(PossibleError(MOTOR, score > DESCRIPTION_ERRORS.certain))
-    return found
+            errors.append(PossibleError(MOTOR, score > DESCRIPTION_ERRORS.certain))
+    return errors
 
 
 def not_as_described(objective: MapObjective) -> tuple[str, ...]:
-    """Return the parameters that do not rest on the description alone: those open, and those calibrated."""
+    """Return the parameters that do not rest on the description alone: free and calibrated parameters."""
     baseline = objective.problem.actuator.baseline
     return (*objective.space.nuisances.parameters, *(baseline.names if baseline else ()))
 
 
 def _all_shorted(result: SearchResult) -> bool:
-    """Return whether all phases seem to have a short."""
+    """Return whether the estimate has a short in all phases."""
     faults = result.objective.space.faults(result.point)
     return all(faults[NAMES.index(name)] > VERDICT.healthy_margin for name in SHORTS)
 
 
 def inductance_score(result: SearchResult, seed: int) -> float:
-    """Return by how many standard errors the residual shows another inductance than described.
+    """Return the deviation of the inductance from its description, in standard errors, by a score test.
 
-    0 where it is off by less than what is asked for.
+    0 if the deviation is below `DESCRIPTION_ERRORS.least`.
     """
     objective = result.objective
     jacobians = jacobians_of(result, stream(seed, "Jacobians of the description"))
     extended = objective_with(objective, (INDUCTANCE,))
     point = extended.space.carried_over(result.point, objective.space)
-    ends = np.tile(point, (2, 1))
-    ends[:, -1] = -DESCRIPTION_ERRORS.step, DESCRIPTION_ERRORS.step
-    low, high = extended.outputs(ends)[:, : objective.channel_rows]
+    points = np.tile(point, (2, 1))
+    points[:, -1] = -DESCRIPTION_ERRORS.step, DESCRIPTION_ERRORS.step
+    low, high = extended.outputs(points)[:, : objective.channel_rows]
     derivative = (high - low) / (2 * DESCRIPTION_ERRORS.step)
     size, error = size_of_one(result, jacobians, derivative)
     return abs(size) / error if abs(size) > DESCRIPTION_ERRORS.least else 0.0
 
 
 def with_free(searched: SearchResult, parameters: tuple[str, ...], settings: SearchSettings) -> SearchResult:
-    """Return the estimate with `parameters` of the description free, from that `searched` without them."""
+    """Return the estimate with `parameters` of the description free, from the estimate `searched` without."""
     child = settings.child("error of the description", *parameters)
     objective = objective_with(searched.objective, parameters)
     return Fit.of(searched, objective, parameters[0], child).corrected(child)
 
 
 def suspected_parameters(result: SearchResult) -> tuple[str, ...]:
-    """Return the names, among the quantities of `result`, of parameters that were estimated unasked."""
+    """Return the names, as quantities of `result`, of parameters that were estimated without a request."""
     actuator, parameters = result.objective.problem.actuator, result.objective.space.nuisances.parameters
-    asked = ParameterVariation.of_unit(actuator).parameters
+    requested = ParameterVariation.of_unit(actuator).parameters
     suspects = (*SPEED_CONTROL, *MOTOR, ROTOR_ZERO, *CURRENT_CONTROL)
-    return tuple(BASELINE + name for name in suspects if name in parameters and name not in asked)
+    return tuple(BASELINE + name for name in suspects if name in parameters and name not in requested)
 
 
 def objective_with(objective: MapObjective, parameters: tuple[str, ...]) -> MapObjective:

@@ -1,4 +1,4 @@
-"""How the actuator and its sensors deviate from the description: nuisances and laws that nobody named."""
+"""Selection of all deviations of actuator and sensors from the description."""
 
 from dataclasses import replace
 
@@ -32,18 +32,19 @@ def select_deviations(
     moves: bool,
     on_progress: Progress | None = None,
 ) -> Selection:
-    """Return the estimate with all that deviates significantly estimated too, and the names of that.
+    """Return the estimate with all significant deviations estimated, and their names.
 
-    Gains of the control first, then nuisances; laws where they do not explain the recording, where the ripple
-    shows a lag, or where the residual shows a law that hides; parameters of the description where there is no
-    law. Standing, an actuator shows no law of its motion: none is tried unless it `moves`. Nor of a drive
-    that does not switch: the few percent that are left of any machine are like laws. Where the residual
-    exceeds what is expected at first, a load that varies is a rival of all these; of laws only where noise
-    does not account for what it leaves.
+    Gains of the control are tested first, then nuisances. Laws are tested if these do not explain the
+    recording, if the ripple indicates a lag, or if the residual indicates a hidden law; parameters of the
+    description if no law was selected. If the residual exceeds the expected size at first, a varying load
+    competes with all other deviations, except laws if its residual is no more than noise.
+
+    Only nuisances are tested if the actuator does not move, because laws are then not identifiable, or if its
+    drive does not switch, because the residual of a few percent that remains for any machine resembles laws.
     """
     if not searched.residual_is_expected:
-        of_all_phases = over_all_phases(searched, settings.seed)
-        searched = of_all_phases if of_all_phases.residual_is_expected else searched
+        all_phases = over_all_phases(searched, settings.seed)
+        searched = all_phases if all_phases.residual_is_expected else searched
     if not (moves and resolves_switching(searched.objective.problem)):
         return select_nuisances(searched, settings)
     report = on_progress or (lambda _: None)
@@ -52,12 +53,12 @@ def select_deviations(
     loaded = None if searched.residual_is_expected else with_varying_load(searched, settings)
     convincing = loaded is not None and is_convincing(loaded.result)
     on_progress = subprogress(on_progress, 0.1, 1.0 if loaded is None else 0.5)
-    alone = _selection(searched, settings, on_progress, laws=not convincing)
+    without_load = _selection(searched, settings, on_progress, laws=not convincing)
     if loaded is None:
-        return alone
+        return without_load
     with_load = _selection(loaded.result, settings)
-    if not explains_better(with_load.result, alone.result):
-        return alone
+    if not explains_better(with_load.result, without_load.result):
+        return without_load
     return replace(with_load, nuisances=(*loaded.nuisances, *with_load.nuisances))
 
 
@@ -68,37 +69,37 @@ def _selection(
     *,
     laws: bool = True,
 ) -> Selection:
-    """Return `select_deviations` of an actuator that moves, but for its load; with `laws` or without."""
+    """Return `select_deviations` of a moving actuator, without a varying load; with or without `laws`."""
     report = on_progress or (lambda _: None)
-    turned, found = _with_rotor_zero(searched, settings)
+    with_zero, selected = _with_rotor_zero(searched, settings)
     report(0.4)
-    if not (laws or found.result.residual_is_expected):
-        return found
-    controlled = with_control_law(searched, found, settings) if laws else None
+    if not (laws or selected.result.residual_is_expected):
+        return selected
+    controlled = with_control_law(searched, selected, settings) if laws else None
     report(0.5)
     if controlled is not None:
         with_law = controlled.result
-        share = share_of_residual(with_law, found.result)
-        if share < SELECTION.likely_share or not found.result.residual_is_expected:
+        share = share_of_residual(with_law, selected.result)
+        if share < SELECTION.likely_share or not selected.result.residual_is_expected:
             selection = _with_nuisances(with_law, controlled.laws, settings)
             return _with_hidden_laws(with_law, selection, settings)
-        if share < 1 / SELECTION.likely_share:  # either may be it
-            found = found.with_alternatives((*found.result.alternatives, with_law))
-    if turned is not searched:
-        sensed = with_hall_angles(searched, found.result, settings)
-        if sensed is not None:
-            selection = _with_nuisances(sensed, (HALL_ANGLES,), settings)
-            return _with_hidden_laws(sensed, selection, settings)
-    selection = select_laws_in_motion(turned, found, settings)
-    if selection.laws or not found.result.residual_is_expected:
+        if share < 1 / SELECTION.likely_share:  # equally good: intervals cover both
+            selected = selected.with_alternatives((*selected.result.alternatives, with_law))
+    if with_zero is not searched:
+        with_hall_law = with_hall_angles(searched, selected.result, settings)
+        if with_hall_law is not None:
+            selection = _with_nuisances(with_hall_law, (HALL_ANGLES,), settings)
+            return _with_hidden_laws(with_hall_law, selection, settings)
+    selection = select_laws_in_motion(with_zero, selected, settings)
+    if selection.laws or not selected.result.residual_is_expected:
         return selection
-    return with_description_error(turned, selection, settings)
+    return with_description_error(with_zero, selection, settings)
 
 
 def select_laws_in_motion(searched: SearchResult, found: Selection, settings: SearchSettings) -> Selection:
-    """Return the estimate with the laws that an actuator in motion shows, from that `searched` without them.
+    """Return the estimate of a moving actuator with the selected laws, and nuisances selected with them.
 
-    And its nuisances; `found` has those that were selected without laws.
+    `searched` is the estimate without laws, `found` the selection of nuisances without laws.
     """
     result = found.result
     if not result.residual_is_expected:
@@ -114,37 +115,41 @@ def select_laws_in_motion(searched: SearchResult, found: Selection, settings: Se
 
 
 def _with_rotor_zero(searched: SearchResult, settings: SearchSettings) -> tuple[SearchResult, Selection]:
-    """Return the estimate, with the rotor's zero where the recording shows another, and its nuisances.
+    """Return the estimate, with the rotor's zero free if the recording indicates a deviation, and nuisances.
 
-    A zero that needs nuisances too is kept only if it leaves clearly less than they do without it.
+    If nuisances are selected with the zero, it is kept only if the residual is clearly smaller than with the
+    nuisances that are selected without it.
     """
-    turned = with_rotor_zero(searched, settings)
-    found = select_nuisances(turned, settings)
-    if turned is searched or not found.nuisances:
-        return turned, found
+    with_zero = with_rotor_zero(searched, settings)
+    selection = select_nuisances(with_zero, settings)
+    if with_zero is searched or not selection.nuisances:
+        return with_zero, selection
     without_zero = select_nuisances(searched, settings)
-    if share_of_residual(found.result, without_zero.result) < SELECTION.likely_share:
-        return turned, found
+    if share_of_residual(selection.result, without_zero.result) < SELECTION.likely_share:
+        return with_zero, selection
     return searched, without_zero
 
 
 def with_hall_angles(
     searched: SearchResult, turned: SearchResult, settings: SearchSettings
 ) -> SearchResult | None:
-    """Return the estimate with Hall sensors out of place, from that `searched`, if it leaves clearly less.
+    """Return the estimate with displaced Hall sensors if its residual is clearly smaller; else None.
 
-    Than that with another zero of the rotor, `turned`: both move the commutation, but only with the sensors
-    out of place does a phase conduct outside the flat of its back-EMF.
+    It is compared with the estimate `turned` with another zero of the rotor: both shift the commutation, but
+    only with displaced sensors does a phase conduct outside the flat of its back-EMF. `searched` is the
+    estimate without either.
     """
     if not LAWS[HALL_ANGLES].is_possible(searched.objective.problem.actuator):
         return None
-    sensed = search_with_law(searched, HALL_ANGLES, settings)
-    leaves_less = sensed.residual_is_expected and share_of_residual(sensed, turned) < SELECTION.likely_share
-    return sensed if leaves_less else None
+    with_law = search_with_law(searched, HALL_ANGLES, settings)
+    has_smaller_residual = (
+        with_law.residual_is_expected and share_of_residual(with_law, turned) < SELECTION.likely_share
+    )
+    return with_law if has_smaller_residual else None
 
 
 def _with_lag(searched: SearchResult, before: SearchResult, settings: SearchSettings) -> Selection | None:
-    """Return the estimate with a lag of the current sensors if it leaves clearly less of the ripple."""
+    """Return the estimate with a lag of the current sensors if the ripple's residual is clearly smaller."""
     lagging = with_sensor_lag(searched, before, settings)
     if lagging is None:
         return None
@@ -153,44 +158,47 @@ def _with_lag(searched: SearchResult, before: SearchResult, settings: SearchSett
 
 
 def _with_hidden_laws(searched: SearchResult, before: Selection, settings: SearchSettings) -> Selection:
-    """Return the estimate with the laws whose scores show them, while they leave clearly less.
+    """Return the estimate with the laws that have significant scores and a clearly smaller residual.
 
-    Or less, with fewer nuisances than were selected without: several make up for a small law. A law that has
-    no effect where its parameters are 0 has one of them significant. Where a score is certain and the law
-    leaves as much, either may be it: the estimate with it is an alternative.
+    If the score is certain, or fewer nuisances are needed with the law, a smaller residual is enough: several
+    nuisances can compensate for a small law. A law that has no effect with its parameters at 0 must have a
+    significant parameter. If the score is certain and the residual is equal, the estimate with the law is
+    added to the alternatives.
     """
-    best, base = before, searched
+    best, start = before, searched
     while True:
         rivals = list[tuple[Selection, SearchResult, bool]]()
         for name, score in suspected_laws(best.result, settings.seed).items():
-            with_law = search_with_law(base, name, settings)
-            back = without_law(with_law, base, settings)
-            if share_of_residual(back, best.result) < SELECTION.likely_share:
-                # The law has led the search out of a place where it was held, and is perhaps not there.
-                base, best = back, _with_nuisances(back, best.laws, settings)
+            with_law = search_with_law(start, name, settings)
+            repeated = without_law(with_law, start, settings)
+            if share_of_residual(repeated, best.result) < SELECTION.likely_share:
+                # The law has led the search out of a local minimum, and may not be present.
+                start, best = repeated, _with_nuisances(repeated, best.laws, settings)
             rival = _with_nuisances(with_law, (*best.laws, name), settings)
             if acts(rival.result, LAWS[name], settings.seed):
                 rivals.append((rival, with_law, score.is_beyond(HIDDEN_LAWS.certain)))
-        # Next to the best without them, which one of the laws may have led to.
-        better, as_good = [], []
+        # The comparison is with the best estimate without the laws, which a law may have led to.
+        better, alternatives = [], []
         for rival, with_law, certain in rivals:
-            as_little = certain or len(rival.nuisances) < len(best.nuisances)
+            is_favoured = certain or len(rival.nuisances) < len(best.nuisances)
             share = share_of_residual(rival.result, best.result)
-            if share < (1.0 if as_little else SELECTION.likely_share):
+            if share < (1.0 if is_favoured else SELECTION.likely_share):
                 better.append((share, rival, with_law))
             elif certain and rival.result.residual_is_expected and share < SELECTION.equal_share:
-                as_good.append(rival.result)
+                alternatives.append(rival.result)
         if not better:
-            # What has no further alternatives keeps what it has computed.
-            return best.with_alternatives((*best.result.alternatives, *as_good)) if as_good else best
-        _, best, base = min(better, key=lambda one: one[0])
+            # Without further alternatives, the result is unchanged and keeps its cached properties.
+            return (
+                best.with_alternatives((*best.result.alternatives, *alternatives)) if alternatives else best
+            )
+        _, best, start = min(better, key=lambda entry: entry[0])
 
 
 def with_description_error(searched: SearchResult, before: Selection, settings: SearchSettings) -> Selection:
-    """Return the estimate with parameters of the description that are off, where they leave clearly less.
+    """Return the estimate with deviating parameters of the description, if the residual is clearly smaller.
 
-    Or as little, where one is certain to be off, or with fewer nuisances than were selected without: several
-    make up for one parameter.
+    If a deviation is certain, or fewer nuisances are needed, an equal residual is enough: several nuisances
+    can compensate for one parameter.
     """
     best = before
     for error in possible_errors(before.result, before.nuisances, settings.seed):
@@ -198,9 +206,9 @@ def with_description_error(searched: SearchResult, before: Selection, settings: 
         rival = _with_nuisances(corrected, (), settings)
         if set(rival.nuisances) & set(error.instead_of):
             continue
-        as_little = error.certain or len(rival.nuisances) < len(best.nuisances)
-        least = SELECTION.equal_share if as_little else SELECTION.likely_share
-        if share_of_residual(rival.result, best.result) < least:
+        is_favoured = error.certain or len(rival.nuisances) < len(best.nuisances)
+        largest_share = SELECTION.equal_share if is_favoured else SELECTION.likely_share
+        if share_of_residual(rival.result, best.result) < largest_share:
             best = rival
         if not best.nuisances:
             break
@@ -208,5 +216,6 @@ def with_description_error(searched: SearchResult, before: Selection, settings: 
 
 
 def _with_nuisances(result: SearchResult, laws: tuple[str, ...], settings: SearchSettings) -> Selection:
-    found = select_nuisances(result, settings)
-    return replace(found.with_alternatives(result.alternatives), laws=laws)
+    """Return the selection of nuisances for a `result` with `laws`."""
+    selection = select_nuisances(result, settings)
+    return replace(selection.with_alternatives(result.alternatives), laws=laws)

@@ -1,4 +1,4 @@
-"""An objective with more nuisances, and what may come of it."""
+"""Objectives with additional nuisances, and candidates for the selection."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,15 +11,15 @@ from emaphm.estimation.space.nuisances import Located, NuisanceSet, with_wider_p
 from emaphm.estimation.space.parameter_space import ParameterSpace
 
 ZEROS_OF_START = {"position_offset": "position_rad", "speed_offset": "speed_rad_s"}
-"""Zeros of the sensors that say where a manoeuvre starts, by nuisance."""
+"""Sensors that determine the start of a manoeuvre, by the nuisance of their zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A nuisance, the objective and point (d,) that descents with it lead to, and the share of residual.
+    """A nuisance, the objective with it, the end point (d,) of descents, and the share of residual there.
 
-    The share is that of the descents, or the reference model's where the nuisance is profiled. One that is
-    not `promising` is tried only where its rivals would be selected.
+    The share is that of the averaged model, or of the reference model if the nuisance is profiled. A
+    candidate that is not `promising` is tried only if a sensor error would be selected otherwise.
     """
 
     name: str
@@ -38,9 +38,9 @@ def with_nuisances(
 ) -> tuple[MapObjective, Array]:
     """Return the objective with `more` nuisances, and the point (d,) of `result` in its space.
 
-    They have wide priors, as have `names`, which were selected before; `factor` times as wide where given.
-    What is `located` is at its value instead, and stays there, as does what was located before; it is free
-    again where that is None.
+    They have wide priors, like the nuisances `names`, which were selected before; with `factor`, the priors
+    are `factor` times as wide. A `located` nuisance is fixed at its value, like one that was located before;
+    None frees it again.
     """
     objective = result.objective
     actuator, measured = objective.problem.actuator, tuple(objective.problem.measured)
@@ -49,15 +49,17 @@ def with_nuisances(
     factors = {name: widening(name) for name in (*names, *more)}
     wider = with_wider_priors(actuator, factors | (dict.fromkeys(more, factor) if factor else {}))
     new = located or {}
-    known = {name: one for name, one in {**before.located, **new}.items() if one is not None}
+    locations = {
+        name: location for name, location in {**before.located, **new}.items() if location is not None
+    }
     duration = objective.problem.inputs.duration
-    nuisances = NuisanceSet.of(wider, chosen, measured, before.unit, known, duration=duration)
+    nuisances = NuisanceSet.of(wider, chosen, measured, before.unit, locations, duration=duration)
     space = ParameterSpace.of(actuator, nuisances)
     point = space.carried_over(result.point, objective.space)
     point[[name in new for name in space.coordinates]] = 0.0
     problem = objective.problem
     for name, channel in ZEROS_OF_START.items():
-        # What is recorded does not say where the manoeuvre starts if its zero is not known.
+        # A sensor with an unknown zero does not determine the start of the manoeuvre.
         if more == (name,) or name in names:
             problem = problem.starting_without(channel)
     return replace(objective, problem=problem, space=space), point

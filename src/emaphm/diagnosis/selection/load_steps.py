@@ -1,7 +1,7 @@
-"""A load that steps while the actuator is recorded, which nobody named: what a rig puts on, or a gust.
+"""A load that steps during the recording: applied by a rig, or a gust.
 
-A spline in time cannot follow it, and no descent finds from afar when it steps. So a linear model is scanned
-for the instants, and a search goes on from there, with sizes and times as unknown as the faults.
+A spline in time cannot represent steps, and descents do not find their instants from a distance. A linear
+model is therefore scanned over the instants; a search starts there, with sizes and times free like faults.
 """
 
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ from emaphm.simulation.laws.load_steps import step_names
 
 @dataclass(frozen=True)
 class LoadStepSettings:
-    """How a load's steps are located; up to `most` of them.
+    """How up to `most` steps of a load are located.
 
-    A run, less a share of `ends` at either end, has `instants` in a first scan, and `finer` ones between
-    those next to the best until they are `near` [s]: from 8 ms off, at the chirp of 0.5 s, a search ended
-    within 0.1 ms of the instant. A rise is searched for about `rise` [s]: from none to 40 ms it was found
-    within 5 ms. At the ends a step is like much else: how a run starts is not known.
+    A first scan has `instants` over the recording without a share of `ends` at both ends; further scans have
+    `finer` instants about the best until their spacing is `near` [s]: from 8 ms away, at the chirp of 0.5 s,
+    a search ended within 0.1 ms of the instant. A rise time is searched for about `rise` [s]: values of 0 to
+    40 ms were found within 5 ms. At the ends a step resembles other effects, such as an unknown start.
     """
 
     most: int = 2
@@ -42,39 +42,39 @@ class LoadStepSettings:
 STEPS = LoadStepSettings()
 
 SIZE = 0.05
-"""Of the coordinate of a step's size, for a derivative: a quarter of a standard deviation of its prior."""
+"""Coordinate of a step's size for a derivative: a quarter of a standard deviation of its prior."""
 
 AT_ONCE = 16
-"""Instants whose runs are held at once."""
+"""Number of instants that are simulated in one batch."""
 
 SINGULAR = 1e-9
-"""Of the columns' sum of squares, added to each: a step after the last row does nothing."""
+"""Regularisation relative to the columns' sum of squares: a step after the last row has no effect."""
 
 
 def with_steps(
     searched: SearchResult, others: tuple[str, ...], model: LinearModel
 ) -> list[tuple[MapObjective, float]]:
-    """Return objectives with `others` nuisances and a load of one step, of two, and so on.
+    """Return objectives with the nuisances `others` and a load of one step, of two, and so on.
 
-    Each step is located where, with what the linear `model` has of `others`, it leaves least of the residual.
-    With the share that is left beyond noise.
+    The steps are located where the residual is smallest by the linear `model`, which includes `others`. Each
+    objective has the share of the residual beyond noise that remains.
     """
-    scan, found = _Scan.of(searched, model), []
+    scan, objectives = _Scan.of(searched, model), []
     for count in range(1, STEPS.most + 1):
         instants, share = scan.best(count)
-        each = [step_names(i) for i in range(1, count + 1)]
+        names_of_steps = [step_names(i) for i in range(1, count + 1)]
         located = dict[str, Located]()
-        for (_, time, rise), instant in zip(each, instants, strict=True):
+        for (_, time, rise), instant in zip(names_of_steps, instants, strict=True):
             located[time] = Located(float(instant), STEPS.near)
             located[rise] = Located(STEPS.rise, STEPS.rise)
-        objective, _ = with_nuisances(searched, (), (*others, *chain(*each)), 1.0, located)
-        found.append((objective, share))
-    return found
+        objective, _ = with_nuisances(searched, (), (*others, *chain(*names_of_steps)), 1.0, located)
+        objectives.append((objective, share))
+    return objectives
 
 
 @dataclass(frozen=True, eq=False)
 class _Scan:
-    """What of the current's residual a load does that steps at an instant, and a linear `model` does not.
+    """Effects of a load step on the current that the linear `model` does not contain, by its instant.
 
     `objective` has one step, and `point` (d,) is the estimate in its space.
     """
@@ -85,39 +85,39 @@ class _Scan:
 
     @classmethod
     def of(cls, searched: SearchResult, model: LinearModel) -> Self:
-        """Return the scan for the estimate that was `searched` without a load that steps."""
+        """Return the scan for the estimate `searched` without load steps."""
         half, (_, time, rise) = searched.objective.problem.inputs.duration / 2, step_names(1)
         middle = {time: Located(half, half), rise: Located(0.0, STEPS.rise)}
         return cls(*with_nuisances(searched, (), step_names(1), 1.0, middle), model)
 
     def best(self, count: int) -> tuple[Array, float]:
-        """Return the `count` instants (count,) [s] that leave least, and the share left beyond noise."""
-        instants, columns = self._even
+        """Return the `count` instants (count,) [s] of the smallest residual, and its share beyond noise."""
+        instants, columns = self._first_scan
         first, last = instants[[0, -1]]
         spacing = float(instants[1] - instants[0])
         sets = np.array(list(combinations(range(STEPS.instants), count)))
-        places, mean_square = best_set(self.model.residual, columns, sets)
-        best = instants[places]
+        indices, remaining = best_set(self.model.residual, columns, sets)
+        best = instants[indices]
         while spacing > STEPS.near:
             finer = np.linspace(-spacing, spacing, STEPS.finer)
             for i in range(count):
-                held = np.delete(best, i)
-                near = np.append(held, np.clip(best[i] + finer, first, last))
+                fixed = np.delete(best, i)
+                candidates = np.append(fixed, np.clip(best[i] + finer, first, last))
                 sets = np.array([[*range(count - 1), count - 1 + k] for k in range(STEPS.finer)])
-                places, mean_square = best_set(self.model.residual, self._columns(near), sets)
-                best = near[places]
+                indices, remaining = best_set(self.model.residual, self._effects(candidates), sets)
+                best = candidates[indices]
             spacing = float(finer[1] - finer[0])
-        return np.sort(best), self.model.share_of(mean_square)
+        return np.sort(best), self.model.share_of(remaining)
 
     @cached_property
-    def _even(self) -> tuple[Array, Array]:
-        """The instants of the first scan, and their columns."""
+    def _first_scan(self) -> tuple[Array, Array]:
+        """The instants of the first scan, and their effects."""
         first, last = np.array([STEPS.ends, 1 - STEPS.ends]) * self.objective.problem.inputs.duration
         instants = np.linspace(first, last, STEPS.instants)
-        return instants, self._columns(instants)
+        return instants, self._effects(instants)
 
-    def _columns(self, instants: Array) -> Array:
-        """Return what a step at each of `instants` (n,) does and no parameter can, (n, samples)."""
+    def _effects(self, instants: Array) -> Array:
+        """Return the effects (n, samples) of steps at `instants` (n,), orthogonal to other parameters."""
         space, samples = self.objective.space, self.model.residual.size
         size, time, _ = (space.coordinates.index(name) for name in step_names(1))
         middle = space.nuisances.located[space.coordinates[time]]
@@ -125,23 +125,23 @@ class _Scan:
         points[:, time] = (instants - middle.value) / (PRIORS_PER_UNIT * middle.deviation)
         columns = np.empty((len(instants), samples))
         for first in range(0, len(instants), AT_ONCE):
-            some = slice(first, first + AT_ONCE)
-            up, down = points[some].copy(), points[some].copy()
+            batch = slice(first, first + AT_ONCE)
+            up, down = points[batch].copy(), points[batch].copy()
             up[:, size], down[:, size] = SIZE, -SIZE
-            columns[some] = (self.objective.outputs(up) - self.objective.outputs(down))[:, :samples]
+            columns[batch] = (self.objective.outputs(up) - self.objective.outputs(down))[:, :samples]
         return self.model.without(columns)
 
 
 def best_set(residual: Array, columns: Array, sets: NDArray[np.intp]) -> tuple[NDArray[np.intp], float]:
-    """Return the set of `columns` (n, samples) that leaves least of a `residual` (samples,), and how much.
+    """Return the set of `columns` (n, samples) with the smallest `residual` (samples,), and its mean square.
 
-    How much is a mean square; `sets` (m, count) are places among the columns.
+    `sets` (m, count) contain indices of columns.
     """
-    products, along = columns @ columns.T, columns @ residual
-    # Where friction holds the actuator no load does anything: every size is as right, and 0 is taken.
+    products, projections = columns @ columns.T, columns @ residual
+    # While friction holds the actuator, no load has an effect: every size fits equally well, and 0 is taken.
     products += (SINGULAR * float(np.trace(products)) or 1.0) * np.eye(len(columns))
     of_sets = products[sets[:, :, np.newaxis], sets[:, np.newaxis, :]]
-    sizes = np.linalg.solve(of_sets, along[sets][..., np.newaxis])[..., 0]
-    gained = np.sum(along[sets] * sizes, axis=1)
-    best = int(gained.argmax())
-    return sets[best], float((residual @ residual - gained[best]) / residual.size)
+    sizes = np.linalg.solve(of_sets, projections[sets][..., np.newaxis])[..., 0]
+    reductions = np.sum(projections[sets] * sizes, axis=1)
+    best = int(reductions.argmax())
+    return sets[best], float((residual @ residual - reductions[best]) / residual.size)

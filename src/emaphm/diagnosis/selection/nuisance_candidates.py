@@ -1,4 +1,4 @@
-"""Nuisances worth trying: a score test for each, and descents from where it leads."""
+"""Candidate nuisances: a score test of each, and descents from its estimate."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -25,19 +25,19 @@ from emaphm.estimation.uncertainty.local_covariance import (
 from emaphm.estimation.uncertainty.partial_regression import regressed
 from emaphm.random_streams import stream
 
-MADE_UP_FOR = ("voltage_scale",)
-"""Errors of sensors that faults make up for nearly, so that they have small scores of their own: a voltage of
-another scale reads as shorts of all phases, and what these leave scores as an error of another kind."""
+COMPENSATED = ("voltage_scale",)
+"""Sensor errors for which faults nearly compensate, so that their scores are small: another scale of the
+voltage appears as shorts of all phases, and the remaining residual gives a score of another sensor error."""
 
 
-def _informative(name: str) -> float:
-    """Return the standard error that the data must give at most, in standard deviations of the prior."""
+def _largest_error(name: str) -> float:
+    """Return the largest accepted standard error due to the data, in standard deviations of the prior."""
     return SENSOR_SELECTION.informative if sensor_error(name) else SELECTION.informative
 
 
 @dataclass(frozen=True, eq=False)
 class Worthwhile:
-    """The `candidates` worth trying at `result`, the most promising first, and what a first look showed."""
+    """The `candidates` to try at `result`, the most promising first, and the first look."""
 
     result: SearchResult
     candidates: list[Candidate]
@@ -45,23 +45,23 @@ class Worthwhile:
 
 
 def worthwhile_candidates(result: SearchResult, names: tuple[str, ...], seed: int) -> Worthwhile:
-    """Return the nuisances worth trying, of those neither estimated nor known.
+    """Return the candidates among the nuisances that are neither estimated nor known.
 
     `names` were selected before, and are estimated in `result`, which is returned with its Jacobians.
     """
     objective = result.objective
     problem = objective.problem
-    others = objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
-    if not others:
+    possible = objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
+    if not possible:
         return Worthwhile(result, [], FirstLook())
-    scanned = (SUPPLY,) if SUPPLY in others and is_scanned(problem.actuator) else ()
-    scored = tuple(name for name in others if name not in scanned)
-    wide, start = with_nuisances(result, names, others)
+    scanned = (SUPPLY,) if SUPPLY in possible and is_scanned(problem.actuator) else ()
+    scored = tuple(name for name in possible if name not in scanned)
+    wide, start = with_nuisances(result, names, possible)
     jacobians = jacobians_with_errors(wide, start, stream(seed, "Jacobians of the score test", *names))
     derivatives = _Derivatives(result, wide, jacobians)
-    profiles = {name: _profile_of(name, names, derivatives) for name in PROFILED if name in scored}
+    profiles = {name: _profile_points(name, names, derivatives) for name in PROFILED if name in scored}
     look = first_look(result, names, profiles.get(INERTIA), seed)
-    profiled = [_profiled(name, result, *one, look, seed) for name, one in profiles.items()]
+    profiled = [_profiled_candidate(name, result, *points, look, seed) for name, points in profiles.items()]
     promising = [candidate.name for candidate in profiled if candidate.promising]
     if scanned and look.shows_supply and is_inductance_known(objective):
         candidate = supply_candidate(result, names, seed)
@@ -73,21 +73,21 @@ def worthwhile_candidates(result: SearchResult, names: tuple[str, ...], seed: in
         extended, point = with_nuisances(result, names, (name,))
         step, error = derivatives.step_to(name, extended, point)
         size = float(abs(step[extended.space.coordinates.index(name)]))
-        if error < _informative(name) * _unit(name):
+        if error < _largest_error(name) * _coordinate_of_deviation(name):
             starts[name] = size / error, extended, point + step
-    starts |= gross_scale_starts(result, names, others)
+    starts |= gross_scale_starts(result, names, possible)
     scores = {name: score for name, (score, _, _) in starts.items()}
-    candidates = [_refit_with(name, *starts[name][1:], result, seed) for name in _worth_trying(scores)]
-    candidates = [candidate for candidate in candidates if _leaves_less(candidate, scores)]
-    named = {candidate.name for candidate in candidates}
-    candidates += [candidate for candidate in profiled if candidate.name not in named]
+    candidates = [_refit_with(name, *starts[name][1:], result, seed) for name in _names_to_try(scores)]
+    candidates = [candidate for candidate in candidates if _is_residual_small(candidate, scores)]
+    refitted = {candidate.name for candidate in candidates}
+    candidates += [candidate for candidate in profiled if candidate.name not in refitted]
     candidates.sort(key=lambda candidate: (not candidate.promising, candidate.share))
     return Worthwhile(replace(result, jacobians=derivatives.own), candidates, look)
 
 
 @dataclass(frozen=True, eq=False)
 class _Derivatives:
-    """Jacobians (n, d, channel rows) of all that is `wide`, taken at once, about the estimate of `result`."""
+    """Jacobians (n, d, channel rows) of the objective `wide`, which has all nuisances, about `result`."""
 
     result: SearchResult
     wide: MapObjective
@@ -95,25 +95,25 @@ class _Derivatives:
 
     @cached_property
     def own(self) -> Array:
-        """Those by what is estimated already."""
+        """The Jacobians with respect to the coordinates of `result`."""
         return self.of(self.result.objective)
 
     @cached_property
     def mean(self) -> Array:
-        """The mean of these, (d, channel rows)."""
+        """The mean of `own`, (d, channel rows)."""
         return np.asarray(self.own.mean(axis=0))
 
     def of(self, other: MapObjective) -> Array:
-        """Return those by the coordinates of another objective."""
+        """Return the Jacobians with respect to the coordinates of another objective."""
         coordinates = other.space.coordinates
         return self.jacobians[
             :, [i for i, name in enumerate(self.wide.space.coordinates) if name in coordinates]
         ]
 
     def step_to(self, name: str, extended: MapObjective, point: Array) -> tuple[Array, float]:
-        """Return the step (d,) from `point` (d,) of an objective that has `name` too, and its error there.
+        """Return the Gauss-Newton step (d,) from `point` (d,), and the standard error of the nuisance `name`.
 
-        Each is judged as if it alone were estimated too.
+        `extended` is the objective with this nuisance alone in addition.
         """
         objective, i = self.result.objective, extended.space.coordinates.index(name)
         residual = self.result.residual[: objective.channel_rows]
@@ -126,40 +126,45 @@ class _Derivatives:
         return local.step, error
 
 
-def _profile_of(name: str, names: tuple[str, ...], derivatives: _Derivatives) -> tuple[MapObjective, Array]:
-    """Return the objective with a nuisance that the reference model is asked for, and points (2, d) of it."""
+def _profile_points(
+    name: str, names: tuple[str, ...], derivatives: _Derivatives
+) -> tuple[MapObjective, Array]:
+    """Return the objective with a profiled nuisance, and points (2, d) of it for the reference model."""
     result = derivatives.result
     extended, point = with_nuisances(result, names, (name,))
-    step = PROFILE.away * _unit(name)
+    step = PROFILE.away * _coordinate_of_deviation(name)
     return extended, profile_points(result, extended, point, derivatives.of(extended), name, step)
 
 
-def _unit(name: str) -> float:
-    """Return the coordinate of a tried nuisance that is a standard deviation of the description off."""
+def _coordinate_of_deviation(name: str) -> float:
+    """Return the coordinate of a nuisance at one standard deviation of its described prior."""
     return 1 / PRIORS_PER_UNIT / widening(name)
 
 
-def _profiled(
+def _profiled_candidate(
     name: str, result: SearchResult, objective: MapObjective, points: Array, look: FirstLook, seed: int
 ) -> Candidate:
-    """Return the nuisance off nominal, at the one of `points` (n, d) that the reference model prefers."""
+    """Return the candidate at that point of `points` (n, d) which the reference model fits best."""
     shares = profile(result, objective, points, name, seed) if look.shows_inertia else look.inertia
     best = int(np.argmin(shares))
-    off = abs(points[best][objective.space.coordinates.index(name)])
-    promising = bool(shares[best] < PROFILE.tried_share and off > SELECTION.least_deviation * _unit(name))
+    deviation = abs(points[best][objective.space.coordinates.index(name)])
+    promising = bool(
+        shares[best] < PROFILE.tried_share
+        and deviation > SELECTION.least_deviation * _coordinate_of_deviation(name)
+    )
     return Candidate(name, objective, points[best], float(shares[best]), promising)
 
 
-def _worth_trying(scores: Mapping[str, float]) -> list[str]:
-    """Return the names whose scores are large enough, of sensors' errors the most promising alone.
+def _names_to_try(scores: Mapping[str, float]) -> list[str]:
+    """Return the names whose scores are large enough; of sensor errors only the largest ones.
 
-    And those that faults make up for, where any error of a sensor has a large score.
+    If any sensor error has a large score, the errors `COMPENSATED` by faults are added.
     """
     sensors = sorted((name for name in scores if sensor_error(name)), key=lambda name: -scores[name])
-    likely = [name for name in sensors if scores[name] > SENSOR_SELECTION.tried_score]
-    chosen = likely[: SENSOR_SELECTION.most_tried]
-    if _any_sure(scores):
-        chosen += [name for name in MADE_UP_FOR if name in scores and name not in chosen]
+    with_large_score = [name for name in sensors if scores[name] > SENSOR_SELECTION.tried_score]
+    chosen = with_large_score[: SENSOR_SELECTION.most_tried]
+    if _has_large_sensor_score(scores):
+        chosen += [name for name in COMPENSATED if name in scores and name not in chosen]
     return [
         name
         for name, score in scores.items()
@@ -167,24 +172,24 @@ def _worth_trying(scores: Mapping[str, float]) -> list[str]:
     ]
 
 
-def _leaves_less(candidate: Candidate, scores: Mapping[str, float]) -> bool:
-    """Return whether a candidate leaves enough less of the residual for a correction of its own."""
-    if candidate.name in MADE_UP_FOR and _any_sure(scores):
+def _is_residual_small(candidate: Candidate, scores: Mapping[str, float]) -> bool:
+    """Return whether the residual with a candidate is small enough to correct its bias."""
+    if candidate.name in COMPENSATED and _has_large_sensor_score(scores):
         return candidate.share < SENSOR_SELECTION.made_up_share
     if sensor_error(candidate.name) and scores[candidate.name] > SENSOR_SELECTION.sure_score:
         return candidate.share < 1.0
     return candidate.share < SELECTION.tried_share
 
 
-def _any_sure(scores: Mapping[str, float]) -> bool:
-    """Return whether any error of a sensor has a large score."""
+def _has_large_sensor_score(scores: Mapping[str, float]) -> bool:
+    """Return whether any sensor error has a large score."""
     return any(score > SENSOR_SELECTION.sure_score for name, score in scores.items() if sensor_error(name))
 
 
 def gross_scale_starts(
     result: SearchResult, names: tuple[str, ...], others: tuple[str, ...]
 ) -> dict[str, tuple[float, MapObjective, Array]]:
-    """Return scores, objectives and points (d,) to begin with of scales that are far off, by the nuisance."""
+    """Return scores, objectives and starting points of scales with a large error, by nuisance."""
     problem = result.objective.problem
     measured = result.objective.target[: result.objective.channel_rows].reshape(len(problem.channels), -1)
     residuals = result.residual[: result.objective.channel_rows].reshape(measured.shape)
@@ -209,7 +214,7 @@ def gross_scale_starts(
 def _refit_with(
     name: str, objective: MapObjective, start: Array, result: SearchResult, seed: int
 ) -> Candidate:
-    """Return where descents lead from `start` (d,) under the correction of `result`."""
+    """Return the candidate at the end of descents from `start` (d,) with the correction of `result`."""
     rows = result.objective.channel_rows
     correction = objective.of_channels(result.outputs_correction)
     rng = stream(seed, "descents of the score test", name)

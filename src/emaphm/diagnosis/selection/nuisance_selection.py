@@ -1,11 +1,11 @@
 """Parameters that deviate from the description although nobody asked to estimate them: a score test.
 
-A wrong inertia reads as a fault wherever it is taken as known, and leaves hardly more residual. But where
-the recording has information on it, a Gauss-Newton step leads away from its nominal value (Rao 1948; Engle
-1984), and descents from there leave a slightly smaller residual. The nuisance is then estimated with the
-faults. It is kept if it is still significant, deviates by more than every actuator does, and the residual is
-smaller. Of an inertia (`profile`) and a supply (`supply_scan`) the reference model is asked. Of several that
-are kept, the most probable by residual and prior is selected; the others widen the intervals (`rivals`).
+A wrong inertia that is taken as known appears as a fault, with hardly any larger residual. If the recording
+has information on the inertia, a Gauss-Newton step leads away from its nominal value (Rao 1948; Engle 1984),
+and descents from there end at a slightly smaller residual. The nuisance is then estimated with the faults. It
+is kept if it is still significant, deviates by more than is usual for any actuator, and the residual is
+smaller. Inertia (`profile`) and supply (`supply_scan`) are tested by the reference model. Of several kept
+nuisances, the most probable one by residual and prior is selected; the others widen the intervals (`rivals`).
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from emaphm.diagnosis.selection.extension import Candidate, with_nuisances
 from emaphm.diagnosis.selection.laws.law_fit import without_law
 from emaphm.diagnosis.selection.nuisance_candidates import worthwhile_candidates
 from emaphm.diagnosis.selection.profile import PROFILED
-from emaphm.diagnosis.selection.residual_share import hopeless_next_to, share_of_residual
+from emaphm.diagnosis.selection.residual_share import hopelessness_relative_to, share_of_residual
 from emaphm.diagnosis.selection.ripple import ripple_share
 from emaphm.diagnosis.selection.rivals import residual_power, with_rivals
 from emaphm.diagnosis.selection.selection import Selection
@@ -46,55 +46,57 @@ from emaphm.threads import in_threads
 
 
 def select_nuisances(result: SearchResult, settings: SearchSettings) -> Selection:
-    """Return the result with the significant nuisances estimated too."""
+    """Return the result with the significant nuisances estimated, and their names."""
     names: tuple[str, ...] = ()
     while True:
         worthwhile = worthwhile_candidates(result, names, settings.seed)
         result = worthwhile.result
-        best = _best(result, worthwhile.candidates, names, settings)
-        exceeds = not (result if best is None else best[1]).residual_is_expected
-        if exceeds and resolves_switching(result.objective.problem):
-            best = _from_afar(result, names, settings) or best
+        best = _best_candidate(result, worthwhile.candidates, names, settings)
+        exceeds_expected = not (result if best is None else best[1]).residual_is_expected
+        if exceeds_expected and resolves_switching(result.objective.problem):
+            best = _by_global_search(result, names, settings) or best
         if best is None:
             return Selection(result, names, look=worthwhile.look)
         result, names = best[1], (*names, best[0])
 
 
-def _from_afar(
+def _by_global_search(
     result: SearchResult, names: tuple[str, ...], settings: SearchSettings
 ) -> tuple[str, SearchResult] | None:
-    """Return the error of sensors with which the residual is expected, and the result with it.
+    """Return the sensor error with which the residual is expected, and the result with it; None if none is.
 
-    A delay of several rows reads as another gain, a scale as shorts, a zero as a load: they lead the search
-    so far astray that no descent from there finds back. Each is searched for anew, and the `most_corrected`
-    that explain most are corrected.
+    A delay of several rows appears as another gain, a scale as shorts, a zero error as a load: the estimate
+    is then so wrong that descents from it do not find the error. Each error is therefore tested by a new
+    global search, and the `most_corrected` errors with the smallest residuals are corrected.
     """
     problem = result.objective.problem
-    others = result.objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
-    kinds = [name for name in others if name == COMMON_DELAY or error_kind(name) in ("scale", "offset")]
-    ends = in_threads(lambda name: _FarEnd.of(result, names, name, settings.seed), kinds, problem.workers)
-    least = sorted(ends, key=lambda end: end.cost)[: SENSOR_SELECTION.most_corrected]
-    is_hopeless = hopeless_next_to(result)
+    possible = result.objective.space.nuisances.others(problem.actuator, tuple(problem.measured))
+    errors = [name for name in possible if name == COMMON_DELAY or error_kind(name) in ("scale", "offset")]
+    ends = in_threads(lambda name: _FarEnd.of(result, names, name, settings.seed), errors, problem.workers)
+    best_ends = sorted(ends, key=lambda end: end.cost)[: SENSOR_SELECTION.most_corrected]
+    is_hopeless = hopelessness_relative_to(result)
 
-    def corrected(end: _FarEnd) -> SearchResult | None:
+    def corrected_result(end: _FarEnd) -> SearchResult | None:
         child = settings.child("nuisance selection from afar", end.name)
         tried = correct_bias(
             end.objective, end.points, child.max_corrections, child.seed, is_hopeless=is_hopeless
         )
         return (
             tried
-            if tried.residual_is_expected and _significant(tried, result, end.name, child.seed)
+            if tried.residual_is_expected and _is_significant(tried, result, end.name, child.seed)
             else None
         )
 
-    tried = in_threads(corrected, least, problem.workers)
-    outcomes = [(end.name, one) for end, one in zip(least, tried, strict=True) if one is not None]
-    return min(outcomes, key=lambda one: share_of_residual(one[1], result)) if outcomes else None
+    tried = in_threads(corrected_result, best_ends, problem.workers)
+    outcomes = [
+        (end.name, outcome) for end, outcome in zip(best_ends, tried, strict=True) if outcome is not None
+    ]
+    return min(outcomes, key=lambda outcome: share_of_residual(outcome[1], result)) if outcomes else None
 
 
 @dataclass(frozen=True, eq=False)
 class _FarEnd:
-    """Where a global search with a nuisance ends: its least cost, and points (n, d) of the `objective`."""
+    """Result of a global search with a nuisance: the smallest cost, and points (n, d) of the `objective`."""
 
     name: str
     cost: float
@@ -103,73 +105,72 @@ class _FarEnd:
 
     @classmethod
     def of(cls, result: SearchResult, names: tuple[str, ...], name: str, seed: int) -> Self:
-        """Return the end of the search with the nuisance `name`, where `names` were selected before."""
+        """Return the result of the search with the nuisance `name`; `names` were selected before."""
         narrow, _ = with_nuisances(result, names, (name,), SENSOR_SELECTION.search_widening)
         wide, _ = with_nuisances(result, names, (name,))
-        found = multistart(narrow, child_seed(seed, "search with a nuisance", name))
-        points = found.points.copy()
+        search_result = multistart(narrow, child_seed(seed, "search with a nuisance", name))
+        points = search_result.points.copy()
         points[:, wide.space.coordinates.index(name)] *= SENSOR_SELECTION.search_widening / widening(name)
-        return cls(name, float(found.costs.min()), wide, points)
+        return cls(name, float(search_result.costs.min()), wide, points)
 
 
-def _best(
+def _best_candidate(
     result: SearchResult,
     candidates: list[Candidate],
     names: tuple[str, ...],
     settings: SearchSettings,
 ) -> tuple[str, SearchResult] | None:
-    """Return the most probable candidate and its result, None where none is significant.
+    """Return the most probable candidate and its result; None if no candidate is significant.
 
-    `names` were selected before.
-
-    What the other candidates, and none of them, would make of the estimate adds to its scatter.
+    `names` were selected before. The scatter of the result includes the spread of the estimates with the
+    other significant candidates, and without any.
     """
-    kept: list[tuple[str, SearchResult]] = []
+    significant: list[tuple[str, SearchResult]] = []
     for candidate in candidates:
-        if kept and candidate.share > SENSOR_SELECTION.rival_share * candidates[0].share:
+        if significant and candidate.share > SENSOR_SELECTION.rival_share * candidates[0].share:
             continue
-        if not candidate.promising and not any(sensor_error(name) for name, _ in kept):
+        if not candidate.promising and not any(sensor_error(name) for name, _ in significant):
             continue
         child = settings.child("nuisance selection", candidate.name)
-        # A sensor's error has to explain what exceeds the expected residual, or most of it; others need not.
-        is_hopeless = hopeless_next_to(result) if sensor_error(candidate.name) else never
+        # Only a sensor error has to explain most of the residual beyond the expected size.
+        is_hopeless = hopelessness_relative_to(result) if sensor_error(candidate.name) else never
         point = candidate.point[np.newaxis]
         tried = correct_bias(
             candidate.objective, point, child.max_corrections, child.seed, is_hopeless=is_hopeless
         )
         if candidate.name == SUPPLY:
             tried = with_supply(tried, names, child)
-        if _significant(tried, result, candidate.name, child.seed) and _confirmed(
+        if _is_significant(tried, result, candidate.name, child.seed) and _is_confirmed(
             tried, result, candidate.name, child
         ):
-            kept.append((candidate.name, tried))
-    if not kept:
+            significant.append((candidate.name, tried))
+    if not significant:
         return None
-    before = residual_power(result, result, settings.seed) if len(kept) > 1 else 1.0
+    power_without = residual_power(result, result, settings.seed) if len(significant) > 1 else 1.0
     levels = []
-    for name, tried in kept:
+    for name, tried in significant:
         share = (
             share_of_residual(tried, result)
-            if len(kept) == 1
-            else residual_power(tried, result, settings.seed) / before
+            if len(significant) == 1
+            else residual_power(tried, result, settings.seed) / power_without
         )
         levels.append(_improbability(tried, result, name, share))
-    first = int(np.argmin(levels))
-    name, best = kept[first]
-    rivals = [result, *(one for i, (_, one) in enumerate(kept) if i != first)]
-    others = np.array([0.0, *np.delete(levels, first)])
-    return name, with_rivals(best, rivals, others - levels[first])
+    best_index = int(np.argmin(levels))
+    name, best = significant[best_index]
+    rivals = [result, *(rival for i, (_, rival) in enumerate(significant) if i != best_index)]
+    other_levels = np.array([0.0, *np.delete(levels, best_index)])
+    return name, with_rivals(best, rivals, other_levels - levels[best_index])
 
 
 def _improbability(tried: SearchResult, before: SearchResult, name: str, share: float) -> float:
-    """Return -2 ln of how probable `tried`, with the nuisance `name`, is relative to `before`, without it.
+    """Return -2 ln of the probability of `tried`, with the nuisance `name`, relative to `before`, without it.
 
-    It leaves `share` of the mean squared residual.
+    `share` is the ratio of their mean squared residuals.
 
-    A likelihood of as many independent rows as there are, `CORRELATED_ROWS` correlated ones to each, and the
-    prior of the description: normal for what belongs to the actuator, Cauchy's for errors of sensors, which
-    may be of any size. So 5 % of an inertia, described to 5 %, are likelier than 5 % of a voltage's scale,
-    described to 1 %, though both leave the same.
+    The likelihood counts `CORRELATED_ROWS` rows as one independent row. The prior is that of the description:
+    normal for parameters of the actuator, Cauchy for sensor errors, which may have any size. With equal
+    residuals, a deviation of 5 % of the inertia, described to 5 %, is therefore more probable than 5 % of the
+    scale of the voltage, described to 1 %.
     """
     rows = before.objective.compared_rows / CORRELATED_ROWS
     squared = _deviation(tried, name) ** 2
@@ -177,27 +178,27 @@ def _improbability(tried: SearchResult, before: SearchResult, name: str, share: 
     return float(rows * np.log(share) + prior)
 
 
-def _confirmed(tried: SearchResult, before: SearchResult, name: str, settings: SearchSettings) -> bool:
-    """Return whether a significant estimate of `name` in `tried` is so by the reference model too.
+def _is_confirmed(tried: SearchResult, before: SearchResult, name: str, settings: SearchSettings) -> bool:
+    """Return whether a significant estimate of `name` in `tried` is also significant by two further tests.
 
-    Its standard error is then that of a recording that answers by the reference model's derivatives: on slow
-    motions those of the fitted model are too large by factors. And it leaves less than the search without the
-    nuisance from where `tried` ended: the nuisance may only have led it out of a place where it was held.
+    First, with the standard error by the reference model's derivatives: in slow motions those of the fitted
+    model are too large by factors. Second, compared with the search without the nuisance from the end point
+    of `tried`: the nuisance may only have led the search out of a local minimum.
     """
     if name in tried.objective.space.nuisances.located:
         return True
     response = reference_response(tried, stream(settings.seed, "response of the selected nuisance"))
-    if response is not None and not _significant(tried, before, name, settings.seed, response):
+    if response is not None and not _is_significant(tried, before, name, settings.seed, response):
         return False
-    back = without_law(tried, before, settings)
-    better = share_of_residual(back, before) < 1 / SELECTION.equal_share
-    return not better or _significant(tried, back, name, settings.seed, response)
+    repeated = without_law(tried, before, settings)
+    is_repetition_better = share_of_residual(repeated, before) < 1 / SELECTION.equal_share
+    return not is_repetition_better or _is_significant(tried, repeated, name, settings.seed, response)
 
 
-def _significant(
+def _is_significant(
     tried: SearchResult, before: SearchResult, name: str, seed: int, response: Array | None = None
 ) -> bool:
-    """Return whether the estimate of `name` in `tried` is kept; `response` as in `_score`."""
+    """Return whether the estimate of `name` in `tried` is significant; `response` as in `_score`."""
     if abs(_deviation(tried, name)) <= SELECTION.least_deviation:
         return False
     if name in tried.objective.space.nuisances.located:
@@ -207,34 +208,34 @@ def _significant(
     significant = (score >= SELECTION.certain_score and share < equal) or (
         (score >= SELECTION.likely_score or name in PROFILED) and share < SELECTION.likely_share
     )
-    return significant and (sensor_error(name) is None or _is_of_a_sensor(tried, name, share))
+    return significant and (sensor_error(name) is None or _exceeds_chance(tried, name, share))
 
 
 def _deviation(tried: SearchResult, name: str) -> float:
-    """Return how far `name` is estimated off nominal, in standard deviations of the description's prior."""
+    """Return the deviation of `name` from nominal, in standard deviations of its described prior."""
     objective = tried.objective
     value = float(objective.space.nuisance_values(tried.point[np.newaxis])[name][0])
     return value / usual_deviation(objective.problem.actuator, name)
 
 
-def _is_of_a_sensor(tried: SearchResult, name: str, share: float) -> bool:
-    """Return whether an estimated error of a sensor is more than chance and the rows' distance make of it."""
+def _exceeds_chance(tried: SearchResult, name: str, share: float) -> bool:
+    """Return whether an estimated sensor error exceeds the effects of chance and of the sampling interval."""
     objective = tried.objective
     if not tried.residual_is_expected and share >= SENSOR_SELECTION.excess_share:
         return False
-    together = longest_correlation(tried.residual_by_channel.values())
-    if share >= 1 - SENSOR_SELECTION.chance * together / objective.compared_rows:
+    correlated_rows = longest_correlation(tried.residual_by_channel.values())
+    if share >= 1 - SENSOR_SELECTION.chance * correlated_rows / objective.compared_rows:
         return False
     value = float(objective.space.nuisance_values(tried.point[np.newaxis])[name][0])
-    least = SENSOR_SELECTION.least_rows * objective.problem.inputs.interval
-    return error_kind(name) != "delay" or abs(value) > least
+    smallest_delay = SENSOR_SELECTION.least_rows * objective.problem.inputs.interval
+    return error_kind(name) != "delay" or abs(value) > smallest_delay
 
 
 def _score(result: SearchResult, name: str, seed: int, response: Array | None = None) -> float:
-    """Return how many standard errors the estimate of `name` is off nominal.
+    """Return the deviation of `name` from nominal, in standard errors.
 
     With the `response` (d, channel rows) of the reference model, the error includes the step that remains by
-    it, and of slow motions what switching alone makes of an estimate.
+    it, and, in slow motions, the effect of switching on the estimate.
     """
     objective, i = result.objective, result.objective.space.coordinates.index(name)
     jacobians = jacobians_at(objective, result.point, stream(seed, "Jacobians of the selected nuisance"))

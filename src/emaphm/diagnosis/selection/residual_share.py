@@ -1,4 +1,4 @@
-"""What an estimate leaves of the residual, next to what another leaves, and when it is given up for that."""
+"""Residuals of two estimates compared: their ratio, notes on equal ones, and when a search is stopped."""
 
 from collections.abc import Callable
 
@@ -18,37 +18,44 @@ def share_of_residual(tried: SearchResult, before: SearchResult) -> float:
     return before.objective.mean_square(residual) / before.objective.mean_square(before.residual[:rows])
 
 
-def leaves_as_much(tried: SearchResult, before: SearchResult, share: float) -> bool:
-    """Return whether `tried` leaves more than a `share` of what `before` does not explain.
+def is_residual_above(tried: SearchResult, before: SearchResult, share: float) -> bool:
+    """Return whether the residual of `tried` is more than a `share` of the residual of `before`.
 
-    Of the residual of all channels, and of the primary one's square beyond noise and switching.
+    This must hold both for the mean squared residual of all channels, and for that of the primary channel
+    beyond noise and switching.
     """
-    beyond, beyond_before = (one.normalised_residual**2 - 1 for one in (tried, before))
-    return beyond > share * beyond_before and share_of_residual(tried, before) > share
+    excess, excess_before = (estimate.normalised_residual**2 - 1 for estimate in (tried, before))
+    return excess > share * excess_before and share_of_residual(tried, before) > share
 
 
 def notes_on_alternatives(result: SearchResult) -> tuple[str, ...]:
-    """Return a note on laws, or parameters, with which others explain the recording as well; none without."""
-    here = {*result.objective.space.nuisances.unit.parameters}
-    others = set[str]()
-    for one in result.alternatives:
-        own = {*one.objective.space.nuisances.unit.parameters} - here
-        # Most alternatives are of the same description, and need no comparison.
-        if own and one.residual_is_expected and share_of_residual(one, result) < SELECTION.equal_share:
-            others |= own
-    if not others:
+    """Return a note on laws, or parameters, with which alternatives explain the recording equally well."""
+    present = {*result.objective.space.nuisances.unit.parameters}
+    additional = set[str]()
+    for alternative in result.alternatives:
+        added = {*alternative.objective.space.nuisances.unit.parameters} - present
+        # Most alternatives have the parameters of `result`, and need no comparison.
+        if (
+            added
+            and alternative.residual_is_expected
+            and share_of_residual(alternative, result) < SELECTION.equal_share
+        ):
+            additional |= added
+    if not additional:
         return ()
-    laws = [name for name, law in LAWS.items() if law.parameters[0] in others]
-    what = f"with {', '.join(laws or sorted(others))} the recording would be explained as well"
-    return (f"{what}; the intervals hold that too",)
+    laws = [name for name, law in LAWS.items() if law.parameters[0] in additional]
+    explanation = (
+        f"with {', '.join(laws or sorted(additional))} the recording would be explained equally well"
+    )
+    return (f"{explanation}; the intervals include this alternative",)
 
 
-def hopeless_next_to(before: SearchResult) -> Callable[[SearchResult], bool]:
-    """Return what says whether an estimate that makes no progress is given up.
+def hopelessness_relative_to(before: SearchResult) -> Callable[[SearchResult], bool]:
+    """Return the criterion for stopping the corrections of an estimate that makes no progress.
 
-    It is tried because the estimate `before` does not explain the recording: what does leaves clearly less.
-    Where its residual is expected, none is.
+    If the estimate `before` does not explain the recording, an estimate that does has a clearly smaller
+    residual; others are stopped. If the residual of `before` is expected, no estimate is stopped.
     """
     if before.residual_is_expected:
         return never
-    return lambda tried: leaves_as_much(tried, before, LAW_SELECTION.share)
+    return lambda tried: is_residual_above(tried, before, LAW_SELECTION.share)

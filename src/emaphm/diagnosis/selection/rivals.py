@@ -1,8 +1,8 @@
-"""Nuisances that explain a recording as well as the one that was selected: their share in its uncertainty.
+"""Nuisances that explain a recording equally well: their contribution to the uncertainty of the selected one.
 
-A wrong inertia, a voltage and a current of a wrong scale look alike where friction, load and shorts are free.
-One of them is reported; the others are less probable, and not excluded (model averaging: Hoeting, Madigan,
-Raftery and Volinsky 1999).
+A wrong inertia, a wrong scale of the voltage and a wrong scale of the current have similar effects if
+friction, load and shorts are free. One of them is reported; the others are less probable, but not excluded
+(model averaging: Hoeting, Madigan, Raftery and Volinsky 1999).
 """
 
 from collections.abc import Sequence
@@ -16,25 +16,27 @@ from emaphm.estimation.search_result import SearchResult
 from emaphm.random_streams import stream
 
 COMPARED = 4
-"""Times the usual runs of the reference model by which rivals are compared."""
+"""Number of batches of the usual runs of the reference model by which rivals are compared."""
 
 
 def with_rivals(result: SearchResult, others: Sequence[SearchResult], improbabilities: Array) -> SearchResult:
-    """Return `result`, its scatter larger by the spread of `others` about it, weighted by probability.
+    """Return `result` with the spread of `others` about it, weighted by probability, added to its scatter.
 
-    `improbabilities` are -2 ln of how probable they are relative to `result`, (others,).
+    `improbabilities` (others,) are -2 ln of their probabilities relative to `result`.
     """
     weights = np.exp(-np.maximum(improbabilities, 0.0) / 2)
     weights /= 1 + weights.sum()
     space = result.objective.space
-    shifts = np.array([space.carried_over(one.point, one.objective.space) for one in others]) - result.point
-    return replace(result, scatter=result.scatter + (weights * shifts.T) @ shifts)
+    differences = (
+        np.array([space.carried_over(rival.point, rival.objective.space) for rival in others]) - result.point
+    )
+    return replace(result, scatter=result.scatter + (weights * differences.T) @ differences)
 
 
 def residual_power(result: SearchResult, like: SearchResult, seed: int) -> float:
-    """Return the mean squared residual of `result` as `like` weights it, by `compared_anew`."""
+    """Return the mean squared residual of `result` with the weights of `like`, by `compared_anew`."""
     rows = like.objective.channel_rows
-    means = [one.mean for one in compared_anew(result, seed)]
+    means = [discrepancy.mean for discrepancy in compared_anew(result, seed)]
     residual = (result.objective.target - result.outputs - np.mean(means, axis=0))[:rows]
     ratios = like.objective.problem.weights / result.objective.problem.weights
     return float(np.mean((residual * np.repeat(ratios, like.objective.problem.samples)) ** 2))
@@ -43,7 +45,7 @@ def residual_power(result: SearchResult, like: SearchResult, seed: int) -> float
 def compared_anew(result: SearchResult, seed: int) -> list[Discrepancy]:
     """Return `COMPARED` new discrepancies at `result`.
 
-    A mean over the usual number of runs of the reference model leaves 1 to 3 % of chance.
+    The mean of the usual number of runs of the reference model has a random error of 1 to 3 %.
     """
     reference, rng = reference_problem(result.objective), stream(seed, "reference runs of rivals")
     point, outputs = result.point[np.newaxis], result.outputs[np.newaxis]

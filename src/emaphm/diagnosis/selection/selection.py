@@ -1,4 +1,4 @@
-"""An estimate, and the names of what was selected for it although nobody named it."""
+"""An estimate with the names of nuisances and laws that were selected for it."""
 
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -9,9 +9,9 @@ from emaphm.estimation.search_result import SearchResult
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """The `result` with all that was selected, and the names of the selected `nuisances` and `laws`.
+    """The `result` of a selection, and the names of the selected `nuisances` and `laws`.
 
-    `look` is the first look at what else may deviate.
+    `look` is the first look at further deviations.
     """
 
     result: SearchResult
@@ -20,5 +20,5 @@ class Selection:
     look: FirstLook = field(default_factory=FirstLook)
 
     def with_alternatives(self, alternatives: tuple[SearchResult, ...]) -> Self:
-        """Return the selection with other `alternatives` of its result."""
+        """Return the selection with `alternatives` in place of those of its result."""
         return replace(self, result=replace(self.result, alternatives=alternatives))

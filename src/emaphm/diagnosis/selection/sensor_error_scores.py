@@ -1,4 +1,4 @@
-"""Derivatives by errors of sensors."""
+"""Derivatives with respect to sensor errors."""
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP, REPLIC
 
 
 def jacobians_with_errors(objective: MapObjective, point: Array, rng: np.random.Generator) -> Array:
-    """Return replicated Jacobians (n, d, channel rows) about `point` (d,), those of sensors' errors once.
+    """Return replicated Jacobians (n, d, channel rows) about `point` (d,); sensor errors are not replicated.
 
-    These are linear in the model's signals, and have no kinks: one central difference serves all replicates.
+    Outputs are linear in sensor errors, without kinks: one central difference is used for all replicates.
     """
     coordinates = objective.space.coordinates
     errors = [i for i, name in enumerate(coordinates) if sensor_error(name)]
@@ -22,17 +22,19 @@ def jacobians_with_errors(objective: MapObjective, point: Array, rng: np.random.
     def outputs(points: Array) -> Array:
         return objective.outputs(points)[:, : objective.channel_rows]
 
-    def of_others(points: Array) -> Array:
-        all_coordinates = np.tile(point, (len(points), 1))
-        all_coordinates[:, others] = points
-        return outputs(all_coordinates)
+    def outputs_of_others(points: Array) -> Array:
+        complete = np.tile(point, (len(points), 1))
+        complete[:, others] = points
+        return outputs(complete)
 
-    rest = Box(objective.space.lower[others], objective.space.upper[others])
-    jacobians = replicated_jacobians(of_others, point[others], rest, JACOBIAN_STEP, REPLICATES, rng)
+    box = Box(objective.space.lower[others], objective.space.upper[others])
+    jacobians = replicated_jacobians(outputs_of_others, point[others], box, JACOBIAN_STEP, REPLICATES, rng)
     result = np.empty((REPLICATES, len(coordinates), objective.channel_rows))
     result[:, others] = jacobians
     if errors:
-        moves = JACOBIAN_STEP * np.eye(len(coordinates))[errors]
-        sides = outputs(np.concatenate([point + moves, point - moves]))
-        result[:, errors] = (sides[: len(errors)] - sides[len(errors) :]) / (2 * JACOBIAN_STEP)
+        steps = JACOBIAN_STEP * np.eye(len(coordinates))[errors]
+        outputs_at_steps = outputs(np.concatenate([point + steps, point - steps]))
+        result[:, errors] = (outputs_at_steps[: len(errors)] - outputs_at_steps[len(errors) :]) / (
+            2 * JACOBIAN_STEP
+        )
     return result

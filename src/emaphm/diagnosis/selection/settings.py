@@ -1,4 +1,4 @@
-"""When a nuisance that nobody named is tried, and when it is kept."""
+"""Limits for testing and keeping nuisances, sensor errors, parameters and laws without a request."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ ROTOR_ZERO = "rotor_zero"
 """The parameter of the description, as `emaphm.actuator.unit.baseline` names it."""
 
 MOTOR = ("torque_constant", "inductance", "resistance")
-"""Parameters of the windings, which are asked for together."""
+"""Parameters of the motor that are estimated together."""
 
 SPEED_CONTROL = ("speed_gain", "integral_gain")
 CURRENT_CONTROL = ("current_gain", "current_integral_gain")
@@ -17,22 +17,24 @@ CURRENT_CONTROL = ("current_gain", "current_integral_gain")
 
 @dataclass(frozen=True)
 class NuisanceSelectionSettings:
-    """When a nuisance is tried, and when it is kept; `make study` (limits, inertia and supply) measures them.
+    """Limits for nuisances to be tried and kept; `make study` (limits, inertia, supply) measures them.
 
-    Tried: a score above `tried_score` standard errors, and descents that leave less than `tried_share` of the
-    mean squared residual. Derivatives at a wrong estimate make scores unreliable: 5 % of inertia had 1.6 to 7
-    where line voltage was recorded, the actuator as described up to 4. Descents separate them: with 5 % of
-    inertia they left 0.998 at most, 0.98 mostly; as described 0.996 and more, but for 1 recording in 100.
+    Tried: a score above `tried_score` standard errors, and less than `tried_share` of the mean squared
+    residual after descents. Scores are unreliable because the derivatives are those at a wrong estimate: with
+    5 % of inertia they were 1.6 to 7 where the line voltage was recorded, and up to 4 with the actuator as
+    described. Descents separate the two: with 5 % of inertia the share was at most 0.998, mostly 0.98; as
+    described 0.996 and more, except in 1 recording of 100.
 
-    Kept: an estimate `certain_score` standard errors off nominal with a smaller residual, or `likely_score`
-    with less than `likely_share` of it, for which a profiled one needs no score: the kinks that a search
-    ends at make its scatter large. 5 % of inertia, once estimated, left 0.65 to 0.95; the actuator as
-    described no less than chance, 0.96. Chance is switching, up to `equal_share`: of what belongs to the
-    actuator, a certain score decides within it. It must also be off by `least_deviation`, a share of its
-    prior's standard deviation: less is expected of every actuator.
+    Kept: a deviation of `certain_score` standard errors with a smaller residual, or of `likely_score` with
+    less than `likely_share` of the residual. In the latter case a profiled nuisance needs no score, because
+    its scatter is large where searches end at kinks. With 5 % of inertia, the share after estimation was 0.65
+    to 0.95; with the actuator as described at least 0.96, by chance. Switching alone changes the share up to
+    `equal_share`: for a parameter of the actuator, a certain score decides within this limit. The deviation
+    must also exceed `least_deviation`, a share of the prior's standard deviation: smaller ones are usual.
 
-    The data must determine the nuisance to `informative`, a share of its prior's standard deviation.
-    The prior of what is tried is `widening` times as wide: it would otherwise shrink a large deviation.
+    The standard error due to the data must be below `informative`, in standard deviations of the prior. The
+    prior of a tried nuisance is `widening` times as wide, because it would otherwise shrink a large
+    deviation.
     """
 
     tried_score: float = 1.0
@@ -52,35 +54,36 @@ SELECTION = NuisanceSelectionSettings()
 
 @dataclass(frozen=True)
 class SensorSelectionSettings:
-    """What is different for errors of sensors: faults of a sensor are of any size, and there are many kinds.
+    """Other limits for sensor errors, which may have any size and are of many kinds.
 
-    Tried: the `most_tried` of the largest scores, `tried_score` at least. Even large faults score no more
-    than 2 to 5 where the search has bent the actuator's faults to them: 1 to 5 rows of delay 2.2 to 3.7, a
-    voltage × 0.5 6, a current × 1.2 5 (3 random fault vectors each). Descents separate them; of a score above
-    `sure_score` they need not leave much less, since shorts make up for a voltage × 1.02: its score was 3.6
-    to 14 in 7 of 8 recordings, 1.8 at most without it, and they left 0.993 to 0.997. Where shorts have made
-    up for it before, its own score is small and that of another error large: it is tried wherever one is
-    above `sure_score`, and need not leave less than `made_up_share`. Its own correction then left 0.88 to
-    0.95, and 0.98 to 0.99 where the scale was right.
+    Tried: the `most_tried` largest scores of at least `tried_score`. Even large errors have scores of only 2
+    to 5 if the search has compensated for them by faults: 2.2 to 3.7 for delays of 1 to 5 rows, 6 for a
+    voltage × 0.5, 5 for a current × 1.2 (3 random fault vectors each). Descents separate them. With a score
+    above `sure_score`, descents need not reduce the residual much, because shorts compensate for a voltage ×
+    1.02: its score was 3.6 to 14 in 7 of 8 recordings, at most 1.8 without it, with a share of the residual
+    of 0.993 to 0.997. If shorts have already compensated for it, its score is small and that of another error
+    large: it is therefore tried if any score is above `sure_score`, with a share below `made_up_share`. After
+    its own correction the share was 0.88 to 0.95, and 0.98 to 0.99 where the scale was right.
 
-    Priors are `widening` times as wide, those of delays `delay_widening`: flat for whatever can be recorded,
-    up to 11 times the scale, 20 rows of a delay at 5 kHz. A search begins within `search_widening` times the
-    prior: 15 % of scale, 3 ms of delay, and twice that.
+    Priors are `widening` times as wide, those of delays `delay_widening` times: flat over all sizes that can
+    occur, up to 11 times the scale, or 20 rows of delay at 5 kHz. A search starts within `search_widening`
+    times the prior: 15 % of scale, 3 ms of delay, and twice these values.
 
-    The data must determine one to `informative` prior standard deviations at the estimate without it, where a
-    wrong estimate makes standard errors large too.
+    The standard error due to the data, at the estimate without the error, must be below `informative`
+    standard deviations of the prior; a wrong estimate also makes standard errors large.
 
-    Where a factor leaves less than `gross_share` of a channel's rms residual, descents begin at that factor:
-    a reversed sensor is beyond what the derivatives show.
+    If a factor reduces the rms residual of a channel to less than `gross_share`, descents start at that
+    factor: a reversed sensor is outside the range of the linear model.
 
-    Of candidates whose descents leave up to `rival_share` times the least residual, that with the least one
-    after its own correction is kept: errors of one channel look like those of another. One whose residual
-    still exceeds what is expected has to leave less than `excess_share` of that before.
+    Of the candidates whose descents end within `rival_share` times the smallest residual, the one with the
+    smallest residual after its own correction is kept, because errors of different channels have similar
+    effects. If its residual still exceeds the expected size, it must be less than `excess_share` of that
+    before.
 
-    A parameter that is not needed removes χ² / rows of the mean squared residual, with one degree of freedom,
-    the rows over which the residual is correlated counting as one.
-    Of the seventeen errors, none exceeds `chance` in 99 of 100 recordings. A delay is also more than
-    `least_rows` of a row: of slow rows, how a signal runs between them is known no better.
+    An unnecessary parameter reduces the mean squared residual by χ² / rows with one degree of freedom, where
+    rows over which the residual is correlated count as one. For all seventeen errors, χ² stays below `chance`
+    in 99 of 100 recordings. A delay must also exceed `least_rows` of a row: in slow rows, the course of a
+    signal between rows is not known better.
     """
 
     tried_score: float = 1.8
@@ -104,15 +107,16 @@ SENSOR_SELECTION = SensorSelectionSettings()
 
 @dataclass(frozen=True)
 class DescriptionErrorSettings:
-    """When the motor's parameters are asked for, and what is known of what is asked for.
+    """Limits for estimating parameters of the description without a request, and their priors.
 
-    The inductance by the score test is off by more than `least`, relative, and `likely` standard errors; more
-    than `certain` ones decide by themselves, where the residual does not become larger. Of 40 recordings of
-    an actuator as described, with current and line voltage, one had more than 1.5 (2.3); of 16 with random
-    faults whose torque constant was a tenth off, 12 had. `prior` is the standard deviation of a parameter's
-    logarithm, `step` the change of the inductance's for its derivative. `zero_prior` is that of the rotor's
-    zero, in units of `parameter_variation.sizes`: 0.3 rad, of one that is anywhere within a sixth of a turn.
-    `control_prior` is that of a gain's logarithm, which drives have in units of their own.
+    The motor is tested if the score test gives a deviation of the inductance of more than `least`, relative,
+    and `likely` standard errors; above `certain` standard errors an equal residual is enough. Of 40
+    recordings of an actuator as described, with current and line voltage, one had more than 1.5 standard
+    errors (2.3); of 16 with random faults and a torque constant 10 % off, 12 had. `prior` is the standard
+    deviation of a parameter's logarithm, `step` the change of the logarithm of the inductance for its
+    derivative. `zero_prior` is the standard deviation of the rotor's zero, in units of
+    `parameter_variation.sizes`: 0.3 rad, for a zero anywhere within a sixth of a turn. `control_prior` is
+    that of the logarithm of a gain, which drives have in their own units.
     """
 
     least: float = 0.03
@@ -124,7 +128,7 @@ class DescriptionErrorSettings:
     control_prior: float = 0.5
 
     def prior_of(self, parameter: str) -> float:
-        """Return the standard deviation of a parameter's coordinate, where it is estimated unasked."""
+        """Return the prior standard deviation of a parameter that is estimated without a request."""
         if parameter in (*SPEED_CONTROL, *CURRENT_CONTROL):
             return self.control_prior
         return self.zero_prior if parameter == ROTOR_ZERO else self.prior
@@ -135,16 +139,16 @@ DESCRIPTION_ERRORS = DescriptionErrorSettings()
 
 @dataclass(frozen=True)
 class ControlErrorSettings:
-    """When gains of the control are asked for, and when they and laws of the control are kept.
+    """Limits for testing gains of the control, and for keeping them and laws of the control.
 
-    A gain of the current control by the score test is off by more than `least`, relative, and `likely`
-    standard errors; beyond `certain` ones a new search need only leave less. With current and line voltage 1
-    of 40 recordings of a PMSM and a six-step drive as described had a score (1.3), of 40 with gains 5 to 30 %
-    off whose residual was expected 2 had less than 2. Where the residual exceeds what is expected, gains with
-    which it still does must leave less than `excess_share` of its mean square; a law of the control is
-    kept with a normalised residual below `convincing`. From one channel alone, a current, the logarithm of
-    the speed gain is off by `most_alone` at most: gear ratios are wrong by larger factors. `step` is that of
-    the logarithm for a derivative.
+    Gains are tested if the score test gives a deviation of a gain of the current control of more than
+    `least`, relative, and `likely` standard errors; above `certain` standard errors any smaller residual is
+    enough. With current and line voltage, 1 of 40 recordings of a PMSM and a six-step drive as described had
+    a score (1.3); of 40 with gains 5 to 30 % off and an expected residual, 2 had less than 2. If the residual
+    exceeds the expected size with and without the gains, its mean square must fall below `excess_share`. A
+    law of the control is kept if the normalised residual is below `convincing`. From the current alone, a
+    deviation of the logarithm of the speed gain of more than `most_alone` is rejected: wrong gear ratios have
+    such large effects. `step` is the change of a logarithm for a derivative.
     """
 
     least: float = 0.02
@@ -161,20 +165,22 @@ CONTROL_ERRORS = ControlErrorSettings()
 
 @dataclass(frozen=True)
 class LawSelectionSettings:
-    """When laws are tried, and which are kept; `make study` (limits, plants) measures them.
+    """Limits for laws to be tried and kept; `make study` (limits, plants) measures the effect.
 
-    Tried while the residual exceeds what is expected. All laws are fitted by the averaged model, from afar
-    and from the estimate; the `corrected` best of each also with a correction of their own. One is kept that
-    leaves less than `share` of the mean squared residual; `most` laws at most.
+    Laws are tried while the residual exceeds the expected size. All laws are fitted with the averaged model,
+    by a global search and from the estimate; the `corrected` best laws of both are also corrected by the
+    reference model. A law is kept if less than `share` of the mean squared residual remains; at most `most`
+    laws are kept.
 
-    An estimate leaves clearly less than another one where it leaves less than the share `clearly_less` of its
-    residual: chance alone seldom does (0.92 to 1.03 of three recordings). An estimate with a law, or with a
-    load that varies, is refined only where it leaves clearly less than the one without. Where the residual is
-    not expected before a lag of the current sensors is tried, one of the first lags must leave clearly less.
+    A residual is clearly smaller if it is less than the share `clearly_less` of another: chance seldom has
+    this effect (0.92 to 1.03 in three recordings). An estimate with a law, or with a varying load, is refined
+    only if its residual is clearly smaller than that without. If the residual exceeds the expected size, a
+    lag of the current sensors is tried further only if the residual with one of the first lags is clearly
+    smaller.
 
-    A second law of the friction is also tried where the residual with the first is expected. It is kept with
-    less than `clearly_less`, and only if it acts: where a law has no effect with all of its parameters 0, one
-    of them is `significant` standard errors from it.
+    A second friction law is also tried if the residual with the first is expected. It is kept with a share
+    below `clearly_less`, and only if it acts: if a law has no effect with all its parameters at 0, one of
+    them must be `significant` standard errors from 0.
     """
 
     corrected: int = 2
@@ -188,7 +194,7 @@ LAW_SELECTION = LawSelectionSettings()
 
 
 def widening(name: str) -> float:
-    """Return how many times as wide as the description's the prior of a tried nuisance is."""
+    """Return the factor by which the prior of a tried nuisance is wider than described."""
     error = sensor_error(name)
     if error is None:
         return SELECTION.widening

@@ -1,9 +1,9 @@
-"""A load that varies while the actuator is recorded: over time, and with the position.
+"""Estimation of a load that varies during the recording: over time, and with the position.
 
-In flight the air's load follows speed, attitude and gusts, and rises with the deflection. Taken as constant,
-it leaves more residual than is expected, or reads as drifts of sensors. Here it is a spline in time and a
-stiffness, or a load that steps, estimated with the faults: what is known of the faults then is what no such
-load does.
+In flight the aerodynamic load changes with speed, attitude and gusts, and rises with the deflection. If it is
+assumed constant, the residual exceeds the expected size, or drifts of sensors appear. Here it is a spline in
+time and a stiffness, or a load with steps, estimated with the faults. Effects that such a load can cause are
+then no evidence of a fault.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from emaphm.diagnosis.selection.extension import with_nuisances
 from emaphm.diagnosis.selection.laws.law_fit import Fit
 from emaphm.diagnosis.selection.linear_model import LinearModel
 from emaphm.diagnosis.selection.load_steps import with_steps
-from emaphm.diagnosis.selection.residual_share import leaves_as_much, share_of_residual
+from emaphm.diagnosis.selection.residual_share import is_residual_above, share_of_residual
 from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.settings import LAW_SELECTION, SELECTION
 from emaphm.errors import DivergedError
@@ -35,30 +35,31 @@ from emaphm.estimation.space.nuisances import (
 from emaphm.simulation.laws.load_steps import STEP_PREFIX
 
 VARYING_LOAD, LOAD_STEP = (LOAD_VARIATION, HINGE), "load_step"
-"""The nuisances that are a load that varies without steps; and what one that steps is called."""
+"""The nuisances of a varying load without steps, and the name of a load with steps."""
 
 LOADS = (*VARYING_LOAD, LOAD_STEP)
-"""What may be selected as a load that varies."""
+"""Names under which a varying load is selected."""
 
 
 @dataclass(frozen=True)
 class VaryingLoadSettings:
-    """When a load that varies is searched for, and when it leaves nothing for laws to explain.
+    """Limits for searching for a varying load, and for accepting it without testing laws.
 
-    Where the linear model, with it, leaves less than `left` of what the current's residual has beyond noise
-    and switching: of 25 recordings of loads that vary it left 3 % at most, of 23 of plants with other laws
-    26 to 97 %. With nothing but steps, less than `left_by_steps`: 17 of loads that step left 22 % at most, of
-    26 of plants with other laws 53 to 99 %. And where no other load leaves less than 1/`much` of that, or of
-    `least`, which is as good as nothing: loads of more parameters left 0.12 to 1 of what was left by the one
-    that was there.
+    A load is searched for if the linear model with it leaves less than `left` of the current's squared
+    residual beyond noise and switching: this was at most 3 % in 25 recordings with varying loads, and 26 to
+    97 % in 23 of plants with other laws. With steps only, the limit is `left_by_steps`: at most 22 % in 17
+    recordings with steps, 53 to 99 % in 26 of plants with other laws. The share must also be at most `much`
+    times the smallest share of all loads, or times `least`, below which shares do not matter: loads with more
+    parameters had 0.12 to 1 of the share of the true load.
 
-    One that steps is searched for where the normalised residual without is above `loud`: steps at instants
-    that are chosen among thousands may do as much as a lag of the sensors leaves, 1.2; a step of 0.02 N·m
+    Steps are searched for if the normalised residual without them is above `loud`: steps at instants chosen
+    among thousands may have as much effect as a lag of the sensors, which leaves 1.2; a step of 0.02 N·m
     left 2.
 
-    And a normalised residual below `convincing`: with such a load, 30 recordings of loads that vary had 0.87
-    to 0.96 (0.02 to 0.1 N·m, or 5 to 20 N·m/rad). A load that steps and varies besides has to leave as
-    little: 10 that did so left 0.89 to 0.97, but two recordings with a wrong temperature 1.09.
+    No laws are tested if the normalised residual with the load is below `convincing`: 30 recordings with
+    varying loads had 0.87 to 0.96 (0.02 to 0.1 N·m, or 5 to 20 N·m/rad). A load with steps and a spline is
+    accepted only below this limit: 10 such loads had 0.89 to 0.97, two recordings with a wrong temperature
+    1.09.
     """
 
     left: float = 0.15
@@ -73,93 +74,95 @@ VARYING = VaryingLoadSettings()
 
 
 def with_varying_load(searched: SearchResult, settings: SearchSettings) -> Selection | None:
-    """Return the estimate with a load that varies, from that `searched` without one; which of `LOADS` it is.
+    """Return the estimate with a varying load, and its names in `LOADS`; `searched` is the estimate without.
 
-    The one of least parameters that explains the recording. None where none does, nor seems to, or where the
-    load is known.
+    The load has the fewest parameters with which the recording is explained. None if no load explains it, or
+    if the load is known.
     """
     objective, nuisances = searched.objective, searched.objective.space.nuisances
     problem, measured = objective.problem, tuple(objective.problem.measured)
     estimated = {described_name(name) for name in (*nuisances.chosen, *nuisances.parameters)}
     if estimated & set(VARYING_LOAD) or KNOWN_BY[LOAD_VARIATION] in measured:
         return None
-    of_any = replace(objective, problem=replace(problem, actuator=_with_any_load(problem)))
-    searched = replace(searched, objective=of_any)
-    tried: list[Selection] = []
-    for names, loaded in _promising(searched, settings.seed):
-        found = _searched_with(searched, loaded, settings)
-        if found is not None and _is_believed(found, names):
-            return Selection(found, names)
-        if found is not None and not leaves_as_much(found, searched, LAW_SELECTION.clearly_less):
-            tried.append(Selection(found, names))
-    if not tried:
+    with_wide_priors = replace(objective, problem=replace(problem, actuator=_with_any_load(problem)))
+    searched = replace(searched, objective=with_wide_priors)
+    improved: list[Selection] = []
+    for names, loaded in _promising_loads(searched, settings.seed):
+        estimate = _estimate_with(searched, loaded, settings)
+        if estimate is not None and _is_accepted(estimate, names):
+            return Selection(estimate, names)
+        if estimate is not None and not is_residual_above(estimate, searched, LAW_SELECTION.clearly_less):
+            improved.append(Selection(estimate, names))
+    if not improved:
         return None
-    nearest = min(tried, key=lambda one: one.result.normalised_residual)
+    nearest = min(improved, key=lambda selection: selection.result.normalised_residual)
     refined = refine_by_reference(nearest.result, settings.seed)
-    return replace(nearest, result=refined) if _is_believed(refined, nearest.nuisances) else None
+    return replace(nearest, result=refined) if _is_accepted(refined, nearest.nuisances) else None
 
 
-def _is_believed(loaded: SearchResult, names: tuple[str, ...]) -> bool:
-    """Return whether a load explains the recording: one that is all of `LOADS` at once, convincingly."""
+def _is_accepted(loaded: SearchResult, names: tuple[str, ...]) -> bool:
+    """Return whether a load explains the recording; all of `LOADS` together must do so convincingly."""
     return is_convincing(loaded) if names == LOADS else loaded.residual_is_expected
 
 
-def _searched_with(
+def _estimate_with(
     searched: SearchResult, loaded: MapObjective, settings: SearchSettings
 ) -> SearchResult | None:
-    """Return the estimate with a load that `loaded` has more, corrected; None if it carries the model away.
+    """Return the corrected estimate with the additional load of `loaded`; None if the model diverges.
 
-    Corrected once more where it explains, but not convincingly: a rise time is the last to converge.
+    It is corrected once more if it explains the recording, but not convincingly: a rise time converges last.
     """
     steps = (name for name in loaded.space.nuisances.names if name.startswith(STEP_PREFIX))
     child = settings.child("search with a varying load", *steps)
     try:
-        found = Fit.of(searched, loaded, LOAD_VARIATION, child).corrected(child)
+        estimate = Fit.of(searched, loaded, LOAD_VARIATION, child).corrected(child)
     except DivergedError:
         return None
-    if not found.residual_is_expected or is_convincing(found):
-        return found
+    if not estimate.residual_is_expected or is_convincing(estimate):
+        return estimate
     again = child.child("again")
-    anew = correct_bias(loaded, found.point[np.newaxis], again.max_corrections, again.seed)
-    return min(found, anew, key=lambda one: one.normalised_residual)
+    repeated = correct_bias(loaded, estimate.point[np.newaxis], again.max_corrections, again.seed)
+    return min(estimate, repeated, key=lambda candidate: candidate.normalised_residual)
 
 
 def is_convincing(loaded: SearchResult) -> bool:
-    """Return whether a load that varies leaves nothing for laws to explain."""
+    """Return whether the residual with a varying load is so small that no laws are tested."""
     return loaded.normalised_residual < VARYING.convincing
 
 
-def _promising(searched: SearchResult, seed: int) -> list[tuple[tuple[str, ...], MapObjective]]:
-    """Return the loads of `LOADS` that may explain the recording, that of least parameters first."""
-    alone = LinearModel.of(searched, seed)
+def _promising_loads(searched: SearchResult, seed: int) -> list[tuple[tuple[str, ...], MapObjective]]:
+    """Return the loads of `LOADS` that may explain the recording, those with fewest parameters first."""
+    without_load = LinearModel.of(searched, seed)
     hinged, point = with_nuisances(searched, (), (HINGE,), 1.0)
-    hinge_share = alone.with_more(hinged, point).share_left
+    hinge_share = without_load.with_more(hinged, point).share_left
     spline, point = with_nuisances(searched, (), VARYING_LOAD, 1.0)
-    curved = alone.with_more(spline, point)
+    with_spline = without_load.with_more(spline, point)
     is_loud = searched.normalised_residual > VARYING.loud
-    stepping = with_steps(searched, (), alone) if is_loud else []
-    curved_and_stepping = with_steps(searched, VARYING_LOAD, curved) if is_loud else []
+    with_load_steps = with_steps(searched, (), without_load) if is_loud else []
+    with_all = with_steps(searched, VARYING_LOAD, with_spline) if is_loud else []
     loads: list[tuple[tuple[str, ...], MapObjective, float]] = [
         ((HINGE,), hinged, hinge_share),
-        *(((LOAD_STEP,), *one) for one in stepping),
-        (VARYING_LOAD, spline, curved.share_left),
-        *((LOADS, *one) for one in curved_and_stepping),
+        *(((LOAD_STEP,), *steps) for steps in with_load_steps),
+        (VARYING_LOAD, spline, with_spline.share_left),
+        *((LOADS, *steps) for steps in with_all),
     ]
-    most = VARYING.much * max(VARYING.least, min(share for _, _, share in loads))
-    left = {names: VARYING.left_by_steps if names == (LOAD_STEP,) else VARYING.left for names, _, _ in loads}
-    return [(names, loaded) for names, loaded, share in loads if share <= min(most, left[names])]
+    largest_share = VARYING.much * max(VARYING.least, min(share for _, _, share in loads))
+    limits = {
+        names: VARYING.left_by_steps if names == (LOAD_STEP,) else VARYING.left for names, _, _ in loads
+    }
+    return [(names, loaded) for names, loaded, share in loads if share <= min(largest_share, limits[names])]
 
 
 def explains_better(loaded: SearchResult, rival: SearchResult) -> bool:
-    """Return whether a load that varies is believed, and not what explains the recording without one."""
+    """Return whether the varying load is preferred to the estimate `rival` without it."""
     return not rival.residual_is_expected or share_of_residual(loaded, rival) < SELECTION.likely_share
 
 
 def _with_any_load(problem: Problem) -> Actuator:
-    """Return the actuator with wide priors for a varying load: any that a motor of its size can move.
+    """Return the actuator with wide priors for a varying load: all loads that a motor of its size can move.
 
-    Its stiffness makes a usual load where the command is farthest from its middle; under a command that does
-    not change no position shows one, so that any prior does.
+    The prior of the load stiffness gives a load of usual size where the command is farthest from its middle.
+    With a constant command the stiffness has no effect, and any prior is adequate.
     """
     actuator, usual = problem.actuator, usual_deviation(problem.actuator, LOAD_VARIATION)
     reach = float(np.ptp(problem.measured["command_rad"])) / 2 or 1.0

@@ -1,1 +1,1 @@
-"""Laws that the description lacks: fits with them, and which are kept."""
+"""Laws that the description lacks: fits with them, and their selection."""

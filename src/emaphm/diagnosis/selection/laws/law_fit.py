@@ -1,7 +1,7 @@
-"""Estimates with a law, or whatever else an objective has more than before.
+"""Estimates with an additional law, or with other additional parameters of an objective.
 
-A law may have led the estimate without it astray, or be a small one that hardly changes it. So it is searched
-for from afar and from that estimate, and the reference model corrects the best of both.
+A missing law may have caused a large error of the estimate, or hardly change it. The fit with the law is
+therefore searched for globally and from that estimate, and the reference model corrects the best of both.
 """
 
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS, Law
 from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.arrays import Array
-from emaphm.diagnosis.selection.residual_share import hopeless_next_to, leaves_as_much
+from emaphm.diagnosis.selection.residual_share import hopelessness_relative_to, is_residual_above
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, LAW_SELECTION, MOTOR
 from emaphm.estimation.bias_correction import correct_bias
 from emaphm.estimation.global_search.multistart import local_search, multistart
@@ -29,16 +29,16 @@ from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_c
 from emaphm.random_streams import stream
 
 ONLY_WHILE_SWITCHING = ("sensor-lag",)
-"""Laws that hardly act on the averaged model: the reference model shows them, by a scan."""
+"""Laws with hardly any effect in the averaged model: they are estimated by a scan of the reference model."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Where the averaged model fits best with what `objective` has more than that of `before`: `name`.
+    """Best fits of the averaged model with the additional parameters of `objective`, called `name`.
 
-    The points (n, d) are those of descents from the estimate before, under its correction, and of a new
-    global search. `near` and `far` are the least costs [A²] of the two: the first shows what is small, the
-    second what has led the estimate astray.
+    The points (n, d) are the end points of descents from the estimate `before`, with its correction, and of a
+    new global search. `near` and `far` are the smallest costs [A²] of the two: `near` is relevant for small
+    effects, `far` for effects that caused a large error of the estimate before.
     """
 
     name: str
@@ -50,8 +50,8 @@ class Fit:
 
     @classmethod
     def of(cls, before: SearchResult, objective: MapObjective, name: str, settings: SearchSettings) -> Self:
-        """Return the fit of an `objective` that has more than that of `before`."""
-        found = multistart(objective, settings.seed, settings.method.optimizer)
+        """Return the fit of an `objective` with more parameters than that of `before`."""
+        global_search = multistart(objective, settings.seed, settings.method.optimizer)
         start = objective.space.carried_over(before.point, before.objective.space)
         correction = objective.of_channels(before.outputs_correction)
         near = local_search(objective, start, correction, stream(settings.seed, "local search")).best
@@ -59,26 +59,26 @@ class Fit:
             name,
             before,
             objective,
-            np.vstack([near, found.points]),
+            np.vstack([near, global_search.points]),
             _current_cost(objective, near, correction),
-            min(_current_cost(objective, point, 0.0) for point in found.points),
+            min(_current_cost(objective, point, 0.0) for point in global_search.points),
         )
 
     def corrected(self, settings: SearchSettings) -> SearchResult:
-        """Return the estimate, corrected by the reference model, or given up next to that before."""
-        is_hopeless = hopeless_next_to(self.before)
+        """Return the estimate corrected by the reference model; the correction stops if it is hopeless."""
+        is_hopeless = hopelessness_relative_to(self.before)
         return correct_bias(
             self.objective, self.points, settings.max_corrections, settings.seed, is_hopeless=is_hopeless
         )
 
 
 def fit_with_law(before: SearchResult, law: Law, settings: SearchSettings) -> Fit:
-    """Return where the averaged model fits best once its actuator has the law."""
+    """Return the fit of the averaged model with the law."""
     return Fit.of(before, with_law(before.objective, law), law.name, settings)
 
 
 def search_with_law(searched: SearchResult, name: str, settings: SearchSettings) -> SearchResult:
-    """Return the estimate with the law, from that `searched` without it."""
+    """Return the estimate with the law `name`, from the estimate `searched` without it."""
     child = settings.child("hidden law", name)
     objective = with_law(searched.objective, LAWS[name])
     return search_with(searched, objective, name, child)
@@ -90,15 +90,15 @@ def search_with(
     name: str,
     settings: SearchSettings,
 ) -> SearchResult:
-    """Return the estimate with what `objective` has more than that `searched` without it: `name`.
+    """Return the estimate with the additional parameters of `objective`, called `name`.
 
-    One that leaves hardly less is not refined: what is right leaves less at once, if not yet as little as it
-    can.
+    It is refined only if its residual is clearly smaller than that of `searched`: correct parameters reduce
+    the residual before any refinement.
     """
-    found = Fit.of(searched, objective, name, settings).corrected(settings)
-    if leaves_as_much(found, searched, LAW_SELECTION.clearly_less):
-        return found
-    return refine_by_reference(found, settings.seed)
+    estimate = Fit.of(searched, objective, name, settings).corrected(settings)
+    if is_residual_above(estimate, searched, LAW_SELECTION.clearly_less):
+        return estimate
+    return refine_by_reference(estimate, settings.seed)
 
 
 def _current_cost(objective: MapObjective, point: Array, correction: Array | float) -> float:
@@ -108,9 +108,9 @@ def _current_cost(objective: MapObjective, point: Array, correction: Array | flo
 
 
 def without_law(tried: SearchResult, before: SearchResult, settings: SearchSettings) -> SearchResult:
-    """Return where the search without a law ends from the estimate `tried` with it.
+    """Return the search without a law, repeated from the estimate `tried` with it.
 
-    By the description and the nuisances of the estimate `before`.
+    It has the description and the nuisances of the estimate `before`.
     """
     start = before.objective.space.carried_over(tried.point, tried.objective.space)
     child = settings.child("without a law")
@@ -118,9 +118,10 @@ def without_law(tried: SearchResult, before: SearchResult, settings: SearchSetti
 
 
 def acts(result: SearchResult, law: Law, seed: int) -> bool:
-    """Return whether a law has an effect at the estimate, where it has none with its parameters at 0.
+    """Return whether a law has a significant effect at the estimate.
 
-    Any of them is then significantly different from 0. A law that always acts, whatever their values, does.
+    If a law has no effect with all its parameters at 0, one of them must be significantly different from 0.
+    Other laws always have an effect.
     """
     objective, point = result.objective, result.point
     actuator = objective.problem.actuator
@@ -142,10 +143,10 @@ def acts(result: SearchResult, law: Law, seed: int) -> bool:
 def with_law(objective: MapObjective, law: Law) -> MapObjective:
     """Return the objective of the actuator with `law`, its parameters free like faults and nuisances.
 
-    But for what acts on the switching only, which no search finds.
+    Parameters that act on the switching only stay fixed, because no search identifies them.
     """
-    own = () if law.name in ONLY_WHILE_SWITCHING else law.parameters
-    return with_free_law(objective, law, (*own, *law.also_free))
+    free = () if law.name in ONLY_WHILE_SWITCHING else law.parameters
+    return with_free_law(objective, law, (*free, *law.also_free))
 
 
 def with_free_law(objective: MapObjective, law: Law, names: tuple[str, ...]) -> MapObjective:
@@ -159,7 +160,7 @@ def with_free_law(objective: MapObjective, law: Law, names: tuple[str, ...]) -> 
 
 
 def with_open(objective: MapObjective, actuator: Actuator, opened: ParameterVariation) -> MapObjective:
-    """Return the objective of `actuator`, with what is `opened` of its parameters free too."""
+    """Return the objective of `actuator` with its parameters `opened` free in addition."""
     nuisances = objective.space.nuisances
     nuisances = nuisances.with_unit(nuisances.unit.combined_with(opened))
     problem = replace(objective.problem, actuator=actuator)

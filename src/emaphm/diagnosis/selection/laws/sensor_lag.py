@@ -1,7 +1,7 @@
-"""A lag of the drive's current sensors where the residual without it is expected.
+"""Estimation of a lag of the drive's current sensors, also if the residual without it is expected.
 
-The lag acts by the switching alone: the current overshoots its band. A wrong scale or supply, or faults, may
-leave no more of the residual as a whole; in the ripple the right lag is seen (`ripple`).
+The lag acts through the switching alone: the current overshoots its band. A wrong scale or supply, or faults,
+may give an equal residual; the ripple identifies the right lag (`ripple`).
 """
 
 import math
@@ -33,20 +33,21 @@ from emaphm.threads import in_threads
 SENSOR_LAG = "sensor-lag"
 
 PROBED_LAGS_S = CURRENT_LAGS_S[0], CURRENT_LAGS_S[4], CURRENT_LAGS_S[8]
-"""The lags that are tried first [s]: 2, 8 and 32 µs. The residual is about linear in a lag, so one of the
-three leaves two fifths of what any of 2 to 64 µs does, or less."""
+"""Lags that are tried first [s]: 2, 8 and 32 µs. The residual is about linear in the lag, so with one of
+the three at most two fifths of the effect of any lag of 2 to 64 µs remain."""
 
 
 @dataclass(frozen=True)
 class SensorLagSettings:
-    """When a lag is suspected; `make study` (limits, plants) measures it.
+    """Limits for suspecting a lag; `make study` (limits, plants) measures the effect.
 
-    The law's start, 5 µs, changes the weighted residual by a share e of what is left without a lag, and
-    leaves 1 + z e of that. If the residual were linear in the lag, z would be 1 without one, 1 - 2 L / 5 µs
-    with one of L. It was 0.55 to 1.25 of 24 recordings without (noise of 0.05 to 0.5 A), -0.7 to -1.2 with 5
-    to 40 µs, 0.03 with one of 20 µs in whose place a scale had been selected. One of 2 µs would have 0.2.
+    The starting value of the law, 5 µs, changes the weighted residual by a share e of the residual without a
+    lag, and 1 + z e of that residual remains. If the residual were linear in the lag, z would be 1 without a
+    lag and 1 - 2 L / 5 µs with a lag L. It was 0.55 to 1.25 in 24 recordings without a lag (noise of 0.05 to
+    0.5 A), -0.7 to -1.2 with 5 to 40 µs, and 0.03 with a lag of 20 µs in whose place a scale had been
+    selected. A lag of 2 µs would have 0.2.
 
-    Suspected below `least_change`, where it changes more than `visible`: of less, chance decides.
+    A lag is suspected if z is below `least_change` and e above `visible`; for smaller e, z is random.
     """
 
     least_change: float = 0.2
@@ -58,9 +59,9 @@ SENSOR_LAG_SETTINGS = SensorLagSettings()
 
 @dataclass(frozen=True, eq=False)
 class LagComparison:
-    """What is minimised with the `objective`'s lag, and points (d,) of it `with_lag` and `without`.
+    """An `objective` with a lag, and its points (d,) `with_lag` and `without`.
 
-    The lag is the last coordinate; the least one of its range is a sixth of the reference model's step.
+    The lag is the last coordinate. `without` has its lower bound, a sixth of the reference model's step.
     """
 
     objective: MapObjective
@@ -69,7 +70,7 @@ class LagComparison:
 
     @classmethod
     def at(cls, objective: MapObjective, point: Array, space: ParameterSpace) -> Self:
-        """Return the comparison for an `objective` without the lag, at a `point` (d,) of `space`."""
+        """Return the comparison from an `objective` without the lag, at a `point` (d,) of `space`."""
         law = LAWS[SENSOR_LAG]
         lagging = with_free_law(objective, law, law.parameters)
         with_lag = lagging.space.carried_over(point, space)
@@ -77,9 +78,10 @@ class LagComparison:
 
 
 def can_show_lag(problem: Problem) -> bool:
-    """Return whether the switching would show a lag of the current, and none is known.
+    """Return whether an unknown lag of the current is identifiable from the switching.
 
-    Not of a unit whose model error was learned: what the model leaves of its ripple is no lag's alone.
+    This is not the case for a unit whose model error was learned: the residual of its ripple has other
+    causes.
     """
     actuator = problem.actuator
     learned = any(actuator.model_error.of(name) for name in problem.channels)
@@ -87,22 +89,28 @@ def can_show_lag(problem: Problem) -> bool:
 
 
 def is_lag_suspected(result: SearchResult, seed: int) -> bool:
-    """Return whether the reference model leaves so little of the ripple with a lag that there may be one."""
+    """Return whether the ripple's residual by the reference model indicates a lag."""
     if not can_show_lag(result.objective.problem):
         return False
-    tried = LagComparison.at(result.objective, result.point, result.objective.space)
-    points, rng = np.array([tried.with_lag, tried.without]), stream(seed, "reference runs with a lag")
-    none, reference = np.zeros_like(tried.objective.target), reference_problem(tried.objective)
-    outcomes = compared(tried.objective, none, points, reference, rng)
-    with_lag, without = (RippleResidual.of(one) for one in outcomes)
+    comparison = LagComparison.at(result.objective, result.point, result.objective.space)
+    points, rng = (
+        np.array([comparison.with_lag, comparison.without]),
+        stream(seed, "reference runs with a lag"),
+    )
+    no_correction, reference = (
+        np.zeros_like(comparison.objective.target),
+        reference_problem(comparison.objective),
+    )
+    outcomes = compared(comparison.objective, no_correction, points, reference, rng)
+    with_lag, without = (RippleResidual.of(outcome) for outcome in outcomes)
     residuals = (with_lag, without, with_lag.less(without))
     return answer_to_lag(ripple_powers(residuals, result.noise_level)) < SENSOR_LAG_SETTINGS.least_change
 
 
 def answer_to_lag(powers: Array) -> float:
-    """Return z (`SensorLagSettings`), by what is left with a lag, without, and of their difference, (3,).
+    """Return z (`SensorLagSettings`) from the powers (3,) with a lag, without, and of their difference.
 
-    No number where the lag does not show.
+    nan if the effect of the lag is not visible.
     """
     lagging, prompt, effect = powers
     if effect <= SENSOR_LAG_SETTINGS.visible * prompt:
@@ -113,22 +121,22 @@ def answer_to_lag(powers: Array) -> float:
 def with_sensor_lag(
     searched: SearchResult, before: SearchResult, settings: SearchSettings
 ) -> SearchResult | None:
-    """Return the estimate with the lag that the reference model prefers, from that `searched` without it.
+    """Return the estimate with the best lag by the reference model, from the estimate `searched` without.
 
-    None where no lag is as good as none, in the estimate `before`.
+    None if the estimate `before`, without a lag, is better (`with_best_lag`).
     """
     fit = fit_with_law(searched, LAWS[SENSOR_LAG], settings.child("lag of the current sensors"))
-    found = with_best_lag(fit, before, settings)
-    return None if found is None else refine_by_reference(found, settings.seed)
+    estimate = with_best_lag(fit, before, settings)
+    return None if estimate is None else refine_by_reference(estimate, settings.seed)
 
 
 def with_best_lag(fit: Fit, before: SearchResult, settings: SearchSettings) -> SearchResult | None:
-    """Return the estimate with the lag that the reference model prefers to the estimate `before` it.
+    """Return the estimate with the best lag by the reference model; None if `before`, without lag, is better.
 
-    None where no lag is as good. The residual falls towards a lag that is there, and rises beyond: if a
-    longer one leaves more than the least that is tried, the lag is hardly longer than that, and such a one
-    must leave as much less than the estimate before as any law must. Where that explains nothing, one of the
-    lags that are tried first must leave clearly less.
+    The residual falls towards the true lag and rises beyond it. If the second of the lags that are tried
+    first has a larger residual than the shortest one, the true lag is hardly longer than the shortest one,
+    and the residual with the shortest lag must fall below the limit for any law. If the estimate before does
+    not explain the recording, the residual with one of the lags that are tried first must be clearly smaller.
     """
     child = settings.child("law selection, corrected", fit.name)
 
@@ -141,14 +149,16 @@ def with_best_lag(fit: Fit, before: SearchResult, settings: SearchSettings) -> S
 
     workers = fit.objective.problem.workers
     probed = in_threads(with_lag, PROBED_LAGS_S, workers)
-    least, longer, longest = (one.residual_variance for one in probed)
-    if longer > least > LAW_SELECTION.share * before.residual_variance:
+    shortest, medium, longest = (estimate.residual_variance for estimate in probed)
+    if medium > shortest > LAW_SELECTION.share * before.residual_variance:
         return None
-    shown = min(least, longer, longest) <= LAW_SELECTION.clearly_less * before.residual_variance
-    if not (shown or before.residual_is_expected):
+    is_clearly_smaller = (
+        min(shortest, medium, longest) <= LAW_SELECTION.clearly_less * before.residual_variance
+    )
+    if not (is_clearly_smaller or before.residual_is_expected):
         return None
-    found = scan(CURRENT_LAGS_S, with_lag, lambda one: one.residual_variance, workers)
-    # The value is anywhere between its neighbours: evenly so, a third of the square of the way to one.
-    away = np.array([one.point - found.estimate.point for one in found.neighbours])
-    between = away.T @ away / (3 * len(away))
-    return replace(found.estimate, scatter=found.estimate.scatter + between)
+    scanned = scan(CURRENT_LAGS_S, with_lag, lambda estimate: estimate.residual_variance, workers)
+    # The value is uniformly distributed between its neighbours: a third of the squared distance to one.
+    differences = np.array([estimate.point - scanned.estimate.point for estimate in scanned.neighbours])
+    spacing_covariance = differences.T @ differences / (3 * len(differences))
+    return replace(scanned.estimate, scatter=scanned.estimate.scatter + spacing_covariance)

@@ -1,1 +1,1 @@
-"""The supply: what the recording shows of its voltage, and the estimate with another."""
+"""Estimation of a supply voltage that deviates from the description."""

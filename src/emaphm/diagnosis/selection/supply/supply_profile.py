@@ -1,8 +1,9 @@
-"""What the reference model leaves of a recording with each of several supplies, the other parameters held.
+"""Residual of the reference model for several supplies, with all other parameters fixed.
 
-A supply acts on a drive that keeps its currents within a hysteresis band by the switching alone. The averaged
-model has hardly a derivative for it, so that neither a search nor a score test sees a wrong one. In the
-reference model the ripple shows it: only within some 4 % of the true supply does it follow the recorded one.
+With a drive that keeps its currents within a hysteresis band, the supply acts through the switching alone.
+The averaged model has hardly any derivative with respect to it, so that neither a search nor a score test
+detects a wrong supply. The ripple of the reference model does: it follows the recorded ripple only within
+some 4 % of the true supply.
 """
 
 from dataclasses import dataclass, replace
@@ -26,15 +27,16 @@ SUPPLY = "supply"
 
 @dataclass(frozen=True)
 class SupplyScanSettings:
-    """Which supplies are tried, and what is made of them; `make study` (limits, supply) measures it.
+    """Supplies that are tried, and limits of the residual; `make study` (limits, supply) measures the effect.
 
-    Values lie `step` apart, half of what the ripple discerns, up to `reach` standard deviations of the prior
-    either way, `most` values at most. Each has `runs` of the reference model at least. The described supply
-    is right where far ones leave more than `far_share` of its weighted residual: they left 1.05 to 3 in 17 of
-    20 recordings with the supply as described, in 1 of 80 with one 5 or 10 % off. Another is worth trying
-    that leaves less than `tried_share`: the true one left 0.6 to 0.95. A value that is not `certain` standard
-    deviations off is asked for a second time. After a correction with it, it is looked for anew, up to
-    `corrections` times, and kept if it is certain.
+    Values are `step` apart, half of the resolution of the ripple, up to `reach` standard deviations of the
+    prior on both sides, at most `most` values per side, with at least `runs` runs of the reference model
+    each. The described supply is taken as right if far supplies have more than `far_share` of its weighted
+    residual: they had 1.05 to 3 in 17 of 20 recordings with the supply as described, and in 1 of 80 with a
+    supply 5 or 10 % off. Another supply is tried if it has less than `tried_share`: the true one had 0.6 to
+    0.95. If the deviation is less than `certain` standard deviations, the scan is repeated. After a
+    correction with the supply, it is scanned again, up to `corrections` times, and kept if its deviation is
+    certain.
     """
 
     step: float = 0.02
@@ -52,9 +54,9 @@ SUPPLY_SCAN = SupplyScanSettings()
 
 @dataclass(frozen=True, eq=False)
 class SupplyProfile:
-    """Relative `deviations` (n,) of the supply, the described first, and `powers` (n,) of the residual.
+    """Relative `deviations` (n,) of the supply, first the described one, and `powers` (n,) of the residual.
 
-    `prior` is the standard deviation of the description's, `rows` those of the residual.
+    `prior` is the standard deviation of the described prior, `rows` the number of rows of the residual.
     """
 
     deviations: Array
@@ -64,15 +66,15 @@ class SupplyProfile:
 
     @property
     def shares(self) -> Array:
-        """The residual's power relative to that of the described supply, (n,)."""
+        """The power of the residual relative to that with the described supply, (n,)."""
         return np.asarray(self.powers / self.powers[0])
 
     @property
     def located(self) -> tuple[Located, float]:
-        """The most probable deviation with its standard deviation, and its share of the residual.
+        """The estimated deviation with its standard deviation, and the share of the residual.
 
-        The mean of it and the two next to it, by probability: the supply may lie between. `CORRELATED_ROWS`
-        of the rows count as one.
+        The estimate is the mean, weighted by probability, of the most probable deviation and the two next to
+        it. `CORRELATED_ROWS` rows count as one.
         """
         levels = self.rows / CORRELATED_ROWS * np.log(self.powers) + (self.deviations / self.prior) ** 2
         best = int(np.argmin(levels))
@@ -84,10 +86,10 @@ class SupplyProfile:
 
     @property
     def promising(self) -> bool:
-        """Whether another supply than the described one leaves less, by more than every actuator deviates."""
+        """Whether the residual is smaller with another supply, and its deviation larger than usual."""
         located, share = self.located
-        off = abs(located.value) > SELECTION.least_deviation * self.prior
-        return off and share < SUPPLY_SCAN.tried_share
+        is_deviating = abs(located.value) > SELECTION.least_deviation * self.prior
+        return is_deviating and share < SUPPLY_SCAN.tried_share
 
     def with_another(self, other: Self) -> Self:
         """Return the mean of two profiles of the same supplies."""
@@ -97,17 +99,17 @@ class SupplyProfile:
 def supply_profile(
     objective: MapObjective, start: Array, noise: float, seed: int, *, thorough: bool
 ) -> SupplyProfile:
-    """Return what `objective`, of which the supply is a coordinate, leaves at `start` (d,) with each supply.
+    """Return the profile of the supply, a coordinate of `objective`, at `start` (d,).
 
-    Only with far supplies where these are clearly worse than the described one, unless `thorough`. `noise`
-    is the rms of the measured channel's.
+    Unless `thorough`, the scan ends with the far supplies if these are clearly worse than the described one.
+    `noise` is the rms of the noise of the measured channel.
     """
     prior = usual_deviation(objective.problem.actuator, SUPPLY)
     rng, reference = stream(seed, "reference runs of a supply scan"), reference_problem(objective)
-    first, others = _steps(prior)
+    first, further = _scanned_deviations(prior)
 
     def outcomes_of(deviations: Array) -> list[RippleResidual]:
-        return _at_supplies(objective, start, deviations, reference, rng)
+        return _residuals_at(objective, start, deviations, reference, rng)
 
     def profile_of(deviations: Array) -> SupplyProfile:
         return SupplyProfile(deviations, ripple_powers(outcomes, noise), prior, objective.problem.samples)
@@ -116,46 +118,49 @@ def supply_profile(
     profile = profile_of(first)
     if not thorough and np.all(profile.shares[1:] > SUPPLY_SCAN.far_share):
         return profile
-    outcomes += outcomes_of(others)
-    return profile_of(np.concatenate([first, others]))
+    outcomes += outcomes_of(further)
+    return profile_of(np.concatenate([first, further]))
 
 
 def first_supplies(actuator: Actuator) -> Array:
-    """Return the relative deviations (n,) of the supply that are tried first, described ones before."""
-    return _steps(usual_deviation(actuator, SUPPLY))[0]
+    """Return the relative deviations (n,) of the supply that are tried first; the first of them is 0."""
+    return _scanned_deviations(usual_deviation(actuator, SUPPLY))[0]
 
 
-def _steps(prior: float) -> tuple[Array, Array]:
-    """Return the described supply and some that are far from it, and all others that are tried."""
+def _scanned_deviations(prior: float) -> tuple[Array, Array]:
+    """Return the deviations that are tried first, 0 and far ones, and all others."""
     settings = SUPPLY_SCAN
-    most = min(settings.most, int(settings.reach * prior / settings.step + 1e-9))
-    half = (most + 1) // 2
-    first = list(dict.fromkeys((0, -half, half, most)))
-    others = [step for step in range(-most, most + 1) if step not in first]
+    largest = min(settings.most, int(settings.reach * prior / settings.step + 1e-9))
+    half = (largest + 1) // 2
+    first = list(dict.fromkeys((0, -half, half, largest)))
+    others = [step for step in range(-largest, largest + 1) if step not in first]
     return settings.step * np.array(first, float), settings.step * np.array(others, float)
 
 
-def _at_supplies(
+def _residuals_at(
     objective: MapObjective, start: Array, deviations: Array, reference: Problem, rng: np.random.Generator
 ) -> list[RippleResidual]:
-    """Return the outcomes at `start` (d,) with supplies off by `deviations` (n,)."""
+    """Return the residuals at `start` (d,) with `deviations` (n,) of the supply."""
     points = np.tile(start, (len(deviations), 1))
     points[:, column_of(objective)] = deviations / unit_of_supply(objective)
-    none, together = np.zeros_like(objective.target), REFERENCE_RUNS // SUPPLY_SCAN.runs
+    no_correction, batch_size = np.zeros_like(objective.target), REFERENCE_RUNS // SUPPLY_SCAN.runs
     outcomes: list[RippleResidual] = []
-    for k in range(0, len(points), together):
-        batch = points[k : k + together]
-        outcomes += [RippleResidual.of(one) for one in compared(objective, none, batch, reference, rng)]
+    for k in range(0, len(points), batch_size):
+        batch = points[k : k + batch_size]
+        outcomes += [
+            RippleResidual.of(outcome)
+            for outcome in compared(objective, no_correction, batch, reference, rng)
+        ]
     return outcomes
 
 
 def column_of(objective: MapObjective) -> int:
-    """Return the supply's place among the coordinates."""
+    """Return the index of the supply among the coordinates."""
     return objective.space.coordinates.index(SUPPLY)
 
 
 def unit_of_supply(objective: MapObjective) -> float:
-    """Return what a unit of the supply's coordinate is, relative."""
+    """Return the relative deviation of the supply per unit of its coordinate."""
     nuisances = objective.space.nuisances
     i = nuisances.names.index(SUPPLY)
     return float(nuisances.meaning[i, i])

@@ -1,4 +1,4 @@
-"""A supply that deviates from its description: located by scans of the reference model, and held there."""
+"""Estimation of a deviating supply: located by scans of the reference model, and fixed there."""
 
 from dataclasses import replace
 
@@ -22,16 +22,16 @@ from emaphm.random_streams import child_seed
 
 
 def is_scanned(actuator: Actuator) -> bool:
-    """Return whether the supply acts by the switching alone."""
+    """Return whether the supply acts through the switching alone."""
     return actuator.drive_kind == "hysteresis"
 
 
 def is_inductance_known(objective: MapObjective) -> bool:
-    """Return whether the inductance is known to the step of a scan, so that the ripple can show a supply.
+    """Return whether the inductance is known to the step of a scan, so that the ripple identifies the supply.
 
-    The ripple's slope is voltage by inductance. Where a tolerance or a baseline leaves the inductance open,
-    another supply makes up for it: in 35 of 134 units within ± 20 % of the inductance a supply was named,
-    though all had the described one.
+    The slope of the ripple is voltage over inductance. If a tolerance or a baseline leaves the inductance
+    open, another supply compensates for it: in 35 of 134 units within ± 20 % of the inductance a supply was
+    selected, although all had the described supply.
     """
     nuisances = objective.space.nuisances
     deviations = dict(zip(nuisances.quantities, nuisances.prior_deviations, strict=True))
@@ -39,13 +39,13 @@ def is_inductance_known(objective: MapObjective) -> bool:
 
 
 def supply_candidate(result: SearchResult, names: tuple[str, ...], seed: int) -> Candidate | None:
-    """Return the supply that the reference model prefers to the described one, None where it does not.
+    """Return the candidate with another supply; None if the reference model fits the described one best.
 
     `names` were selected before.
     """
     objective, start = with_nuisances(result, names, (SUPPLY,))
     profile = supply_profile(objective, start, result.noise_level, seed, thorough=False)
-    if profile.promising and not _certain(profile.located[0]):
+    if profile.promising and not _is_certain(profile.located[0]):
         again = child_seed(seed, "supply scan, again")
         profile = profile.with_another(
             supply_profile(objective, start, result.noise_level, again, thorough=True)
@@ -58,45 +58,46 @@ def supply_candidate(result: SearchResult, names: tuple[str, ...], seed: int) ->
 
 
 def with_supply(result: SearchResult, names: tuple[str, ...], settings: SearchSettings) -> SearchResult:
-    """Return the result with a supply that is estimated already where the reference model puts it.
+    """Return the result with its supply, which is already estimated, fixed where the scan locates it.
 
-    Scanned anew at each estimate, until it stays.
+    The scan is repeated at each new estimate until the located supply does not change.
     """
     names = tuple(dict.fromkeys((*names, SUPPLY)))
     for i in range(SUPPLY_SCAN.corrections):
         child = settings.child("located supply", str(i))
         objective, start = with_nuisances(result, names, (), located={SUPPLY: None})
         profiles = [
-            supply_profile(objective, start, result.noise_level, one, thorough=True)
-            for one in (child.seed, child_seed(child.seed, "supply scan, again"))
+            supply_profile(objective, start, result.noise_level, seed, thorough=True)
+            for seed in (child.seed, child_seed(child.seed, "supply scan, again"))
         ]
         located, _ = profiles[0].with_another(profiles[1]).located
         before = result.objective.space.nuisances.located.get(SUPPLY)
         objective, point = with_nuisances(result, names, (), located={SUPPLY: located})
         if before is not None and abs(before.value - located.value) < SUPPLY_SCAN.step / 2:
-            # The estimate stays, so does its supply.
-            point[column_of(objective)] = _value(result, located) / unit_of_supply(objective)
+            # The supply of the estimate is unchanged; only its location is updated.
+            point[column_of(objective)] = _distance_from(result, located) / unit_of_supply(objective)
             return replace(result, objective=objective, point=point, known_outputs=None, jacobians=None)
         result = correct_bias(objective, point[np.newaxis], child.max_corrections, child.seed)
     return result
 
 
-def with_asked_supply(result: SearchResult, settings: SearchSettings) -> SearchResult:
-    """Return the result with a supply that somebody named where the reference model puts it."""
+def with_requested_supply(result: SearchResult, settings: SearchSettings) -> SearchResult:
+    """Return the result with a requested supply fixed where the scan locates it."""
     if SUPPLY in result.objective.space.nuisances.chosen and is_scanned(result.objective.problem.actuator):
         return with_supply(result, (), settings)
     return result
 
 
 def is_off(result: SearchResult) -> bool:
-    """Return whether the located supply is not the described one, beyond doubt of the scan."""
-    return _certain(result.objective.space.nuisances.located[SUPPLY])
+    """Return whether the deviation of the located supply is certain."""
+    return _is_certain(result.objective.space.nuisances.located[SUPPLY])
 
 
-def _certain(located: Located) -> bool:
+def _is_certain(located: Located) -> bool:
+    """Return whether a located deviation exceeds its error by far enough."""
     return abs(located.value) > SUPPLY_SCAN.certain * located.deviation
 
 
-def _value(result: SearchResult, about: Located) -> float:
-    """Return how far the supply is from where it was located."""
+def _distance_from(result: SearchResult, about: Located) -> float:
+    """Return the distance of the supply in `result` from its location `about`."""
     return float(result.objective.space.nuisance_values(result.point[np.newaxis])[SUPPLY][0]) - about.value
