@@ -68,7 +68,7 @@ def search_with_restarts(
 
 
 def _reaches_noise(result: SearchResult) -> bool:
-    """Return whether noise and switching account for the residual; a heavy current has no `SMALLEST_SHARE`."""
+    """Return whether noise and switching account for the residual; strictly so of a heavy current."""
     if is_heavy(result.objective.problem):
         return leaves_switching_alone(result)
     return result.down_to_noise

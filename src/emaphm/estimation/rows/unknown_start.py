@@ -1,4 +1,4 @@
-"""Rows at the start of a recording that depend on a motion before it, which nothing recorded shows."""
+"""Rows at the start of a recording that depend on an unrecorded motion before it."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -8,16 +8,17 @@ import numpy as np
 from emaphm.recording.sensor_checks.resolution import Mask
 
 Start: TypeAlias = Literal["held", "current", "motion", "step", "seen", "side"]
-"""What is not known of a start."""
+"""The unknown of a start."""
 
 
 @dataclass(frozen=True)
 class UnknownStart:
-    """The first `rows` of a recording, `seconds` long, which are not compared, and what is not known there.
+    """The first `rows` of a recording, `seconds` long, which are not compared, and the unknown of its start.
 
-    Friction `held` the shaft off the command, or that or a motion makes its `current`; the command was in
-    `motion`, the shaft follows a `step` from before or is in a motion that is not `seen`, or the motor may be
-    at either `side` of the backlash. Models start at the share `gap` of half of the backlash, where the last
+    `what` is "held" if friction holds the shaft at a distance from the command; "current" if friction or a
+    motion causes the initial current; "motion" if the command moved before; "step" if the shaft follows a
+    step before the recording; "seen" if it is in a motion that was not recorded; "side" if the motor may be
+    at either side of the backlash. Models start at `gap`, relative to half the backlash, to which the last
     motion has led the motor.
     """
 
@@ -28,16 +29,16 @@ class UnknownStart:
 
     @property
     def held(self) -> bool:
-        """Whether friction may hold the shaft off the command."""
+        """Whether friction may hold the shaft at a distance from the command."""
         return self.what in ("held", "current")
 
     def masks(self, samples: int, channels: tuple[str, ...]) -> dict[str, Mask]:
-        """Return by channel which of its rows are not compared, (samples,); none where all are."""
+        """Return by channel the rows (samples,) that are not compared; empty if all rows are compared."""
         mask = np.arange(samples) < self.rows
         return dict.fromkeys(channels, mask) if self.rows else {}
 
     def notes(self) -> tuple[str, ...]:
-        """Return a note where rows are not compared, or would better not be."""
+        """Return a note if rows are not compared, or if they should not be compared."""
         if self.held:
             left_out = (
                 f"the first {self.seconds:.3g} s are not compared"
