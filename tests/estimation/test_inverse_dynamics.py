@@ -30,7 +30,7 @@ from emaphm.estimation.inverse_dynamics.filtering import (
     low_pass,
 )
 from emaphm.estimation.inverse_dynamics.result import ParameterEstimate, with_parameters
-from emaphm.estimation.inverse_dynamics.search import _solved
+from emaphm.estimation.inverse_dynamics.search import _with_linear_solved
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import REFERENCE, Inputs, Plant, run
@@ -394,7 +394,9 @@ def test_a_parameter_that_next_to_nothing_shows_leaves_the_others_finite() -> No
     problem: Any = SimpleNamespace(
         jacobian=lambda _, linear: columns[:, linear], residual=lambda point: columns @ ([2.0, 0.0] - point)
     )
-    found = _solved(problem, np.array([0.0, 1.0]), np.array([True, True]), np.zeros(2), np.full(2, np.inf))
+    found = _with_linear_solved(
+        problem, np.array([0.0, 1.0]), np.array([True, True]), np.zeros(2), np.full(2, np.inf)
+    )
     assert np.isfinite(found).all()
     assert found[0] == pytest.approx(2.0)
 
@@ -408,7 +410,7 @@ def test_a_value_on_its_bound_is_not_beyond_it() -> None:
             jacobian=lambda *_, rows=columns: rows,
             residual=lambda point, rows=columns: rows @ (np.array([-1.0, 2.0]) - point),
         )
-        found = _solved(problem, np.full(2, 0.4), np.full(2, True), lower, upper)
+        found = _with_linear_solved(problem, np.full(2, 0.4), np.full(2, True), lower, upper)
         assert np.all((found >= lower) & (found <= upper))
 
 

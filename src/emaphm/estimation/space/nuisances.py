@@ -200,7 +200,7 @@ class NuisanceSet:
         return self.standard_errors(np.diag(self.priors**2))
 
     def standard_errors(self, covariance: Array) -> Array:
-        """Return the standard error of each quantity, (quantities,), from a coordinates' `covariance` (m, m)."""
+        """Return the standard error of each quantity, (quantities,), from the coordinates' covariance."""
         return np.asarray(np.sqrt(np.einsum("qi,ij,qj->q", self.meaning, covariance, self.meaning)))
 
     def values(self, points: Array) -> dict[str, Array]:
@@ -225,32 +225,32 @@ class NuisanceSet:
     ) -> dict[str, Array]:
         """Return the lumped parameters for `values` (n,) of the quantities, shape (n,) each.
 
-        The known `temperature_rise_K` rise nominal is added to an estimated one. Nuisances of the recording
+        The known `temperature_rise_K` above nominal is added to an estimated one. Nuisances of the recording
         act on the parameters of the unit including their deviations.
         """
         result = {name: varied(actuator, name, values[BASELINE + name]) for name in self.parameters}
 
-        def current(name: str) -> Array:
+        def of_unit(name: str) -> Array:
             return result[name] if name in result else np.asarray(lumped_parameters(actuator, (name,))[name])
 
         result |= {name: values[name] for name in values if name.startswith((PREFIX, STEP_PREFIX))}
         if "load" in values:
-            result["offset"] = current("offset") + values["load"]
+            result["offset"] = of_unit("offset") + values["load"]
         if "hinge" in values:
-            result["hinge"] = current("hinge") + values["hinge"]
+            result["hinge"] = of_unit("hinge") + values["hinge"]
         if "inertia" in values:
-            result["inertia"] = current("inertia") * np.maximum(1 + values["inertia"], LEAST)
+            result["inertia"] = of_unit("inertia") * np.maximum(1 + values["inertia"], LEAST)
         if "supply" in values:
-            result["supply"] = current("supply") * np.maximum(1 + values["supply"], LEAST)
+            result["supply"] = of_unit("supply") * np.maximum(1 + values["supply"], LEAST)
         if "temperature" in values or temperature_rise_K:
             known = np.asarray(temperature_rise_K)
             if actuator.electrical is not None and actuator.electrical.temperature_gain is not None:
-                known = current("temperature_gain") * temperature_rise_K
+                known = of_unit("temperature_gain") * temperature_rise_K
             rise = np.asarray(values.get("temperature", 0.0)) + known
             if actuator.friction is not None and actuator.friction.viscous_temperature is not None:
-                result["viscous"] = current("viscous") * np.exp(-current("viscous_temperature") * rise)
-            result["resistance"] = current("resistance") * np.maximum(1 + COPPER * rise, LEAST)
-            result["torque_constant"] = current("torque_constant") * np.maximum(1 + MAGNETS * rise, LEAST)
+                result["viscous"] = of_unit("viscous") * np.exp(-of_unit("viscous_temperature") * rise)
+            result["resistance"] = of_unit("resistance") * np.maximum(1 + COPPER * rise, LEAST)
+            result["torque_constant"] = of_unit("torque_constant") * np.maximum(1 + MAGNETS * rise, LEAST)
         return result
 
 
@@ -297,7 +297,7 @@ def _is_unknown(actuator: Actuator, name: str, channels: Sequence[str]) -> bool:
 
 
 def _is_observable(name: str, channels: Sequence[str]) -> bool:
-    """Return whether `channels` contain a sensor's error; the delay of a single sensor is the common delay."""
+    """Return whether `channels` contain a sensor's error; a single sensor has only the common delay."""
     error = sensor_error(name)
     if error is None:
         return True

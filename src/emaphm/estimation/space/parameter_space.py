@@ -23,7 +23,7 @@ SHORTS = NAMES[2:5]
 ECCENTRICITY = NAMES[5:7]
 
 PRIOR_DEVIATION = 1 / 12**0.5
-"""Standard deviation of a component that is uniform in [0, 1]; also used for friction, which may be below 0."""
+"""Standard deviation of a component that is uniform in [0, 1]; also used for friction, which may be less."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,8 +46,8 @@ a search."""
 class ParameterVariation:
     """Parameters that may deviate, and the coordinates of their deviations.
 
-    `axes`, (parameters, q), is the deviation of each parameter per unit of each coordinate. `priors`, (q,), is
-    the prior standard deviation of each coordinate, `widest`, (q,), its bound.
+    `axes`, (parameters, q), is the deviation of each parameter per unit of each coordinate. `priors`, (q,),
+    is the prior standard deviation of each coordinate, `widest`, (q,), its bound.
     """
 
     parameters: tuple[str, ...]
