@@ -44,8 +44,8 @@ def compared_channels(recording: Recording, actuator: Actuator, model: Model = A
     if not recorded:
         available = ", ".join(name for name in RESPONSES if name in recording)
         raise MethodError(
-            f"{recording.source}: of what it holds ({available}) the {model.name} model of actuator "
-            f"'{actuator.name}' has nothing to compare; record one of {', '.join(comparable)}"
+            f"{recording.source}: none of its channels ({available}) can be compared with the {model.name} "
+            f"model of actuator '{actuator.name}'; record one of {', '.join(comparable)}"
         )
     varying = [name for name in recorded if name == "current_A" or has_signal(recording, name)]
     chosen = varying or recorded[:1]

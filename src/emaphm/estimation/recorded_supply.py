@@ -33,7 +33,7 @@ def with_recorded_supply(actuator: Actuator, recording: Recording) -> Actuator:
     supply = float(np.mean(recording["supply_V"]))
     if supply <= 0:
         raise RecordingError(
-            f"{recording.source}: supply_V is {supply:.3g} V on average, by which no drive runs; correct its "
-            "sign and unit, or leave that column out"
+            f"{recording.source}: supply_V is {supply:.3g} V on average, but a supply is positive; correct "
+            "its sign and unit, or leave that column out"
         )
     return with_lumped_parameters(actuator, {"supply": supply})

@@ -98,7 +98,7 @@ class Motion:
             moving &= recording["enabled"] > 0
         if not moving.any():
             raise RecordingError(
-                f"{recording.source}: the shaft never moves faster than {still_speed:.3g}, where noise ends; "
+                f"{recording.source}: the shaft never moves faster than {still_speed:.3g}, the noise limit; "
                 "record a manoeuvre with more motion"
             )
         channel = channel or _best_channel(recording, actuator)
@@ -133,7 +133,7 @@ def _best_channel(recording: Recording, actuator: Actuator) -> str:
 
 
 def _response(recording: Recording, actuator: Actuator, channel: str) -> Array:
-    """Return the `channel` of a recording, (n,): a voltage [V], or a current [A] proportional to the torque."""
+    """Return the `channel` of a recording, (n,): a voltage [V], or a current [A] that gives the torque."""
     if channel not in RESPONSES:
         raise MethodError(f"'{channel}' does not show the torque{nearest(channel, RESPONSES)}")
     if channel == "current_A":
@@ -142,7 +142,8 @@ def _response(recording: Recording, actuator: Actuator, channel: str) -> Array:
         return first_order_lag(effective, actuator.motor.torque_lag, recording.interval_s)
     if actuator.electrical is None:
         raise MethodError(
-            f"a voltage shows the torque where the resistance is known; add [electrical] to '{actuator.name}'"
+            "the torque follows from a voltage only if the resistance is known; add [electrical] to "
+            f"'{actuator.name}'"
         )
     if channel == "voltage_V":
         return recording["voltage_V"]

@@ -139,7 +139,7 @@ class InverseDynamicsResult:
         header = ("recording", "channel", "relative error", "position to", "regression to")
         notes = [str(collinear) for collinear in self.collinear]
         notes += [
-            f"'{name}' ended at the bound of its search: the recordings do not show it."
+            f"'{name}' ended at the bound of its search: the recordings do not identify it."
             for name in self.at_bound
         ]
         return "\n\n".join([table, format_table(header, recordings), *notes])

@@ -95,7 +95,7 @@ def check_posterior(model: Model) -> None:
     library()
     if model.switches:
         raise MethodError(
-            f"a posterior needs derivatives, which drown in the {model.name} model's switching; use the "
+            f"a posterior needs derivatives, which the {model.name} model's switching makes useless; use the "
             "averaged model"
         )
 

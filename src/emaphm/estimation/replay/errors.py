@@ -50,8 +50,8 @@ def relative_of(errors: Mapping[str, ErrorStatistics]) -> dict[str, float]:
 def warnings(errors: Mapping[str, ErrorStatistics]) -> tuple[str, ...]:
     """Return a sentence on each channel with a relative error above `NO_LIKENESS`."""
     return tuple(
-        f"{name} is off by {100 * error:.3g} % of its rms, more than from a model that does nothing: check "
-        "its unit, its sign, its name under [channels], and the actuator's description"
+        f"{name} deviates by {100 * error:.3g} % of its rms, more than from an output of 0: check its unit, "
+        "its sign, its name under [channels], and the actuator's description"
         for name, error in relative_of(errors).items()
         if error > NO_LIKENESS
     )

@@ -79,7 +79,7 @@ def notes_on_means(problem: Problem) -> tuple[str, ...]:
     if count == 1:
         return ()
     over_ms = 1e3 * problem.inputs.interval
-    why = "the shaft gives, and its swing hides faults"
+    why = "the oscillation of the compliant shaft hides faults"
     return (f"compared in means of {count} rows, over {over_ms:.3g} ms: {why}",)
 
 

@@ -43,8 +43,8 @@ class UnknownStart:
             left_out = (
                 f"the first {self.seconds:.3g} s are not compared"
                 if self.rows
-                else "too little motion follows to do without the first rows, so take what is estimated of "
-                "load, friction and zeros with caution, or begin before that motion"
+                else "too little motion follows to leave out the first rows; use the estimates of load, "
+                "friction and zeros with caution, or begin the recording before that motion"
             )
             return (f"{NOTES[self.what]}: {left_out}",)
         if not self.rows:
@@ -53,21 +53,23 @@ class UnknownStart:
 
 
 NOTES: dict[Start, str] = {
-    "held": "the recording begins at a rest with a current that is not the model's, by a load that was not "
-    "recorded, by the sensor's zero, or by friction that holds the shaft off the command since a motion "
-    "before",
-    "current": "the current in the first rows is not the model's, by a load that was not recorded, by the "
-    "sensor's zero, by a motion before, or by friction that holds the shaft off the command since then",
-    "motion": "the command moves already in the first row, and how the shaft moves there is not known: {} "
-    "depend on the motion before and are not compared. They are if the recording starts at rest, or if "
-    "position_rad and speed_rad_s show its speed there to 1 %",
-    "seen": "how the shaft moves in the first row is not known: {} depend on the motion before and are not "
-    "compared. They are if the recording starts at rest, or if position_rad and speed_rad_s show its speed "
-    "there to 1 %",
-    "step": "in the first row the shaft is on its way to a command that stands, and how fast is not known: "
-    "{} depend on it and are not compared. They are if the recording starts at rest, or has speed_rad_s",
-    "side": "at which side of the backlash the motor stands in the first row is not known: {} depend on it "
-    "and are not compared",
+    "held": "the recording begins at a rest with a current that differs from the model's; possible causes "
+    "are an unrecorded load, the sensor's zero, or friction that holds the shaft at a distance from the "
+    "command after an earlier motion",
+    "current": "the current in the first rows differs from the model's; possible causes are an unrecorded "
+    "load, the sensor's zero, an earlier motion, or friction that holds the shaft at a distance from the "
+    "command after it",
+    "motion": "the command already moves in the first row, and the shaft's motion there is unknown: {} "
+    "depend on the motion before and are not compared. They are compared if the recording starts at rest, or "
+    "if position_rad and speed_rad_s show the speed there to 1 %",
+    "seen": "the shaft's motion in the first row is unknown: {} depend on the motion before and are not "
+    "compared. They are compared if the recording starts at rest, or if position_rad and speed_rad_s show "
+    "the speed there to 1 %",
+    "step": "in the first row the shaft is on its way to a constant command, with an unknown speed: {} "
+    "depend on it and are not compared. They are compared if the recording starts at rest, or contains "
+    "speed_rad_s",
+    "side": "the side of the backlash at which the motor stands in the first row is unknown: {} depend on "
+    "it and are not compared",
 }
 
 FROM_REST = UnknownStart()

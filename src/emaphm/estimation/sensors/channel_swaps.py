@@ -47,8 +47,8 @@ def with_channels_exchanged(checked: CheckedRecording, actuator: Actuator, model
         return checked
     a, b = (problem.channels[i] for i in pair)
     sentence = (
-        f"{a} and {b} are in each other's place: they follow the model exchanged, and were exchanged. "
-        "Check the names under [channels]"
+        f"{a} and {b} are in each other's place: they agree with the model after an exchange, and were "
+        "exchanged. Check the names under [channels]"
     )
     swapped = {**problem.measured, a: problem.measured[b], b: problem.measured[a]}
     finding = SensorFinding(f"{a} and {b}", "swapped", 2.0, "channels", sentence)

@@ -361,7 +361,7 @@ def usual_deviation(actuator: Actuator, name: str) -> float:
     prior = _prior(actuator, name)
     if prior is None:
         raise MethodError(
-            f"how large nuisance '{name}' may be is not known; give its standard deviation as {name} in "
+            f"the size of nuisance '{name}' is not known; give its standard deviation as {name} in "
             f"[nuisances] of actuator '{actuator.name}'"
         )
     return prior
