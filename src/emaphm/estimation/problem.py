@@ -188,6 +188,7 @@ class Problem:
     def _observe(
         self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None, channels: tuple[str, ...]
     ) -> Array:
+        """Return the model's `channels` with the described sensors, shape (n, channels, samples)."""
         exact = self.exact(faults, parameters, channels)
         return all_as_described(exact, channels, self.actuator, self.inputs.interval)
 

@@ -13,7 +13,7 @@ from emaphm.simulation.laws.angles import wrap
 from emaphm.text_table import NOTHING, format_table
 
 NO_LIKENESS = 1.0
-"""Relative error above which a model with an output of 0 would be better: the cause is then not the fit."""
+"""Relative error above which a model at rest would be better: the cause is then not the fit."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ def relative_of(errors: Mapping[str, ErrorStatistics]) -> dict[str, float]:
 def warnings(errors: Mapping[str, ErrorStatistics]) -> tuple[str, ...]:
     """Return a sentence on each channel with a relative error above `NO_LIKENESS`."""
     return tuple(
-        f"{name} deviates by {100 * error:.3g} % of its rms, more than from an output of 0: check its unit, "
-        "its sign, its name under [channels], and the actuator's description"
+        f"{name} deviates by {100 * error:.3g} % of its rms, more than the error of a model at rest: check "
+        "its unit, its sign, its name under [channels], and the actuator's description"
         for name, error in relative_of(errors).items()
         if error > NO_LIKENESS
     )

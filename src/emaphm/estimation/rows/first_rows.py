@@ -32,6 +32,7 @@ def likely_faults(problem: Problem) -> Array:
 
 @cache
 def _likely_faults(*, has_windings: bool) -> Array:
+    """Return the fault vectors (n, 8) of `likely_faults`; with shorts if the actuator has windings."""
     shorts = (0.0, 0.2) if has_windings else (0.0,)
     return np.array(
         [
@@ -68,8 +69,8 @@ def rows_apart(problem: Problem, outputs: list[Array]) -> int:
     (`emaphm.estimation.rests`).
     """
     distances = np.max([np.abs(later - outputs[0]) for later in outputs[1:]], axis=(0, 1))
-    apart = (distances > _least_difference(problem)[:, np.newaxis]).any(axis=0)
-    differing = np.flatnonzero(apart)
+    is_different = (distances > _least_difference(problem)[:, np.newaxis]).any(axis=0)
+    differing = np.flatnonzero(is_different)
     if not differing.size:
         return 0
     forgotten = np.flatnonzero(np.diff(differing) * problem.inputs.interval > FORGOTTEN_S)

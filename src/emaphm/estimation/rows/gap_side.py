@@ -50,7 +50,7 @@ def at_side(problem: Problem, side: float) -> Problem:
 
 
 def shows_side(problem: Problem) -> bool:
-    """Return whether the current of a rest shows the side: with a known load, the rest is due to friction."""
+    """Return whether the current of a rest shows the side: with a known load, the remainder is friction."""
     return "load_Nm" in problem.measured
 
 

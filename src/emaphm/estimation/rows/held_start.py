@@ -118,11 +118,11 @@ def _stands(problem: Problem, current: float, faults: Array) -> bool:
         return False
     rows = min(problem.samples, max(math.ceil(HELD_START.shortest / problem.inputs.interval), 1))
     standing = problem.driving.beginning(0.0, rows)
-    held = min(
+    held_residual = min(
         least_residual(problem, outputs, 0, rows)
         for outputs in _from_starts(problem, standing, current, faults)
     )
-    return held <= HELD_START.better * residual_after_motion(problem, rows)
+    return held_residual <= HELD_START.better * residual_after_motion(problem, rows)
 
 
 def _friction_holds(problem: Problem, current: float) -> bool:

@@ -47,6 +47,7 @@ def further_channels_information(
 
 
 def _unit(name: str) -> str:
+    """Return the unit of channel `name` of a rotary actuator."""
     return unit_for(SCHEMA[name].unit, "rotary")
 
 
