@@ -356,7 +356,7 @@ def test_replay_judges_several_recordings_and_writes_their_signals(emaphm: Emaph
 def test_replay_warns_of_a_model_that_is_nothing_like(emaphm: Emaphm, desk: Path) -> None:
     (desk / "reversed.csv").write_bytes(files.csv(files.scaled(position_rad=-1)))
     warnings = parsed(emaphm, "replay", "reversed.csv")["warnings"]
-    assert any(warning.startswith("position_rad is off by") for warning in warnings)
+    assert any(warning.startswith("position_rad deviates by") for warning in warnings)
     assert "Warning: position_rad" in emaphm("replay", "reversed.csv").out
 
 

@@ -121,7 +121,7 @@ def test_where_only_a_step_follows_all_is_compared_and_a_note_asks_for_caution()
     assert (len(found.recorded), found.explained) == (full.samples, True)
     assert abs(found.nuisances["load"].value - 0.25) < 0.01
     assert found.components["short_b"].verdict == "degraded"
-    assert any("take what is estimated of load" in one for one in found.recording_notes)
+    assert any("use the estimates of load" in one for one in found.recording_notes)
     recorded = Recording({name: full[name] for name in ("time_s", "command_rad", "load_Nm", *ELECTRICAL)})
     assert not problem_of(recorded, THESIS, channels=None).unknown_start.held
 

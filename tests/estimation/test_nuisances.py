@@ -93,9 +93,7 @@ def test_a_hinge_moment_is_what_stalls_the_motor_at_the_end_stop_unless_it_is_st
     free = Actuator.from_dict(
         {**THESIS.model_dump(), "mechanics": {**THESIS.mechanics.model_dump(), "end_stops": None}}
     )
-    message = (
-        r"'hinge' may be is not known; give its standard deviation as hinge in \[nuisances\] .* 'thesis'"
-    )
+    message = r"'hinge' is not known; give its standard deviation as hinge in \[nuisances\] .* 'thesis'"
     with pytest.raises(MethodError, match=message):
         NuisanceSet.of(free, ("hinge",), ())
     assert "hinge" not in NuisanceSet.of(THESIS, (), ()).others(THESIS, ())

@@ -410,7 +410,7 @@ def test_what_an_actuator_cannot_show_stays_open() -> None:
 @pytest.mark.parametrize("options", [{"model": "monitor", "method": "dragonfly"}])
 def test_a_model_that_switches_is_refused(options: dict[str, Any]) -> None:
     recording = simulate(THESIS, Chirp(), model="averaged")
-    with pytest.raises(MethodError, match="monitor model's switching; use the averaged model"):
+    with pytest.raises(MethodError, match="monitor model's switching makes useless; use the averaged model"):
         diagnose(recording, THESIS, posterior=True, **options)
 
 

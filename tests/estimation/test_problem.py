@@ -442,7 +442,7 @@ def test_signals_at_a_models_steps_are_made_once(monkeypatch: pytest.MonkeyPatch
 
 def test_signals_of_many_recordings_are_kept_within_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those first kept go first; those of recordings that nobody holds count no longer."""
-    monkeypatch.setattr(driving_signals, "_KEPT", WeakKeyDictionary())
+    monkeypatch.setattr(driving_signals, "_CACHE", WeakKeyDictionary())
     problems = [problem_of(recorded(), THESIS) for _ in range(3)]
     first = problems[0].by(REFERENCE).inputs
     monkeypatch.setattr(driving_signals, "MOST_KEPT_STEPS", 2 * first.command.size)

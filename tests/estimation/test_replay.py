@@ -220,14 +220,14 @@ def test_a_position_is_judged_by_its_motion_wherever_its_zero_is() -> None:
         )
         found = replay(mirrored, THESIS, model="averaged")
         assert found.relative_error["position_rad"] == pytest.approx(2.0, rel=0.01)
-        assert any("position_rad is off by" in one for one in found.warnings)
+        assert any("position_rad deviates by" in one for one in found.warnings)
 
 
 def test_a_model_that_is_nothing_like_the_recording_is_warned_of(healthy: Recording) -> None:
     reversed_sign = Recording(dict(healthy.channels) | {"position_rad": -healthy["position_rad"]})
     found = replay(reversed_sign, THESIS)
     (warning,) = found.warnings
-    for piece in ("position_rad is off by", "%", "unit", "sign", "[channels]"):
+    for piece in ("position_rad deviates by", "%", "unit", "sign", "[channels]"):
         assert piece in warning
     assert f"Warning: {warning}." in str(found)
     assert found.to_dict()["warnings"] == [warning]
@@ -244,7 +244,9 @@ def test_one_channel_is_enough(healthy: Recording, name: str) -> None:
 
 def test_a_channel_that_no_model_has_is_not_enough(healthy: Recording) -> None:
     given = {name: healthy[name] for name in ("time_s", "command_rad")}
-    with pytest.raises(MethodError, match=r"\(duty\) the averaged model .* record one of current_A"):
+    with pytest.raises(
+        MethodError, match=r"\(duty\) can be compared with the averaged model .* record one of"
+    ):
         replay(Recording(given | {"duty": healthy["voltage_V"] / 48}), THESIS)
 
 

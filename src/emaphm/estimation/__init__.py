@@ -1,4 +1,4 @@
-"""Parameters from recordings: the objective, the searches for its optimum, and how sure an estimate is."""
+"""Estimation of parameters from recordings: objective, searches for its optimum, and uncertainty."""
 
 from emaphm.estimation.cost_functions import COST_FUNCTIONS
 from emaphm.estimation.methods import METHODS

@@ -1,8 +1,8 @@
 """Correction of the fitted model's bias by a few runs of the reference model (docs/physics.md, section 9).
 
-The averaged model is not the reference model, so its best fit is biased. Their discrepancy at the estimate is
-added to the averaged model's outputs, and the fit repeated from there: space mapping, or a multi-fidelity
-additive correction (Bandler et al. 2004; March and Willcox 2012).
+The averaged model differs from the reference model, so its best fit is biased. The discrepancy of the two
+models at the estimate is added to the averaged model's outputs, and the fit is repeated from the estimate:
+space mapping, an additive multi-fidelity correction (Bandler et al. 2004; March and Willcox 2012).
 """
 
 from collections.abc import Callable, Sequence
@@ -31,7 +31,7 @@ MAX_CORRECTIONS = 10
 
 @dataclass(frozen=True, eq=False)
 class _Jacobians:
-    """Replicated Jacobians (n, d, rows), as `objective` weights the rows."""
+    """Replicated Jacobians (n, d, rows), with the weights of `objective` on the rows."""
 
     objective: MapObjective
     values: Array
@@ -49,10 +49,10 @@ def correct_bias(
 ) -> SearchResult:
     """Return the estimate after up to `max_corrections` iterations, from the best of `points` (n, d).
 
-    Each iteration proposes candidates under the present correction, and asks the reference model for the
-    misfit of each. In the end, the mean of the estimates of the iterations without progress is taken: the
-    reference model finds no difference between them. Where the estimate `is_hopeless`, an iteration without
-    progress ends it.
+    Each iteration proposes candidates under the current correction and evaluates the misfit of each with the
+    reference model. The result is the mean of the estimates of the last iterations without progress, because
+    the reference model finds no difference between them. If the estimate `is_hopeless`, the first iteration
+    without progress is the last.
     """
     reference = reference_problem(objective)
     jacobians: _Jacobians | None = None
@@ -66,14 +66,14 @@ def correct_bias(
         rng = stream(seed, "reference runs", iteration)
         return compared(current.objective, correction, candidates, reference, rng)
 
-    none = np.zeros_like(objective.target)
-    starts = compared(objective, none, points, reference, stream(seed, "reference runs", "starts"))
-    best = min(starts, key=lambda one: one.residual_variance)
+    no_correction = np.zeros_like(objective.target)
+    starts = compared(objective, no_correction, points, reference, stream(seed, "reference runs", "starts"))
+    best = min(starts, key=lambda start: start.residual_variance)
     resting = with_rests(objective, best.point, reference, stream(seed, "reference runs", "rests"))
     if resting is not objective:
         reference = with_all_phases(reference)
         rng = stream(seed, "reference runs", "start")
-        (best,) = compared(resting, none, best.point[np.newaxis], reference, rng)
+        (best,) = compared(resting, no_correction, best.point[np.newaxis], reference, rng)
     end = iterate(best, outcomes_of, max_corrections, settings, on_progress, is_hopeless)
     if on_progress:
         on_progress(1.0)
@@ -81,46 +81,46 @@ def correct_bias(
 
 
 def with_discrepancy(result: SearchResult, seed: int) -> SearchResult:
-    """Return an estimate that was searched without correction, with its discrepancy where it can be known."""
+    """Return an estimate without correction together with its discrepancy, if a reference model can run."""
     if result.discrepancy is not None or not has_reference(result.objective.problem):
         return result
-    known = discrepancies(
+    (discrepancy,) = discrepancies(
         result.objective,
         result.point[np.newaxis],
         result.outputs[np.newaxis],
         reference_problem(result.objective),
         stream(seed, "reference runs"),
     )
-    return replace(result, discrepancy=known[0])
+    return replace(result, discrepancy=discrepancy)
 
 
 def over_all_phases(result: SearchResult, seed: int) -> SearchResult:
-    """Return an estimate that was corrected, now by runs whose ripple has all phases.
+    """Return a corrected estimate with its discrepancy from runs whose ripple has all phases.
 
-    As it is where the drive has no hysteresis, or nothing was corrected.
+    Without hysteresis or without a correction, the result is returned unchanged.
     """
     objective = result.objective
     if objective.problem.actuator.drive_kind != "hysteresis" or not result.correction.any():
         return result
-    (known,) = discrepancies(
+    (discrepancy,) = discrepancies(
         objective,
         result.point[np.newaxis],
         result.outputs[np.newaxis],
         with_all_phases(reference_problem(objective)),
         stream(seed, "reference runs of all phases"),
     )
-    return replace(result, correction=known.mean, discrepancy=known)
+    return replace(result, correction=discrepancy.mean, discrepancy=discrepancy)
 
 
 def compared(
     objective: MapObjective, correction: Array, points: Array, reference: Problem, rng: np.random.Generator
 ) -> list[SearchResult]:
-    """Return results at `points` (n, d), found under a `correction` (rows,), with their discrepancies."""
+    """Return results at `points` (n, d), searched under a `correction` (rows,), with their discrepancies."""
     outputs = objective.outputs(points)
-    known = discrepancies(objective, points, outputs, reference, rng)
+    at_points = discrepancies(objective, points, outputs, reference, rng)
     return [
-        SearchResult.at(objective, point, outputs=modelled, correction=correction, discrepancy=one)
-        for point, modelled, one in zip(points, outputs, known, strict=True)
+        SearchResult.at(objective, point, outputs=modelled, correction=correction, discrepancy=discrepancy)
+        for point, modelled, discrepancy in zip(points, outputs, at_points, strict=True)
     ]
 
 
@@ -132,10 +132,11 @@ def _candidates(
     seed: int,
     settings: BiasCorrectionSettings,
 ) -> tuple[Array, _Jacobians]:
-    """Return candidates (n, d) under the present `correction`, and the Jacobians that they come from.
+    """Return candidates (n, d) under the current `correction`, and the Jacobians of the proposed steps.
 
-    `before` are the Jacobians of an iteration that ended in the same place. A Gauss-Newton step by replicated
-    Jacobians leaves the kinks of stick-slip that hold a descent, but may also lead astray.
+    `before` are the Jacobians of an iteration that ended at the same point. A Gauss-Newton step by replicated
+    Jacobians leaves a local minimum at a kink of stick-slip, at which a descent stops, but may also increase
+    the misfit; the candidates are therefore shares of the step.
     """
     objective, space = current.objective, current.objective.space
     descents = LOCAL_SEARCH if before is None else with_descents(settings.further_descents)
@@ -158,13 +159,13 @@ def _candidates(
 
 
 def gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobians: Array) -> Array:
-    """Return the step (d,) to the optimum of a linear model, by the mean of the Jacobians.
+    """Return the step (d,) to the optimum of a linear model with the mean of the Jacobians.
 
-    A fault has no prior; as far as the channels do not show it, it keeps its value.
+    A fault has no prior; directions that the channels do not constrain keep the fault's value.
     """
     space, rows = objective.space, objective.channel_rows
     normal, gradient = normal_equations(jacobians[:, :, :rows], residual[:rows], space.prior_deviations)
-    # Priors are exact: along what the channels do not show, they alone lead.
+    # Priors are exact: they alone determine the directions that the channels do not constrain.
     priors = objective.jacobian_of_priors
     normal = normal + priors @ priors.T
     gradient = gradient + priors @ residual[rows:]
@@ -176,23 +177,23 @@ def gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobia
 def _mean(
     current: SearchResult, equal: Sequence[SearchResult], settings: BiasCorrectionSettings
 ) -> SearchResult:
-    """Return the mean of estimates of equal misfit, if its own misfit is no larger than theirs.
+    """Return the mean of the estimates of `equal` misfit, if its own misfit is also equal.
 
-    What they scatter is the optimiser scatter covariance.
+    The covariance of these estimates is the scatter of the optimiser's end point.
     """
     if len(equal) < 2:
         return current
-    equal = [one.weighted_as(current.objective) for one in equal]
-    points = np.array([one.point for one in equal])
+    equal = [estimate.weighted_as(current.objective) for estimate in equal]
+    points = np.array([estimate.point for estimate in equal])
     point, scatter = points.mean(axis=0), np.cov(points, rowvar=False)
-    known = [one.discrepancy for one in equal if one.discrepancy is not None]
-    assert current.discrepancy is not None  # noqa: S101 - every result of a correction has one
+    known = [estimate.discrepancy for estimate in equal if estimate.discrepancy is not None]
+    assert current.discrepancy is not None  # noqa: S101 - every result of a correction has a discrepancy
     mean = replace(
         current,
         point=point,
         known_outputs=None,
-        correction=np.mean([one.correction for one in equal], axis=0),
-        discrepancy=replace(current.discrepancy, mean=np.mean([one.mean for one in known], axis=0)),
+        correction=np.mean([estimate.correction for estimate in equal], axis=0),
+        discrepancy=replace(current.discrepancy, mean=np.mean([term.mean for term in known], axis=0)),
         scatter=scatter / len(equal),
     )
     if mean.misfit <= settings.equal_misfits * current.misfit:

@@ -1,4 +1,4 @@
-"""Which channels a recording and a model have in common, and the order in which they are compared."""
+"""Channels that a recording and a model have in common, and the order in which they are compared."""
 
 import numpy as np
 
@@ -10,42 +10,42 @@ from emaphm.simulation import AVERAGED, Model
 from emaphm.simulation.engine.plant import structure_of
 
 SAME_AS = {"current_q_A": "current_A", "voltage_q_V": "voltage_V"}
-"""Channels of a field-oriented drive that are the same line value as another."""
+"""Channels of a field-oriented drive that measure the same line value as another channel."""
 
 TORQUE_CURRENTS = ("current_A", "current_q_A")
-"""The equivalent current, and its name where a field-oriented drive gives it."""
+"""The equivalent current, and its name in a field-oriented drive."""
 
 
 def comparable_channels(actuator: Actuator, model: Model = AVERAGED) -> tuple[str, ...]:
-    """Return the channels that a model of `actuator` has to compare: no voltage without its windings.
+    """Return the comparable channels of a model of `actuator`; no voltage without an electrical description.
 
     Raises
     ------
     MethodError
-        The model does not know the actuator's drive.
+        The model does not have the actuator's drive.
     """
     observable = model.form(structure_of(actuator)).observable
     return tuple(name for name in observable if name != "voltage_V" or actuator.electrical is not None)
 
 
 def compared_channels(recording: Recording, actuator: Actuator, model: Model = AVERAGED) -> tuple[str, ...]:
-    """Return the channels of `recording` that a model of `actuator` is compared in, the primary one first.
+    """Return the channels in which `recording` and a model of `actuator` are compared, the primary one first.
 
-    The equivalent current is primary where it was recorded, else the first channel that varies.
+    The equivalent current is primary if it was recorded; otherwise the first channel that varies is primary.
 
     Raises
     ------
     MethodError
-        The model has none of the recorded channels, or does not know the actuator's drive.
+        The model has none of the recorded channels, or does not have the actuator's drive.
     """
     comparable = comparable_channels(actuator, model)
-    # One measurement by two names would count twice.
+    # A measurement under two names would count twice.
     recorded = [name for name in comparable if name in recording and SAME_AS.get(name, "") not in recording]
     if not recorded:
-        held = ", ".join(name for name in RESPONSES if name in recording)
+        available = ", ".join(name for name in RESPONSES if name in recording)
         raise MethodError(
-            f"{recording.source}: of what it holds ({held}) the {model.name} model of actuator "
-            f"'{actuator.name}' has nothing to compare; record one of {', '.join(comparable)}"
+            f"{recording.source}: none of its channels ({available}) can be compared with the {model.name} "
+            f"model of actuator '{actuator.name}'; record one of {', '.join(comparable)}"
         )
     varying = [name for name in recorded if name == "current_A" or has_signal(recording, name)]
     chosen = varying or recorded[:1]
@@ -53,5 +53,5 @@ def compared_channels(recording: Recording, actuator: Actuator, model: Model = A
 
 
 def has_signal(recording: Recording, name: str) -> bool:
-    """Return whether a channel was recorded, and is more than an idle column of one value."""
+    """Return whether a channel was recorded and is not constant."""
     return name in recording and float(np.ptp(recording[name])) > 0

@@ -1,4 +1,4 @@
-"""The iterations of a bias correction: of one recording's estimate, and of the one of a joint fit."""
+"""Iterations of a bias correction, of the estimate of one recording or of a joint fit."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,13 +11,14 @@ from emaphm.progress import Progress
 
 @dataclass(frozen=True)
 class BiasCorrectionSettings:
-    """How an iteration proposes candidates, and when the iterations end; `make study` shows the effect.
+    """Settings of an iteration's candidates and of the stopping rule; `make study` measures their effect.
 
-    An iteration descends, then takes the `step_shares` of a Gauss-Newton step by `replicates` Jacobians over
-    differences of `jacobian_step`, `longest_step` at most. One that follows an iteration without progress
-    adds `further_replicates` to them, and makes `further_descents`. Misfits within the factor `equal_misfits`
-    count as equal: switching alone changes a misfit by about 10 %. Progress is a misfit below `progress`
-    times the one before; after `patience` iterations without, the correction has converged.
+    An iteration runs a descent, then takes the `step_shares` of a Gauss-Newton step of length `longest_step`
+    at most, from `replicates` Jacobians over differences of `jacobian_step`. After an iteration without
+    progress, the next iteration adds `further_replicates` Jacobians and runs `further_descents` descents.
+    Misfits within the factor `equal_misfits` count as equal: switching alone changes a misfit by about 10 %.
+    Progress is a misfit below `progress` times the previous misfit; after `patience` iterations without
+    progress, the correction has converged.
     """
 
     step_shares: tuple[float, ...] = (0.0, 0.3, 1.0)
@@ -34,25 +35,25 @@ class BiasCorrectionSettings:
 BIAS_CORRECTION = BiasCorrectionSettings()
 
 FROM_STARTS = BiasCorrectionSettings(patience=1)
-"""From points that are near the optimum already: one iteration without progress is enough there. Errors are
-those of three, and the reference runs a half (`python -m emaphm.study.estimators`)."""
+"""Settings for starts near the optimum, where one iteration without progress is enough: compared with three,
+the errors are equal and the number of reference runs is half (`python -m emaphm.study.estimators`)."""
 
 
 def never(_: object) -> bool:
-    """Return that an estimate is not given up."""
+    """Return False: no estimate is hopeless."""
     return False
 
 
 class Corrected(Protocol):
-    """An estimate that the reference model has been compared at."""
+    """An estimate at which the reference model was compared."""
 
     @property
     def misfit(self) -> float:
-        """The mean or the sum of its squared residuals."""
+        """The mean or the sum of the squared residuals."""
         ...
 
     def reweighted(self) -> Self:
-        """Return the estimate with recordings and channels weighted by its residuals."""
+        """Return the estimate with recordings and channels weighted according to its residuals."""
         ...
 
 
@@ -61,7 +62,7 @@ EstimateT = TypeVar("EstimateT", bound=Corrected)
 
 @dataclass(frozen=True, eq=False)
 class Iterated(Generic[EstimateT]):
-    """Where iterations ended: the `estimate`, those of `equal` misfit, and whether they `converged`."""
+    """Result of iterations: last `estimate`, estimates of `equal` misfit, and whether they `converged`."""
 
     estimate: EstimateT
     equal: tuple[EstimateT, ...]
@@ -76,20 +77,20 @@ def iterate(
     on_progress: Progress | None,
     is_hopeless: Callable[[EstimateT], bool] = never,
 ) -> Iterated[EstimateT]:
-    """Return where up to `max_corrections` iterations lead from `estimate`.
+    """Return the result of up to `max_corrections` iterations from `estimate`.
 
-    Of the candidates whose misfit counts as equal to the smallest, each iteration takes the one with the
-    longest step. Where even that is worse than the estimate by more than switching makes a misfit vary, the
-    estimate stays.
+    Each iteration takes the candidate with the longest step among those whose misfit counts as equal to the
+    smallest. If the misfit of that candidate exceeds the estimate's misfit by more than the effect of
+    switching (`equal_misfits`), the estimate stays.
 
     Parameters
     ----------
     outcomes_of
-        Returns the candidates of an iteration, compared with the reference model, the longest step last.
-        Called with the reweighted estimate, the number of the iteration, and the number of iterations without
-        progress just before it.
+        Returns the candidates of an iteration, compared with the reference model, ordered by step length.
+        Its arguments are the reweighted estimate, the number of the iteration, and the number of consecutive
+        iterations without progress before it.
     is_hopeless
-        Whether to give an estimate up after one iteration without progress; it has not converged then.
+        Whether to stop after one iteration without progress; the estimate has then not converged.
     """
     idle, equal = 0, tuple[EstimateT, ...]()
     for iteration in range(max_corrections):

@@ -1,4 +1,4 @@
-"""Fitness: how far a simulated signal is from the recorded one; the equivalent current in thesis 6.2."""
+"""Fitness: distance of a simulated signal from the recorded signal; the equivalent current in thesis 6.2."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -27,7 +27,7 @@ def thesis(recorded: Array, simulated: Array, interval: float) -> Array:
 
 
 def total_least_squares(recorded: Array, simulated: Array, interval: float) -> Array:
-    """Return the sum of squared orthogonal distances [A² s]: as `thesis`, without the root."""
+    """Return the sum of squared orthogonal distances [A² s]: the formula of `thesis` without the root."""
     slope = np.gradient(recorded, interval)
     return np.asarray(np.sum((recorded - simulated) ** 2 / (slope**2 + 1), axis=-1) * interval)
 

@@ -1,9 +1,9 @@
-"""What separates the fitted model from the reference model at a point: the model's discrepancy.
+"""Discrepancy: difference of the outputs of the reference model and of the fitted model at a point.
 
-The only place where the two are compared. The reference model's switching is chaotic: two runs that differ by
-nothing that matters have another ripple. The discrepancy is therefore the mean over several runs about each
-point, with a standard error. Where a channel shows counts, the runs are rounded as it is: the discrepancy is
-then of the converter too.
+The two models are compared only here. The reference model's switching is chaotic: two runs with practically
+equal parameters have different ripple. The discrepancy is therefore the mean over several runs about each
+point, with a standard error. If a channel has visible counts, the runs are rounded to them: the discrepancy
+then includes the error of the converter.
 """
 
 from dataclasses import dataclass, field, replace
@@ -18,27 +18,27 @@ from emaphm.recording.noise import noise_level
 from emaphm.simulation import REFERENCE
 
 REFERENCE_RUNS = 16
-"""Runs of the reference model in a comparison, shared by its points: its kernel advances as many at once."""
+"""Runs of the reference model in a comparison, shared by its points: its kernel advances 16 runs at once."""
 
 RUN_SEPARATION = 1e-5
-"""Standard deviation of the runs about a point, in coordinates: the switching differs, nothing else does."""
+"""Standard deviation of the runs about a point, in coordinates: only the switching differs."""
 
 BAND_SPREAD = 0.02
-"""Share by which the hysteresis of the runs differs where their ripple has to have all phases."""
+"""Relative spread of the hysteresis between runs whose ripple must have all phases."""
 
 LONGEST_S = 60.0
-"""Recordings up to here are compared [s]: beyond, the reference model's steps would fill a gigabyte."""
+"""Longest recording that is compared [s]: the reference model's steps of longer ones need more than 1 GB."""
 
 
 @dataclass(frozen=True, eq=False)
 class Discrepancy:
-    """The reference model's outputs less the fitted model's at a point.
+    """The reference model's outputs minus the fitted model's outputs at a point.
 
-    `mean` and `standard_error`, (rows,), are of several `runs` and weighted as the objective's outputs;
-    `switching_variance` is the variance that chaotic switching makes of the primary channel in one run, in
-    the square of its unit; `channel_variances`, (channels,), are those of all channels, each in the square of
-    its own unit. `slow_variance` is the part of the first that does not pass for noise, 0 where the runs may
-    share a phase: then it is not known.
+    `mean` and `standard_error`, (rows,), come from several `runs` and have the weights of the objective's
+    outputs. `switching_variance` is the variance of the primary channel in one run due to chaotic switching,
+    in the square of its unit; `channel_variances`, (channels,), are the switching variances of all channels,
+    each in the square of its own unit. `slow_variance` is the part of `switching_variance` that is too slow
+    to count as noise; it is 0 (unknown) if the runs may have the same phase of switching.
     """
 
     mean: Array
@@ -49,7 +49,7 @@ class Discrepancy:
     slow_variance: float = 0.0
 
     def rescaled(self, objective: MapObjective, before: MapObjective) -> "Discrepancy":
-        """Return the discrepancy as `objective` weights the rows, given as `before` does."""
+        """Return the discrepancy with the weights of `objective`; it has the weights of `before`."""
         return Discrepancy(
             objective.rescaled(self.mean, before),
             objective.rescaled(self.standard_error, before),
@@ -61,24 +61,25 @@ class Discrepancy:
 
 
 def has_reference(problem: Problem) -> bool:
-    """Return whether the reference model can run: it knows the drive, the recording is not too long."""
+    """Return whether the reference model can run: it has the drive, and the recording is not too long."""
     return problem.actuator.drive_kind in REFERENCE.forms and problem.duration_s <= LONGEST_S
 
 
 def resolves_switching(problem: Problem) -> bool:
-    """Return whether the reference model can run, and has switching that the averaged one has not.
+    """Return whether the reference model can run and simulates switching, unlike the averaged model.
 
-    Of a drive that does not switch it has a shorter step, and is no nearer to a machine.
+    For a drive without switching, the reference model only has a shorter step and is not more realistic.
     """
     return has_reference(problem) and problem.actuator.three_phases
 
 
 def with_all_phases(reference: Problem) -> Problem:
-    """Return the problem of the reference model whose runs have each another band of hysteresis.
+    """Return the problem of the reference model with a different hysteresis band in each run.
 
-    On a slow and steady motion the switching is periodic: it keeps the phase that it began with, and runs
-    that hardly differ share it for ever. Their mean has a ripple then, which the recording has in another
-    phase, and their variance lacks it. With other bands, other periods, they part within some tens of them.
+    In a slow and steady motion the switching is periodic: it keeps its initial phase, so runs with nearly
+    equal parameters keep the same phase. Their mean then contains a ripple, which has another phase in the
+    recording, and their variance does not contain it. Runs with different bands have different periods, and
+    their phases diverge within some tens of periods.
     """
     return replace(reference, band_spread=BAND_SPREAD)
 
@@ -92,7 +93,8 @@ def discrepancies(
 ) -> list[Discrepancy]:
     """Return the discrepancy at each of `points` (n, d), whose `outputs` (n, rows) are known.
 
-    `reference` is the problem of the reference model, from `reference_problem`; `rng` separates its runs.
+    `reference` is the problem of the reference model, from `reference_problem`; `rng` draws the separations
+    of its runs.
     """
     n, repeats = len(points), REFERENCE_RUNS // len(points)
     runs = runs_about(objective, points, reference, rng, repeats)
@@ -115,9 +117,9 @@ def discrepancies(
 def runs_about(
     objective: MapObjective, points: Array, reference: Problem, rng: np.random.Generator, repeats: int
 ) -> Array:
-    """Return outputs of the `reference` model in several runs about each of `points` (n, d).
+    """Return the outputs (n, repeats, rows) of several runs of the `reference` model about `points` (n, d).
 
-    Their shape is (n, repeats, rows); they are weighted, and rounded, as the objective's channels are.
+    They are weighted and rounded as the objective's channels are.
     """
     n, d = points.shape
     separation = rng.normal(0.0, RUN_SEPARATION, (n, repeats, d))
@@ -127,15 +129,15 @@ def runs_about(
 
 
 def _slow_variance(runs: Array) -> float:
-    """Return the part of the variance between `runs` (n, samples) that does not pass for noise."""
+    """Return the part of the variance between `runs` (n, samples) that is too slow to count as noise."""
     ripple = runs - runs.mean(axis=0)
-    fast = float(np.mean([noise_level(one) ** 2 for one in ripple]))
+    fast = float(np.mean([noise_level(run) ** 2 for run in ripple]))
     unbiased = len(runs) / (len(runs) - 1)
     return max(unbiased * (float(np.mean(ripple**2)) - fast), 0.0)
 
 
 def _rounded(outputs: Array, problem: Problem) -> Array:
-    """Return `outputs` (n, rows), weighted, with the channels that show counts rounded to them, in place."""
+    """Return weighted `outputs` (n, rows); channels with visible counts are rounded to them in place."""
     samples = problem.samples
     for i, (name, weight) in enumerate(zip(problem.channels, problem.weights, strict=True)):
         if name in problem.counts:
@@ -145,9 +147,9 @@ def _rounded(outputs: Array, problem: Problem) -> Array:
 
 
 def reference_problem(objective: MapObjective) -> Problem:
-    """Return the objective's problem for the reference model; made once, it has a million steps.
+    """Return the objective's problem for the reference model; reuse it, its inputs have a million steps.
 
-    Where the shaft comes to rest, its runs have all phases (`with_all_phases`): motion is slow there.
+    If the shaft comes to rest, motion is slow, and the runs have all phases (`with_all_phases`).
     """
     reference = objective.problem.by(REFERENCE)
     return reference if objective.problem.rests is None else with_all_phases(reference)

@@ -1,4 +1,4 @@
-"""What drives a model: command, load, supply and switch, from a recording or from a planned test."""
+"""Input signals of a model: command, load, supply and enable switch, of a recording or of a planned test."""
 
 import threading
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ from emaphm.recording import Recording, held, other_curve, reconstructed
 from emaphm.simulation import Inputs
 
 MOST_KEPT_STEPS = 128_000_000
-"""Steps up to which signals are kept for the next runs of the same models, of all recordings together: 1 GB
-of each signal that changes from step to step."""
+"""Largest total number of steps, over all recordings, whose signals are kept for further runs of the same
+models: 1 GB for each signal that changes from step to step."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrivingSignals:
-    """What drives a model as functions of time [s], and the rows that the outputs are compared in.
+    """Input signals of a model as functions of time [s], and the rows in which its outputs are compared.
 
-    `command` [rad] at the user, `load` [N·m] at the motor; `samples` rows, `interval` [s] apart. `supply` [V]
-    and `enabled` (0 where the drive is switched off, else 1) are None where they were not recorded, and
-    `other_command`, which has the same rows as the command, where these are dense.
+    `command` [rad] is at the user, `load` [N·m] at the motor; there are `samples` rows, `interval` [s] apart.
+    `supply` [V] and `enabled` (0 where the drive is switched off, else 1) are None if they were not recorded.
+    `other_command`, another curve through the rows of the command, is None if the rows are dense.
     """
 
     command: Command
@@ -37,7 +37,7 @@ class DrivingSignals:
 
     @classmethod
     def of(cls, recording: Recording) -> Self:
-        """Return the recorded command, load and supply as smooth curves behind the rows, the switch held."""
+        """Return recorded command, load and supply as smooth curves, and the piecewise constant switch."""
         return cls(
             reconstructed(recording, "command_rad"),
             reconstructed(recording, "load_Nm") if "load_Nm" in recording else 0.0,
@@ -50,28 +50,28 @@ class DrivingSignals:
         )
 
     def beginning(self, seconds: float, samples: int) -> "DrivingSignals":
-        """Return the `samples` rows that begin `seconds` into these signals.
+        """Return the signals of `samples` rows that begin `seconds` after the beginning of these signals.
 
-        Before their own beginning, where `seconds` is below 0, each holds its first value.
+        With negative `seconds`, each signal keeps its first value before the beginning.
         """
 
-        def later(signal: Command) -> Command:
+        def shifted(signal: Command) -> Command:
             return lambda times: signal(np.maximum(times + seconds, 0.0))
 
         return DrivingSignals(
-            later(self.command),
-            later(self.load) if callable(self.load) else self.load,
+            shifted(self.command),
+            shifted(self.load) if callable(self.load) else self.load,
             samples,
             self.interval,
             self.sampling,
-            enabled=later(self.enabled) if self.enabled is not None else None,
+            enabled=shifted(self.enabled) if self.enabled is not None else None,
         )
 
     def inputs(self, step: float) -> Inputs:
-        """Return the signals at every step of a model, `step` [s] long at most."""
-        kept = _KEPT.get(self, {})
-        if step in kept:
-            return kept[step]
+        """Return the signals at every step of a model, with steps of at most `step` [s]."""
+        cached = _CACHE.get(self, {})
+        if step in cached:
+            return cached[step]
         inputs = Inputs.of(
             self.command,
             self.load,
@@ -81,21 +81,24 @@ class DrivingSignals:
             sampling=self.sampling,
             enabled=self.enabled,
         )
-        _keep(self, step, inputs)
+        _store(self, step, inputs)
         return inputs
 
 
-_KEPT: WeakKeyDictionary[DrivingSignals, dict[float, Inputs]] = WeakKeyDictionary()
-"""Signals at the steps of models that have run, by step, of all recordings in use."""
+_CACHE: WeakKeyDictionary[DrivingSignals, dict[float, Inputs]] = WeakKeyDictionary()
+"""Signals at the steps of the models, by step length, of all recordings in use."""
 
-_KEEPING = threading.Lock()
+_CACHE_LOCK = threading.Lock()
 
 
-def _keep(signals: DrivingSignals, step: float, inputs: Inputs) -> None:
-    """Keep `inputs` for the next run, within bounds: those of the recordings first kept go first."""
+def _store(signals: DrivingSignals, step: float, inputs: Inputs) -> None:
+    """Store `inputs` for the next run; above `MOST_KEPT_STEPS`, the oldest recording's inputs are dropped."""
     if inputs.command.size > MOST_KEPT_STEPS:
         return
-    with _KEEPING:
-        _KEPT.setdefault(signals, {})[step] = inputs
-        while sum(one.command.size for kept in _KEPT.values() for one in kept.values()) > MOST_KEPT_STEPS:
-            del _KEPT[next(iter(_KEPT))]
+    with _CACHE_LOCK:
+        _CACHE.setdefault(signals, {})[step] = inputs
+        while (
+            sum(kept.command.size for by_step in _CACHE.values() for kept in by_step.values())
+            > MOST_KEPT_STEPS
+        ):
+            del _CACHE[next(iter(_CACHE))]

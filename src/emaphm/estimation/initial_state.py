@@ -1,4 +1,4 @@
-"""Where a recorded manoeuvre starts: the motor's angle and speed, and the rotor's electrical zero."""
+"""Initial state of a recorded manoeuvre: the motor's angle and speed, and the rotor's electrical zero."""
 
 from dataclasses import dataclass
 from typing import Self, TypeAlias
@@ -16,45 +16,48 @@ from emaphm.simulation import Initial
 from emaphm.simulation.laws.angles import wrap
 
 KNOWN = 0.01
-"""Standard error of the speed at the start, relative to the motor's rms speed, up to which it is known."""
+"""Largest standard error of the speed at the start, relative to the motor's rms speed, at which the speed
+counts as known."""
 
 SIGNIFICANT = 3.0
-"""Standard errors by which a position or speed must differ from its default to be taken instead."""
+"""Number of standard errors by which a position or speed must differ from its default to replace it."""
 
 FIRST_ROWS = (10, 20, 40, 80)
-"""Rows that the starting speed is estimated from: the most of which a parabola leaves no more than noise."""
+"""Numbers of rows from which the starting speed is estimated: the largest whose residual from a parabola is
+within the noise is used."""
 
-AT_ONCE = 4
-"""Rows in which a speed must show by itself; the first of `FIRST_ROWS` where counts are visible."""
+SHORTEST_ROWS = 4
+"""Number of rows in which a speed must be visible alone; the first of `FIRST_ROWS` if counts are visible."""
 
-STEEPER = (70 / 6) ** 0.5
-"""What `noise_level` has of second differences, over that of the rows: the root of 70 / 6 of fourth ones."""
+NOISE_OF_SECOND_DIFFERENCES = (70 / 6) ** 0.5
+"""Ratio of `noise_level` of second differences to `noise_level` of the rows: the root of the ratio of the
+sums of squared coefficients of fourth and second differences."""
 
-AGREEING = 2.0
-"""Standard errors of the speed by a cubic at least, in the direction of that by a parabola."""
+CUBIC_SIGNIFICANT = 2.0
+"""Least speed from a cubic, in its standard errors, in the direction of the speed from a parabola."""
 
 Speed: TypeAlias = tuple[float, float]
 """A speed of the motor and its standard error [rad/s]."""
 
-BY_CHANCE = 1.5
-"""Ratio of what a parabola leaves of rows to their noise, up to which that is chance."""
+RANDOM_RESIDUAL = 1.5
+"""Largest ratio of the residual from a parabola to the noise of the rows at which it counts as noise."""
 
 
 def initial_state(recording: Recording, actuator: Actuator) -> Initial:
-    """Return where the recorded manoeuvre starts.
+    """Return the initial state of the recorded manoeuvre.
 
-    The user stands where it was recorded, or on the command where its position was not recorded or
-    differs by no more than the sensor's noise or one of its counts; the backlash gap is centred. A zero error
-    of the sensor may show it beyond an end stop, and it stands at the stop then. Without a
-    position the motor's angle stands in for it. Where nothing shows how the shaft moves or stands at first,
-    the first rows are not compared (`emaphm.estimation.rows.unknown_start`).
+    The user starts at its recorded position. It starts on the command if its position was not recorded, or if
+    the difference is within the sensor's noise or one count. The motor starts in the middle of the backlash
+    gap. A position beyond an end stop within the sensor's usual zero error is replaced by the end stop.
+    Without a position, the motor's angle is used. If the recording does not determine the initial motion, the
+    first rows are not compared (`emaphm.estimation.rows.unknown_start`).
     """
     ratio = actuator.mechanics.gear_ratio
     motion = _FirstMotion.of(recording, actuator)
     speed = _starting_speed(motion) if motion else 0.0
-    # At the first instant: a row that is a mean stands for half an interval later.
+    # The command at t = 0: a row that is a mean is valid half an interval later.
     position = float(reconstructed(recording, "command_rad")(np.zeros(1))[0])
-    moved = speed * _first_time(recording)
+    angle_until_first_row = speed * _first_time(recording)
     if "position_rad" in recording:
         measured = true_values(recording["position_rad"], "position_rad", actuator)
         first = _starting_position(motion, measured, ratio) if motion and speed else float(measured[0])
@@ -63,26 +66,27 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     angle = position / ratio
     offset = _rotor_offset(recording, actuator) if "angle_rad" in recording else 0.0
     if "angle_rad" in recording and "position_rad" not in recording:
-        angle += float(wrap(recording["angle_rad"][0] - moved - offset - angle))
+        angle += float(wrap(recording["angle_rad"][0] - angle_until_first_row - offset - angle))
     return Initial(angle, speed, offset)
 
 
 def _starting_position(motion: "_FirstMotion", measured: Array, ratio: float) -> float:
     """Return the user's position [rad] at the start of a motion, from its `measured` rows (n,).
 
-    By the rows that the speed is estimated from, less the way since the start that their parabola says: one
-    row alone is off by noise and half a count, which the position gain makes a speed of.
+    It is the mean over the rows from which the speed is estimated, minus the distance since the start
+    according to their parabola: a single row has an error of noise and half a count, which the position gain
+    converts to a speed.
     """
     rows = motion.chosen
     parabola = np.polynomial.Polynomial(np.polyfit(motion.time[:rows], motion.column[:rows], 2)[::-1])
     if motion.order:
         return float(parabola(0.0))
-    way = ratio * parabola.integ()(motion.time[:rows])
-    return float(np.mean(measured[:rows] - way))
+    distance = ratio * parabola.integ()(motion.time[:rows])
+    return float(np.mean(measured[:rows] - distance))
 
 
 def _within_stops(position: float, actuator: Actuator) -> float:
-    """Return the end stop for a `position` [rad] beyond it by what a zero error of its sensor explains."""
+    """Return `position` [rad], or the end stop if the sensor's usual zero error explains the excess."""
     if actuator.mechanics.end_stops is None:
         return position
     inside = float(np.clip(position, *actuator.mechanics.end_stops))
@@ -91,15 +95,15 @@ def _within_stops(position: float, actuator: Actuator) -> float:
 
 
 def _first_time(recording: Recording) -> float:
-    """Return the time that the first row stands for, after the start [s]: a mean's is half an interval."""
+    """Return the time of the first row after the start [s]: half an interval if rows are means, else 0."""
     return recording.interval_s / 2 if recording.sampling == "mean" else 0.0
 
 
 def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
-    """Return the motor's angle less the user's [rad], 0 where backlash, noise or lag explain the distance."""
+    """Return the motor's angle minus the user's [rad]; 0 if backlash, noise or lag can be the cause."""
     ratio = actuator.mechanics.gear_ratio
     motor = np.unwrap(recording["angle_rad"])
-    # The gap lets the motor be half its width ahead of the user, or behind.
+    # Within the gap, the motor is up to half its width ahead of the user or behind it.
     tolerance = actuator.mechanics.backlash * (1 + actuator.faults.backlash) / 2
     tolerance += SIGNIFICANT * noise_level(motor)
     if "position_rad" in recording:
@@ -114,7 +118,10 @@ def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
 
 
 def shows_start(recording: Recording, actuator: Actuator) -> bool:
-    """Return whether `recording` shows where its motion begins and how fast; a speed alone shows no lag."""
+    """Return whether `recording` determines position and speed at its start; a speed alone does not.
+
+    The standard error of the speed must be at most `KNOWN` of the rms speed.
+    """
     if not ("position_rad" in recording or ("angle_rad" in recording and "speed_rad_s" in recording)):
         return False
     usual = rms(np.diff(recording["command_rad"])) / recording.interval_s
@@ -126,25 +133,25 @@ def shows_start(recording: Recording, actuator: Actuator) -> bool:
 
 
 def _starting_speed(motion: "_FirstMotion") -> float:
-    """Return the motor's speed [rad/s] at the start, 0 where that is not significant.
+    """Return the motor's speed [rad/s] at the start, 0 if it is not significant.
 
-    Nor by a polynomial of one degree more, nor in the first rows where these are exact: polynomials through a
-    shaft that sticks for a while and then moves have a speed at the start that the shaft has not.
+    A polynomial of one degree more and the first few rows alone must confirm the speed: a polynomial through
+    the rows of a shaft that first sticks and then moves has a speed at the start although the shaft stands.
     """
-    (speed, error), (other, its_error) = motion.speed(motion.chosen, 2), motion.speed(motion.chosen, 3)
+    (speed, error), (cubic, cubic_error) = motion.speed(motion.chosen, 2), motion.speed(motion.chosen, 3)
     first, first_error = motion.at_once
-    agrees = speed * other > 0 and abs(other) > AGREEING * its_error
-    at_once = abs(first - speed) <= max(SIGNIFICANT * first_error, abs(speed) / 2)
-    return speed if abs(speed) > SIGNIFICANT * error and agrees and at_once else 0.0
+    cubic_agrees = speed * cubic > 0 and abs(cubic) > CUBIC_SIGNIFICANT * cubic_error
+    first_agrees = abs(first - speed) <= max(SIGNIFICANT * first_error, abs(speed) / 2)
+    return speed if abs(speed) > SIGNIFICANT * error and cubic_agrees and first_agrees else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class _FirstMotion:
-    """The channel that shows how the motor moves at first: its speed by polynomials through the first rows.
+    """The channel from which the motor's initial speed is estimated, by polynomials through the first rows.
 
-    `column` (n,) at `time` (n,) [s] from the start is the motor's speed where its `order` is 0, the user's
-    position where it is 1: the speed [rad/s] is then `scale` times its slope. `noise` and `count` are those
-    of a row.
+    `column` (n,) at `time` (n,) [s] from the start is the motor's speed if `order` is 0, the user's position
+    if `order` is 1: the speed [rad/s] is then `scale` times its slope. `noise` is the rms noise of a row,
+    `count` the step of the converter (0 if not visible), both in the unit of `column`.
     """
 
     time: Array
@@ -156,7 +163,7 @@ class _FirstMotion:
 
     @classmethod
     def of(cls, recording: Recording, actuator: Actuator) -> Self | None:
-        """Return that of a recorded speed, else of a position; None without both."""
+        """Return the first motion from a recorded speed, or else from a position; None without either."""
         if "speed_rad_s" in recording and not actuator.sensors.speed_rad_s.unsigned:
             name, order, scale = "speed_rad_s", 0, 1.0
         elif "position_rad" in recording:
@@ -165,38 +172,39 @@ class _FirstMotion:
             return None
         column = true_values(recording[name], name, actuator)
         count = visible_count(column)
-        noise = max(noise_level(np.diff(column, 2)) / STEEPER, count / ROUNDING)
+        noise = max(noise_level(np.diff(column, 2)) / NOISE_OF_SECOND_DIFFERENCES, count / ROUNDING)
         time = recording["time_s"] - recording["time_s"][0] + _first_time(recording)
         return cls(time, column, order, scale, noise, count)
 
     @property
     def chosen(self) -> int:
-        """The most of the first rows of which a parabola leaves no more than noise.
+        """The largest number of first rows whose residual from a parabola is within the noise.
 
-        A coarse converter shows a speed over many rows only, in which the acceleration must not change.
+        A coarse converter resolves a speed only over many rows, in which the acceleration must not change.
         """
         chosen = FIRST_ROWS[0]
         for rows in FIRST_ROWS[1:]:
-            if rows > self.column.size or self._left(rows, 2) > BY_CHANCE * self.noise:
+            if rows > self.column.size or self._residual(rows, 2) > RANDOM_RESIDUAL * self.noise:
                 break
             chosen = rows
         return chosen
 
     def speed(self, rows: int, degree: int) -> Speed:
-        """Return the speed at the start by a polynomial of a `degree` through the first `rows`."""
+        """Return the speed at the start from a polynomial of this `degree` through the first `rows`."""
         coefficients, covariance = np.polyfit(self.time[:rows], self.column[:rows], degree, cov="unscaled")
-        error = max(self._left(rows, degree), self.noise) * float(
+        error = max(self._residual(rows, degree), self.noise) * float(
             covariance[-1 - self.order, -1 - self.order] ** 0.5
         )
         return self.scale * float(coefficients[-1 - self.order]), self.scale * error
 
     @property
     def at_once(self) -> Speed:
-        """The speed by a few rows alone."""
-        few = FIRST_ROWS[0] if self.count else AT_ONCE
-        slope, covariance = np.polyfit(self.time[:few], self.column[:few], self.order, cov="unscaled")
+        """The speed from the first few rows alone."""
+        rows = FIRST_ROWS[0] if self.count else SHORTEST_ROWS
+        slope, covariance = np.polyfit(self.time[:rows], self.column[:rows], self.order, cov="unscaled")
         return self.scale * float(slope[0]), self.scale * self.noise * float(covariance[0, 0] ** 0.5)
 
-    def _left(self, rows: int, degree: int) -> float:
+    def _residual(self, rows: int, degree: int) -> float:
+        """Return the rms residual of the first `rows` from a polynomial of this `degree`."""
         time, column = self.time[:rows], self.column[:rows]
         return rms(column - np.polyval(np.polyfit(time, column, degree), time))

@@ -1,6 +1,6 @@
 """Bounded damped least squares from several starts at once (Levenberg 1944, Marquardt 1963).
 
-Every iteration asks for two batches of simulations, for all starts together: finite-difference
+Every iteration evaluates two batches of simulations, each for all starts together: finite-difference
 Jacobians, then several damped steps for each start, of which the best is taken.
 """
 
@@ -24,11 +24,11 @@ FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-9, 1e6
 
 @dataclass(frozen=True)
 class LeastSquaresSettings:
-    """How a descent proceeds.
+    """Settings of a descent.
 
-    `step` is that of the finite differences, in the unit of a coordinate: large enough to bridge the kinks
-    of stick-slip. A start has converged when an iteration reduces its cost by less than the fraction
-    `least_gain`; it ends after `iterations` at the latest.
+    `step` is the step of the finite differences, in the unit of a coordinate: large enough to bridge the
+    kinks of stick-slip. A descent has converged when an iteration reduces its cost by less than the fraction
+    `least_gain`; it ends after `iterations` iterations at the latest.
     """
 
     step: float = 2e-3
@@ -38,7 +38,7 @@ class LeastSquaresSettings:
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresResult:
-    """Where each start ended: `points` (m, d), and mean squared residuals `costs` (m,)."""
+    """End points `points` (m, d) of the descents, and their mean squared residuals `costs` (m,)."""
 
     points: Array
     costs: Array
@@ -51,7 +51,7 @@ class LeastSquaresResult:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """A `point` (d,), its `cost`, and what a `LeastSquaresSystem` needs to linearise about it."""
+    """A `point` (d,), its `cost`, and the `residual` that a `LeastSquaresSystem` needs to linearise at it."""
 
     point: Array
     cost: float
@@ -59,18 +59,18 @@ class Evaluation:
 
 
 class LeastSquaresSystem(Protocol):
-    """Residuals that depend on a point, however they are laid out."""
+    """Residuals as a function of a point, in any layout."""
 
     def evaluate(self, points: Array) -> list[Evaluation]:
         """Return the evaluations of `points` (n, d)."""
 
     def normal_equations(self, about: Sequence[Evaluation]) -> list[tuple[Array, Array]]:
-        """Return J Jᵀ (d, d) and J r (d,) about each of some points, J the Jacobian, r the residual."""
+        """Return J Jᵀ (d, d) and J r (d,) at each evaluated point, with the Jacobian J and the residual r."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """The system of one `target` (rows,) that `simulate` is to meet."""
+    """The system of the residuals of `simulate` against one `target` (rows,)."""
 
     simulate: Simulate
     target: Array
@@ -85,8 +85,8 @@ class _Rows:
         ]
 
     def normal_equations(self, about: Sequence[Evaluation]) -> list[tuple[Array, Array]]:
-        points = np.stack([one.point for one in about])
-        residuals = np.stack([one.residual for one in about])
+        points = np.stack([evaluation.point for evaluation in about])
+        residuals = np.stack([evaluation.residual for evaluation in about])
         jacobians = one_sided_jacobians(self.simulate, points, self.target - residuals, self.box, self.step)
         return [
             (jacobian @ jacobian.T, jacobian @ residual)
@@ -96,9 +96,9 @@ class _Rows:
 
 @dataclass
 class _Descent:
-    """One start's progress; lives only inside `descend`."""
+    """The state of the descent from one start, used only in `descend`."""
 
-    at: Evaluation
+    current: Evaluation
     damping: float = FIRST_DAMPING
     done: bool = False
 
@@ -126,12 +126,13 @@ def descend(
     on_iteration: Callable[[int], None] | None = None,
 ) -> LeastSquaresResult:
     """Minimise the cost of a `system` from `starts` (m, d) inside a `box`; see `least_squares`."""
-    descents = [_Descent(one) for one in system.evaluate(box.project(np.array(starts, float)))]
+    evaluations = system.evaluate(box.project(np.array(starts, float)))
+    descents = [_Descent(evaluation) for evaluation in evaluations]
     for iteration in range(settings.iterations):
         active = [descent for descent in descents if not descent.done]
         if not active:
             break
-        equations = system.normal_equations([descent.at for descent in active])
+        equations = system.normal_equations([descent.current for descent in active])
         trials = np.stack(
             [
                 _trials(descent, normal, gradient, box)
@@ -145,20 +146,20 @@ def descend(
         if on_iteration is not None:
             on_iteration(iteration + 1)
     return LeastSquaresResult(
-        np.stack([descent.at.point for descent in descents]),
-        np.array([descent.at.cost for descent in descents]),
+        np.stack([descent.current.point for descent in descents]),
+        np.array([descent.current.cost for descent in descents]),
     )
 
 
 def movable(point: Array, gradient: Array, box: Box) -> NDArray[np.intp]:
-    """Return the indices of the components of `point` (d,) that no bound keeps from following `gradient`."""
+    """Return the indices of the components of `point` (d,) that can follow `gradient` within the bounds."""
     at_lower = (point <= box.lower) & (gradient < 0)
     at_upper = (point >= box.upper) & (gradient > 0)
     return np.flatnonzero(~(at_lower | at_upper))
 
 
 def bounded_step(normal: Array, gradient: Array, point: Array, box: Box) -> Array:
-    """Return the step (d,) from `point` that solves the normal equations, none of what a bound keeps."""
+    """Return the step (d,) from `point` that solves the normal equations; 0 where a bound is active."""
     free = movable(point, gradient, box)
     step = np.zeros(point.size)
     step[free] = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
@@ -166,14 +167,14 @@ def bounded_step(normal: Array, gradient: Array, point: Array, box: Box) -> Arra
 
 
 def _trials(descent: _Descent, normal: Array, gradient: Array, box: Box) -> Array:
-    """Return the points (factors, d) that damped Gauss-Newton steps lead to, one for each damping factor."""
-    point = descent.at.point
+    """Return the end points (factors, d) of damped Gauss-Newton steps, one for each damping factor."""
+    point = descent.current.point
     free = movable(point, gradient, box)
     trials = np.tile(point, (len(DAMPING_FACTORS), 1))
     if free.size:
         normal = normal[np.ix_(free, free)]
         scale = np.diag(normal)
-        # A component without effect would otherwise leave the equations singular.
+        # Otherwise a component without effect would make the equations singular.
         scale = np.maximum(scale, 1e-9 * max(scale.max(), np.finfo(float).tiny))
         damping = descent.damping * DAMPING_FACTORS[:, np.newaxis, np.newaxis] * np.diag(scale)
         trials[:, free] += np.linalg.solve(normal + damping, gradient[free, np.newaxis])[:, :, 0]
@@ -181,11 +182,11 @@ def _trials(descent: _Descent, normal: Array, gradient: Array, box: Box) -> Arra
 
 
 def _accept(descent: _Descent, trials: Sequence[Evaluation], least_gain: float) -> None:
-    """Move `descent` to its best trial, or raise its damping if none is better."""
+    """Move `descent` to its best trial, or increase its damping if no trial reduces the cost."""
     best = min(range(len(trials)), key=lambda i: trials[i].cost)
-    if trials[best].cost < descent.at.cost:
-        descent.done = trials[best].cost > (1 - least_gain) * descent.at.cost
-        descent.at = trials[best]
+    if trials[best].cost < descent.current.cost:
+        descent.done = trials[best].cost > (1 - least_gain) * descent.current.cost
+        descent.current = trials[best]
         descent.damping = max(descent.damping * DAMPING_FACTORS[best], LEAST_DAMPING)
     else:
         descent.damping *= 10 * DAMPING_FACTORS[-1]

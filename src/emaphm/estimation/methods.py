@@ -1,4 +1,4 @@
-"""The methods of identification by name: `hybrid`, and every optimiser, alone or before least squares."""
+"""Methods of identification by name: `hybrid`, and every optimiser, alone or followed by least squares."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
@@ -17,29 +17,29 @@ ABBREVIATIONS = {
     "gwo": "grey-wolf",
     "da": "dragonfly",
 }
-"""What the literature, and the thesis, call them."""
+"""Abbreviations of the optimisers in the literature and in the thesis."""
 
 VARIANTS: dict[str, tuple[str, Mapping[str, Any]]] = {
     "dragonfly-thesis": ("dragonfly", {"variant": "thesis"})
 }
-"""Optimisers at settings that have a name of their own."""
+"""Optimisers with special settings, by a name of their own."""
 
 HYBRID = "hybrid"
 WITH_LEAST_SQUARES = "+lsq"
 
 GLOBAL_POPULATION, GLOBAL_ITERATIONS = 32, 8
-"""Budget of an optimiser as the global stage of a hybrid; twice as much brings nothing (plan "hybrids")."""
+"""Budget of an optimiser as the global stage of a hybrid; a double budget has no effect (plan "hybrids")."""
 
 METHODS = (HYBRID, *OPTIMIZERS, *VARIANTS, *PEERS)
-"""Names of methods, not counting those of pymoo (`pymoo-ga`, …); any but `hybrid` may end in ``+lsq``."""
+"""Names of methods without those of pymoo (`pymoo-ga`, …); all except `hybrid` may end in ``+lsq``."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """How faults are searched for.
+    """A method of searching for faults.
 
-    `optimizer` is made from lower and upper bounds and searches globally; where it is None, space-filling
-    points take its place. `least_squares`: whether damped least squares and the bias correction follow.
+    `optimizer` is created from lower and upper bounds and searches globally; None stands for space-filling
+    points. `least_squares` states whether damped least squares and the bias correction follow.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Method:
     least_squares: bool
 
     def prepare(self) -> None:
-        """Import and compile what the optimiser needs, where the first search is not to take longer."""
+        """Import and compile the optimiser's dependencies, so that the first search does not take longer."""
         if self.optimizer is not None:
             self.optimizer(np.zeros(2), np.ones(2)).prepare()
 
@@ -60,7 +60,7 @@ def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method
     Raises
     ------
     MethodError
-        The name or a setting is unknown, a setting impossible, or the library behind it not installed.
+        The name or a setting is unknown, a setting is impossible, or the required library is not installed.
     """
     settings = dict(settings or {})
     if name == HYBRID:
@@ -81,6 +81,7 @@ def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method
 
 
 def _factory(base: str, given: str) -> Callable[..., Minimiser]:
+    """Return the constructor of the optimiser `base`; `given` is the method's name for the error message."""
     if base in OPTIMIZERS:
         return OPTIMIZERS[base]
     if base in VARIANTS:
@@ -92,7 +93,7 @@ def _factory(base: str, given: str) -> Callable[..., Minimiser]:
 
 
 def _check_settings(base: str, make: Callable[..., Minimiser], settings: Mapping[str, Any]) -> None:
-    """Refuse settings before the work that they would fail in."""
+    """Raise MethodError for wrong settings before the search begins."""
     box = {"lower": np.zeros(2), "upper": np.ones(2)}
     known = {field.name for field in fields(make(**box)) if field.init} - box.keys()
     for name in settings:

@@ -1,4 +1,4 @@
-"""How a recording becomes a problem: what drives the model, where it starts, and which rows are compared."""
+"""Construction of a `Problem` from a recording: model inputs, initial state, and the compared rows."""
 
 from dataclasses import replace
 
@@ -27,13 +27,13 @@ def problem_of(
 ) -> Problem:
     """Return the problem of reproducing `recording` by `model` of `actuator`.
 
-    `channels` are compared; where empty, the primary one alone; where None, all that were recorded, vary
-    and that the model has.
+    `channels` are the compared channels: if empty, the primary channel alone; if None, all recorded channels
+    that vary and that the model simulates.
 
     Raises
     ------
     MethodError
-        The model has none of the recorded channels.
+        The model simulates none of the recorded channels.
     RecordingError
         A recorded supply is not positive.
     """
@@ -57,21 +57,21 @@ def problem_of(
             name: errors for name in compared if (errors := shared_errors(recording[name])) is not None
         },
     )
-    comparing_all = problem.observing(comparable)
-    unknown = unknown_start(comparing_all, shown=shows_start(recording, actuator))
+    all_channels = problem.observing(comparable)
+    unknown = unknown_start(all_channels, shown=shows_start(recording, actuator))
     problem = replace(
         problem,
         start=replace(problem.start, gap=unknown.gap),
         model_error=row_errors(problem),
-        unusable=unknown.masks(comparing_all.samples, comparing_all.channels),
+        unusable=unknown.masks(all_channels.samples, all_channels.channels),
         unknown_start=unknown,
     )
-    # To begin with, a residual counts in proportion to its channel.
+    # Before the first search, each residual is taken relative to the size of its channel.
     return problem.weighted([signal_size(name, recording[name]) for name in problem.channels])
 
 
 def _temperature_rise(recording: Recording, actuator: Actuator) -> float:
-    """Return how far the recorded temperature is above the nominal one [K], 0 where it was not recorded."""
+    """Return the mean recorded temperature above the nominal one [K]; 0 if it was not recorded."""
     if "temperature_K" not in recording or actuator.electrical is None:
         return 0.0
     return float(np.mean(recording["temperature_K"])) - actuator.electrical.temperature

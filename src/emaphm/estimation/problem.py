@@ -1,4 +1,4 @@
-"""A recording to be reproduced: what a model is driven with, and what its outputs are compared with."""
+"""Estimation problem of one recording: the model, its input signals, and the channels it is compared with."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -28,36 +28,37 @@ class Problem:
     Attributes
     ----------
     driving, inputs
-        What drives the model: as functions of time, and at its integration steps.
+        Input signals of the model: as functions of time, and at its integration steps.
     start
-        Where the motion begins.
+        Initial state of the motion.
     measured
         The recorded signals by channel, each (samples,).
     channels
-        Those that are compared with the model. The first one is primary: the equivalent current where there
-        is one.
+        Channels that are compared with the model. The first channel is primary: the equivalent current if it
+        was recorded.
     weights
-        Factor on each channel's residual, (channels,), which brings it to the unit of the primary one's.
+        Factor on each channel's residual, (channels,), which converts it to the unit of the primary channel.
     temperature_rise_K
-        Of the windings above the nominal temperature, as recorded; 0 where it was not.
+        Recorded temperature of the windings above the nominal temperature; 0 if it was not recorded.
     unusable
         Rows that are not compared, (samples,) by channel.
     model_error
-        The learned error of the model in each row, (samples,) by channel; empty where none was learned.
+        The learned error of the model in each row, (samples,) by channel; empty if none was learned.
     counts
-        Step of each channel whose values visibly come in steps (of a converter or encoder), in its unit.
+        Step of each channel with visible counts (of a converter or encoder), in its unit.
     shared_errors
-        Rounding errors that successive rows of a channel share; of those that have any.
+        Rounding errors that successive rows of a channel share, for channels with such errors.
     band_spread
-        Several runs of a hysteresis drive have bands from (1 - this) to (1 + this) times the described one.
+        Relative spread s of the hysteresis band between several runs of a hysteresis drive: the bands range
+        from (1 - s) to (1 + s) times the described band.
     averaged_rows
-        How many rows of the recording each of `samples` is the mean of.
+        Number of rows of the recording that are averaged to one of `samples`.
     rests
-        Where the shaft stands, and what of the rows there is chance; None where it is not known, or nowhere.
+        Rests of the shaft, and the random part of their means; None if unknown, or if there is no rest.
     unknown_start
         The time at the start that depends on an unknown motion before it: its rows are not compared.
     runs
-        Counts the simulations.
+        Counter of the simulations.
     """
 
     actuator: Actuator
@@ -81,13 +82,13 @@ class Problem:
     unknown_start: UnknownStart = FROM_REST
 
     def by(self, model: Model) -> Self:
-        """Return the same problem for another model: start, weights and counts are the same."""
+        """Return the problem for another `model`, with the same start, weights and counts."""
         return replace(self, model=model, inputs=self.driving.inputs(model.step_for(self.actuator)))
 
     def starting_without(self, channel: str) -> Self:
-        """Return the problem whose start does not depend on the zero of a `channel`, position or speed.
+        """Return the problem whose start does not depend on the zero of a position or speed `channel`.
 
-        Without a position the manoeuvre starts on the command, without a speed at rest.
+        Without the position, the manoeuvre starts on the command; without the speed, it starts at rest.
         """
         if channel == "speed_rad_s":
             return replace(self, start=replace(self.start, speed=0.0))
@@ -99,7 +100,10 @@ class Problem:
         return replace(self, channels=other.channels, weights=other.weights, rests=other.rests)
 
     def weighted(self, sizes: ArrayLike) -> Self:
-        """Return the problem with channels weighted by the inverse `sizes` (channels,) of their residuals."""
+        """Return the problem with each channel weighted by the inverse size of its residual.
+
+        `sizes` (channels,) are the rms of the residuals, each in the unit of its channel.
+        """
         deviations = np.maximum(np.asarray(sizes, float), np.finfo(float).tiny ** 0.5)
         return replace(self, weights=deviations[0] / deviations)
 
@@ -109,49 +113,49 @@ class Problem:
 
     @property
     def samples(self) -> int:
-        """Rows of a channel."""
+        """Number of rows of a channel."""
         return self.inputs.samples
 
     @property
     def duration_s(self) -> float:
-        """Time covered [s]."""
+        """Duration of the recording [s]."""
         return self.inputs.samples * self.inputs.interval
 
     @property
     def primary(self) -> str:
-        """The channel that a search without least squares compares, and whose residual is judged."""
+        """The primary channel: a search without least squares uses it alone, and its residual is tested."""
         return self.channels[0]
 
     @property
     def recorded(self) -> Array:
-        """The measured primary channel, in its unit, shape (samples,)."""
+        """The measured primary channel in its unit, shape (samples,)."""
         return self.measured[self.primary]
 
     @property
     def noise(self) -> float:
-        """The rms of the white noise on the primary channel: as its sensor is described, else as measured."""
+        """The rms of the white noise on the primary channel: described for its sensor, or else estimated."""
         described = described_noise(self.primary, self.actuator)
         if described is not None:
             return described
         return measured_noise(self.recorded, self.inputs.interval)
 
     def compared(self, channel: str, rows: Array) -> Array:
-        """Return those of the `rows` (samples,) of a channel that are compared, (compared,)."""
+        """Return the compared part (compared,) of the `rows` (samples,) of a channel."""
         unusable = self.unusable.get(channel)
         return rows if unusable is None or unusable.all() else rows[~unusable]
 
     def compared_share(self, channel: str) -> float:
-        """Return the share of a channel's rows that are compared: in the others no residual is counted."""
+        """Return the share of a channel's rows that are compared; the residual of all other rows is 0."""
         return self.compared(channel, np.ones(self.samples)).size / self.samples
 
     @property
     def rounding_errors(self) -> Array:
-        """The rms that rounding to visible counts leaves of each channel, in its unit, (channels,)."""
+        """The rms rounding error of each channel with visible counts, in its unit, (channels,)."""
         return np.array([self.counts.get(name, 0.0) for name in self.channels]) / ROUNDING
 
     @property
     def observed(self) -> Array:
-        """The measured channels, weighted and end to end, shape (channels × samples,)."""
+        """The measured channels, weighted and concatenated, shape (channels × samples,)."""
         weighted = zip(self.channels, self.weights, strict=True)
         return np.concatenate([weight * self.measured[name] for name, weight in weighted])
 
@@ -165,16 +169,16 @@ class Problem:
         parameters: Mapping[str, ArrayLike] | None = None,
         channels: tuple[str, ...] = (),
     ) -> Array:
-        """Return what the sensors show of the model, unweighted, shape (n, channels, samples).
+        """Return the model's outputs with the described sensors, unweighted, shape (n, channels, samples).
 
-        `channels` are those that are compared where left out.
+        The default `channels` are the compared channels.
         """
         return self._observe(faults, parameters, channels or self.channels)
 
     def exact(
         self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None, channels: tuple[str, ...]
     ) -> Array:
-        """Return what the model has, without any sensor, shape (n, channels, samples)."""
+        """Return the model's outputs without sensors, shape (n, channels, samples)."""
         plant = Plant.of(self.actuator, faults, parameters)
         if self.band_spread:
             factors = np.linspace(1 - self.band_spread, 1 + self.band_spread, plant.count)
@@ -187,15 +191,17 @@ class Problem:
     def _observe(
         self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None, channels: tuple[str, ...]
     ) -> Array:
+        """Return the model's `channels` with the described sensors, shape (n, channels, samples)."""
         exact = self.exact(faults, parameters, channels)
         return all_as_described(exact, channels, self.actuator, self.inputs.interval)
 
     def signals(
         self, faults: ArrayLike, parameters: Mapping[str, ArrayLike] | None = None
     ) -> dict[str, Array]:
-        """Return every channel of the model for one fault vector (8,) as sensed, each of shape (samples,).
+        """Return all channels of the model, with the described sensors, for one fault vector (8,).
 
-        Lumped `parameters` are those of the description at the known temperature where they are left out.
+        Each channel has the shape (samples,). The default lumped `parameters` are those of the description at
+        the recorded temperature.
         """
         if parameters is None:
             parameters = NO_NUISANCES.lumped_parameters(self.actuator, {}, self.temperature_rise_K)

@@ -1,4 +1,4 @@
-"""A supply that was recorded is known, where it acts on the switching of a drive."""
+"""Recorded supply voltage as a known parameter of a drive with three phases."""
 
 from collections.abc import Container
 
@@ -11,16 +11,17 @@ from emaphm.recording import Recording
 
 
 def makes_supply_known(channels: Container[str], actuator: Actuator) -> bool:
-    """Return whether `channels` have the supply of a drive of three phases.
+    """Return whether `channels` contain the supply voltage and it determines the drive's supply.
 
-    One with a source resistance is described by its open-circuit voltage, which is not what was recorded.
+    It does so for a drive with three phases and without a source resistance: a supply with a source
+    resistance is described by its open-circuit voltage, which was not recorded.
     """
     soft = actuator.drive is not None and actuator.drive.source_resistance
     return "supply_V" in channels and actuator.three_phases and not soft
 
 
 def with_recorded_supply(actuator: Actuator, recording: Recording) -> Actuator:
-    """Return `actuator` with the mean of the recorded supply, where that makes it known.
+    """Return `actuator` with the mean of the recorded supply if it determines the drive's supply.
 
     Raises
     ------
@@ -32,7 +33,7 @@ def with_recorded_supply(actuator: Actuator, recording: Recording) -> Actuator:
     supply = float(np.mean(recording["supply_V"]))
     if supply <= 0:
         raise RecordingError(
-            f"{recording.source}: supply_V is {supply:.3g} V on average, by which no drive runs; correct its "
-            "sign and unit, or leave that column out"
+            f"{recording.source}: supply_V is {supply:.3g} V on average, but a supply is positive; correct "
+            "its sign and unit, or leave that column out"
         )
     return with_lumped_parameters(actuator, {"supply": supply})

@@ -1,10 +1,10 @@
-"""Rests of a stuck shaft: where it stopped is chance, and so is the current that it stands with.
+"""Rests of a stuck shaft: the position at which it stops is random, and so is the current during the rest.
 
-Switching decides by how much a shaft overshoots before dry friction holds it. The error of position that is
-left makes a standing current, the same in every row of the rest. Hundreds of rows agree on it, and all are
-off together: as observations of their own they would outvote the motion. What of a rest's mean is chance is
-therefore estimated and left out. How large it is beforehand, and how it divides between the channels, the
-reference model's runs say, which differ by the switching alone. Where they agree the mean is compared.
+Switching determines by how much a shaft overshoots before dry friction holds it. The remaining position error
+causes a constant current, equal in all rows of the rest. Hundreds of rows then have the same error: counted
+as independent observations they would outweigh the motion. The random part of a rest's mean is therefore
+estimated and removed from the residual. Its prior variance and its distribution over the channels come from
+runs of the reference model that differ only in the switching. If these runs agree, the mean is compared.
 """
 
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ from emaphm.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Rests:
-    """Stretches of rows in which the shaft stands, and what of their means is chance.
+    """Intervals of rows in which the shaft stands, and the random part of their means.
 
     Attributes
     ----------
     bounds
-        First row of each of k rests, and the first after it, (k, 2), in the order of time.
+        First row of each of k rests, and the first row after it, (k, 2), in order of time.
     patterns
-        The channels' deviations in each rest that go with one standard deviation of its chance, in their
+        Deviations of the channels in each rest for one standard deviation of its random variable, in their
         units, (k, channels).
     weights
-        What the estimate of that chance takes of the mean residual of each channel, in one over its unit,
-        (k, channels).
+        Weights of the channels' mean residuals in the estimate of that random variable, each in 1 / unit of
+        the channel, (k, channels).
     """
 
     bounds: NDArray[np.intp]
@@ -37,22 +37,22 @@ class Rests:
 
     @classmethod
     def of(cls, bounds: NDArray[np.intp], patterns: Array, noise: Array) -> "Rests":
-        """Return rests of such `patterns`, where a row of a channel has white `noise` (channels,)."""
+        """Return rests with these `bounds` and `patterns`; each row has white `noise` (channels,), rms."""
         precisions = np.diff(bounds, axis=1) * patterns / noise**2
-        # The chance has variance 1 beforehand: where no run differs from another, nothing is taken for it.
+        # The random variable has the prior variance 1; if the runs do not differ, its weights are 0.
         weights = precisions / (1.0 + np.sum(precisions * patterns, axis=1, keepdims=True))
         return cls(bounds, patterns, weights)
 
     def draw(self, shown: Array, measured: Array) -> None:
-        """Draw the means of `shown` (n, channels, rows) to those `measured` (channels, rows), in place.
+        """Shift `shown` (n, channels, rows) in each rest towards `measured` (channels, rows), in place.
 
-        By the estimate of each rest's chance, which a residual has nothing of then. All is in the
-        channels' units.
+        The shift is the estimated random part of the rest's mean, which the residual then no longer contains.
+        All values are in the channels' units.
         """
         lengths = np.diff(self.bounds, axis=1)[:, 0]
         rest = np.repeat(np.arange(lengths.size), lengths)
         rows = np.arange(rest.size) + np.repeat(self.bounds[:, 0] - np.cumsum(lengths) + lengths, lengths)
         residual = measured[:, rows] - shown[:, :, rows]
         means = np.add.reduceat(residual, np.cumsum(lengths) - lengths, axis=2) / lengths
-        chance = np.einsum("nck,kc->nk", means, self.weights)
-        shown[:, :, rows] += np.einsum("nk,kc->nck", chance, self.patterns)[:, :, rest]
+        estimates = np.einsum("nck,kc->nk", means, self.weights)
+        shown[:, :, rows] += np.einsum("nk,kc->nck", estimates, self.patterns)[:, :, rest]

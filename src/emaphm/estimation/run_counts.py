@@ -1,4 +1,4 @@
-"""How many simulations an estimate took, counted where they are run."""
+"""Number of simulations of an estimation."""
 
 import threading
 from collections import Counter
@@ -6,26 +6,24 @@ from dataclasses import dataclass, field
 
 from emaphm.simulation import REFERENCE, Model
 
-COUNTING = threading.Lock()
-"""Held by the one thread that counts."""
+_COUNT_LOCK = threading.Lock()
 
 
 @dataclass(frozen=True, eq=False)
 class RunCounts:
-    """Simulations run so far, by the model's name; all problems made from one share its counts.
+    """Number of simulations so far, by the model's name; all problems derived from one problem share it.
 
-    The only thing in an estimation that changes with use: it counts in one place what else every function
-    would have to return.
+    It is the only mutable object of an estimation: otherwise every function would have to return a count.
     """
 
     by_model: Counter[str] = field(default_factory=Counter)
 
     def add(self, model: Model, runs: int) -> None:
         """Count `runs` simulations of `model`."""
-        with COUNTING:
+        with _COUNT_LOCK:
             self.by_model[model.name] += runs
 
     def of(self, fitted: Model) -> tuple[int, int]:
-        """Return the runs of the `fitted` model, and those of the reference model that correct it."""
+        """Return the number of runs of the `fitted` model, and of the reference model for its correction."""
         corrections = 0 if fitted is REFERENCE else self.by_model[REFERENCE.name]
         return self.by_model[fitted.name], corrections

@@ -1,4 +1,4 @@
-"""Searching for the parameters that explain a recording, by whichever method."""
+"""Search for the parameters that explain a recording, by any of the methods."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,16 +32,16 @@ def search(
     starts: Array | None = None,
     is_hopeless: Callable[[SearchResult], bool] = never,
 ) -> SearchResult:
-    """Return what the method of the `settings` finds; after least squares, with the bias corrected.
+    """Return the search result of the method of the `settings`; after least squares, the bias is corrected.
 
-    With `starts` (n, d), points near the optimum, least squares begin there, without a global stage. Where
-    they do not lead to an explanation of the recording, the search is repeated with a global stage, unless
-    switching leaves a bias that is not corrected. No other search follows a result that `is_hopeless`.
+    With `starts` (n, d), points near the optimum, least squares begin there without a global stage. If the
+    result does not explain the recording, the search is repeated with a global stage, unless switching causes
+    a bias that is not corrected. No further search follows a result that `is_hopeless`.
 
     Raises
     ------
     MethodError
-        The fitness is unknown, or fitness or model do not go with the method.
+        The fitness is unknown, or the method cannot use this fitness or model.
     """
     method = settings.method
     check_fitness(method, fitness)
@@ -55,16 +55,16 @@ def search(
         )
     if settings.max_corrections > 0 and resolves_switching(objective.problem):
         return search_with_restarts(objective, settings, on_progress, starts, is_hopeless)
-    found = _once(objective, settings, on_progress, starts)
-    # The averaged model alone never explains switching: no search anew would.
-    if starts is None or found.down_to_noise or resolves_switching(objective.problem):
-        return found
-    anew = _once(objective, settings, None, None)
-    return min(found, anew, key=lambda result: result.residual_variance)
+    result = _single_search(objective, settings, on_progress, starts)
+    # The averaged model alone does not reproduce switching: another search would not reduce this residual.
+    if starts is None or result.down_to_noise or resolves_switching(objective.problem):
+        return result
+    repeated = _single_search(objective, settings, None, None)
+    return min(result, repeated, key=lambda result: result.residual_variance)
 
 
 def check_fitness(method: Method, fitness: str) -> None:
-    """Refuse a fitness that is unknown or does not go with the method."""
+    """Raise MethodError if the fitness is unknown or the method cannot minimise it."""
     if fitness not in COST_FUNCTIONS:
         raise MethodError(f"unknown fitness '{fitness}'{nearest(fitness, COST_FUNCTIONS)}")
     if method.least_squares and fitness != "least_squares":
@@ -74,33 +74,34 @@ def check_fitness(method: Method, fitness: str) -> None:
         )
 
 
-def _once(
+def _single_search(
     objective: MapObjective,
     settings: SearchSettings,
     on_progress: Progress | None,
     starts: Array | None,
 ) -> SearchResult:
-    """Return where one search by least squares ends, corrected where the reference model knows the drive."""
-    found = _uncorrected(objective, settings, on_progress, starts)
+    """Return the result of one search by least squares, corrected if the reference model has the drive."""
+    result = _uncorrected_search(objective, settings, on_progress, starts)
     if settings.max_corrections == 0 or not has_reference(objective.problem):
-        return found
-    corrected = correct_bias(objective, found.point[np.newaxis], settings.max_corrections, settings.seed)
-    return replace(corrected, started=found.started)
+        return result
+    corrected = correct_bias(objective, result.point[np.newaxis], settings.max_corrections, settings.seed)
+    return replace(corrected, started=result.started)
 
 
-def _uncorrected(
+def _uncorrected_search(
     objective: MapObjective,
     settings: SearchSettings,
     on_progress: Progress | None,
     starts: Array | None,
 ) -> SearchResult:
+    """Return the result of one search by least squares, without a bias correction."""
     if starts is None:
         progress = subprogress(on_progress, 0.0, 0.8)
         refined = multistart(objective, settings.seed, settings.method.optimizer, progress)
     else:
         refined = descend_from(objective, starts)
-    nothing = np.zeros_like(objective.target)
-    found = local_search(objective, refined.best, nothing, stream(settings.seed, "local search"))
+    no_correction = np.zeros_like(objective.target)
+    descents = local_search(objective, refined.best, no_correction, stream(settings.seed, "local search"))
     if on_progress is not None:
         on_progress(1.0)
-    return replace(SearchResult.at(objective, found.best), started=starts is not None)
+    return replace(SearchResult.at(objective, descents.best), started=starts is not None)

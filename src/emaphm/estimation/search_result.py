@@ -1,4 +1,4 @@
-"""Where a search ended: one type for all methods."""
+"""Result of a search: one type for all methods."""
 
 import math
 from collections.abc import Mapping
@@ -17,63 +17,61 @@ from emaphm.estimation.uncertainty.model_error import error_variance, largest_he
 from emaphm.recording.noise import noise_level
 
 DEFAULT_SCATTER = 2e-4
-"""Default standard error of the optimiser's end point, used where its scatter was not measured: kinks of
-stick-slip hold a descent so far from the optimum, in the unit of a coordinate."""
-
+"""Default standard error of the optimiser's end point, used where its scatter was not measured: the distance
+from the optimum at which kinks of stick-slip stop a descent, in the unit of a coordinate."""
 
 EXPECTED_RESIDUAL = 1.1
-"""Largest normalised residual that is expected of a right estimate. Right estimates had up to 1.03 with
-the voltage recorded, whatever noise, converters and rate, and up to 1.12 from the current alone (60 random
-faults). A current sensor that lags 5 µs, which nobody described, left 1.04 to 3.4, in 14 of 16 cases more
+"""Largest normalised residual that is expected of a correct estimate. Correct estimates had up to 1.03 with
+the voltage recorded, at all noise levels, converters and rates, and up to 1.12 from the current alone (60
+random faults). An undescribed lag of 5 µs of the current sensor gave 1.04 to 3.4, in 14 of 16 cases more
 than 1.2."""
 
-
 SMALLEST_SHARE = 5e-3
-"""Residual, relative to the rms of the primary channel, that is always expected: heavy shorts leave 0.2 to
-0.4 % of a noise-free current where the estimate is right to 0.5 to 1.7 %."""
+"""Residual, relative to the rms of the primary channel, that is always expected: with heavy shorts, estimates
+with errors of 0.5 to 1.7 % have a residual of 0.2 to 0.4 % of a noise-free current."""
 
 MOST_SWITCHING = 0.1
-"""Share of the primary channel's rms up to which switching excuses a residual that does not show as noise of
-the recording. With heavy shorts the reference model may be chaotic where the estimate is wrong: switching of
-54 % excused 32 % of a current with 0.5 % of noise."""
+"""Largest switching, relative to the primary channel's rms, that is accepted as the cause of a residual
+without a corresponding noise of the recording. With heavy shorts the reference model may be chaotic at a
+wrong estimate: switching of 54 % accounted for a residual of 32 % of a current with 0.5 % of noise."""
 
 NOISE_OF_SWITCHING = 2.0
-"""Switching over the noise of the recorded channel, both rms, up to which the recording shows it."""
+"""Largest ratio of switching to noise of the recorded channel, both rms, that the recording can contain."""
 
 SLOW_MEAN_S = 2e-3
-"""What the residual of motions between rests is averaged over before misfits are compared [s]."""
+"""Interval of the means of the residual, in which misfits of motions between rests are compared [s]."""
 
 TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """An estimate, what the models have there, and whether the search has converged.
+    """An estimate, the outputs of the models at it, and whether the search has converged.
 
     Attributes
     ----------
     objective
-        What was minimised in the end, with its final weights.
+        The objective that was minimised, with its final weights.
     point
         The estimate in the objective's coordinates, (d,).
     known_outputs
-        The fitted model's outputs there, (rows,); None where the search did not need them.
+        The fitted model's outputs at the estimate, (rows,); None if the search did not compute them.
     correction
-        What was added to the outputs while the estimate was searched, (rows,); 0 without correction.
+        Correction of the outputs during the search for the estimate, (rows,); 0 without correction.
     discrepancy
-        What should be added at the estimate itself; None where the reference model was not asked.
+        Discrepancy of the models at the estimate itself; None if the reference model was not run.
     scatter
-        Covariance (d, d) of the optimiser's end points, which adds to that of the data.
+        Covariance (d, d) of the optimiser's end points, which is added to the covariance from the data.
     converged
-        Whether the reference model has seen no better point nearby.
+        Whether the reference model found no better point nearby.
     jacobians
-        Replicated Jacobians (n, d, channel rows) at the estimate, where they are known already.
+        Replicated Jacobians (n, d, channel rows) at the estimate, if they are known already.
     population_cost
         The value that a population method minimised, in the unit of its cost function; None otherwise.
     alternatives
-        Where other searches of the same recording ended, by the same description or with another law.
+        Results of other searches of the same recording, with the same description or with another law.
     started
-        Whether it came from given starts, without a global search.
+        Whether the search began at given starts, without a global stage.
     """
 
     objective: MapObjective
@@ -116,22 +114,22 @@ class SearchResult:
 
     @property
     def outputs_correction(self) -> Array:
-        """What is best added to the outputs at the estimate, (rows,): the discrepancy where it is known."""
+        """The best known correction of the outputs at the estimate, (rows,): the discrepancy if known."""
         return self.correction if self.discrepancy is None else self.discrepancy.mean
 
     @property
     def residual(self) -> Array:
-        """Measured less modelled, (rows,): corrected by the discrepancy where it is known."""
+        """Measured minus modelled, (rows,), corrected by the discrepancy if it is known."""
         return self.objective.target - self.outputs - self.outputs_correction
 
     @property
     def fitted_residual(self) -> Array:
-        """Measured less modelled, (rows,), with the correction that the estimate was searched with."""
+        """Measured minus modelled, (rows,), with the correction that the search used."""
         return self.objective.target - self.outputs - self.correction
 
     @property
     def compared_residual(self) -> Array:
-        """The `fitted_residual` of the primary channel in the rows that are compared, (compared,)."""
+        """The `fitted_residual` of the primary channel in the compared rows, (compared,)."""
         problem = self.objective.problem
         return problem.compared(problem.primary, self.fitted_residual[: problem.samples])
 
@@ -141,14 +139,14 @@ class SearchResult:
         return self.by_channel(self.residual[: self.objective.channel_rows])
 
     def by_channel(self, residual: Array) -> dict[str, Array]:
-        """Return a weighted `residual` (channel rows,) by channel, in its own unit, (samples,)."""
+        """Return a weighted `residual` (channel rows,) by channel, each (samples,) in its own unit."""
         problem = self.objective.problem
         rows = residual.reshape(len(problem.channels), -1) / problem.weights[:, np.newaxis]
         return dict(zip(problem.channels, rows, strict=True))
 
     @property
     def switching_variances(self) -> dict[str, float]:
-        """The variance of chaotic switching in each channel, in the square of its unit; empty if unknown."""
+        """The switching variance of each channel, in the square of its unit; empty if unknown."""
         if self.discrepancy is None or not self.discrepancy.channel_variances.size:
             return {}
         variances = self.discrepancy.channel_variances.tolist()
@@ -156,7 +154,7 @@ class SearchResult:
 
     @property
     def remaining_bias(self) -> Array:
-        """What a further correction would still change of the outputs, (rows,); 0 where not known."""
+        """The change of the outputs that a further correction would make, (rows,); 0 if unknown."""
         return self.outputs_correction - self.correction
 
     @property
@@ -168,10 +166,10 @@ class SearchResult:
 
     @property
     def misfit(self) -> float:
-        """The mean squared `residual` less the share of the discrepancy's standard error, 0 at least.
+        """The mean squared `residual` minus the squared standard error of the discrepancy, at least 0.
 
-        Where the shaft comes to rest, that of means over `SLOW_MEAN_S`: of a slow motion's residual, nine
-        tenths are ripple, and what an estimate is off shows in the rest.
+        If the shaft comes to rest, the mean square of means over `SLOW_MEAN_S`: nine tenths of a slow
+        motion's residual are ripple, and the error of the estimate appears in the remaining tenth.
         """
         if self.objective.problem.rests is not None:
             return self._misfit_of_means
@@ -180,7 +178,7 @@ class SearchResult:
 
     @property
     def _misfit_of_means(self) -> float:
-        """The mean squared mean of the channels' `residual` over `SLOW_MEAN_S`, scaled as of single rows."""
+        """The mean square of the channels' `residual` in means over `SLOW_MEAN_S`, scaled to single rows."""
         objective = self.objective
         inputs = objective.problem.inputs
         count = int(np.clip(SLOW_MEAN_S / inputs.interval * (1 + 1e-9), 1, inputs.samples))
@@ -193,20 +191,20 @@ class SearchResult:
 
     @property
     def residual_over_noise(self) -> float:
-        """The rms residual of the primary channel over that of noise or switching, whichever is larger.
+        """The rms residual of the primary channel relative to noise or switching, whichever is larger.
 
-        The noise is taken from what changes fast, which has the switching in it; `SMALLEST_SHARE` of the
-        signal adds to it. 1 or so if the estimate and the model are right. A search goes on by it: a learned
-        error of the model is no reason to stop before the optimum.
+        The noise is estimated from the fast changes, which include the switching; `SMALLEST_SHARE` of the
+        signal is added to it. The ratio is about 1 if estimate and model are correct. A search continues
+        according to this ratio: a learned error of the model is no reason to stop before the optimum.
         """
         return self._relative_to(0.0)
 
     @property
     def normalised_residual(self) -> float:
-        """`residual_over_noise`, where the learned error of the model is expected too.
+        """The `residual_over_noise` with the learned error of the model added to the expected residual.
 
-        1 or so if the estimate is right, see `EXPECTED_RESIDUAL`, which stands for the scatter between
-        healthy recordings where that was learned.
+        It is about 1 if the estimate is correct, see `EXPECTED_RESIDUAL`. If an error was learned, the ratio
+        is scaled so that `EXPECTED_RESIDUAL` stands for the learned limit of healthy recordings.
         """
         problem = self.objective.problem
         learned = problem.actuator.model_error.of(problem.primary)
@@ -217,12 +215,12 @@ class SearchResult:
 
     @property
     def down_to_noise(self) -> bool:
-        """Whether noise and switching account for the residual, by `residual_over_noise`."""
+        """Whether noise and switching account for the residual, according to `residual_over_noise`."""
         return self.residual_over_noise <= EXPECTED_RESIDUAL
 
     @property
     def residual_is_expected(self) -> bool:
-        """Whether noise, switching and a learned error account for the residual, by `normalised_residual`."""
+        """Whether noise, switching and a learned error account for the residual (`normalised_residual`)."""
         return self.normalised_residual <= EXPECTED_RESIDUAL
 
     @property
@@ -231,10 +229,10 @@ class SearchResult:
         return max(self.ratios_to_switching(self.residual_by_channel).values())
 
     def ratios_to_switching(self, residuals: Mapping[str, Array]) -> dict[str, float]:
-        """Return by channel the rms residual over that of noise or switching, whichever is larger.
+        """Return the rms of each channel's residual relative to noise or switching, whichever is larger.
 
-        Of `residuals` (samples,) by channel, in its unit. No share of the signal is expected: 1 or so at the
-        truth, if the reference model is right.
+        `residuals` are (samples,) by channel, in its unit. No share of the signal is added to the noise: the
+        ratios are about 1 at the true parameters if the reference model is correct.
         """
         switching = self.switching_variances
         return {
@@ -246,42 +244,47 @@ class SearchResult:
 
     @property
     def switching_variance(self) -> float:
-        """The variance of chaotic switching in the primary channel, as far as the recording can have it."""
+        """The switching variance of the primary channel, limited to what the recording can contain."""
         return 0.0 if self.discrepancy is None else self._as_recorded(self.discrepancy.switching_variance)
 
     @property
     def slow_variance(self) -> float:
-        """The part of the `switching_variance` that does not pass for noise."""
+        """The part of the `switching_variance` that is too slow to count as noise."""
         return 0.0 if self.discrepancy is None else self._as_recorded(self.discrepancy.slow_variance)
 
     def _as_recorded(self, switching: float) -> float:
-        """Return a variance of `switching`: at most the recording's noise, or a share of its signal."""
+        """Return a `switching` variance, limited by the recording's noise or a share of its signal.
+
+        The limit is the larger of (`NOISE_OF_SWITCHING` × noise)² and (`MOST_SWITCHING` × rms)².
+        """
         problem = self.objective.problem
         largest = MOST_SWITCHING**2 * float(np.mean(problem.recorded**2))
         return min(switching, max(largest, NOISE_OF_SWITCHING**2 * problem.noise**2))
 
     @property
     def _noise_or_switching(self) -> float:
+        """The variance of the primary channel that noise or switching account for."""
         return max(self.noise_level**2 + self.slow_variance, self.switching_variance)
 
     @property
-    def _smallest_share(self) -> float:
+    def _smallest_variance(self) -> float:
+        """The variance of the residual that is always expected, from `SMALLEST_SHARE`."""
         return SMALLEST_SHARE**2 * float(np.mean(self.objective.problem.recorded**2))
 
     def _relative_to(self, error: float) -> float:
-        """Return the rms residual over that of noise or switching and of a model `error` of that variance."""
+        """Return the rms residual relative to noise or switching plus a model error of variance `error`."""
         share = self.objective.problem.compared_share(self.objective.problem.primary)
-        expected = self._noise_or_switching + share * (self._smallest_share + error)
+        expected = self._noise_or_switching + share * (self._smallest_variance + error)
         return float(np.sqrt(self.residual_variance / max(expected, TINY)))
 
     @property
     def noise_level(self) -> float:
         """The rms of the white noise in the `residual` of the primary channel, in its unit.
 
-        Rows that are not compared have no residual, and lower it. Where the description gives the noise of
-        the channel's sensor, it is that. Otherwise it is estimated from the measured channel and from the
-        residual, and the smaller estimate is taken: a fast oscillation of the measured current passes for
-        noise in the first, and one that only the model makes passes for noise in the second.
+        Rows that are not compared have a residual of 0 and lower the noise level. If the description states
+        the noise of the channel's sensor, that value is used. Otherwise the noise is estimated from the
+        measured channel and from the residual, and the smaller estimate is taken: the first counts a fast
+        oscillation of the measured current as noise, the second counts an oscillation of the model as noise.
         """
         problem = self.objective.problem
         if described_noise(problem.primary, problem.actuator) is not None:
@@ -290,11 +293,11 @@ class SearchResult:
         return min(problem.noise, noise_level(residual))
 
     def reweighted(self) -> Self:
-        """Return the result with its channels weighted by its residuals."""
+        """Return the result with its channels weighted by the inverse rms of its residuals."""
         return self.weighted_as(self.objective.reweighted(self.residual))
 
     def weighted_as(self, objective: MapObjective) -> Self:
-        """Return the same result with its rows weighted as `objective` weights them."""
+        """Return the same result with the weights of `objective` on its rows."""
         before = self.objective
         discrepancy = self.discrepancy and self.discrepancy.rescaled(objective, before)
         return replace(

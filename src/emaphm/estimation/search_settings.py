@@ -1,4 +1,4 @@
-"""With what a search is run: its method, its corrections of the model's bias, and its random numbers."""
+"""Settings of a search: method, number of bias corrections, and seed of the random numbers."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -9,9 +9,9 @@ from emaphm.random_streams import child_seed
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """The `method` of a search, the most corrections of the model's bias, and the seed of its random numbers.
+    """The `method` of a search, its largest number of bias corrections, and the seed of its random numbers.
 
-    Corrections follow least squares; 0 turns them off.
+    Corrections follow least squares; 0 disables them.
     """
 
     method: Method
@@ -19,5 +19,5 @@ class SearchSettings:
     seed: int
 
     def child(self, *name: str | int) -> Self:
-        """Return the settings of the sub-search `name`, whose random numbers are its own."""
+        """Return the settings of the sub-search `name`, which has its own random numbers."""
         return replace(self, seed=child_seed(self.seed, *name))

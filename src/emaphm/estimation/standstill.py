@@ -1,4 +1,4 @@
-"""Where the shaft stands during a recording, and how much of what it shows there is chance."""
+"""Rests of the shaft during a recording, and the random part of the channels' means in them."""
 
 import math
 from dataclasses import replace
@@ -14,22 +14,23 @@ from emaphm.estimation.rests import Rests
 from emaphm.recording.noise import measured_noise, noise_level
 
 LEAST_REST_S = 20e-3
-"""Shortest rest that is looked at [s]. Over less, the long-run covariance allows for what goes together."""
+"""Shortest rest that is considered [s]; the long-run covariance includes correlation over shorter times."""
 
 TINY: float = float(np.finfo(float).tiny) ** 0.25
-"""Least noise, so that one over its square is finite."""
+"""Lower limit of the noise, so that the inverse of its square is finite."""
 
 STILL = 0.01
-"""Of its range, what the command may move by and still stands."""
+"""Change of the command, relative to its range, up to which the command counts as standing."""
 
 
 def with_rests(
     objective: MapObjective, point: Array, reference: Problem, rng: np.random.Generator
 ) -> MapObjective:
-    """Return the objective that leaves out what is chance where the shaft stands at `point` (d,).
+    """Return the objective without the random part of the channels' means in the rests at `point` (d,).
 
-    As it is where that is known already, the shaft stands nowhere, or the drive has no hysteresis, whose
-    switching makes it so. `reference` is the problem of the reference model, and `rng` separates its runs.
+    The objective is returned unchanged if its rests are known already, if the shaft has no rest, or if the
+    drive has no hysteresis, whose switching causes the random part. `reference` is the problem of the
+    reference model; `rng` draws the separations of its runs.
     """
     problem = objective.problem
     if problem.rests is not None or problem.actuator.drive_kind != "hysteresis":
@@ -37,8 +38,8 @@ def with_rests(
     if not command_stands(problem):
         return objective
     least = LEAST_REST_S / problem.inputs.interval
-    stretches = runs(_standing(objective, point, reference))
-    bounds = np.array([(first, after) for first, after in stretches if after - first >= least])
+    intervals = runs(_standing_rows(objective, point, reference))
+    bounds = np.array([(first, after) for first, after in intervals if after - first >= least])
     if not bounds.size:
         return objective
     outputs = runs_about(objective, point[np.newaxis], with_all_phases(reference), rng, REFERENCE_RUNS)[0]
@@ -50,9 +51,9 @@ def with_rests(
 
 
 def command_stands(problem: Problem) -> bool:
-    """Return whether the command has moved and then stands: else no run is worth a look for a rest.
+    """Return whether the command stands after it has moved: otherwise no run is needed to find a rest.
 
-    Before it moves nothing is chance: every run begins alike.
+    A rest before the first motion has no random part, because all runs begin with the same state.
     """
     command = problem.driving.command(np.arange(problem.samples, dtype=float) * problem.inputs.interval)
     still = float(np.ptp(command)) * STILL
@@ -60,33 +61,34 @@ def command_stands(problem: Problem) -> bool:
     rows = math.ceil(LEAST_REST_S / problem.inputs.interval)
     if still == 0.0 or rows > after.size:
         return False
-    # Where the ends of a window agree, it may have moved between them.
+    # Between equal ends of a window, the command may have moved: the range of the window decides.
     ends = np.flatnonzero(np.abs(after[rows - 1 :] - after[: after.size - rows + 1]) <= still)
     windows = np.lib.stride_tricks.sliding_window_view(after, rows)[ends]
     return bool((np.ptp(windows, axis=1) <= still).any())
 
 
-def _standing(objective: MapObjective, point: Array, reference: Problem) -> Flags:
-    """Return in which rows the shaft of the `reference` model stands at `point` (d,), (samples,).
+def _standing_rows(objective: MapObjective, point: Array, reference: Problem) -> Flags:
+    """Return the rows in which the shaft of the `reference` model stands at `point` (d,), (samples,).
 
-    The fitted model's only creeps there: no switching drives it beyond where friction would hold it.
+    The shaft of the fitted model only creeps: without switching it does not overshoot the position at which
+    friction would hold it.
     """
-    only = point[np.newaxis]
-    faults, parameters = objective.space.faults(only), objective.lumped_parameters(only)
+    points = point[np.newaxis]
+    faults, parameters = objective.space.faults(points), objective.lumped_parameters(points)
     return np.asarray(reference.exact(faults, parameters, ("speed_rad_s",))[0, 0] == 0.0)
 
 
 def _noise(problem: Problem, channel: str, outputs: Array) -> float:
-    """Return the rms of what is white in a row of a `channel`: of its sensor, and of switching."""
+    """Return the rms of the white noise in a row of a `channel`: of its sensor, or of switching if larger."""
     of_sensor = measured_noise(problem.measured[channel], problem.inputs.interval)
     return max(of_sensor, float(np.median([noise_level(run) for run in outputs])), TINY)
 
 
 def _patterns(outputs: Array, bounds: NDArray[np.intp], noise: Array) -> Array:
-    """Return what the means of rests differ by most between runs, (k, channels).
+    """Return the largest principal component of the means of each rest over n runs, (k, channels).
 
-    `outputs`, (n, channels, rows), are those of the runs. One direction of the channels for each rest: one
-    number, the error of position, makes what all of them show.
+    `outputs`, (n, channels, rows), are those of the runs. One direction of the channels per rest is enough,
+    because a single variable, the position error, causes the deviations of all channels.
     """
     patterns = np.zeros((len(bounds), outputs.shape[1]))
     for k, (first, after) in enumerate(bounds):

@@ -1,4 +1,4 @@
-"""Points where a search begins in place of a global stage: what another method has made of the recording."""
+"""Starting points of a search without a global stage: estimates of the same recording by another method."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ from emaphm.estimation.space.parameter_space import ParameterSpace
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """`points` (n, d) in `coordinates` (d,) of their own, and the `method` that has found them."""
+    """Starting `points` (n, d), their `coordinates` (d,) by name, and the `method` that estimated them."""
 
     method: str
     points: Array
     coordinates: tuple[str, ...]
 
     def of(self, space: ParameterSpace) -> Array:
-        """Return the points in `space`: what it has in addition is at 0, what it lacks is left out."""
+        """Return the points in `space`: its additional coordinates are 0, missing ones are left out."""
         points = np.zeros((len(self.points), space.dimensions))
         for i, name in enumerate(space.coordinates):
             if name in self.coordinates:

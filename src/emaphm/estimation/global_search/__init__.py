@@ -1,1 +1,1 @@
-"""From anywhere in the range to the basin of the optimum."""
+"""Global search of the parameter space for the basin of the optimum."""

@@ -1,8 +1,8 @@
-"""Currents that are near their limit most of the time, as shorts in all phases keep them.
+"""Currents that are near their limit most of the time, for example with shorts in all phases.
 
-The averaged model is far off there, and its discrepancy changes from point to point, so that a bias
-correction ends in one of many false minima along a curved valley. What such an end leaves is clearly more
-than noise and switching, and still little relative to the current: `SMALLEST_SHARE` lets it pass.
+The averaged model then deviates strongly, and its discrepancy changes from point to point, so that a bias
+correction ends in one of many local minima along a curved valley. The residual at such an end point clearly
+exceeds noise and switching but is small relative to the current: `SMALLEST_SHARE` would accept it.
 """
 
 import numpy as np
@@ -11,12 +11,12 @@ from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
 
 HEAVY = 0.45
-"""Rms of a heavy current, relative to its limit: of 40 random vectors with shorts up to 0.7, the largest had
-0.38, and false minima began at 0.46."""
+"""Least rms of a heavy current, relative to its limit: of 40 random fault vectors with shorts up to 0.7, the
+largest rms was 0.38; wrong local minima began at 0.46."""
 
 SWITCHING_ALONE = 1.1
-"""Largest residual of a channel relative to noise and switching where these account for it: 0.93 to 1.13 at
-the truth."""
+"""Largest residual of a channel, relative to noise and switching, that they account for: 0.93 to 1.13 at the
+true parameters."""
 
 
 def is_heavy(problem: Problem) -> bool:
@@ -26,5 +26,5 @@ def is_heavy(problem: Problem) -> bool:
 
 
 def leaves_switching_alone(result: SearchResult) -> bool:
-    """Return whether noise and switching account for the residual, with no share of the signal."""
+    """Return whether noise and switching account for the residual, without `SMALLEST_SHARE` of the signal."""
     return result.residual_over_switching <= SWITCHING_ALONE

@@ -1,4 +1,4 @@
-"""The global search: many points, then damped least squares from the best of them."""
+"""Global search: many points, then damped least squares from the best points."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,22 +15,21 @@ from emaphm.progress import Progress
 from emaphm.random_streams import child_seed
 
 GLOBAL_POINTS = 128
-"""Points of the global stage where no optimiser makes it."""
-
+"""Number of points of the global stage without an optimiser."""
 
 COARSE = LeastSquaresSettings(step=1e-2, iterations=8, least_gain=3e-2)
 FINE = LeastSquaresSettings(step=2e-3, iterations=12, least_gain=1e-2)
-"""Coarse steps of differences bridge the kinks that stick-slip and heavy shorts make; fine ones settle
-between them. The least gain of an iteration is what switching makes of a misfit."""
+"""Coarse difference steps bridge the kinks of stick-slip and heavy shorts; fine steps converge between the
+kinks. The least gain of an iteration corresponds to the effect of switching on a misfit."""
 
 
 @dataclass(frozen=True)
 class MultistartSettings:
-    """How starts are chosen and refined; `emaphm study run hybrids` compares.
+    """Settings of the choice and refinement of starts; `emaphm study run hybrids` compares them.
 
-    `smooth_starts` of the points are best with the signals through a low-pass, `sharp_starts` without:
-    where it is not needed, it ends a little farther off. Two starts are `start_separation` apart at least: a
-    population gathers, and one start from each gathering is enough.
+    `smooth_starts` starts are the best points for low-pass filtered signals, `sharp_starts` for unfiltered
+    signals: where the filter is not needed, it makes the result slightly less accurate. Two starts are at
+    least `start_separation` apart: a population forms clusters, and one start of each cluster is enough.
     """
 
     smooth_starts: int = 3
@@ -45,10 +44,10 @@ MULTISTART = MultistartSettings()
 
 @dataclass(frozen=True)
 class LocalSearchSettings:
-    """Descents from an estimate and from perturbed candidates near it.
+    """Settings of descents from an estimate and from perturbed candidates near it.
 
-    A descent is held by the kinks of stick-slip, in whichever happens to lie in its way; of several, from
-    `candidate_separation` apart (rms of each coordinate), some are not.
+    A descent may stop at a local minimum at a kink of stick-slip. Of several descents from random candidates
+    with a standard deviation of `candidate_separation` in each coordinate, some do not.
     """
 
     descents: int = 4
@@ -64,10 +63,10 @@ def multistart(
     optimizer: Callable[..., Any] | None = None,
     on_progress: Progress | None = None,
 ) -> LeastSquaresResult:
-    """Return where damped least squares lead from the best starts.
+    """Return the result of damped least squares from the best starts.
 
-    `optimizer`, made from lower and upper bounds, finds the starts; without one they are the best of
-    `GLOBAL_POINTS` space-filling points.
+    `optimizer`, created from lower and upper bounds, finds the starts; without an optimiser they are the best
+    of `GLOBAL_POINTS` space-filling points.
     """
     points, smooth, sharp = _global_stage(objective, child_seed(seed, "global stage"), optimizer)
     candidates: list[Array] = []
@@ -83,7 +82,7 @@ def multistart(
 
 
 def descend_from(objective: MapObjective, starts: Array) -> LeastSquaresResult:
-    """Return where coarse and then fine descents lead from `starts` (n, d), which are near the optimum."""
+    """Return the result of coarse and then fine descents from `starts` (n, d) near the optimum."""
     coarse = _descend(objective, objective.space.project(starts), MULTISTART.coarse, False)
     return _descend(objective, coarse.points, MULTISTART.fine, False)
 
@@ -95,9 +94,9 @@ def local_search(
     rng: np.random.Generator,
     settings: LocalSearchSettings = LOCAL_SEARCH,
 ) -> LeastSquaresResult:
-    """Return where fine descents lead from `point` (d,) and from perturbed candidates near it.
+    """Return the result of fine descents from `point` (d,) and from perturbed candidates near it.
 
-    `correction`, shape (rows,), is added to the model's outputs.
+    `correction` (rows,) is added to the model's outputs.
     """
     perturbation = rng.normal(0.0, settings.candidate_separation, (settings.descents - 1, point.size))
     starts = objective.space.project(np.vstack([point, point + perturbation]))
@@ -105,19 +104,19 @@ def local_search(
 
 
 def descents_from(objective: MapObjective, starts: Array, correction: Array | float) -> LeastSquaresResult:
-    """Return where fine descents lead from each of `starts` (n, d), under a `correction` (rows,)."""
+    """Return the result of fine descents from each of `starts` (n, d), under a `correction` (rows,)."""
     return _descend(objective, starts, MULTISTART.fine, False, correction)
 
 
 def with_descents(count: int) -> LocalSearchSettings:
-    """Return the local search with another number of descents."""
+    """Return the settings of the local search with another number of descents."""
     return replace(LOCAL_SEARCH, descents=count)
 
 
 def _global_stage(
     objective: MapObjective, seed: int, optimizer: Callable[..., Any] | None
 ) -> tuple[Array, Array, Array]:
-    """Return all points tried (n, d), and their costs (n,) by the smoothed and the full primary channel."""
+    """Return all evaluated points (n, d), and their costs (n,) with and without the low-pass filter."""
     d = objective.space.dimensions
     lower, upper = np.zeros(d), np.ones(d)
     points: list[Array] = []
@@ -127,7 +126,7 @@ def _global_stage(
     def cost(unit: Array) -> Array:
         points.append(objective.space.prior_transform(unit))
         residuals = objective.problem.recorded - objective.primary_outputs(points[-1])
-        with np.errstate(over="ignore"):  # a model that a law carries away is a bad start
+        with np.errstate(over="ignore"):  # a point at which the model diverges is a bad start
             sharp.append(np.mean(residuals**2, axis=1))
             smooth.append(np.mean(low_pass(objective, residuals) ** 2, axis=1))
         return smooth[-1]
@@ -140,10 +139,10 @@ def _global_stage(
 
 
 def _separate_best(points: Array, costs: Array, count: int, separation: float) -> Array:
-    """Return up to `count` of the best of `points` (n, d), none within `separation` of a better one."""
+    """Return up to `count` of the best `points` (n, d), each at least `separation` from all better ones."""
     chosen: list[Array] = []
     for i in np.argsort(costs, kind="stable"):
-        if all(np.linalg.norm(points[i] - other) > separation for other in chosen):
+        if all(np.linalg.norm(points[i] - better) > separation for better in chosen):
             chosen.append(points[i])
         if len(chosen) == count:
             break
@@ -153,7 +152,7 @@ def _separate_best(points: Array, costs: Array, count: int, separation: float) -
 def _stage_progress(
     on_progress: Progress | None, done: int, stage: LeastSquaresSettings
 ) -> Callable[[int], None] | None:
-    """Return what reports the progress within one of the three descents, after `done` of them."""
+    """Return a callback that reports the progress within one of three stages, after `done` stages."""
     if on_progress is None:
         return None
     return lambda iteration: on_progress((done + iteration / stage.iterations) / 3)
@@ -167,13 +166,15 @@ def _descend(
     correction: Array | float = 0.0,
     on_iteration: Callable[[int], None] | None = None,
 ) -> LeastSquaresResult:
-    def seen(outputs: Array) -> Array:
+    """Return the result of descents from `starts` (n, d), with low-pass filtered channels if `smoothed`."""
+
+    def filtered(outputs: Array) -> Array:
         return low_pass(objective, outputs) if smoothed else outputs
 
     # The correction is subtracted from the target once instead of added to every output.
-    target = seen(objective.target - correction)
+    target = filtered(objective.target - correction)
     return least_squares(
-        lambda points: seen(objective.outputs(points)),
+        lambda points: filtered(objective.outputs(points)),
         target,
         starts,
         objective.space,

@@ -1,4 +1,4 @@
-"""A population method alone, as in the thesis: it minimises a cost function of the primary channel."""
+"""Search by a population method alone, as in the thesis: it minimises a cost of the primary channel."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -26,11 +26,11 @@ def population_search(
     on_progress: Progress | None,
     on_population: OnBestFaults | None,
 ) -> SearchResult:
-    """Return the best point that the method's optimiser came upon.
+    """Return the best point of all points that the method's optimiser evaluated.
 
     `fitness` is a name in `COST_FUNCTIONS`.
     """
-    assert method.optimizer is not None  # noqa: S101 - only `hybrid` has none, and it has least squares
+    assert method.optimizer is not None  # noqa: S101 - only `hybrid` has none, with least squares
     problem, space = objective.problem, objective.space
     optimizer = method.optimizer(np.zeros(space.dimensions), np.ones(space.dimensions))
     cost_function = COST_FUNCTIONS[fitness]
@@ -46,7 +46,7 @@ def population_search(
             best = space.faults(space.prior_transform(best_so_far.best_point[np.newaxis]))[0]
             on_population(best_so_far.evaluations, best_so_far.best_fitness, best)
 
-    watched = report if on_progress or on_population else None
-    found = optimizer.minimise(cost, child_seed(seed, "population"), watched)
-    point = space.prior_transform(found.point[np.newaxis])[0]
-    return SearchResult.at(objective, point, population_cost=found.fitness)
+    callback = report if on_progress or on_population else None
+    optimum = optimizer.minimise(cost, child_seed(seed, "population"), callback)
+    point = space.prior_transform(optimum.point[np.newaxis])[0]
+    return SearchResult.at(objective, point, population_cost=optimum.fitness)

@@ -1,4 +1,4 @@
-"""Repeated searches, where one leaves more than noise and switching explain."""
+"""Repetition of a search whose residual exceeds noise and switching."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,13 +20,13 @@ from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import child_seed, stream
 
 MAX_RESTARTS = 3
-"""Most further searches."""
+"""Largest number of further searches."""
 
 MOST_STARTS = 2
-"""Ends of descents that a correction begins at, as many as after a global search."""
+"""Number of end points of descents from which a correction starts, as after a global search."""
 
 SAME_POINT = 0.02
-"""Difference of every coordinate below which two searches have ended at the same point."""
+"""Difference of every coordinate below which two results count as the same point."""
 
 
 def search_with_restarts(
@@ -38,48 +38,50 @@ def search_with_restarts(
 ) -> SearchResult:
     """Return the best of several searches, each a global search and its bias correction.
 
-    Restart at most `MAX_RESTARTS` times while the residual exceeds noise and switching; stop once two
-    searches agree. The other ends are the result's alternatives. With `starts` (n, d), the first search is
-    one from there, and no other follows where it leaves no more than noise and switching. The first search of
-    all is also the last, its end as it is, where that `is_hopeless`.
+    Restart at most `MAX_RESTARTS` times while the residual exceeds noise and switching; stop when two
+    searches agree. All results except the best are its alternatives. With `starts` (n, d), a search from
+    these starts comes first, and no search follows if its residual is within noise and switching. If the best
+    result after the first global search `is_hopeless`, it is returned without restarts and refinement.
     """
-    ends: list[SearchResult] = []
+    results: list[SearchResult] = []
     if starts is not None:
         points = objective.space.project(starts)
         if is_heavy(objective.problem):
-            ends.append(_heavy_from_starts(objective, points, settings.seed, on_progress))
+            results.append(_heavy_from_starts(objective, points, settings.seed, on_progress))
         else:
-            ends.append(_from_starts(objective, points, settings, on_progress))
-        if _reaches_noise(ends[0]):
-            return ends[0]
+            results.append(_from_starts(objective, points, settings, on_progress))
+        if _reaches_noise(results[0]):
+            return results[0]
     for search in range(1 + MAX_RESTARTS):
         child = settings.child("restart", search - 1) if search else settings
-        other = _search(objective, child, None if search else on_progress)
-        agree = bool(ends) and _alike(other, _best(ends))
-        ends.append(other)
-        if not search and is_hopeless(_best(ends)):
-            return _best(ends)
-        if agree or _reaches_noise(_best(ends)):
+        result = _search(objective, child, None if search else on_progress)
+        agree = bool(results) and _is_same_point(result, _best(results))
+        results.append(result)
+        if not search and is_hopeless(_best(results)):
+            return _best(results)
+        if agree or _reaches_noise(_best(results)):
             break
-    best = _best(ends)
-    others = tuple(one for one in ends if one is not best)
+    best = _best(results)
+    alternatives = tuple(result for result in results if result is not best)
     refined = refine_by_reference(best, settings.seed)
-    return replace(refined, alternatives=others) if others else refined
+    return replace(refined, alternatives=alternatives) if alternatives else refined
 
 
 def _reaches_noise(result: SearchResult) -> bool:
-    """Return whether noise and switching account for what is left: all of it, of a heavy current."""
+    """Return whether noise and switching account for the residual; strictly so of a heavy current."""
     if is_heavy(result.objective.problem):
         return leaves_switching_alone(result)
     return result.down_to_noise
 
 
-def _best(ends: list[SearchResult]) -> SearchResult:
-    return min(ends, key=lambda one: one.residual_variance)
+def _best(results: list[SearchResult]) -> SearchResult:
+    """Return the result of the least residual variance."""
+    return min(results, key=lambda result: result.residual_variance)
 
 
-def _alike(one: SearchResult, other: SearchResult) -> bool:
-    return bool(np.all(np.abs(one.point - other.point) < SAME_POINT))
+def _is_same_point(first: SearchResult, second: SearchResult) -> bool:
+    """Return whether two searches ended at the same point."""
+    return bool(np.all(np.abs(first.point - second.point) < SAME_POINT))
 
 
 def _from_starts(
@@ -88,41 +90,44 @@ def _from_starts(
     settings: SearchSettings,
     on_progress: Progress | None,
 ) -> SearchResult:
-    """Return where corrections from `points` lead.
+    """Return the result of corrections from `points` (n, d).
 
-    From one point, on without patience as long as it gets anywhere. Several say that it is not known to a
-    few percent where the optimum is: descents from all of them, and a correction as after a global search
-    from the best. Such a one also follows a first that is held above noise and switching, and then steps by
-    the reference model itself.
+    From a single point, the correction ends with the first iteration without progress. Several points mean
+    that the optimum is uncertain by more than a few percent: descents from all points come first, then a
+    correction from the best with the settings of a global search. If the residual of the first correction
+    exceeds noise and switching, a second correction and steps by the reference model itself follow.
     """
     progress = subprogress(on_progress, 0.0, 0.9)
     correction = FROM_STARTS
     if len(points) > 1:
-        found = descend_from(objective, points)
-        points = found.points[np.argsort(found.costs, kind="stable")[:MOST_STARTS]]
+        descents = descend_from(objective, points)
+        points = descents.points[np.argsort(descents.costs, kind="stable")[:MOST_STARTS]]
         correction = BIAS_CORRECTION
     most, seed = settings.max_corrections, settings.seed
     result = correct_bias(objective, points, most, seed, progress, correction)
     if not result.down_to_noise:
         child = child_seed(seed, "on from the starts")
-        onwards = correct_bias(objective, result.point[np.newaxis], most, child)
-        result = refine_by_reference(_best([result, onwards]), child)
+        continued = correct_bias(objective, result.point[np.newaxis], most, child)
+        result = refine_by_reference(_best([result, continued]), child)
     return replace(result, started=True)
 
 
 def _heavy_from_starts(
     objective: MapObjective, points: Array, seed: int, on_progress: Progress | None
 ) -> SearchResult:
-    """Return where an ensemble leads from the best of `points`.
+    """Return the result of an ensemble that starts at the best of `points` (n, d).
 
-    The averaged model's own optimum is farther off than they are where the current is heavy.
+    No descent comes first: with a heavy current, the optimum of the averaged model deviates more than the
+    starts.
     """
     rng = stream(seed, "reference runs", "starts")
-    none, reference = np.zeros_like(objective.target), reference_problem(objective)
-    # Each with two runs at least, between which the switching differs.
+    no_correction, reference = np.zeros_like(objective.target), reference_problem(objective)
+    # Each point needs at least two runs with different switching.
     parts = np.array_split(points, -(-2 * len(points) // REFERENCE_RUNS))
-    known = [one for part in parts for one in compared(objective, none, part, reference, rng)]
-    return replace(refine_by_ensemble(_best(known), seed, on_progress), started=True)
+    results = [
+        result for part in parts for result in compared(objective, no_correction, part, reference, rng)
+    ]
+    return replace(refine_by_ensemble(_best(results), seed, on_progress), started=True)
 
 
 def _search(
@@ -130,7 +135,7 @@ def _search(
     settings: SearchSettings,
     on_progress: Progress | None = None,
 ) -> SearchResult:
-    """Return where the global search and the corrections after it end."""
+    """Return the result of a global search and of the corrections after it."""
     heavy = is_heavy(objective.problem)
     searched, corrected = (0.1, 0.2) if heavy else (0.4, 1.0)
     most, seed, optimizer = settings.max_corrections, settings.seed, settings.method.optimizer

@@ -1,4 +1,4 @@
-"""A low-pass on the channels that removes false minima of the objective."""
+"""Low-pass filter on the channels, which removes local minima of the objective."""
 
 import numpy as np
 
@@ -8,22 +8,23 @@ from emaphm.estimation.objective import MapObjective
 SMOOTHING_S = 4e-3
 """Standard deviation of the Gaussian low-pass on the channels [s].
 
-It removes the detail of commutation, ripple and stick-slip that makes false minima under heavy shorts: half
-and twice as much serve nearly as well, none at all or 16 ms lose most runs of the multiple-fault case.
+It removes the details of commutation, ripple and stick-slip that cause local minima with heavy shorts. Half
+and twice this value work nearly as well; without a filter, or with 16 ms, most searches of the multiple-fault
+case fail.
 """
 
 BLOCKS = 4
-"""Rows kept in a standard deviation of the low-pass."""
+"""Number of means per standard deviation of the low-pass."""
 
 TRUNCATION = 4.0
 """Length of either tail of the low-pass, in standard deviations."""
 
 
 def low_pass(objective: MapObjective, outputs: Array) -> Array:
-    """Return the channels in `outputs` (…, rows) through the low-pass, and the rows after them unchanged.
+    """Return low-pass filtered channels of `outputs` (…, rows), and the rows after the channels unchanged.
 
-    A smooth signal needs few rows: means over `1 / BLOCKS` of a standard deviation each stand for theirs,
-    scaled so that sums of squares keep their size.
+    A smooth signal needs few rows: means over `1 / BLOCKS` of a standard deviation replace the rows, scaled
+    so that sums of squares keep their size.
     """
     inputs = objective.problem.inputs
     samples, rows = inputs.samples, objective.channel_rows
@@ -34,7 +35,7 @@ def low_pass(objective: MapObjective, outputs: Array) -> Array:
 
 
 def channel_means(objective: MapObjective, outputs: Array, count: int) -> Array:
-    """Return the channels in `outputs` (…, rows) in means of `count` rows each, (…, channels, means)."""
+    """Return the means of `count` rows each of the channels in `outputs` (…, rows), (…, channels, means)."""
     samples = objective.problem.samples
     channels = outputs[..., : objective.channel_rows].reshape(*outputs.shape[:-1], -1, samples)
     return np.asarray(
@@ -43,11 +44,14 @@ def channel_means(objective: MapObjective, outputs: Array, count: int) -> Array:
 
 
 def gaussian_filter(values: Array, deviation: float) -> Array:
-    """Return `values` (…, n) through a Gaussian of that `deviation` [samples], the ends held beyond them."""
+    """Return `values` (…, n) filtered by a Gaussian with a standard `deviation` [samples].
+
+    Beyond the ends, the first and the last value are continued.
+    """
     reach = int(TRUNCATION * deviation + 0.5)
     offsets = np.arange(-reach, reach + 1)
     weights = np.exp(-0.5 * (offsets / deviation) ** 2)
     weights /= weights.sum()
-    held = np.pad(values, [(0, 0)] * (values.ndim - 1) + [(reach, reach)], mode="edge")
-    windows = np.lib.stride_tricks.sliding_window_view(held, offsets.size, axis=-1)
+    padded = np.pad(values, [(0, 0)] * (values.ndim - 1) + [(reach, reach)], mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, offsets.size, axis=-1)
     return np.asarray(windows @ weights)

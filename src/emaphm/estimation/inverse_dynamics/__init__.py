@@ -1,4 +1,4 @@
-"""Inverse dynamics: parameters from measured motion and torque, without the controller."""
+"""Inverse dynamics: identification of parameters from measured motion and torque, without the controller."""
 
 from emaphm.estimation.inverse_dynamics.controller_check import ControllerCheck, controller_check
 from emaphm.estimation.inverse_dynamics.fit import inverse_dynamics

@@ -1,4 +1,4 @@
-"""Whether the controller that is described is the one that was at work in a recording."""
+"""Check of the described controller against a recording."""
 
 import math
 from collections.abc import Callable
@@ -21,45 +21,44 @@ from emaphm.recording import Recording, with_equivalent_current
 from emaphm.recording.noise import noise_level, rounding_step
 
 GAIN_TOLERANCE = 0.1
-"""Relative deviation of a gain from its description that is no contradiction: a lag of half a millisecond
-that the description leaves out moves the estimate by 4.5 % (`examples/emps`)."""
+"""Largest relative deviation of a gain from its description that is no contradiction: an undescribed lag of
+half a millisecond changes the estimate by 4.5 % (`examples/emps`)."""
 
 SIGNIFICANT = 3.0
-"""Standard errors beyond the tolerance from which on a deviation counts."""
+"""Number of standard errors beyond the tolerance above which a deviation is significant."""
 
 OTHER_LAW = 0.25
-"""Relative error of the current with the best gains from which on the control law itself is another one."""
+"""Relative error of the current with the best gains above which the control law itself differs."""
 
 LEAST_ROWS = 20
-"""Rows without a limit below which the gains are not estimated."""
+"""Least number of rows without a limit for an estimation of the gains."""
 
 MOST_CONDITION = 1e6
-"""Condition number of the scaled regressors beyond which they act alike."""
+"""Largest condition number of the scaled regressors; above it they are collinear."""
 
 LIMITED = 0.98
-"""Share of a limit from which on a demand counts as limited: such rows do not show the gains."""
-
+"""Share of a limit above which a demand counts as limited: such rows do not identify the gains."""
 
 _Estimates: TypeAlias = tuple[ParameterEstimate | None, ParameterEstimate | None]
-"""The position and the speed gain."""
+"""The position gain and the speed gain."""
 
 _Allowance: TypeAlias = Callable[
     [ParameterEstimate | None, ParameterEstimate | None], ParameterEstimate | None
 ]
-"""From a gain and what else was found of it to the gain with another error."""
+"""Maps a gain and a second estimate of it to the gain with a larger standard error."""
 
 
 @dataclass(frozen=True)
 class ControllerCheck:
-    """The described control law against a recording.
+    """Comparison of the described control law with a recording.
 
-    `relative_error` is rms(recorded - predicted) / rms(recorded) of the current by the described gains,
-    `best_error` by the `position_gain` and `speed_gain` that fit it best. These three are None where the
-    recording does not show the gains, or shows ones of the wrong sign. `described` are the described gains,
-    position first.
+    `relative_error` is rms(recorded - predicted) / rms(recorded) of the current with the described gains,
+    `best_error` that with the best-fitting `position_gain` and `speed_gain`. The last three are None if the
+    recording does not identify the gains, or if their sign is wrong. `described` are the described gains, the
+    position gain first.
 
-    The current is a small difference of two large terms, so that a gain 1 % off may make `relative_error`
-    1: the contradiction is judged by the gains.
+    The current is a small difference of two large terms, so that an error of a gain of 1 % may cause a
+    `relative_error` of 1: a contradiction is therefore decided by the gains.
     """
 
     relative_error: float
@@ -71,17 +70,17 @@ class ControllerCheck:
     @property
     def contradicts(self) -> bool:
         """Whether the described gains, or the form of the control law, contradict the recording."""
-        found = (self.position_gain, self.speed_gain)
-        if not any(found):
+        gains = (self.position_gain, self.speed_gain)
+        if not any(gains):
             return self.relative_error > OTHER_LAW
         return bool(self.deviating) or (self.best_error or 0.0) > OTHER_LAW
 
     @property
     def gains_contradict(self) -> bool:
-        """Whether other gains than those described explain the recording.
+        """Whether gains that differ from the description explain the recording.
 
-        Noise of the position lowers the gains of the regression (errors in variables); their standard errors
-        allow for it.
+        Noise of the position reduces the gains from the regression (errors in variables); their standard
+        errors allow for it.
         """
         return bool(self.deviating) and self.best_error is not None and self.best_error <= OTHER_LAW
 
@@ -95,32 +94,32 @@ class ControllerCheck:
             strict=True,
         )
         return tuple(
-            f"{name} {one.value:.4g} ± {one.standard_error:.1g} {one.unit}, described {described:.4g}"
-            for name, one, described in gains
-            if one is not None
-            and abs(one.value - described) - SIGNIFICANT * one.standard_error > GAIN_TOLERANCE * described
+            f"{name} {gain.value:.4g} ± {gain.standard_error:.1g} {gain.unit}, described {described:.4g}"
+            for name, gain, described in gains
+            if gain is not None
+            and abs(gain.value - described) - SIGNIFICANT * gain.standard_error > GAIN_TOLERANCE * described
         )
 
 
 def controller_check(recording: Recording, actuator: Actuator) -> ControllerCheck:
-    """Return how well the described controller explains a recording, and the gains that would.
+    """Return the error of the described controller for a recording, and the gains that fit it best.
 
         e = clip(G_prop (ε + ∫ε dt / T_i + T_d dε/dt) + k_ff θ̇_cmd / τ, ±ω_max) - β ω_f,   ε = θ_cmd - θ
         y = clip((GAP e + GAI ∫e dt) / k_t, ±y_max)
 
     from the recorded command, position and speed; θ_cmd and ω_f lag by the described time constants. y is the
-    recorded current, or the duty cycle where the drive is driven by voltage (k_t = 1, y_max = 1). While the
-    drive is off, y is 0 and nothing is integrated. Both sides pass the low-pass that the position's noise
-    asks for, since the gains multiply that noise. The gains that fit best are those of a regression in rows
-    without a limit and with the drive on, all but G_prop and GAP as described; without speed feedback and
-    feed-forward only their product shows, and GAP is taken as described. The described errors of the sensors
-    are undone.
+    recorded current, or the duty cycle of a voltage drive (k_t = 1, y_max = 1). While the drive is off, y is
+    0 and nothing is integrated. Both sides pass a low-pass with a cutoff from the position's noise, because
+    the gains multiply that noise. The best-fitting gains come from a regression over rows without a limit and
+    with the drive on, with all other parameters as described. Without speed feedback and feed-forward, only
+    the product of G_prop and GAP is identifiable, and GAP keeps its described value. The described errors of
+    the sensors are compensated.
 
     Raises
     ------
     RecordingError
-        There is no command, no position, or neither a current nor, of a drive by voltage, a duty cycle; or
-        the drive is never on.
+        There is no command, no position, no current (no duty cycle of a voltage drive), or the drive is never
+        on.
     """
     recording = as_by_ideal_sensors(recording, actuator)
     for name in ("command_rad", "position_rad"):
@@ -144,73 +143,74 @@ def controller_check(recording: Recording, actuator: Actuator) -> ControllerChec
     relative_error = _relative(
         low_pass(np.where(on, measured, 0.0), cutoff, interval), low_pass(predicted, cutoff, interval)
     )
-    gains, best = _regressed(recording, actuator, on, cutoff)
+    gains, best = _regression(recording, actuator, on, cutoff)
     described = (c.position_gain, c.speed_gain)
     if gains is None:
         return ControllerCheck(relative_error, None, None, None, described)
-    noisier, _ = _regressed(_noisier(recording), actuator, on, cutoff)
-    found = _both(allowing_for_noise, gains, noisier)
+    noisier, _ = _regression(_with_more_noise(recording), actuator, on, cutoff)
+    allowed = _with_allowance(allowing_for_noise, gains, noisier)
     if not {"speed_rad_s", "angle_rad"} & set(recording) and actuator.mechanics.backlash:
-        crossing, _ = _regressed(_with_gap(recording, actuator), actuator, on, cutoff)
-        found = _both(_allowing_for_gap, found, crossing)
-    return ControllerCheck(relative_error, best, *found, described)
+        crossing, _ = _regression(_with_gap(recording, actuator), actuator, on, cutoff)
+        allowed = _with_allowance(_allowing_for_gap, allowed, crossing)
+    return ControllerCheck(relative_error, best, *allowed, described)
 
 
 def _with_gap(recording: Recording, actuator: Actuator) -> Recording:
-    """Return the recording with the motor's angle as it would be at the edge of the backlash it last went to.
+    """Return the recording with the angle of a motor at the edge of the backlash in its last direction.
 
-    The user's position does not show how the motor crosses the gap, here at once as the user turns.
+    The user's position does not show how the motor crosses the gap; here it crosses it instantly when the
+    user reverses.
     """
     position, mechanics = recording["position_rad"], actuator.mechanics
-    way = np.sign(_rate(position, recording.interval_s))
-    last = np.maximum.accumulate(np.where(way != 0, np.arange(way.size), 0))
-    angle = position / mechanics.gear_ratio + way[last] * mechanics.backlash / 2
+    direction = np.sign(_rate(position, recording.interval_s))
+    last = np.maximum.accumulate(np.where(direction != 0, np.arange(direction.size), 0))
+    angle = position / mechanics.gear_ratio + direction[last] * mechanics.backlash / 2
     return recording.with_channels({**recording.channels, "angle_rad": angle})
 
 
-def _noisier(recording: Recording) -> Recording:
-    """Return the recording with as much noise on its position once more as it has, or its rounding makes."""
+def _with_more_noise(recording: Recording) -> Recording:
+    """Return the recording with additional noise on its position, equal in rms to its noise or rounding."""
     position = recording["position_rad"]
     level = max(noise_level(position), rounding_step(position) / 12**0.5)
     noise = stream(0, "noise of a position once more").normal(0.0, level, position.size)
     return recording.with_channels({**recording.channels, "position_rad": position + noise})
 
 
-def _both(allowing_for: _Allowance, gains: _Estimates, others: _Estimates | None) -> _Estimates:
-    """Return the gains with errors that allow for what makes the `others` of them."""
-    position, speed = (None, None) if others is None else others
+def _with_allowance(allowing_for: _Allowance, gains: _Estimates, second: _Estimates | None) -> _Estimates:
+    """Return the gains with standard errors that allow for their difference from `second` estimates."""
+    position, speed = (None, None) if second is None else second
     return allowing_for(gains[0], position), allowing_for(gains[1], speed)
 
 
 def _allowing_for_gap(
-    one: ParameterEstimate | None, crossing: ParameterEstimate | None
+    gain: ParameterEstimate | None, crossing: ParameterEstimate | None
 ) -> ParameterEstimate | None:
-    """Return a gain, its error with how far it is from that of a motor `crossing` the backlash."""
-    if one is None:
+    """Return a gain with a standard error that includes its difference from that of a `crossing` motor."""
+    if gain is None:
         return None
-    apart = math.inf if crossing is None else abs(crossing.value - one.value)
-    return replace(one, standard_error=math.hypot(one.standard_error, apart))
+    difference = math.inf if crossing is None else abs(crossing.value - gain.value)
+    return replace(gain, standard_error=math.hypot(gain.standard_error, difference))
 
 
 def allowing_for_noise(
-    one: ParameterEstimate | None, noisier: ParameterEstimate | None
+    gain: ParameterEstimate | None, noisier: ParameterEstimate | None
 ) -> ParameterEstimate | None:
-    """Return a gain, its error with how much the noise lowers it.
+    """Return a gain with a standard error that includes its reduction by noise.
 
-    A gain k is found as k / (1 + r), r the noise of its regressor relative to its signal, and as
-    k / (1 + 2 r) where there is as much noise once more (simulation and extrapolation, Cook and Stefanski
-    1994). Differences of a position in coarse counts may be noise for the most part: a speed gain of
-    4.7e4 N·s/m was found as 0.9e4 ± 1.0e4.
+    The regression estimates a gain k as k / (1 + r), with the noise-to-signal ratio r of its regressor, and
+    as k / (1 + 2 r) after the same noise is added again (simulation and extrapolation, Cook and Stefanski
+    1994). Differences of a position in coarse counts may consist mostly of noise: a speed gain of 4.7e4 N·s/m
+    was estimated as 0.9e4 ± 1.0e4.
     """
-    if one is None:
+    if gain is None:
         return None
-    inverse = 0.0 if noisier is None else 2 / one.value - 1 / noisier.value
-    lowered = abs(1 / inverse - one.value) if inverse > 0 else math.inf
-    return replace(one, standard_error=math.hypot(one.standard_error, lowered))
+    inverse = 0.0 if noisier is None else 2 / gain.value - 1 / noisier.value
+    reduction = abs(1 / inverse - gain.value) if inverse > 0 else math.inf
+    return replace(gain, standard_error=math.hypot(gain.standard_error, reduction))
 
 
 def _output(recording: Recording, actuator: Actuator) -> tuple[Array, float, float]:
-    """Return what the controller asked for (n,), the torque for 1 of it as it assumes, and its limit."""
+    """Return the controller's output (n,), the torque per unit of it in the controller, and its limit."""
     if actuator.drive_kind != "voltage":
         current = with_equivalent_current(recording, actuator)["current_A"]
         return current, actuator.drive_constant, actuator.controller.current_limit
@@ -224,10 +224,10 @@ def _output(recording: Recording, actuator: Actuator) -> tuple[Array, float, flo
 def _loop_inputs(
     recording: Recording, actuator: Actuator, on: NDArray[np.bool_]
 ) -> tuple[Array, Array, Array]:
-    """Return what enters the loop, (n,) each, by the rows in which the drive is `on`.
+    """Return the inputs of the speed loop, (n,) each, integrated only where the drive is `on`.
 
-    What the position gain multiplies [rad], the speed demand that is fed forward, and the speed that is fed
-    back with its sign turned [rad/s].
+    They are the factor of the position gain [rad], the fed-forward speed demand [rad/s], and the negative
+    speed feedback [rad/s].
     """
     c, interval = actuator.controller, recording.interval_s
     command = first_order_lag(recording["command_rad"], c.command_lag, interval)
@@ -243,18 +243,18 @@ def _loop_inputs(
 
 
 def _integral(values: Array, on: NDArray[np.bool_], interval: float) -> Array:
-    """Return the integral of `values` (n,) up to each row, from 0 where the drive was last not `on`, (n,)."""
+    """Return the integral (n,) of `values` (n,) up to each row, from the last row with the drive not `on`."""
     summed = np.concatenate([[0.0], np.cumsum(values)])
     off = np.maximum.accumulate(np.where(on, 0, np.arange(1, values.size + 1)))
     return np.asarray(interval * (summed[1:] - summed[off]))
 
 
-def _regressed(
+def _regression(
     recording: Recording, actuator: Actuator, on: NDArray[np.bool_], cutoff: float
 ) -> tuple[_Estimates | None, float | None]:
     """Return the gains that fit a recording best, and the relative error of the current with them.
 
-    None where the rows without a limit do not show them, or show ones of the wrong sign.
+    Both are None if the rows without a limit do not identify the gains, or if their sign is wrong.
     """
     c, interval = actuator.controller, recording.interval_s
     measured, unit, largest = _output(recording, actuator)
@@ -267,56 +267,57 @@ def _regressed(
         columns += [_integral(column, on, interval) for column in columns]
 
     def smooth(values: Array) -> Array:
-        # The low-pass would carry rows with a limit into those without.
+        # Otherwise the low-pass would spread rows with a limit into rows without.
         return low_pass(np.where(free, values, 0.0), cutoff, interval)[free]
 
     regressors = np.stack([smooth(column) for column in columns if np.any(column)])
     torque = unit * smooth(measured)
     gain_unit = unit_for("N·m·s/rad", actuator.coordinates)
-    held = None if np.any(columns[1]) else c.speed_gain
-    found = _gains(regressors, torque, held, gain_unit)
-    return (None, None) if found is None else (found[1], _relative(torque, found[0] @ regressors))
+    fixed_gain = None if np.any(columns[1]) else c.speed_gain
+    solution = _gains(regressors, torque, fixed_gain, gain_unit)
+    return (None, None) if solution is None else (solution[1], _relative(torque, solution[0] @ regressors))
 
 
 def _gains(
     regressors: Array, torque: Array, speed_gain: float | None, unit: str
 ) -> tuple[Array, _Estimates] | None:
-    """Return coefficients and gains for `regressors` (p, rows) of a `torque` (rows,), None where hidden.
+    """Return coefficients and gains from `regressors` (p, rows) of a `torque` (rows,), None if unidentified.
 
-    The torque is in N·m. A `speed_gain` that is given is held; `unit` is its unit.
+    The torque is in N·m. A given `speed_gain` is fixed; `unit` is its unit.
     """
     if torque.size < LEAST_ROWS:
         return None
     size = np.sqrt(np.mean(regressors**2, axis=1))
     if not np.all(size > 0) or np.linalg.cond(regressors.T / size) > MOST_CONDITION:
         return None
-    product = np.asarray(np.linalg.lstsq(regressors.T, torque, rcond=None)[0], np.float64)
+    coefficients = np.asarray(np.linalg.lstsq(regressors.T, torque, rcond=None)[0], np.float64)
     scaled = (regressors / size[:, np.newaxis])[np.newaxis]
-    residual = torque - product @ regressors
-    covariance = sandwich_covariance(scaled, residual, np.full(product.size, np.inf)).covariance
+    residual = torque - coefficients @ regressors
+    covariance = sandwich_covariance(scaled, residual, np.full(coefficients.size, np.inf)).covariance
     covariance = covariance / np.outer(size, size)
-    along = np.zeros(product.size)
+    derivative = np.zeros(coefficients.size)
     if speed_gain is not None:
-        along[0] = 1 / speed_gain
-        error = float(np.sqrt(along @ covariance @ along))
-        return product, (ParameterEstimate(float(product[0] / speed_gain), error, "1/s"), None)
-    if not (product[0] > 0 and product[1] > 0):
+        derivative[0] = 1 / speed_gain
+        error = float(np.sqrt(derivative @ covariance @ derivative))
+        return coefficients, (ParameterEstimate(float(coefficients[0] / speed_gain), error, "1/s"), None)
+    if not (coefficients[0] > 0 and coefficients[1] > 0):
         return None
-    ratio = product[0] / product[1]
-    along[:2] = 1 / product[1], -ratio / product[1]
-    error = float(np.sqrt(along @ covariance @ along))
-    return product, (
+    ratio = coefficients[0] / coefficients[1]
+    derivative[:2] = 1 / coefficients[1], -ratio / coefficients[1]
+    error = float(np.sqrt(derivative @ covariance @ derivative))
+    return coefficients, (
         ParameterEstimate(float(ratio), error, "1/s"),
-        ParameterEstimate(float(product[1]), float(np.sqrt(covariance[1, 1])), unit),
+        ParameterEstimate(float(coefficients[1]), float(np.sqrt(covariance[1, 1])), unit),
     )
 
 
 def _rate(values: Array, interval: float) -> Array:
+    """Return the time derivative of `values` (n,), by central differences."""
     return np.asarray(np.gradient(values, interval))
 
 
 def _motor_speed(recording: Recording, actuator: Actuator) -> Array:
-    """Return the motor's speed (n,) [rad/s]: as recorded, else by differences of its angle or position."""
+    """Return the motor's speed (n,) [rad/s]: recorded, or else by differences of its angle or position."""
     if "speed_rad_s" in recording:
         return recording["speed_rad_s"]
     if "angle_rad" in recording:
@@ -325,4 +326,5 @@ def _motor_speed(recording: Recording, actuator: Actuator) -> Array:
 
 
 def _relative(measured: Array, predicted: Array) -> float:
+    """Return rms(measured - predicted) / rms(measured)."""
     return float(np.linalg.norm(measured - predicted) / np.linalg.norm(measured))

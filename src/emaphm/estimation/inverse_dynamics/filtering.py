@@ -1,9 +1,9 @@
-"""Parallel filtering: position to speed and acceleration, and a regression through one low-pass.
+"""Parallel filtering: speed and acceleration from the position, and one low-pass for the regression.
 
-Inverse dynamics needs the acceleration, which measurements do not give. A Butterworth low-pass without phase
-shift and central differences give it where the position stands above its noise. A second low-pass acts on
-both sides of the regression alike, so that it removes noise without a bias, and the rows are thinned to what
-it leaves (Gautier 1997; Janot, Vandanjon and Gautier 2014).
+Inverse dynamics needs the acceleration, which is not measured. It is computed by a Butterworth low-pass
+without phase shift and central differences, in the frequency range in which the position exceeds its noise.
+A second low-pass acts on both sides of the regression equally, so that it reduces noise without a bias; the
+rows are then thinned according to its cutoff (Gautier 1997; Janot, Vandanjon and Gautier 2014).
 """
 
 from dataclasses import dataclass
@@ -17,37 +17,37 @@ from emaphm.arrays import Array, runs
 from emaphm.errors import MethodError
 
 SIGNAL_TO_NOISE = 10.0
-"""Ratio of the spectra of position and of its noise down to which the position is used."""
+"""Least ratio of the position's spectrum to that of its noise at which the position is used."""
 
 FLOOR_BAND = 0.8
-"""Share of the Nyquist frequency above which the position's spectrum is taken for noise."""
+"""Frequency, relative to the Nyquist frequency, above which the position's spectrum counts as noise."""
 
 POSITION_BAND = 0.8
 """Highest cutoff of the position's low-pass, relative to the Nyquist frequency."""
 
 REGRESSION_SHARE = 0.5
-"""Cutoff of the regression relative to the position's. At half its cutoff the position's low-pass loses
-0.4 %: 1 - 1 / (1 + 0.5⁸)."""
+"""Cutoff of the regression relative to that of the position. At half its cutoff, the position's low-pass
+reduces a signal by 0.4 %: 1 - 1 / (1 + 0.5⁸)."""
 
 ORDER = 4
-"""Order of either Butterworth low-pass. It runs forwards and backwards, which doubles it."""
+"""Order of both Butterworth low-passes. They run forwards and backwards, which doubles the order."""
 
 ROWS_PER_CUTOFF = 2.5
-"""Rows kept, relative to the cutoff of the regression: more would only repeat each other."""
+"""Rate of the rows kept, relative to the cutoff of the regression: further rows would be redundant."""
 
 SPECTRUM_SEGMENTS = 8
-"""Parts of a recording that its spectrum is averaged over, half overlapping (Welch 1967)."""
+"""Number of segments over which the spectrum of a recording is averaged, half overlapping (Welch 1967)."""
 
 LEAST_ROWS = 64
-"""Rows below which a recording has no spectrum to choose a frequency from."""
+"""Least number of rows of a recording for the choice of a frequency from its spectrum."""
 
 
 @dataclass(frozen=True)
 class FilterFrequencies:
-    """Cutoff frequencies of the low-pass on the position and of that on the regression [Hz].
+    """Cutoff frequencies of the low-pass on the position and of the low-pass on the regression [Hz].
 
-    `speed_noise` is the rms that the position's white noise leaves in the speed: of a noise of density N,
-    up to the cutoff f, √(N (2π)² f³ / 3), in the position's unit per second.
+    `speed_noise` is the rms of the speed due to the position's white noise: √(N (2π)² f³ / 3) for a noise of
+    density N up to the cutoff f, in the position's unit per second.
     """
 
     position_hz: float
@@ -63,10 +63,11 @@ class FilterFrequencies:
         position_hz: float | None = None,
         regression_hz: float | None = None,
     ) -> Self:
-        """Return the frequencies for a `position` (n,) [rad] with rows `interval` [s] apart; given ones hold.
+        """Return the frequencies for a `position` (n,) [rad] with rows `interval` [s] apart.
 
-        The position's cutoff is the lowest frequency at which its spectrum is less than `SIGNAL_TO_NOISE`
-        times that of its noise, which is the median above `FLOOR_BAND` of the Nyquist frequency.
+        Given frequencies are used. Otherwise, the position's cutoff is the lowest frequency at which its
+        spectrum is less than `SIGNAL_TO_NOISE` times that of its noise, which is the median above
+        `FLOOR_BAND` of the Nyquist frequency.
 
         Raises
         ------
@@ -81,7 +82,7 @@ class FilterFrequencies:
             )
         nyquist = 0.5 / interval
         segment = 2 * position.size // (SPECTRUM_SEGMENTS + 1)
-        # Of the second differences, so that the slow motion does not leak into the high frequencies.
+        # The spectrum of second differences: otherwise the slow motion would leak into high frequencies.
         frequency, spectrum = signal.welch(np.diff(position, 2), 1 / interval, nperseg=segment)
         frequency, spectrum = (
             frequency[1:],
@@ -89,9 +90,9 @@ class FilterFrequencies:
         )
         floor = float(np.median(spectrum[frequency > FLOOR_BAND * nyquist]))
         noisy = np.flatnonzero(spectrum < SIGNAL_TO_NOISE * floor)
-        found = float(frequency[noisy[0]]) if noisy.size else nyquist
-        upper = min(max(found, float(frequency[0])), POSITION_BAND * nyquist)
-        position_hz = upper if position_hz is None else position_hz
+        cutoff = float(frequency[noisy[0]]) if noisy.size else nyquist
+        cutoff = min(max(cutoff, float(frequency[0])), POSITION_BAND * nyquist)
+        position_hz = cutoff if position_hz is None else position_hz
         regression_hz = REGRESSION_SHARE * position_hz if regression_hz is None else regression_hz
         for name, value in (("position_hz", position_hz), ("regression_hz", regression_hz)):
             if not 0 < value < nyquist:
@@ -102,7 +103,7 @@ class FilterFrequencies:
 
 
 def low_pass(values: Array, cutoff_hz: float, interval: float) -> Array:
-    """Return `values` (…, n) through a Butterworth low-pass that runs forwards and backwards, (…, n)."""
+    """Return `values` (…, n) after a Butterworth low-pass that runs forwards and backwards, (…, n)."""
     from scipy import signal
 
     settling = int(min(3 / (cutoff_hz * interval), values.shape[-1] - 1))
@@ -111,16 +112,16 @@ def low_pass(values: Array, cutoff_hz: float, interval: float) -> Array:
 
 @lru_cache
 def _sections(cutoff_hz: float, interval: float) -> Array:
-    """Return the low-pass in second-order sections; a search filters hundreds of times by the same."""
+    """Return the low-pass as second-order sections; cached, because a search filters hundreds of times."""
     from scipy import signal
 
     return np.asarray(signal.butter(ORDER, cutoff_hz, fs=1 / interval, output="sos"))
 
 
 def first_order_lag(values: Array, lag: float, interval: float) -> Array:
-    """Return `values` (n,) through a first-order lag of time constant `lag` [s], straight between rows.
+    """Return `values` (n,) after a first-order lag of time constant `lag` [s], with linear interpolation.
 
-    Before the first row, they are taken to have been as there.
+    Before the first row, the input is assumed to have the value of the first row.
 
     T dy/dt = x - y:   y⁺ = e y + (q - e) x + (1 - q) x⁺,   e = exp(-Δt / T),   q = (1 - e) T / Δt
     """
@@ -138,9 +139,10 @@ def first_order_lag(values: Array, lag: float, interval: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RowThinning:
-    """Which rows of a recording the regression keeps, and the low-pass before it.
+    """The rows of a recording that the regression uses, and the low-pass before it.
 
-    `kept` are row numbers, one of each `step`; rows within a period of the cutoff of either end are left out.
+    `kept` are row numbers, one of each `step` rows; rows within a period of the cutoff from either end are
+    left out.
     """
 
     cutoff_hz: float
@@ -150,10 +152,10 @@ class RowThinning:
 
     @classmethod
     def of(cls, moving: NDArray[np.bool_], cutoff_hz: float, interval: float) -> Self:
-        """Return the thinning of a recording whose shaft is `moving` (n,) or not.
+        """Return the thinning of a recording; `moving` (n,) states whether the shaft moves in each row.
 
-        A standstill of half a period of the cutoff or longer is left out, with a quarter period on either
-        side, into which the low-pass carries it. A reversal passes faster.
+        A standstill of at least half a period of the cutoff is left out, including a quarter period on either
+        side, which the low-pass affects. A reversal is shorter and is not left out.
         """
         quarter = max(1, round(0.25 / (cutoff_hz * interval)))
         usable = np.ones(moving.size, bool)
@@ -166,5 +168,5 @@ class RowThinning:
         return cls(cutoff_hz, interval, rows[usable[rows]], step)
 
     def __call__(self, values: Array) -> Array:
-        """Return `values` (…, n) through the low-pass, at the rows kept."""
+        """Return `values` (…, n) after the low-pass, at the rows kept, (…, rows)."""
         return low_pass(values, self.cutoff_hz, self.interval)[..., self.kept]

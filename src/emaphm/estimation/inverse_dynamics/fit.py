@@ -1,8 +1,8 @@
 """Inverse dynamics identification: parameters from measured motion, by variable projection.
 
-Given the few parameters that the torque balance is not linear in, the others follow from linear least
-squares; a search over the few has the projected residual as its objective (Golub and Pereyra 1973). A last
-Gauss-Newton search over all of them ends at the optimum.
+The torque balance is linear in most parameters. For given values of the nonlinear parameters, the linear
+ones follow from linear least squares; the search over the nonlinear parameters minimises the projected
+residual (Golub and Pereyra 1973). A final Gauss-Newton search over all parameters ends at the optimum.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,10 +28,10 @@ from emaphm.estimation.uncertainty.repeated_errors import ScoreSeries, repeated_
 from emaphm.recording import Recording
 
 SINGULAR = 1e-6
-"""Smallest singular value of the scaled Jacobian, relative to the largest, of parameters that differ."""
+"""Singular value of the scaled Jacobian, relative to the largest, below which parameters are collinear."""
 
 SHARED = 0.1
-"""Least component of a direction without effect, for a parameter to be named as part of it."""
+"""Least component of a parameter in a direction without effect for it to be named as a part of it."""
 
 
 def inverse_dynamics(
@@ -48,54 +48,55 @@ def inverse_dynamics(
 ) -> InverseDynamicsResult:
     """Return the parameters `free` that explain the torque of the measured motion; no controller is needed.
 
-    Position, and speed and acceleration by differences of it, go into the torque balance
-    (`emaphm.estimation.inverse_dynamics.torque_balance`); the recorded current is compared, or the voltage
-    where there is no current. Both sides pass the same low-pass.
+    The position, and its differences as speed and acceleration, are inserted into the torque balance
+    (`emaphm.estimation.inverse_dynamics.torque_balance`). The result is compared with the recorded current,
+    or with the voltage if the current was not recorded. Both sides pass the same low-pass.
 
-    Rows at standstill are left out (`RowThinning`): friction then balances any torque up to the static
-    one, so that the torque says nothing of Coulomb friction, and whatever it balances would go into the
-    other parameters. A reversal that passes quickly stays in.
+    Rows at standstill are left out (`RowThinning`): friction then balances any torque up to static friction,
+    so the torque contains no information on Coulomb friction, and the balanced torque would cause errors of
+    the other parameters. Rows of a fast reversal are used.
 
     Parameters
     ----------
     recordings
-        All go into one fit, each weighted by its own residual.
+        Recordings of one fit, each weighted by its own residual.
     actuator
         Parameters that are not free keep its values; static friction keeps its ratio to Coulomb friction.
     free
-        Names from `emaphm.estimation.inverse_dynamics.torque_balance.NAMES`, of laws that the description has
-        or lacks, and of the harmonics of its torque ripple.
+        Names from `emaphm.estimation.inverse_dynamics.torque_balance.NAMES`, whether their law is described
+        or not, and of the harmonics of the described torque ripple.
     known
-        For each recording, values that hold in it instead of the actuator's or of a common estimate.
+        For each recording, values that replace those of the actuator or a common estimate.
     per_recording
-        Free parameters that have a value of their own in each recording; of the torque constant, in each
-        but the first, which keeps the actuator's.
+        Free parameters with a value of their own in each recording; the torque constant in each recording
+        except the first, which keeps the actuator's value.
     channel
-        "current_A", "voltage_V" or "duty", what the motion is compared with; the first one that was recorded
-        where left out.
+        Channel that the motion is compared with: "current_A", "voltage_V" or "duty"; by default the first of
+        these that was recorded.
     position_hz, regression_hz
-        Cutoff frequencies of the low-passes; chosen from each recording where left out.
+        Cutoff frequencies of the low-passes; by default chosen from each recording.
     still_speed
-        Motor speed below which the shaft counts as still [rad/s]; from the recording where left out.
+        Motor speed below which the shaft counts as standing [rad/s]; by default from the recording.
 
     Returns
     -------
-    Estimates with standard errors by the sandwich covariance, which admits correlated residuals. They do not
-    cover what the low-pass of the position changes, some 0.2 %.
+    Estimates with standard errors from the sandwich covariance, which allows correlated residuals. The
+    standard errors do not include the effect of the position's low-pass, about 0.2 %.
 
     Notes
     -----
-    Least squares without instrumental variables [2]: the cutoff that follows the position's noise leaves a
-    bias of 0.3 % at a noise of 1e-4 of the motion's amplitude, and of 1 % at 1e-3
-    (``tests/estimation/test_inverse_dynamics.py``), so that a second pass with simulated motion, which needs
-    the controller, has nothing to gain.
+    Least squares without instrumental variables [2]: with the cutoff from the position's noise, the bias is
+    0.3 % at a noise of 1e-4 of the motion's amplitude, and 1 % at 1e-3
+    (``tests/estimation/test_inverse_dynamics.py``). A second pass with simulated motion, which needs the
+    controller, would therefore not improve the estimates.
 
     Raises
     ------
     MethodError
-        No parameter, or an unknown one, is free; or no recording shows one, alone or with the others.
+        No parameter is free, a free parameter is unknown, or no recording identifies it (alone or with the
+        others).
     RecordingError
-        A recording has no position, or nothing that shows the torque, or never moves.
+        A recording has no position, no channel that shows the torque, or no motion.
 
     References
     ----------
@@ -107,68 +108,70 @@ def inverse_dynamics(
     """
     given = (recordings,) if isinstance(recordings, Recording) else tuple(recordings)
     names = tuple(dict.fromkeys(free))
-    own = [dict(one) for one in known] if known is not None else [{} for _ in given]
+    known_values = [dict(values) for values in known] if known is not None else [{} for _ in given]
     described = described_values(actuator)
-    _check(given, names, own, per_recording, described)
+    _check(given, names, known_values, per_recording, described)
     motions = [
         Motion.of(
-            one,
+            recording,
             actuator,
             position_hz=position_hz,
             regression_hz=regression_hz,
             still_speed=still_speed,
             channel=channel,
         )
-        for one in given
+        for recording in given
     ]
     orders = tuple(
-        one.order * (actuator.mechanics.screw_ratio if one.of == "screw" else 1.0) for one in actuator.ripple
+        harmonic.order * (actuator.mechanics.screw_ratio if harmonic.of == "screw" else 1.0)
+        for harmonic in actuator.ripple
     )
-    problem = InverseProblem.of(motions, described, names, own, tuple(per_recording), orders)
-    found = minimised(problem)
-    problem = problem.reweighted(found.point)
-    found = minimised(problem, found.point)
-    _refuse_singular(problem, found.jacobian)
-    residual = problem.residual(found.point)
-    # In units of what each parameter moves, so that the inverse is not spoilt by theirs.
-    size = np.linalg.norm(found.jacobian, axis=0)
-    scaled = (found.jacobian / size).T[np.newaxis]
-    alike, correlation = _repeated_scores(problem, scaled[0] * residual)
-    unknown = np.full(found.point.size, np.inf)
-    covariance = sandwich_covariance(scaled, residual, unknown, error_scores=alike).covariance
+    problem = InverseProblem.of(motions, described, names, known_values, tuple(per_recording), orders)
+    minimum = minimised(problem)
+    problem = problem.reweighted(minimum.point)
+    minimum = minimised(problem, minimum.point)
+    _check_identifiable(problem, minimum.jacobian)
+    residual = problem.residual(minimum.point)
+    # Scale each parameter by its effect on the prediction, so that the matrix to invert is well conditioned.
+    size = np.linalg.norm(minimum.jacobian, axis=0)
+    scaled = (minimum.jacobian / size).T[np.newaxis]
+    repeated_scores, correlation = _repeated_scores(problem, scaled[0] * residual)
+    no_prior = np.full(minimum.point.size, np.inf)
+    covariance = sandwich_covariance(scaled, residual, no_prior, error_scores=repeated_scores).covariance
     covariance = problem.parameter_covariance(covariance / np.outer(size, size))
-    result = _result(problem, found.point, covariance, residual, found.at_bound, actuator)
+    result = _result(problem, minimum.point, covariance, residual, minimum.at_bound, actuator)
     return replace(result, error_correlation=correlation)
 
 
 def _repeated_scores(problem: InverseProblem, scores: Array) -> tuple[Array, float | None]:
-    """Return what recordings of one motion add to the covariance (p, p) of the sum of `scores` (p, rows).
+    """Return the additional covariance (p, p) of the summed `scores` (p, rows) due to repeated motions.
 
-    And how alike the residuals are in them; 0 and None where no more than by chance.
+    The second value is the correlation of the residuals of recordings of one motion. The results are 0 and
+    None if the correlation is not significant.
     """
     ends = np.cumsum([target.size for target in problem.targets])
     series = []
-    for motion, thinned, own in zip(
+    for motion, thinning, its_scores in zip(
         problem.motions, problem.thinnings, np.split(scores, ends[:-1], axis=1), strict=True
     ):
-        every_row = np.zeros((len(scores), motion.angle.size))
-        every_row[:, thinned.kept] = own
-        series.append(ScoreSeries(every_row, motion.angle, motion.interval))
+        at_all_rows = np.zeros((len(scores), motion.angle.size))
+        at_all_rows[:, thinning.kept] = its_scores
+        series.append(ScoreSeries(at_all_rows, motion.angle, motion.interval))
     shared = np.flatnonzero([recording is None for _, recording in problem.keys])
-    repeated = repeated_errors(series, shared, max(one.step for one in problem.thinnings))
+    repeated = repeated_errors(series, shared, max(thinning.step for thinning in problem.thinnings))
     if repeated.correlation is None:
         return np.zeros_like(repeated.covariance), None
     return repeated.covariance - long_run_covariance(scores), repeated.correlation
 
 
 def described_values(actuator: Actuator) -> dict[str, float]:
-    """Return the actuator's values of the parameters that inverse dynamics knows, and that it has."""
-    found = {}
+    """Return the actuator's described values of the parameters of inverse dynamics."""
+    values = {}
     for name in (*NAMES, *(name for name in LUMPED_PARAMETERS if name.startswith("ripple"))):
         parts = described_parts(actuator, name)
         if parts is not None:
-            found[name] = float(sum(parts))
-    return found
+            values[name] = float(sum(parts))
+    return values
 
 
 def _check(
@@ -178,6 +181,7 @@ def _check(
     per_recording: Sequence[str],
     described: Values,
 ) -> None:
+    """Raise MethodError for impossible arguments of `inverse_dynamics`."""
     if not recordings:
         raise MethodError("no recording for inverse dynamics; give one or several")
     if not names:
@@ -187,7 +191,7 @@ def _check(
             f"known values of {len(known)} recordings for {len(recordings)}; give one set for each"
         )
     possible = tuple(dict.fromkeys((*NAMES, *described)))
-    for name in (*names, *per_recording, *(name for one in known for name in one)):
+    for name in (*names, *per_recording, *(name for values in known for name in values)):
         if name not in possible:
             raise MethodError(f"inverse dynamics does not know '{name}'{nearest(name, possible)}")
     for name in per_recording:
@@ -195,15 +199,15 @@ def _check(
             raise MethodError(f"'{name}' has a value for each recording but is not free; free it too")
 
 
-def _refuse_singular(problem: InverseProblem, jacobian: Array) -> None:
-    """Refuse parameters that no recording shows, alone or with the others."""
+def _check_identifiable(problem: InverseProblem, jacobian: Array) -> None:
+    """Raise MethodError if the recordings do not identify a parameter, alone or with the others."""
     size = np.sqrt(np.mean(jacobian**2, axis=0))
     labels = problem.labels
-    silent = [label for label, one in zip(labels, size, strict=True) if not 0 < one < np.inf]
-    if silent:
+    without_effect = [label for label, effect in zip(labels, size, strict=True) if not 0 < effect < np.inf]
+    if without_effect:
         raise MethodError(
-            f"no recording shows {listed(silent, 'or')} in its motion; record one that moves there, or do "
-            "not free it"
+            f"no recording shows {listed(without_effect, 'or')} in its motion; record one that moves there, "
+            "or do not free it"
         )
     _, values, directions = np.linalg.svd(jacobian / size, full_matrices=False)
     if values[-1] < SINGULAR * values[0]:
@@ -222,6 +226,7 @@ def _result(
     at_bound: tuple[str, ...],
     actuator: Actuator,
 ) -> InverseDynamicsResult:
+    """Return the result at `point` (p,), with the parameters' `covariance` (p, p)."""
     shared = [k for k, (_, recording) in enumerate(problem.keys) if recording is None]
     values, errors = problem.parameters(point), np.sqrt(np.diag(covariance))
     parameters = {}
@@ -249,6 +254,7 @@ def _result(
 
 
 def _replay(problem: InverseProblem, i: int, point: Array) -> ForceReplay:
+    """Return the replay of recording `i` at `point` (p,)."""
     motion, thinned, values = problem.motions[i], problem.thinnings[i], problem.values(point, i)
     predicted = problem.predicted(point, i)
     error = np.linalg.norm(problem.targets[i] - predicted) / np.linalg.norm(problem.targets[i])

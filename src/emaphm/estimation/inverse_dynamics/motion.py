@@ -1,4 +1,4 @@
-"""Measured motion: what goes into inverse dynamics, and the channel that it is compared with."""
+"""Measured motion of a recording for inverse dynamics, and the channel that it is compared with."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -15,25 +15,24 @@ from emaphm.recording import Recording, with_equivalent_current
 from emaphm.simulation.laws.saturation import flux_left
 
 STILL_SPEED = 0.01
-"""Speed below which a shaft counts as still, relative to the rms speed, where its noise is lower."""
+"""Speed below which a shaft counts as standing, relative to the rms speed, if the noise is lower."""
 
 STILL_NOISE = 3.0
-"""Speed below which a shaft counts as still, relative to the rms of the speed's noise."""
+"""Speed below which a shaft counts as standing, relative to the rms of the speed's noise."""
 
 RESPONSES = ("current_A", "voltage_V", "duty")
-"""Channels that inverse dynamics explains, the best one first: the current is the torque."""
+"""Channels that inverse dynamics explains, in order of preference: the current determines the torque."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
     """The measured motion of one recording, all columns of shape (n,).
 
-    `position` [rad] is the user's; `angle` [rad], `speed` [rad/s] and `acceleration` [rad/s²] are the
-    motor's, through the low-pass of `frequencies`. `load` [N·m] is what was recorded of it. `response` is
-    the channel `channel` as the torque follows it: a current [A] less what saturation takes of its torque,
-    behind the torque's lag, or a voltage [V].
-    `still_speed` [rad/s] is the speed below which the shaft counts as still, `moving` whether it was faster
-    while the drive was on.
+    `position` [rad] is that of the user; `angle` [rad], `speed` [rad/s] and `acceleration` [rad/s²] are those
+    of the motor, after the low-pass of `frequencies`. `load` [N·m] is the recorded load, 0 if not recorded.
+    `response` is the channel `channel`: a voltage [V], or a current [A] reduced by saturation and delayed by
+    the torque's lag, so that it is proportional to the torque. `still_speed` [rad/s] is the speed below which
+    the shaft counts as standing; `moving` states whether it was faster while the drive was on.
     """
 
     source: str
@@ -63,15 +62,15 @@ class Motion:
     ) -> Self:
         """Return the motion of a `recording`.
 
-        Speed and acceleration are central differences of the motor's angle, or of the user's position
-        divided by the gear ratio where that alone was recorded: a recorded speed often has a lag of its own.
-        The described errors of the sensors are undone. A current loses what saturation takes of its torque,
-        and passes the lag with which the torque follows it.
+        Speed and acceleration are central differences of the motor's angle, or of the user's position divided
+        by the gear ratio if the angle was not recorded; a recorded speed is not used, because it often has a
+        lag of its own. The described errors of the sensors are compensated. A current is reduced by
+        saturation and passes the lag of the torque.
 
         Raises
         ------
         RecordingError
-            There is neither a position nor an angle, or neither a current nor a voltage; or nothing moves.
+            There is neither a position nor an angle, neither a current nor a voltage, or no motion.
         """
         recording = as_by_ideal_sensors(recording, actuator)
         interval = recording.interval_s
@@ -89,7 +88,7 @@ class Motion:
             moving &= recording["enabled"] > 0
         if not moving.any():
             raise RecordingError(
-                f"{recording.source}: the shaft never moves faster than {still_speed:.3g}, where noise ends; "
+                f"{recording.source}: the shaft never moves faster than {still_speed:.3g}, the noise limit; "
                 "record a manoeuvre with more motion"
             )
         channel = channel or _best_channel(recording, actuator)
@@ -125,7 +124,7 @@ def _angle_and_position(recording: Recording, gear_ratio: float) -> tuple[Array,
 
 
 def _best_channel(recording: Recording, actuator: Actuator) -> str:
-    """Return the name of the channel that shows the torque best."""
+    """Return the name of the preferred channel for the torque."""
     if "current_A" in recording or ("angle_rad" in recording and "current_a_A" in recording):
         return "current_A"
     for name in RESPONSES[1:]:
@@ -138,7 +137,7 @@ def _best_channel(recording: Recording, actuator: Actuator) -> str:
 
 
 def _response(recording: Recording, actuator: Actuator, channel: str) -> Array:
-    """Return the `channel` of a recording as the torque follows it, (n,): a current [A] or a voltage [V]."""
+    """Return the `channel` of a recording, (n,): a voltage [V], or a current [A] that gives the torque."""
     if channel not in RESPONSES:
         raise MethodError(f"'{channel}' does not show the torque{nearest(channel, RESPONSES)}")
     if channel == "current_A":
@@ -147,7 +146,8 @@ def _response(recording: Recording, actuator: Actuator, channel: str) -> Array:
         return first_order_lag(effective, actuator.motor.torque_lag, recording.interval_s)
     if actuator.electrical is None:
         raise MethodError(
-            f"a voltage shows the torque where the resistance is known; add [electrical] to '{actuator.name}'"
+            "the torque follows from a voltage only if the resistance is known; add [electrical] to "
+            f"'{actuator.name}'"
         )
     if channel == "voltage_V":
         return recording["voltage_V"]

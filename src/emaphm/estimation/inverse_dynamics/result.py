@@ -1,4 +1,4 @@
-"""The result of inverse dynamics: parameters with standard errors, and each recording in force."""
+"""Result of inverse dynamics: parameters with standard errors, and the torques of each recording."""
 
 import json
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from emaphm.estimation.uncertainty.collinearity import CollinearSet
 from emaphm.text_table import format_table
 
 LAWS = ("friction", "weight")
-"""Sections that a parameter which is not described is added to."""
+"""Sections to which a parameter that is not described is added."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +28,12 @@ class ParameterEstimate:
 
 @dataclass(frozen=True, eq=False)
 class ForceReplay:
-    """One recording against the torque that its measured motion requires.
+    """The recorded torque of a recording, and the torque that its measured motion requires.
 
-    `time` [s], `measured` and `predicted` torque of the motor [N·m] are of shape (rows,), the rows of the
-    regression; `relative_error` is rms(measured - predicted) / rms(measured) of the `channel` that was
-    compared. `values` are the parameters that were estimated or known of this recording alone. `still_rows`
-    is the number of recorded rows below the speed `still_speed` [rad/s].
+    `time` [s], `measured` and `predicted` torque of the motor [N·m] have the shape (rows,), the rows of the
+    regression; `relative_error` is rms(measured - predicted) / rms(measured) of the compared `channel`.
+    `values` are the parameters that were estimated for this recording alone or known for it. `still_rows` is
+    the number of recorded rows below the speed `still_speed` [rad/s].
     """
 
     source: str
@@ -50,13 +50,13 @@ class ForceReplay:
 
 @dataclass(frozen=True, eq=False)
 class InverseDynamicsResult:
-    """Parameters that explain the torque of measured motion, all recordings in one fit.
+    """Parameters that explain the torque of measured motion, from one fit of all recordings.
 
     `covariance` (p, p) is that of the shared `parameters` in their order and units. `relative_error` is that
-    of all rows of the regression. `collinear` are sets of which only a combination is known, `at_bound`
-    searched parameters that ended at the bound of their search: the recordings do not show them.
-    `error_correlation` is how alike the residuals are in recordings that repeat a motion, from 0 to 1; None
-    where no more than by chance.
+    of all rows of the regression. `collinear` are sets of parameters that are identified only in combination;
+    `at_bound` are parameters at a bound of the search, which the recordings do not identify.
+    `error_correlation` is the correlation of the residuals of recordings that repeat a motion, from 0 to 1;
+    None if it is not significant.
     """
 
     parameters: Mapping[str, ParameterEstimate]
@@ -72,21 +72,21 @@ class InverseDynamicsResult:
     @property
     def values(self) -> dict[str, float]:
         """The estimated values by name."""
-        return {name: one.value for name, one in self.parameters.items()}
+        return {name: estimate.value for name, estimate in self.parameters.items()}
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """The standard errors by name, which admit that residuals are correlated."""
-        return {name: one.standard_error for name, one in self.parameters.items()}
+        """The standard errors by name, which allow for correlated residuals."""
+        return {name: estimate.standard_error for name, estimate in self.parameters.items()}
 
     @property
     def identified(self) -> Actuator:
-        """The actuator with the estimated values, such as a simulated fit may start from.
+        """The actuator with the estimated values, for example as the start of a simulated fit.
 
         Raises
         ------
         ActuatorError
-            A value is impossible, such as an inertia that is not positive.
+            A value is impossible, for example an inertia that is not positive.
         """
         return with_parameters(self.actuator, self.values)
 
@@ -98,21 +98,21 @@ class InverseDynamicsResult:
                 for name, p in self.parameters.items()
             },
             "relative_error": self.relative_error,
-            "collinear": [list(one.members) for one in self.collinear],
+            "collinear": [list(collinear.members) for collinear in self.collinear],
             "at_bound": list(self.at_bound),
             "error_correlation": self.error_correlation,
             "recordings": [
                 {
-                    "recording": one.source,
-                    "channel": one.channel,
-                    "relative_error": one.relative_error,
-                    "position_hz": one.frequencies.position_hz,
-                    "regression_hz": one.frequencies.regression_hz,
-                    "rows": one.time.size,
-                    "still_rows": one.still_rows,
-                    "values": dict(one.values),
+                    "recording": replay.source,
+                    "channel": replay.channel,
+                    "relative_error": replay.relative_error,
+                    "position_hz": replay.frequencies.position_hz,
+                    "regression_hz": replay.frequencies.regression_hz,
+                    "rows": replay.time.size,
+                    "still_rows": replay.still_rows,
+                    "values": dict(replay.values),
                 }
-                for one in self.replays
+                for replay in self.replays
             ],
         }
 
@@ -121,32 +121,32 @@ class InverseDynamicsResult:
         return json.dumps(self.to_dict(), indent=2)
 
     def __str__(self) -> str:
-        """Return tables of the parameters and of the recordings, and what is not known."""
+        """Return tables of the parameters and of the recordings, and notes on unidentified parameters."""
         rows = [
             (name, f"{p.value:.6g}", f"{p.standard_error:.2g}", p.unit) for name, p in self.parameters.items()
         ]
         table = format_table(("parameter", "value", "std. error", "unit"), rows)
         recordings = [
             (
-                one.source,
-                one.channel,
-                f"{100 * one.relative_error:.4g} %",
-                f"{one.frequencies.position_hz:.3g} Hz",
-                f"{one.frequencies.regression_hz:.3g} Hz",
+                replay.source,
+                replay.channel,
+                f"{100 * replay.relative_error:.4g} %",
+                f"{replay.frequencies.position_hz:.3g} Hz",
+                f"{replay.frequencies.regression_hz:.3g} Hz",
             )
-            for one in self.replays
+            for replay in self.replays
         ]
         header = ("recording", "channel", "relative error", "position to", "regression to")
-        notes = [str(one) for one in self.collinear]
+        notes = [str(collinear) for collinear in self.collinear]
         notes += [
-            f"'{name}' ended at the bound of its search: the recordings do not show it."
+            f"'{name}' ended at the bound of its search: the recordings do not identify it."
             for name in self.at_bound
         ]
         return "\n\n".join([table, format_table(header, recordings), *notes])
 
 
 def with_parameters(actuator: Actuator, values: Mapping[str, float]) -> Actuator:
-    """Return `actuator` with lumped parameters, and with the laws that these belong to."""
+    """Return `actuator` with the lumped parameters `values`, and with the laws that these belong to."""
     description = actuator.model_dump(exclude_none=True)
     for name, value in values.items():
         if described_parts(actuator, name) is None and PARTS[name][0] in LAWS:

@@ -1,4 +1,4 @@
-"""Variable projection: linear least squares inside, a search over the other parameters outside."""
+"""Variable projection: linear least squares within a search over the nonlinear parameters."""
 
 import itertools
 from dataclasses import dataclass
@@ -18,58 +18,59 @@ NOT_NEGATIVE = ("inertia", "viscous", "quadratic", "coulomb", "gravity")
 """Linear parameters that have one sign."""
 
 LEAST_PEAK = 1e-6
-"""Least excess of static over Coulomb friction, relative to the rms torque: at 0, a Stribeck speed has no
-derivative."""
+"""Lower limit of the excess of static over Coulomb friction, relative to the rms torque: at 0, the derivative
+by a Stribeck speed vanishes."""
 
 SPEED_STARTS = (0.01, 0.05, 0.25)
-"""Where the search for each of `SPEEDS` starts, relative to the rms speed."""
+"""Starts of the search for each of `SPEEDS`, relative to the rms speed."""
 
 ANGLE_STARTS = (-2.1, 0.0, 2.1)
-"""Where the search for the angle of a weight starts, a third of a turn apart [rad]."""
+"""Starts of the search for the angle of a weight, a third of a turn apart [rad]."""
 
 LOAD_START = 0.1
-"""Load-dependent friction that a search begins at, where the description has none [-]."""
+"""Start of the search for load-dependent friction that is not described [-]."""
 
 POSITIVE = (*SPEEDS, "torque_constant", "resistance")
-"""Parameters that are searched in their logarithm."""
+"""Parameters whose logarithm is searched."""
 
 LEAST_LOAD = 1e-6
-"""Least load-dependent friction of a search [-]: at 0, an absolute value has no derivative."""
+"""Lower limit of load-dependent friction [-]: at 0, an absolute value has no derivative."""
 
 MOST_LOAD = {"friction": 0.45, "motor": 0.45, "external": 10.0}
-"""Largest, by what it follows [-]: if 1 of the motor's torque were lost, nothing would move; two add up."""
+"""Upper limit of load-dependent friction, by the torque that it depends on [-]: at a loss of 1 of the motor's
+torque, nothing would move, and two such losses add up."""
 
 WIDEST = 100.0
-"""Factor by which a torque constant or resistance may differ from its description."""
+"""Largest factor between a torque constant or resistance and its description."""
 
 STILL_SHARE = 0.1
-"""Slowest Stribeck or transition speed, relative to the speed that counts as still."""
+"""Least Stribeck or transition speed, relative to the speed below which the shaft counts as standing."""
 
 SEARCH_STEP = 1e-3
 """Step of the outer search's differences, relative."""
 
 SEARCHES = 2
-"""Outer searches, from the starts with the least projected residual."""
+"""Number of outer searches, from the starts with the least projected residual."""
 
 SEARCH_TOLERANCE = 1e-4
 """Relative change of the objective or the parameters at which an outer search ends."""
 
 MOST_STEPS = 30
-"""Steps of an outer search; the last search over all parameters goes on from there."""
+"""Largest number of steps of an outer search; the final search over all parameters continues from there."""
 
 LARGEST_ASYMMETRY = 0.95
-"""Beyond, one direction would have no friction."""
+"""Largest asymmetry: at 1, one direction would have no friction."""
 
 AT_BOUND = 1e-3
-"""Distance to a bound, relative to the width of the search, that counts as lying on it."""
+"""Distance to a bound, relative to the width of the search, up to which a parameter is at the bound."""
 
 LEAST_COLUMN = 1e-12
-"""Least size of a column, relative to the largest, that a linear parameter is scaled by."""
+"""Lower limit of a column's norm for the scaling of a linear parameter, relative to the largest norm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """The optimal `point` (p,), the derivatives of the prediction there (rows, p), and who is at a bound."""
+    """The optimal `point` (p,), the prediction's `jacobian` (rows, p), and the parameters `at_bound`."""
 
     point: Array
     jacobian: Array
@@ -84,26 +85,28 @@ def minimised(problem: InverseProblem, start: Array | None = None) -> Minimum:
     lower, upper = _bounds(problem)
     if start is None:
         screened = sorted(
-            (with_linear_solved(problem, one, linear, lower, upper) for one in _starts(problem)),
+            (with_linear_solved(problem, candidate, linear, lower, upper) for candidate in _starts(problem)),
             key=lambda point: float(np.sum(problem.residual(point) ** 2)),
         )
-        projected = [_projected(problem, one, linear, lower, upper) for one in screened[:SEARCHES]]
+        projected = [
+            _projected_search(problem, candidate, linear, lower, upper) for candidate in screened[:SEARCHES]
+        ]
         best = min(projected, key=lambda point: float(np.sum(problem.residual(point) ** 2)))
     else:
         best = with_linear_solved(problem, start, linear, lower, upper)
 
-    def downhill(point: Array) -> Array:
+    def residual_jacobian(point: Array) -> Array:
         return -problem.jacobian(point)
 
     if not linear.all():
         best = least_squares(
             problem.residual,
             best,
-            jac=downhill,
+            jac=residual_jacobian,
             bounds=(lower, upper),
             x_scale="jac",
         ).x
-        # That search stays within its bounds, by 1e-22 or so; here a value that asks for a bound lies on it.
+        # That search stays inside its bounds by about 1e-22; this step moves such values onto the bound.
         best = with_linear_solved(problem, best, linear, lower, upper)
     width = upper - lower
     distance = np.minimum(best - lower, upper - best)
@@ -116,13 +119,14 @@ def minimised(problem: InverseProblem, start: Array | None = None) -> Minimum:
 
 
 def _is_linear(name: str) -> bool:
+    """Return whether the torque balance is linear in the parameter."""
     return name in LINEAR or name.startswith("ripple")
 
 
-def _projected(
+def _projected_search(
     problem: InverseProblem, start: Array, linear: NDArray[np.bool_], lower: Array, upper: Array
 ) -> Array:
-    """Return the optimum that a search over the other than `linear` parameters (p,) reaches from `start`."""
+    """Return the optimum (p,) of a search from `start` over the parameters that are not `linear` (p,)."""
     from scipy.optimize import least_squares
 
     if linear.all():
@@ -135,13 +139,13 @@ def _projected(
         return with_linear_solved(problem, point, linear, lower, upper)
 
     def searched_of(values: Array) -> Array:
-        outer = values[~linear]
-        return np.where(logarithmic, np.log(np.where(logarithmic, outer, 1.0)), outer)
+        nonlinear = values[~linear]
+        return np.where(logarithmic, np.log(np.where(logarithmic, nonlinear, 1.0)), nonlinear)
 
     def residual_of(searched: Array) -> Array:
         return problem.residual(point_of(searched))
 
-    found = least_squares(
+    optimum = least_squares(
         residual_of,
         searched_of(start),
         bounds=(searched_of(lower), searched_of(upper)),
@@ -150,31 +154,31 @@ def _projected(
         ftol=SEARCH_TOLERANCE,
         xtol=SEARCH_TOLERANCE,
     )
-    return np.clip(point_of(found.x), lower, upper)
+    return np.clip(point_of(optimum.x), lower, upper)
 
 
 def with_linear_solved(
     problem: InverseProblem, point: Array, linear: NDArray[np.bool_], lower: Array, upper: Array
 ) -> Array:
-    """Return `point` (p,) with its `linear` parameters by least squares within bounds, given the others."""
+    """Return `point` (p,) with its `linear` parameters replaced by their bounded least-squares solution."""
     from scipy.optimize import lsq_linear
 
     if not linear.any():
         return point
     columns = problem.jacobian(point, linear)
     norms = np.linalg.norm(columns, axis=0)
-    # Of a column that is nearly 0, as of the static friction where it acts up to no speed, nothing is known.
+    # A parameter whose column is nearly 0, such as static friction at a tiny Stribeck speed, is unidentified.
     size = np.maximum(norms, max(LEAST_COLUMN * norms.max(), np.finfo(float).tiny))
     target = problem.residual(point) + columns @ point[linear]
-    found = lsq_linear(columns / size, target, (lower[linear] * size, upper[linear] * size), method="bvls")
+    solution = lsq_linear(columns / size, target, (lower[linear] * size, upper[linear] * size), method="bvls")
     solved = point.copy()
-    # Scaling back rounds: a value on its bound would lie beyond it.
-    solved[linear] = np.clip(found.x / size, lower[linear], upper[linear])
+    # The rounding error of the scaling may move a value on a bound beyond it.
+    solved[linear] = np.clip(solution.x / size, lower[linear], upper[linear])
     return solved
 
 
 def _starts(problem: InverseProblem) -> list[Array]:
-    """Return where the search begins: at several speeds and angles where they are free, else as described."""
+    """Return the starts of the search: several values of free speeds and angles, or else the description."""
     start = problem.start
     names = [name for name, _ in problem.keys]
     for k, name in enumerate(names):
@@ -188,18 +192,18 @@ def _starts(problem: InverseProblem) -> list[Array]:
     }
     starts = []
     for values in itertools.product(*options.values()):
-        varied = start.copy()
-        varied[list(options)] = values
-        starts.append(varied)
+        candidate = start.copy()
+        candidate[list(options)] = values
+        starts.append(candidate)
     return starts
 
 
 def _bounds(problem: InverseProblem) -> tuple[Array, Array]:
-    """Return the lowest and highest values (p,) that a search may reach; infinite where it is free."""
+    """Return the lower and upper bounds (p,) of the search; infinite for unbounded parameters."""
     slowest = STILL_SHARE * min(motion.still_speed for motion in problem.motions)
     fastest = max(float(np.max(np.abs(motion.speed))) for motion in problem.motions)
-    shown = [measured_torque(motion, problem.described) for motion in problem.motions]
-    torque = np.sqrt(np.mean([np.mean(one**2) for one in shown]))
+    measured = [measured_torque(motion, problem.described) for motion in problem.motions]
+    torque = np.sqrt(np.mean([np.mean(of_motion**2) for of_motion in measured]))
     described = problem.start
     lower, upper = np.full(described.size, -np.inf), np.full(described.size, np.inf)
     for k, (name, _) in enumerate(problem.keys):

@@ -1,4 +1,4 @@
-"""The inverse dynamics of a shaft: the motor's torque that the measured motion requires."""
+"""Torque balance of a shaft: the motor's torque that the measured motion requires."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -30,39 +30,39 @@ NAMES = (
     "torque_constant",
     "resistance",
 )
-"""Lumped parameters that inverse dynamics can estimate, in addition to the torque ripple's."""
+"""Lumped parameters that inverse dynamics can estimate, in addition to those of the torque ripple."""
 
 LOADS = (
     *("load_friction", "load_motor", "load_external"),
     *("stribeck_load_motor", "stribeck_load_external"),
 )
-"""Load-dependent friction: the balance is not linear in it, and none is negative."""
+"""Parameters of load-dependent friction: the balance is not linear in them, and they are not negative."""
 
 Values = Mapping[str, float]
 
 
 def required_torque(motion: Motion, values: Values, ripple_orders: Sequence[float] = ()) -> Array:
-    """Return the motor's torque that the measured motion requires, by the balance at the rigid shaft.
+    """Return the motor's torque that the measured motion requires, from the torque balance of a rigid shaft.
 
         τ = J α + C (1 + γ_v sgn ω) ω + Q ω |ω| + level σ + τ_load,   τ_m = τ - Σ (a_n cos nφ + b_n sin nφ)
         level = (1 + γ_c sgn ω) [F_c + |(l + l_m) τ - (l + l_e) τ_e| + s (F_s - F_c + |l'_m τ - l'_e τ_e|)]
         τ_load = τ_0 + K θ + G sin(θ + θ_0) + recorded load,   τ_e = -τ_load
         s = exp(-(ω / ω_s)²), 0 without a Stribeck speed;   σ = sgn ω, tanh(ω / ω_0) with a transition speed
 
-    Linear in J, C, Q, F_c, F_s, τ_0, K, G, a_n and b_n, but for those that load-dependent friction acts on.
+    Without load-dependent friction, it is linear in J, C, Q, F_c, F_s, τ_0, K, G, a_n and b_n.
 
     Parameters
     ----------
     motion
-        ω [rad/s], α [rad/s²] and φ [rad] of the motor, θ [rad] of the user, as measured.
+        Measured ω [rad/s], α [rad/s²] and φ [rad] of the motor, θ [rad] of the user.
     values
         Lumped parameters by name, in their units: inertia J, viscous C, viscous_asymmetry γ_v,
         quadratic Q, coulomb F_c, static F_s, coulomb_asymmetry γ_c, load_friction l, load_motor l_m,
         load_external l_e, stribeck_load_motor l'_m, stribeck_load_external l'_e, stribeck_speed ω_s,
         transition_speed ω_0, offset τ_0, hinge K, gravity G, gravity_angle θ_0, ripple1_cos a_1,
-        ripple1_sin b_1; 0 where left out.
+        ripple1_sin b_1; missing values are 0.
     ripple_orders
-        n, periods of each harmonic of the torque ripple in a turn of the motor.
+        n, number of periods of each harmonic of the torque ripple per turn of the motor.
 
     Returns
     -------
@@ -70,10 +70,10 @@ def required_torque(motion: Motion, values: Values, ripple_orders: Sequence[floa
 
     Notes
     -----
-    A shaft at rest is outside its range: friction then balances any torque up to the static one, and the
-    motion does not say which. Backlash, a compliant shaft and what motor and inverter lose are left out.
-    Load-dependent friction follows the required torque, for which the balance is solved: with the measured
-    one, l_m near 1 would explain any torque by itself.
+    The balance is not valid for a shaft at rest: friction then balances any torque up to static friction, and
+    the motion does not determine it. Backlash, a compliant shaft and losses of motor and inverter are
+    neglected. Load-dependent friction depends on the required torque, for which the balance is solved: with
+    the measured torque, l_m near 1 would explain any torque by itself.
 
     References
     ----------
@@ -108,15 +108,15 @@ def required_torque(motion: Motion, values: Values, ripple_orders: Sequence[floa
 def _with_loaded_friction(
     torque: Array, load: Array, against: Array, at_low_speed: Array, values: Values
 ) -> Array:
-    """Return the torque τ with the friction that it and the load cause, (n,) [N·m].
+    """Return the torque τ including the friction that it and the load cause, (n,) [N·m].
 
         τ = τ_0 + d |l_m τ + l_e τ_load| + d' |l'_m τ + l'_e τ_load|
 
-    Straight in τ for either sign of each absolute value; where |d| l_m + |d'| l'_m < 1, one pair of signs
-    agrees with its own solution. `torque` is τ_0, `against` and `at_low_speed` are d and d' [-].
+    The equation is linear in τ for given signs of the absolute values; if |d| l_m + |d'| l'_m < 1, one pair
+    of signs agrees with its own solution. `torque` is τ_0, `against` and `at_low_speed` are d and d' [-].
     """
-    both, motor, external, low_motor, low_external = (values.get(name, 0.0) for name in LOADS)
-    motor, external = both + motor, both + external
+    common, motor, external, low_motor, low_external = (values.get(name, 0.0) for name in LOADS)
+    motor, external = common + motor, common + external
     solved = torque
     for sign, low_sign in itertools.product((1.0, -1.0), repeat=2):
         first, second = sign * against, low_sign * at_low_speed
@@ -133,8 +133,8 @@ def response(motion: Motion, torque: Array, values: Values) -> Array:
 
         i = τ / k,   u = k ω + R τ / k
 
-    k is the torque constant [N·m/A] and, by conservation of power, that of the back-EMF; R the resistance
-    [ohm]. A winding's own time constant is left out: its current follows within a millisecond or so.
+    k is the torque constant [N·m/A] and, by conservation of power, the back-EMF constant; R is the resistance
+    [ohm]. The time constant of the winding, about a millisecond, is neglected.
     """
     current = torque / values["torque_constant"]
     if motion.channel == "current_A":
@@ -143,7 +143,7 @@ def response(motion: Motion, torque: Array, values: Values) -> Array:
 
 
 def measured_torque(motion: Motion, values: Values) -> Array:
-    """Return the motor's torque (n,) [N·m] that the recorded channel shows: `response`, solved for it."""
+    """Return the motor's torque (n,) [N·m] from the recorded channel: the inverse of `response`."""
     k = values["torque_constant"]
     if motion.channel == "current_A":
         return k * motion.response

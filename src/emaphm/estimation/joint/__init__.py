@@ -1,1 +1,1 @@
-"""One fit of several recordings: what they share, what is their own, and where they contradict each other."""
+"""Joint fit of several recordings: shared and own coordinates, and contradictions between recordings."""

@@ -1,7 +1,7 @@
 """Correction of the fitted model's bias in a joint fit, by runs of the reference model.
 
-As `emaphm.estimation.bias_correction` for one recording: every recording has a discrepancy of its own at the
-common point, which is added to its outputs while all are fitted again.
+The method is that of `emaphm.estimation.bias_correction` for one recording: every recording has its own
+discrepancy at the common point, which is added to its outputs while all recordings are fitted again.
 """
 
 from collections.abc import Sequence
@@ -26,10 +26,11 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True, eq=False)
 class JointEstimate:
-    """A `point` (d,) of a joint fit, and the discrepancy of each recording there.
+    """A `point` (d,) of a joint fit, and the discrepancy of each recording at this point.
 
-    `residuals` are measured less model, (rows,) of each recording, as its objective weights them; those with
-    the discrepancy have no bias. `scatter` is the covariance (d, d) of the optimiser's end points.
+    `residuals` are measured minus modelled, (rows,) of each recording, with the weights of its objective;
+    minus the discrepancy, they have no bias. `scatter` is the covariance (d, d) of the optimiser's end
+    points.
     """
 
     joint: JointObjective
@@ -40,14 +41,14 @@ class JointEstimate:
 
     @property
     def corrected_residuals(self) -> list[Array]:
-        """Measured less reference model, (rows,) of each recording."""
-        both = zip(self.residuals, self.discrepancies, strict=True)
-        return [residual - discrepancy.mean for residual, discrepancy in both]
+        """Measured minus reference model, (rows,) of each recording."""
+        pairs = zip(self.residuals, self.discrepancies, strict=True)
+        return [residual - discrepancy.mean for residual, discrepancy in pairs]
 
     @property
     def corrected(self) -> bool:
-        """Whether the reference model was asked."""
-        return any(np.any(one.standard_error) for one in self.discrepancies)
+        """Whether the reference model was run."""
+        return any(np.any(discrepancy.standard_error) for discrepancy in self.discrepancies)
 
     @property
     def primary_variance(self) -> float:
@@ -60,7 +61,7 @@ class JointEstimate:
 
     @property
     def misfit(self) -> float:
-        """The sum of squared normalised residuals less the share of the discrepancies' errors, 0 at least."""
+        """The sum of squared normalised residuals minus that of the discrepancies' errors, at least 0."""
         total = 0.0
         for term, residual, known in zip(
             self.joint.terms, self.corrected_residuals, self.discrepancies, strict=True
@@ -72,17 +73,19 @@ class JointEstimate:
     def reweighted(self) -> Self:
         """Return the estimate with recordings and channels weighted by their residuals."""
         before = self.joint.terms
-        biased = [not one.standard_error.any() for one in self.discrepancies]
+        biased = [not discrepancy.standard_error.any() for discrepancy in self.discrepancies]
         joint = self.joint.reweighted(self.corrected_residuals, biased)
         pairs = [(new.objective, old.objective) for new, old in zip(joint.terms, before, strict=True)]
         return replace(
             self,
             joint=joint,
             residuals=tuple(
-                new.rescaled(one, old) for (new, old), one in zip(pairs, self.residuals, strict=True)
+                new.rescaled(residual, old)
+                for (new, old), residual in zip(pairs, self.residuals, strict=True)
             ),
             discrepancies=tuple(
-                one.rescaled(new, old) for (new, old), one in zip(pairs, self.discrepancies, strict=True)
+                discrepancy.rescaled(new, old)
+                for (new, old), discrepancy in zip(pairs, self.discrepancies, strict=True)
             ),
         )
 
@@ -96,10 +99,10 @@ def corrected_estimate(
 ) -> JointEstimate:
     """Return the estimate after up to `max_corrections` by the reference model, from `point` (d,).
 
-    Without any where none is asked for, or the reference model cannot run.
+    The estimate is not corrected if `max_corrections` is 0 or the reference model cannot run.
     """
     if max_corrections == 0 or not any(has_reference(term.objective.problem) for term in joint.terms):
-        return _uncorrected(joint, point)
+        return _uncorrected_estimate(joint, point)
 
     def outcomes_of(current: JointEstimate, iteration: int, _idle: int) -> list[JointEstimate]:
         candidates = _candidates(current, iteration, seed)
@@ -112,7 +115,7 @@ def corrected_estimate(
 
 
 def _with_rests(joint: JointObjective, point: Array, seed: int) -> JointObjective:
-    """Return the objective that leaves out what is chance where shafts stand at `point` (d,)."""
+    """Return the objective without the random part of the channels' means in the rests at `point` (d,)."""
 
     def of_term(r: int) -> RecordingTerm:
         term = joint.terms[r]
@@ -126,13 +129,15 @@ def _with_rests(joint: JointObjective, point: Array, seed: int) -> JointObjectiv
     return replace(joint, terms=tuple(joint.for_each(of_term)))
 
 
-def _uncorrected(joint: JointObjective, point: Array) -> JointEstimate:
+def _uncorrected_estimate(joint: JointObjective, point: Array) -> JointEstimate:
+    """Return the estimate at `point` (d,) with discrepancies of 0."""
     residuals = joint.residuals(point)
-    none = tuple(_none(one) for one in residuals)
-    return JointEstimate(joint, point, tuple(residuals), none, default_scatter(point.size))
+    zero = tuple(_zero_discrepancy(residual) for residual in residuals)
+    return JointEstimate(joint, point, tuple(residuals), zero, default_scatter(point.size))
 
 
-def _none(rows: Array) -> Discrepancy:
+def _zero_discrepancy(rows: Array) -> Discrepancy:
+    """Return a discrepancy of 0 with the shape of `rows`."""
     return Discrepancy(np.zeros_like(rows), np.zeros_like(rows), 0.0, runs=1)
 
 
@@ -148,7 +153,7 @@ def compared(joint: JointObjective, points: Array, seed: int, *name: str | int) 
         objective, local = joint.terms[r].objective, points[:, joint.indices[r]]
         outputs = objective.outputs(local)
         if not has_reference(objective.problem):
-            return outputs, [_none(outputs[0]) for _ in points]
+            return outputs, [_zero_discrepancy(outputs[0]) for _ in points]
         rng = stream(seed, "reference runs", *name, r)
         return outputs, discrepancies(objective, local, outputs, reference_problem(objective), rng)
 
@@ -169,11 +174,12 @@ def compared(joint: JointObjective, points: Array, seed: int, *name: str | int) 
 
 
 def _candidates(current: JointEstimate, iteration: int, seed: int) -> Array:
-    """Return candidates (n, d) under the present correction: a descent's end, and Gauss-Newton steps from it.
+    """Return candidates (n, d) under the current correction: a descent's end and Gauss-Newton steps from it.
 
-    A step by replicated Jacobians leaves the kinks of stick-slip that hold a descent, but may lead astray.
+    A step by replicated Jacobians leaves a local minimum at a kink of stick-slip, at which a descent stops,
+    but may also increase the misfit.
     """
-    joint = current.joint.corrected([one.mean for one in current.discrepancies])
+    joint = current.joint.corrected([discrepancy.mean for discrepancy in current.discrepancies])
     rng = stream(seed, "local search", iteration)
     perturbation = rng.normal(
         0.0, LOCAL_SEARCH.candidate_separation, (LOCAL_SEARCH.descents - 1, current.point.size)
@@ -188,7 +194,7 @@ def _candidates(current: JointEstimate, iteration: int, seed: int) -> Array:
 
 
 def _gauss_newton(joint: JointObjective, point: Array, iteration: int, seed: int) -> Array:
-    """Return the step (d,) to the optimum of a linear model, by the means of replicated Jacobians."""
+    """Return the step (d,) to the optimum of a linear model with the means of replicated Jacobians."""
     count = BIAS_CORRECTION.replicates
 
     def of_term(r: int) -> tuple[Array, Array]:
@@ -207,11 +213,11 @@ def _gauss_newton(joint: JointObjective, point: Array, iteration: int, seed: int
 
     by_term = joint.for_each(of_term)
     replicates, total = np.arange(count), np.zeros((count, point.size) * 2)
-    for index, (one, _) in zip(joint.indices, by_term, strict=True):
-        total[np.ix_(replicates, index, replicates, index)] += one
+    for index, (of_term_products, _) in zip(joint.indices, by_term, strict=True):
+        total[np.ix_(replicates, index, replicates, index)] += of_term_products
     normal = steadied_information(total, joint.prior_deviations)
-    gradient = joint.summed_vectors([one for _, one in by_term])
-    # A fault has no prior; as far as the recordings do not show it, it keeps its value.
+    gradient = joint.summed_vectors([vector for _, vector in by_term])
+    # A fault has no prior mean; directions that the recordings do not constrain keep the fault's value.
     prior = joint.prior_precisions
     normal += np.diag(prior)
     gradient[joint.faults :] -= (prior * point)[joint.faults :]
@@ -219,16 +225,17 @@ def _gauss_newton(joint: JointObjective, point: Array, iteration: int, seed: int
 
 
 def _mean(current: JointEstimate, equal: Sequence[JointEstimate]) -> JointEstimate:
-    """Return the mean of the estimates that the reference model finds no difference between."""
+    """Return the mean of estimates of `equal` misfit, between which the reference model does not decide."""
     if len(equal) < 2:
         return current
-    joint, points = current.joint, np.array([one.point for one in equal])
+    joint, points = current.joint, np.array([estimate.point for estimate in equal])
     point, scatter = points.mean(axis=0), np.atleast_2d(np.cov(points, rowvar=False)) / len(equal)
     known = []
     for r, (term, latest) in enumerate(zip(joint.terms, current.discrepancies, strict=True)):
         means = [
-            term.objective.rescaled(one.discrepancies[r].mean, one.joint.terms[r].objective) for one in equal
+            term.objective.rescaled(estimate.discrepancies[r].mean, estimate.joint.terms[r].objective)
+            for estimate in equal
         ]
         known.append(replace(latest, mean=np.mean(means, axis=0)))
-    plain = joint.corrected([np.zeros_like(one.mean) for one in known])
-    return JointEstimate(joint, point, tuple(plain.residuals(point)), tuple(known), scatter)
+    uncorrected = joint.corrected([np.zeros_like(discrepancy.mean) for discrepancy in known])
+    return JointEstimate(joint, point, tuple(uncorrected.residuals(point)), tuple(known), scatter)

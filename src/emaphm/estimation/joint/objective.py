@@ -1,8 +1,8 @@
-"""The objective of a joint fit: residuals of all recordings, of what they share and of what is their own.
+"""Objective function of a joint fit: residuals of all recordings, with shared and own coordinates.
 
-A recording's residuals depend on the shared coordinates and on its own, so that the Jacobian of all has the
-shape of an arrow. Each recording is simulated for the coordinates that act on it alone; what all have on a
-point are sums.
+The residuals of a recording depend only on the shared coordinates and on its own coordinates, so the normal
+matrix of all recordings has the shape of an arrow. Each recording is simulated only for the coordinates that
+act on it; costs, gradients and normal matrices of the recordings are added.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,11 +26,11 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class RecordingTerm:
-    """One recording's share of a joint fit.
+    """The term of one recording in a joint fit.
 
-    The coordinates of its `objective` are the faults, its own ones, and the deviations of the unit; faults
-    and deviations are the `shared` ones. `correction`, (rows,), is added to the model's outputs, weighted as
-    they are.
+    The coordinates of its `objective` are the faults, its own coordinates, and the deviations of the unit;
+    `shared` is the number of faults and deviations. `correction`, (rows,), is added to the model's outputs
+    and has the same weights.
     """
 
     objective: MapObjective
@@ -49,28 +49,28 @@ class RecordingTerm:
 
     @property
     def faults(self) -> int:
-        """The number of faults, the first of its coordinates; 0 for a unit that is known to be healthy."""
+        """The number of faults, its first coordinates; 0 for a unit that is known to be healthy."""
         return len(self.objective.space.columns)
 
     @property
     def shared_places(self) -> NDArray[np.intp]:
-        """The places of the shared coordinates among its own objective's."""
+        """The indices of the shared coordinates among those of the recording's objective."""
         places = np.arange(self.objective.space.dimensions)
         return np.asarray(np.delete(places, slice(self.faults, self.faults + self.own)))
 
     @property
     def rows(self) -> int:
-        """The rows of its residual: the channels, and the prior of its own coordinates."""
+        """The number of rows of its residual: the channels, and the prior of its own coordinates."""
         return self.objective.channel_rows + self.own
 
     @property
     def residual_rms(self) -> float:
-        """The residual [A] that its rows are divided by, so that all recordings have residuals of size 1."""
+        """The rms residual [A] by which its rows are divided, to residuals of size 1 in all recordings."""
         return self.objective.residual_rms
 
     @property
     def target(self) -> Array:
-        """What `outputs` should be, (rows,)."""
+        """The target of `outputs`, (rows,)."""
         return (self.objective.target - self.correction)[: self.rows] / self.residual_rms
 
     def outputs(self, points: Array) -> Array:
@@ -78,7 +78,7 @@ class RecordingTerm:
         return self.objective.outputs(points)[:, : self.rows] / self.residual_rms
 
     def reweighted(self, residual: Array, *, biased: bool) -> Self:
-        """Return the term with channels weighted by a `residual` as the objective weights it, (rows,)."""
+        """Return the term with channels weighted by a `residual` (rows,) with the objective's weights."""
         objective = self.objective.reweighted(residual, biased=biased)
         return replace(
             self, objective=objective, correction=objective.rescaled(self.correction, self.objective)
@@ -87,9 +87,9 @@ class RecordingTerm:
 
 @dataclass(frozen=True, eq=False)
 class JointBox(Box):
-    """The bounds of all coordinates, and of the faults among them as one recording's `space` has them.
+    """The bounds of all coordinates; faults also have the bounds of one recording's `space`.
 
-    `index` are the coordinates of a point that the space is about.
+    `index` are the coordinates of a point that belong to that space.
     """
 
     space: ParameterSpace
@@ -104,10 +104,11 @@ class JointBox(Box):
 
 @dataclass(frozen=True, eq=False)
 class JointObjective:
-    """Terms of all recordings, of one unit: its faults, and its deviations `unit` from the description.
+    """The terms of all recordings of one unit, and the deviations `unit` from its description.
 
-    A point has the shared coordinates first, the faults first of all, then those of each recording. `step` is
-    that of the finite differences; `workers` is the number of threads, one a core where None.
+    A point contains the faults, the unit's deviations (both shared), and then the own coordinates of each
+    recording. `step` is that of the finite differences; `workers` is the number of threads, None for one per
+    core.
     """
 
     terms: tuple[RecordingTerm, ...]
@@ -117,22 +118,22 @@ class JointObjective:
 
     @property
     def shared(self) -> int:
-        """The number of shared coordinates, p; the first of every point."""
+        """The number of shared coordinates, p, which are the first of every point."""
         return self.faults + self.unit.priors.size
 
     @property
     def faults(self) -> int:
-        """The number of faults; the first of the shared coordinates."""
+        """The number of faults, which are the first shared coordinates."""
         return self.terms[0].faults
 
     @cached_property
     def indices(self) -> tuple[NDArray[np.intp], ...]:
-        """The coordinates of a point that each recording has, in the order of its own objective."""
-        first, found = self.shared, []
+        """The indices of each recording's coordinates in a point, in the order of its own objective."""
+        first, indices = self.shared, []
         for term in self.terms:
-            found.append(np.r_[: self.faults, first : first + term.own, self.faults : self.shared])
+            indices.append(np.r_[: self.faults, first : first + term.own, self.faults : self.shared])
             first += term.own
-        return tuple(found)
+        return tuple(indices)
 
     @cached_property
     def box(self) -> JointBox:
@@ -145,67 +146,69 @@ class JointObjective:
 
     @cached_property
     def prior_deviations(self) -> Array:
-        """The standard deviation of each coordinate before the data, (d,)."""
+        """The prior standard deviation of each coordinate, (d,)."""
         return self._gathered([term.objective.space.prior_deviations for term in self.terms])
 
     @cached_property
     def correlated_rows(self) -> Array:
-        """How many rows count as one observation where each coordinate matters, (d,).
+        """The number of rows that count as one observation for each coordinate, (d,).
 
-        Of what the recordings share, the mean of theirs.
+        For shared coordinates, it is the mean over the recordings.
         """
         by_term = [term.objective.correlated_rows for term in self.terms]
         count = self._gathered(
-            [np.full(one.own + one.shared, n) for one, n in zip(self.terms, by_term, strict=True)]
+            [np.full(term.own + term.shared, n) for term, n in zip(self.terms, by_term, strict=True)]
         )
         count[: self.shared] = np.mean(by_term)
         return count
 
     @cached_property
     def rows_of_priors(self) -> Array:
-        """How many rows count as one observation against the prior of each coordinate, (d,)."""
+        """The number of rows that count as one observation against the prior of each coordinate, (d,)."""
         count = self.correlated_rows.copy()
         count[: self.faults] = CORRELATED_ROWS
         return count
 
     @property
     def prior_precisions(self) -> Array:
-        """What the prior of each coordinate adds to the normal matrix of normalised residuals, (d,)."""
+        """The term of each coordinate's prior in the normal matrix of normalised residuals, (d,)."""
         return np.asarray(self.rows_of_priors / self.prior_deviations**2)
 
     def _gathered(self, by_term: Sequence[Array]) -> Array:
         """Return values (d,) of all coordinates from those of each recording."""
         values = np.empty(max(index.max() for index in self.indices) + 1)
-        for index, one in zip(self.indices, by_term, strict=True):
-            values[index] = one
+        for index, of_term in zip(self.indices, by_term, strict=True):
+            values[index] = of_term
         return values
 
     def for_each(self, function: Callable[[int], T]) -> list[T]:
-        """Return `function` of the number of each recording, several at once."""
+        """Return `function` of the index of each recording, evaluated in parallel."""
         return in_threads(function, range(len(self.terms)), self.workers)
 
     def evaluate(self, points: Array) -> list[Evaluation]:
-        """Return the sum of squared normalised residuals and priors at `points` (n, d)."""
+        """Return the evaluations of `points` (n, d): sums of squared normalised residuals and priors."""
         residuals = self.for_each(
             lambda r: self.terms[r].target - self.terms[r].outputs(points[:, self.indices[r]])
         )
-        costs = np.sum([np.sum(one**2, axis=1) for one in residuals], axis=0) + self._prior_cost(points)
+        costs = np.sum([np.sum(of_term**2, axis=1) for of_term in residuals], axis=0)
+        costs = costs + self._prior_cost(points)
         return [
-            Evaluation(point, float(cost), tuple(one[i] for one in residuals))
+            Evaluation(point, float(cost), tuple(of_term[i] for of_term in residuals))
             for i, (point, cost) in enumerate(zip(points, costs, strict=True))
         ]
 
     def _prior_cost(self, points: Array) -> Array:
+        """Return the costs (n,) of the priors of the unit's deviations at `points` (n, d)."""
         shared = points[:, self.faults : self.shared] / self.unit.priors
         return np.asarray(np.sum(self.rows_of_priors[self.faults : self.shared] * shared**2, axis=1))
 
     def normal_equations(self, about: Sequence[Evaluation]) -> list[tuple[Array, Array]]:
-        """Return J Jᵀ (d, d) and J r (d,) about each of some points, the priors of shared coordinates in."""
-        points = np.stack([one.point for one in about])
+        """Return J Jᵀ (d, d) and J r (d,) at each evaluated point, including priors of shared coordinates."""
+        points = np.stack([evaluation.point for evaluation in about])
 
         def of_term(r: int) -> list[tuple[Array, Array]]:
             term, local = self.terms[r], points[:, self.indices[r]]
-            residuals = np.stack([one.residual[r] for one in about])
+            residuals = np.stack([evaluation.residual[r] for evaluation in about])
             jacobians = one_sided_jacobians(
                 term.outputs, local, term.target - residuals, term.objective.space, self.step
             )
@@ -214,8 +217,8 @@ class JointObjective:
         by_term = self.for_each(of_term)
         return [
             (
-                self.summed_matrices([one[i][0] for one in by_term]) + self.shared_prior(),
-                self.summed_vectors([one[i][1] for one in by_term]) - self.shared_prior() @ point,
+                self.summed_matrices([equations[i][0] for equations in by_term]) + self.shared_prior(),
+                self.summed_vectors([equations[i][1] for equations in by_term]) - self.shared_prior() @ point,
             )
             for i, point in enumerate(points)
         ]
@@ -223,32 +226,32 @@ class JointObjective:
     def shared_prior(self) -> Array:
         """Return the normal matrix (d, d) of the shared coordinates' prior, for normalised residuals.
 
-        Faults have none but their bounds: anywhere in there is as likely beforehand.
+        The prior of faults is uniform within their bounds and adds nothing.
         """
         prior, unit = np.zeros(self.box.lower.size), slice(self.faults, self.shared)
         prior[unit] = self.rows_of_priors[unit] / self.unit.priors**2
         return np.diag(prior)
 
     def summed_matrices(self, by_term: Sequence[Array]) -> Array:
-        """Return the sum (d, d) of a matrix of each recording's coordinates."""
+        """Return the sum (d, d) of matrices over each recording's coordinates."""
         total = np.zeros((self.box.lower.size,) * 2)
-        for index, one in zip(self.indices, by_term, strict=True):
-            total[np.ix_(index, index)] += one
+        for index, matrix in zip(self.indices, by_term, strict=True):
+            total[np.ix_(index, index)] += matrix
         return total
 
     def summed_vectors(self, by_term: Sequence[Array]) -> Array:
-        """Return the sum (d,) of a vector of each recording's coordinates."""
+        """Return the sum (d,) of vectors over each recording's coordinates."""
         total = np.zeros(self.box.lower.size)
-        for index, one in zip(self.indices, by_term, strict=True):
-            total[index] += one
+        for index, vector in zip(self.indices, by_term, strict=True):
+            total[index] += vector
         return total
 
     def local(self, r: int, point: Array) -> Array:
-        """Return the coordinates (own + shared,) that recording `r` has of a `point` (d,)."""
+        """Return the coordinates (own + shared,) of recording `r` in a `point` (d,)."""
         return point[self.indices[r]]
 
     def residuals(self, point: Array) -> list[Array]:
-        """Return measured less corrected model of each recording at `point` (d,), weighted, (rows,)."""
+        """Return measured minus corrected model of each recording at `point` (d,), weighted, (rows,)."""
         return self.for_each(
             lambda r: self.terms[r].objective.residual(self.local(r, point), self.terms[r].correction)
         )
@@ -256,7 +259,7 @@ class JointObjective:
     def reweighted(self, residuals: Sequence[Array], biased: Sequence[bool]) -> Self:
         """Return the objective with each recording and channel weighted by its residual.
 
-        A residual that is `biased` has the model's bias in it (`MapObjective.reweighted`).
+        A `biased` residual contains the bias of the model (`MapObjective.reweighted`).
         """
         terms = tuple(
             term.reweighted(residual, biased=flag)
@@ -266,5 +269,5 @@ class JointObjective:
 
     def corrected(self, corrections: Sequence[Array]) -> Self:
         """Return the objective with these `corrections`, (rows,) of each recording."""
-        terms = zip(self.terms, corrections, strict=True)
-        return replace(self, terms=tuple(replace(term, correction=one) for term, one in terms))
+        pairs = zip(self.terms, corrections, strict=True)
+        return replace(self, terms=tuple(replace(term, correction=correction) for term, correction in pairs))

@@ -1,9 +1,9 @@
-"""Random-effects meta-analysis: the same parameters, estimated from several recordings.
+"""Random-effects meta-analysis of the same parameters, estimated from several recordings.
 
-Estimates count by their precision. Where they scatter more than their standard errors explain (Birge 1932:
-the ratio of the two), the rest is a scatter between recordings, as of friction from day to day: a random
-effect (DerSimonian and Laird 1986; Jackson, White and Thompson 2010). The next recording will have it too,
-so the covariance is that of the next recording's parameters, not that of the mean alone.
+Estimates are weighted by their precision. A scatter that exceeds their standard errors (Birge 1932: the ratio
+of the two) is due to a scatter between recordings, for example of friction from day to day: a random effect
+(DerSimonian and Laird 1986; Jackson, White and Thompson 2010). The next recording will also have this effect,
+so the covariance is that of the next recording's parameters and not only that of the mean.
 """
 
 from dataclasses import dataclass
@@ -15,21 +15,21 @@ from emaphm.estimation.uncertainty.fisher_information import positive_semidefini
 from emaphm.quantiles import chi_squared_quantile, normal_quantile, student_t_quantile
 
 CHANCE = 0.2
-"""Probability with which errors alone make as large a scatter as is taken for one between the recordings.
-The scatter of a few estimates, as wide as Student's t, would otherwise be mostly chance; one that is
-overlooked is no larger than the errors."""
+"""Probability that a scatter due to errors alone counts as a scatter between the recordings. Without a test,
+the scatter of a few estimates, widened by Student's t, would mostly be random; a scatter that the test misses
+is no larger than the errors."""
 
 LEAST_FREEDOM = 0.5
-"""Degrees of freedom of the scatter below which there is nothing to compare."""
+"""Least degrees of freedom of the scatter for a comparison."""
 
 
 @dataclass(frozen=True, eq=False)
 class MetaAnalysis:
     """The `mean` (p,), the `covariance` (p, p) of a next recording's parameters, and the Birge ratio.
 
-    `scatter`, (p, p), is what the recordings' scatter adds to that covariance; 0 where chance explains it.
-    `birge_ratio` is the scatter relative to that expected from the standard errors, about 1 where they are
-    right; None where no parameter was estimated twice.
+    `scatter`, (p, p), is the part of that covariance due to the scatter between recordings; 0 if it is not
+    significant. `birge_ratio` is the scatter relative to that expected from the standard errors, about 1 if
+    these are correct; None if no parameter was estimated twice.
     """
 
     mean: Array
@@ -41,15 +41,17 @@ class MetaAnalysis:
 def random_effects(estimates: Array, covariances: Array, prior_deviation: Array) -> MetaAnalysis:
     """Return the common parameters of `estimates` (n, p) with `covariances` (n, p, p).
 
-    Each covariance includes the same weak prior of standard deviations `prior_deviation` (p,) about 0, which
-    counts once. An estimate has no weight in the directions that it has no information on.
+    Each covariance includes the same weak prior about 0 with standard deviations `prior_deviation` (p,),
+    which counts once. An estimate has no weight in directions without information.
     """
     count, p = estimates.shape
     prior = np.diag(1 / prior_deviation**2)
-    precisions = np.array([positive_semidefinite(np.linalg.inv(one) - prior) for one in covariances])
-    mean, covariance = _weighted(estimates, precisions, prior)
-    away = estimates - mean
-    square = float(np.einsum("ni,nij,nj->", away, precisions, away))
+    precisions = np.array(
+        [positive_semidefinite(np.linalg.inv(covariance) - prior) for covariance in covariances]
+    )
+    mean, covariance = _weighted_mean(estimates, precisions, prior)
+    deviations = estimates - mean
+    square = float(np.einsum("ni,nij,nj->", deviations, precisions, deviations))
     freedom = float(
         np.einsum("nij,nji->", precisions, covariances) - np.trace(precisions.sum(axis=0) @ covariance)
     )
@@ -57,18 +59,21 @@ def random_effects(estimates: Array, covariances: Array, prior_deviation: Array)
         return MetaAnalysis(mean, covariance, np.zeros((p, p)), None)
     ratio, consistent = square / freedom, covariance
     if square > chi_squared_quantile(freedom, 1 - CHANCE):
-        # The scatter of the mean's own terms, so that an estimate without weight does not count.
-        terms = np.einsum("ij,njk,nk->ni", covariance, precisions, away)
+        # The scatter of the terms of the mean, in which an estimate without weight does not count.
+        terms = np.einsum("ij,njk,nk->ni", covariance, precisions, deviations)
         scatter = count * count / (count - 1) * terms.T @ terms * (1 - 1 / ratio)
-        # A variance of few values is itself uncertain: the normal as wide as their Student's t.
+        # A variance of few values is itself uncertain: widen the normal distribution to Student's t.
         scatter *= (student_t_quantile(count - 1, 0.975) / float(normal_quantile(0.975))) ** 2
-        precisions = np.array([np.linalg.solve(np.eye(p) + one @ scatter, one) for one in precisions])
-        mean, covariance = _weighted(estimates, precisions, prior)
+        precisions = np.array(
+            [np.linalg.solve(np.eye(p) + precision @ scatter, precision) for precision in precisions]
+        )
+        mean, covariance = _weighted_mean(estimates, precisions, prior)
         covariance = covariance + scatter
     covariance = (covariance + covariance.T) / 2
     return MetaAnalysis(mean, covariance, covariance - (consistent + consistent.T) / 2, ratio**0.5)
 
 
-def _weighted(estimates: Array, precisions: Array, prior: Array) -> tuple[Array, Array]:
+def _weighted_mean(estimates: Array, precisions: Array, prior: Array) -> tuple[Array, Array]:
+    """Return the mean (p,) of `estimates` (n, p), weighted by `precisions` (n, p, p), and its covariance."""
     covariance = np.linalg.inv(precisions.sum(axis=0) + prior)
     return covariance @ np.einsum("nij,nj->i", precisions, estimates), covariance

@@ -1,4 +1,4 @@
-"""The search of a joint fit: starts about the description, descents, and weights by the residuals."""
+"""Search of a joint fit: starts about the description, descents, and weights from the residuals."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from emaphm.progress import Progress
 from emaphm.random_streams import child_seed
 
 DESCENT = LeastSquaresSettings(step=2e-3, iterations=20, least_gain=1e-6)
-"""Fine steps to a flat end: parameters of a healthy unit have no false minima near."""
+"""Fine steps to a small gain: there are no wrong local minima near the parameters of a healthy unit."""
 
 
 @dataclass(frozen=True)
 class UnitSearchSettings:
-    """How a healthy unit's parameters are searched; `examples/emps` shows the result on a real machine.
+    """Settings of the search for a healthy unit's parameters; `examples/emps` shows it on a real machine.
 
     The best `refined_starts` of `starts` points within a factor 3 of the description are refined. Costs
-    within the factor `equal_costs` count as equal, as kinks alone make them vary by some percent; of these
-    the point nearest to the description is taken. Then the channels are weighted by their residuals, in
-    `reweightings` further descents.
+    within the factor `equal_costs` count as equal, because kinks alone change them by some percent; of points
+    of equal cost, the point nearest to the description is taken. Then the channels are weighted by their
+    residuals, in `reweightings` further descents.
     """
 
     starts: int = 15
@@ -40,10 +40,9 @@ SEARCH = UnitSearchSettings()
 def search(
     joint: JointObjective, seed: int, given: Sequence[Array] = (), on_progress: Progress | None = None
 ) -> tuple[JointObjective, Array]:
-    """Return the objective with weights by its residuals, and the point (d,) that minimises it.
+    """Return the objective with weights from its residuals, and its minimum (d,).
 
-    `given` are points of shared coordinates (p,) to start from, in addition to the description's and those
-    about it.
+    `given` are additional starting points (p,) in the shared coordinates.
     """
     point = _multistart(joint, seed, given, on_progress)
     return settle(joint, point)
@@ -60,25 +59,26 @@ def settle(joint: JointObjective, point: Array) -> tuple[JointObjective, Array]:
 def _multistart(
     joint: JointObjective, seed: int, given: Sequence[Array], on_progress: Progress | None
 ) -> Array:
-    """Return the refined best (d,) of the description's values and of starts around them."""
+    """Return the best point (d,) of descents from the description, points about it and `given` points."""
     shared = joint.shared
     around = start_widths(joint.unit.parameters)
     starts = np.zeros((1 + SEARCH.starts, joint.box.lower.size))
     starts[1:, :shared] = space_filling(SEARCH.starts, -around, around, child_seed(seed, "starts"))
     always = [0]
-    for one in given:
+    for start in given:
         starts = np.vstack([starts, np.zeros_like(starts[:1])])
-        starts[-1, :shared] = one
+        starts[-1, :shared] = start
         always.append(len(starts) - 1)
     starts = joint.box.project(starts)
-    costs = np.array([one.cost for one in joint.evaluate(starts)])
+    costs = np.array([evaluation.cost for evaluation in joint.evaluate(starts)])
     best = np.unique([*always, *np.argsort(costs, kind="stable")[: SEARCH.refined_starts]])
-    found = descend(joint, starts[best], joint.box, SEARCH.descent, _iterations(on_progress))
-    # What the recordings do not determine is most likely as it is described.
-    equal = found.points[found.costs <= SEARCH.equal_costs * found.costs.min()]
+    ends = descend(joint, starts[best], joint.box, SEARCH.descent, _iteration_callback(on_progress))
+    # For parameters that the recordings do not determine, the description is the most likely value.
+    equal = ends.points[ends.costs <= SEARCH.equal_costs * ends.costs.min()]
     return np.asarray(equal[np.argmin(np.linalg.norm(equal[:, :shared], axis=1))])
 
 
-def _iterations(on_progress: Progress | None) -> Callable[[int], None] | None:
+def _iteration_callback(on_progress: Progress | None) -> Callable[[int], None] | None:
+    """Return a callback for the number of finished iterations that reports the progress."""
     iterations = SEARCH.descent.iterations
     return None if on_progress is None else lambda i: on_progress(i / iterations)

@@ -1,4 +1,4 @@
-"""The posterior of a diagnosis: its density, samples of it by MCMC, and intervals from the samples."""
+"""Posterior of a diagnosis: density, samples by MCMC, and intervals from the samples."""
 
 from emaphm.estimation.posterior.samples import Posterior
 

@@ -1,17 +1,18 @@
-"""The posterior density of faults and nuisances, given a recording.
+"""Posterior density of faults and nuisances, given a recording.
 
-Before the recording, the faults are uniform over their box and the eccentricity over its disk; the nuisances
-have their normal priors. The likelihood is normal. White residuals would make it far too narrow: those of a
-good fit are correlated over milliseconds (see `emaphm.estimation.uncertainty.covariance`). Its covariance of
-the residual is therefore one under which least squares are efficient (Kruskal 1968), and have the covariance
-C (d, d) of the estimate (Müller 2013: the sandwich as the posterior's covariance). With r the residual, G
-(d, rows) the derivatives at the estimate, I = G Gᵀ, and W = C⁻¹ less the precision of the priors in it,
+The priors of the faults are uniform over their box, that of the eccentricity over its disk; the nuisances
+have normal priors. The likelihood is normal. With the assumption of white residuals it would be far too
+narrow: the residuals of a good fit are correlated over milliseconds (see
+`emaphm.estimation.uncertainty.covariance`). The likelihood therefore has a covariance of the residual under
+which least squares are efficient (Kruskal 1968) and have the covariance C (d, d) of the estimate (Müller
+2013: the sandwich as the posterior's covariance). With the residual r, the derivatives G (d, rows) at the
+estimate, I = G Gᵀ, and W = C⁻¹ minus the precision of the priors in it,
 
     log L = -½ Δᵀ W Δ - ½ ω |r - GᵀΔ|²,    Δ = I⁻¹ G r,    ω = tr(W C) / tr(I C),
 
-in which Δ is the Gauss-Newton step that r still asks for. What no step can remove counts by ω, the mean
-of W relative to I: a power of the likelihood (Pauli et al. 2011, Ribatet et al. 2012). Were the residual
-white of variance s², this would be -½ |r|² / s². Where the model is linear the last part is constant, and the
+in which Δ is the remaining Gauss-Newton step for r. The part of r that no step can remove has the weight ω,
+the mean of W relative to I: a power of the likelihood (Pauli et al. 2011, Ribatet et al. 2012). For a white
+residual of variance s², the sum would be -½ |r|² / s². For a linear model the last part is constant, and the
 posterior is normal with covariance C, truncated by the bounds.
 """
 
@@ -30,18 +31,18 @@ from emaphm.estimation.uncertainty.local_covariance import jacobians_at
 
 @dataclass(frozen=True, eq=False)
 class LogPosterior:
-    """The logarithm of the posterior density, up to a constant; the equation is at the top of this file.
+    """Logarithm of the posterior density, up to a constant; the module's docstring gives the equation.
 
     Attributes
     ----------
     objective, correction
-        The correction (rows,) is added to the objective's outputs.
+        The objective, and the correction (rows,) that is added to its outputs.
     derivatives, normal
         G (d, rows) at the estimate, and G Gᵀ (d, d).
     inverse
-        I⁻¹ (d, d), I being free of the errors of the derivatives.
+        I⁻¹ (d, d), where I does not contain the errors of the derivatives.
     information, weight
-        W (d, d), what the recording adds to the priors, and ω.
+        W (d, d), the information that the recording adds to the priors, and ω.
     """
 
     objective: MapObjective
@@ -66,11 +67,11 @@ class LogPosterior:
         derivatives = jacobians.mean(axis=0)
         fisher = information(jacobians)
         inverse = np.asarray(np.linalg.pinv(fisher, rcond=1e-9, hermitian=True), float)
-        # The covariance includes a normal prior of every coordinate: the rest is the recording's.
+        # The covariance includes a normal prior of every coordinate; the rest comes from the recording.
         added = np.linalg.inv(covariance) - np.diag(objective.space.prior_deviations**-2)
         values, axes = np.linalg.eigh((added + added.T) / 2)
         added = axes * np.maximum(values, 0.0) @ axes.T
-        # Of parameters without any effect the information is 0, and so is the weight.
+        # For parameters without any effect, information and weight are 0.
         scale = max(float(np.trace(fisher @ covariance)), np.finfo(float).tiny)
         weight = float(np.trace(added @ covariance)) / scale
         normal = derivatives @ derivatives.T
@@ -86,14 +87,15 @@ class LogPosterior:
         return density
 
     def _inside(self, points: Array) -> Array:
+        """Return the log density at `points` (n, d) within the bounds, (n,)."""
         objective, rows = self.objective, self.objective.channel_rows
         residuals = objective.target[:rows] - self.correction - objective.outputs(points)[:, :rows]
-        # So small a product is faster without the threads that a matrix product would start each time.
-        along = np.einsum("nr,dr->nd", residuals, self.derivatives)
-        steps = along @ self.inverse
-        # |r - GᵀΔ|² in terms of Gr, which spares the product GᵀΔ.
+        # For this small product, `einsum` is faster than a matrix product, which starts threads each time.
+        gradients = np.einsum("nr,dr->nd", residuals, self.derivatives)
+        steps = gradients @ self.inverse
+        # |r - GᵀΔ|² in terms of Gr, without the product GᵀΔ.
         rest = np.einsum("nr,nr->n", residuals, residuals) + forms(steps, self.normal)
-        rest -= 2 * np.sum(steps * along, axis=1)
+        rest -= 2 * np.sum(steps * gradients, axis=1)
         space = objective.space
         prior = np.sum((points[:, len(space.columns) :] / space.nuisances.priors) ** 2, axis=1)
         return np.asarray(-(forms(steps, self.information) + self.weight * rest + prior) / 2)
@@ -105,5 +107,5 @@ def forms(vectors: Array, matrix: Array) -> Array:
 
 
 def allowed(space: ParameterSpace, points: Array) -> NDArray[np.bool_]:
-    """Return which of `points` (n, d) are within the bounds, (n,)."""
+    """Return whether each of `points` (n, d) is within the bounds, (n,)."""
     return np.asarray(np.all(np.abs(space.project(points) - points) < 1e-12, axis=1))

@@ -1,8 +1,8 @@
-"""Sampling the posterior of a diagnosis by an ensemble of walkers.
+"""Sampling of a diagnosis's posterior by an ensemble of walkers.
 
-Near a bound, and for the direction of a very small eccentricity, an estimate and its covariance are a poor
-description of what is known. Walkers (Goodman and Weare 2010; ter Braak 2006; `emcee`, Foreman-Mackey et al.
-2013) then sample the `LogPosterior`, their steps simulated in batches.
+Near a bound, and for the direction of a very small eccentricity, an estimate and its covariance describe the
+posterior poorly. Walkers (Goodman and Weare 2010; ter Braak 2006; `emcee`, Foreman-Mackey et al. 2013) then
+sample the `LogPosterior`; their steps are simulated in batches.
 """
 
 from dataclasses import dataclass
@@ -22,23 +22,23 @@ from emaphm.random_streams import child_seed, stream
 from emaphm.simulation import Model
 
 WIDER = 1.1
-"""Standard deviations of fresh draws, as a multiple: their tails should not be the thinner ones."""
+"""Factor on the standard deviations of fresh draws, whose tails must not be thinner than the posterior's."""
 
 DRAWS, FEWEST_DRAWS = 4096, 40
-"""Normal points drawn to see how many lie within the bounds, and how many must for fresh draws to pay."""
+"""Number of normal test points, and the least number within the bounds for fresh draws to be efficient."""
 
 
 @dataclass(frozen=True)
 class McmcSettings:
-    """How the posterior is sampled.
+    """Settings of the sampler.
 
-    `walkers` move in two halves, each of which fills the lanes of the batched model; there are more beyond
-    16 coordinates. `fresh`, `evolution` and `stretch` are the shares of fresh draws from the estimate's
-    covariance, of differential evolution and of stretches: the first serve where the posterior is nearly
-    normal, and there decorrelate ten times as fast as the others, which serve anywhere. (The snooker move
-    that is often added to differential evolution leaves variances 13 % too small on a normal distribution,
-    `emcee` 3.1.6.) Convergence is first checked after `first_check` steps; sampling ends at `most_steps` at
-    the latest. The share `burn_in` of the steps is discarded.
+    `walkers` move in two halves, each of which fills the lanes of the batched model; above 16 coordinates
+    there are more walkers. `fresh`, `evolution` and `stretch` are the shares of fresh draws from the
+    estimate's covariance, of differential evolution and of stretch moves. Fresh draws work for a nearly
+    normal posterior, where they decorrelate ten times as fast as the other moves, which always work. (The
+    snooker move that is often added to differential evolution gives variances 13 % too small for a normal
+    distribution, `emcee` 3.1.6.) Convergence is first checked after `first_check` steps; sampling ends at
+    `most_steps` at the latest. The share `burn_in` of the steps is discarded.
     """
 
     walkers: int = 32
@@ -53,19 +53,19 @@ class McmcSettings:
 MCMC = McmcSettings()
 
 USUAL_STEPS, REPORT_STEPS = 1000, 20
-"""Steps that most recordings take, and steps between two reports of progress."""
+"""Usual number of steps, and number of steps between two reports of progress."""
 
 
 @dataclass(frozen=True, eq=False)
 class FreshDraws:
-    """Fresh points, normal about an estimate `point` (d,) with its `covariance` (d, d), and within bounds."""
+    """Random points about an estimate `point` (d,), normal with its `covariance` (d, d), within bounds."""
 
     space: ParameterSpace
     point: Array
     covariance: Array
 
     def within(self, standard: Array) -> Array:
-        """Return what standard normal (n, d) points become, those outside of the bounds left out."""
+        """Return the points for `standard` normal numbers (n, d), without those outside the bounds."""
         points = self.point + WIDER * standard @ np.linalg.cholesky(self.covariance).T
         return points[allowed(self.space, points)]
 
@@ -80,21 +80,22 @@ class FreshDraws:
         return proposed, self._density(points) - self._density(proposed)
 
     def _density(self, points: Array) -> Array:
+        """Return the logarithm of the proposals' density at `points` (n, d), up to a constant, (n,)."""
         return -forms(points - self.point, np.asarray(np.linalg.inv(self.covariance), float)) / (2 * WIDER**2)
 
 
 def check_posterior(model: Model) -> None:
-    """Refuse what cannot be sampled, before the search that it would be lost with.
+    """Raise MethodError before a search if its posterior could not be sampled.
 
     Raises
     ------
     MethodError
-        `emcee` is not installed, or the model switches: its density would be as rough as its switching.
+        `emcee` is not installed, or the model switches, so that its density is not smooth.
     """
     library()
     if model.switches:
         raise MethodError(
-            f"a posterior needs derivatives, which drown in the {model.name} model's switching; use the "
+            f"a posterior needs derivatives, which the {model.name} model's switching makes useless; use the "
             "averaged model"
         )
 
@@ -110,24 +111,24 @@ def sample(
 ) -> Posterior:
     """Return samples of the posterior about the estimate `point` (d,) of `objective`.
 
-    Sampling ends once the chains are `ENOUGH` autocorrelation times long, or at the most steps allowed.
+    Sampling ends when the chains are `ENOUGH` autocorrelation times long, or at the largest number of steps.
 
     Parameters
     ----------
     objective
-        What a search has minimised, in the d coordinates of its space.
+        The objective of the search, in the d coordinates of its space.
     point
-        Its estimate in them, (d,).
+        The estimate in these coordinates, (d,).
     correction
-        Added to the objective's outputs, shape (rows,).
+        Correction that is added to the objective's outputs, shape (rows,).
     covariance
-        Of the estimate, shape (d, d), a normal prior of each coordinate being part of it.
+        Covariance of the estimate, shape (d, d), including a normal prior of each coordinate.
     seed
-        The same seed gives the same bits.
+        Seed of the random numbers; the same seed gives the same bits.
     on_progress
-        Called with the fraction done, from 0 to 1.
+        Called with the completed fraction, from 0 to 1.
     settings
-        Number and moves of the walkers, and when they have converged.
+        Number and moves of the walkers, and limits of the steps.
 
     Raises
     ------
@@ -149,11 +150,11 @@ def sample(
         moves.append((emcee.moves.MHMove(draws), settings.fresh))
     sampler = emcee.EnsembleSampler(walkers, point.size, density, moves=moves, vectorize=True)
     random = np.random.RandomState(child_seed(seed, "moves")).get_state()
-    state = emcee.State(_started(space, point, covariance, walkers, rng), random_state=random)
+    state = emcee.State(_first_positions(space, point, covariance, walkers, rng), random_state=random)
     chain, diagnostics = _run(sampler, state, on_progress, settings)
     if on_progress:
         on_progress(1.0)
-    # Neighbours in a chain are nearly the same, and add hardly any information.
+    # Neighbouring samples of a chain are nearly equal and add hardly any information.
     thin = max(1, int(np.nanmin([*diagnostics.autocorrelation_time, diagnostics.steps]) / 4))
     return Posterior.of(space, chain[::thin].reshape(-1, point.size), diagnostics)
 
@@ -161,7 +162,7 @@ def sample(
 def _run(
     sampler: Any, state: Any, on_progress: Progress | None, settings: McmcSettings
 ) -> tuple[Array, McmcDiagnostics]:
-    """Return the chain (kept steps, walkers, d) once it has converged, or at the last step."""
+    """Return the chain (kept steps, walkers, d) when it has converged, or after the last step."""
     steps, wanted, reported = 0, settings.first_check, 0.0
     while True:
         while steps < wanted:
@@ -178,12 +179,12 @@ def _run(
         wanted = _next_check(diagnostics, settings)
 
 
-def _started(
+def _first_positions(
     space: ParameterSpace, point: Array, covariance: Array, walkers: int, rng: np.random.Generator
 ) -> Array:
-    """Return where the walkers start, (walkers, d): normal about `point` (d,), reflected at the bounds.
+    """Return the first positions (walkers, d) of the walkers: normal about `point`, reflected at the bounds.
 
-    Those put onto a bound would share it, and no move between them leave it.
+    Several walkers on the same bound could not leave it by moves between them.
     """
     points = rng.multivariate_normal(point, covariance, walkers, method="eigh")
     points = space.lower + np.abs(points - space.lower)
@@ -192,7 +193,7 @@ def _started(
 
 
 def _next_check(diagnostics: McmcDiagnostics, settings: McmcSettings) -> int:
-    """Return the steps after which to check convergence again: when it is likely, soon if unclear."""
+    """Return the number of steps after which to check convergence again, when it is likely."""
     steps = diagnostics.steps
     longest = float(np.max(diagnostics.autocorrelation_time))
     enough = 1.1 * ENOUGH * longest / (1 - settings.burn_in) if np.isfinite(longest) else 2 * steps

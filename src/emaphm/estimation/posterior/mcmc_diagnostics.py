@@ -1,4 +1,4 @@
-"""Whether the chains that sample a posterior have converged."""
+"""Convergence diagnostics of the chains that sample a posterior."""
 
 from dataclasses import dataclass
 from typing import Any, Self
@@ -9,19 +9,19 @@ from emaphm.arrays import Array
 from emaphm.optional_library import import_library
 
 ENOUGH = 50
-"""Autocorrelation times in a chain from which their own estimate is reliable (`emcee`'s advice)."""
+"""Length of a chain, in autocorrelation times, from which their estimate is reliable (`emcee`'s advice)."""
 
 MOST_R_HAT = 1.05
-"""A chain of `ENOUGH` autocorrelation times is expected at 1.02: its halves have 25 each."""
+"""Largest R-hat of a converged chain; with `ENOUGH` autocorrelation times, 25 per half, 1.02 is expected."""
 
 
 @dataclass(frozen=True, eq=False)
 class McmcDiagnostics:
-    """Whether the chains have converged, and how many samples they are worth.
+    """Convergence of the chains, and their effective number of samples.
 
-    `autocorrelation_time` (d,) [steps], `effective_samples` (d,) and `r_hat` (d,), of the split chains of all
-    walkers (Gelman et al. 2013), are those of each estimator coordinate; `acceptance` is the share of
-    proposals taken, and `steps` those of each walker, burn-in included.
+    `autocorrelation_time` (d,) [steps], `effective_samples` (d,) and `r_hat` (d,) of the split chains of all
+    walkers (Gelman et al. 2013) belong to the estimator coordinates; `acceptance` is the share of accepted
+    proposals, `steps` the number of steps of each walker, including burn-in.
     """
 
     autocorrelation_time: Array
@@ -33,15 +33,15 @@ class McmcDiagnostics:
 
     @classmethod
     def of(cls, chain: Array, acceptance: float, steps: int) -> Self:
-        """Return what `chain` (kept steps, walkers, d) shows of itself."""
+        """Return the diagnostics of `chain` (kept steps, walkers, d)."""
         kept, walkers, _ = chain.shape
         times, r_hat = autocorrelation_time(chain), split_r_hat(chain)
-        # A walker that never moved has no autocorrelation time; comparisons with nan are false.
+        # The autocorrelation time of a walker that never moved is nan; comparisons with nan are false.
         converged = bool(np.all(kept > ENOUGH * times) and np.all(r_hat < MOST_R_HAT))
         return cls(times, kept * walkers / times, r_hat, acceptance, steps, converged)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `emaphm diagnose --posterior --json` prints of it."""
+        """Return the diagnostics in the output of `emaphm diagnose --posterior --json`."""
         return {
             "converged": self.converged,
             "steps": self.steps,
@@ -66,14 +66,14 @@ class McmcDiagnostics:
 
 
 def _finite(values: Array) -> list[float | None]:
-    """Return `values` (n,) as JSON can hold them."""
+    """Return `values` (n,) for JSON, with None for values that are not finite."""
     return [float(value) if np.isfinite(value) else None for value in values]
 
 
 def autocorrelation_time(chain: Array) -> Array:
     """Return the integrated autocorrelation time (d,) [steps] of `chain` (steps, walkers, d).
 
-    It is nan where a walker stands still.
+    It is nan if a walker does not move.
     """
     with np.errstate(invalid="ignore"):
         times = library().autocorr.integrated_time(chain, tol=0)
@@ -81,9 +81,9 @@ def autocorrelation_time(chain: Array) -> Array:
 
 
 def split_r_hat(chain: Array) -> Array:
-    """Return R-hat (d,) of the halves of each walker's `chain` (steps, walkers, d); infinite if it stands.
+    """Return R-hat (d,) of the halves of each walker's `chain` (steps, walkers, d); infinite if none moves.
 
-    The root of the variance of all over that within: Gelman et al. (2013), section 11.4.
+    It is the root of total variance / variance within the halves: Gelman et al. (2013), section 11.4.
     """
     half = len(chain) // 2
     halves = np.concatenate([chain[:half], chain[half : 2 * half]], axis=1)
@@ -95,5 +95,5 @@ def split_r_hat(chain: Array) -> Array:
 
 
 def library() -> Any:
-    """Return the module `emcee`, which need not be installed."""
+    """Return the optional module `emcee`."""
     return import_library("a posterior", "emcee", "posterior")

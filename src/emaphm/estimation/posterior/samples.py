@@ -1,4 +1,4 @@
-"""What a recording leaves possible of each fault, as samples: intervals where nothing is normal."""
+"""Samples of a posterior, with credible intervals of each fault without the assumption of normality."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,16 +14,17 @@ from emaphm.estimation.posterior.mcmc_diagnostics import McmcDiagnostics
 from emaphm.estimation.space.parameter_space import ParameterSpace
 
 MATERIAL_SHARE, MATERIAL_DIFFERENCE = 0.25, 5e-3
-"""Two intervals differ if an end moves by more than both: a share of the longer one, and a difference."""
+"""Two intervals differ if an end differs by more than this share of the longer interval and by more than this
+difference."""
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Samples of what a recording leaves possible.
+    """Samples of the posterior of a recording.
 
-    `samples` (n, d) are in estimator coordinates, `components` (n, 8) normalised faults. `interval95` and
-    `median` are those of each component; a direction's may run past 1, where the circle closes. `diagnostics`
-    are those of a chain; independent samples have none.
+    `samples` (n, d) are in estimator coordinates, `components` (n, 8) are normalised faults. `interval95` and
+    `median` belong to each component; for a direction they may exceed 1, where the circle closes.
+    `diagnostics` belong to a chain; they are None for independent samples.
     """
 
     samples: Array
@@ -34,7 +35,7 @@ class Posterior:
 
     @classmethod
     def of(cls, space: ParameterSpace, samples: Array, diagnostics: McmcDiagnostics | None) -> Self:
-        """Return the posterior that `samples` (n, d) of `space` are drawn from."""
+        """Return the posterior from which the `samples` (n, d) of `space` are drawn."""
         components = space.faults(samples)
         intervals, medians = {}, {}
         for name, values in zip(NAMES, components.T, strict=True):
@@ -49,11 +50,13 @@ class Posterior:
         return cls(samples, components, intervals, medians, diagnostics)
 
     def differing(self, intervals: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:
-        """Return the components whose interval is materially another than in `intervals`."""
-        return tuple(name for name, mine in self.interval95.items() if _differ(name, mine, intervals[name]))
+        """Return the components whose interval differs materially from that in `intervals`."""
+        return tuple(
+            name for name, interval in self.interval95.items() if _differ(name, interval, intervals[name])
+        )
 
     def notes(self, intervals: Mapping[str, tuple[float, float]]) -> list[str]:
-        """Return a line on convergence, and one for each component that `intervals` say otherwise of."""
+        """Return a line on convergence, and a line for each component with a different interval."""
         lines = []
         if self.diagnostics is not None:
             state = str(self.diagnostics)
@@ -70,11 +73,11 @@ class Posterior:
         return lines
 
     def _directionless(self, name: str) -> bool:
-        """Return whether `name` is the direction of an eccentricity that may well be none."""
+        """Return whether `name` is the direction of an eccentricity whose interval includes 0."""
         return name == "eccentricity_phase" and self.interval95["eccentricity"][0] == 0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `emaphm diagnose --posterior --json` prints of it."""
+        """Return the posterior in the output of `emaphm diagnose --posterior --json`."""
         faults = {
             name: {"median": self.median[name], "interval95": list(self.interval95[name])} for name in NAMES
         }
@@ -82,9 +85,10 @@ class Posterior:
         return {"faults": faults, "samples": len(self.samples), **convergence}
 
 
-def _differ(name: str, one: tuple[float, float], other: tuple[float, float]) -> bool:
-    moved = min(
-        max(abs(one[0] - other[0] - turn), abs(one[1] - other[1] - turn)) for turn in whole_turns(name)
+def _differ(name: str, first: tuple[float, float], second: tuple[float, float]) -> bool:
+    """Return whether two intervals of component `name` differ materially."""
+    difference = min(
+        max(abs(first[0] - second[0] - turn), abs(first[1] - second[1] - turn)) for turn in whole_turns(name)
     )
-    longer = max(one[1] - one[0], other[1] - other[0])
-    return moved > max(MATERIAL_SHARE * longer, MATERIAL_DIFFERENCE)
+    longer = max(first[1] - first[0], second[1] - second[0])
+    return difference > max(MATERIAL_SHARE * longer, MATERIAL_DIFFERENCE)

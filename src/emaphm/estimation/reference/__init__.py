@@ -1,1 +1,1 @@
-"""Estimates by the reference model itself, where the corrected averaged model does not suffice."""
+"""Estimation with the reference model itself, where the corrected averaged model is not accurate enough."""

@@ -1,14 +1,14 @@
-"""Gauss-Newton steps by regressions over an ensemble of single runs of the reference model.
+"""Gauss-Newton steps from regressions over an ensemble of single runs of the reference model.
 
-Currents near their limit make false minima of the corrected averaged model, along curved valleys: its
-discrepancy changes from point to point. The reference model itself is chaotic in its switching, which hides
-derivatives over small differences. An ensemble of runs has neither problem: its points are drawn from the
-covariance of the estimate, which is long where the data say little; a linear regression of their outputs is a
-derivative over just these distances; and switching averages out. The step that it asks for moves the
-ensemble, whose covariance follows from the regression, until no step makes the misfit smaller. Outputs are
-compared in means over several rows: switching changes from row to row, what faults do seldom does.
+With currents near their limit, the corrected averaged model has local minima along curved valleys, because
+its discrepancy changes from point to point. The reference model itself has chaotic switching, which hides
+derivatives over small differences. An ensemble of runs avoids both problems: its points are drawn from the
+covariance of the estimate, which is wide where the data constrain little; a linear regression of the outputs
+gives derivatives over these distances; and switching averages out. The resulting step moves the ensemble,
+and the regression gives its new covariance, until no step reduces the misfit. Outputs are compared in means
+over several rows, because switching changes from row to row and the effect of faults mostly does not.
 
-It is an iterative ensemble smoother in Levenberg-Marquardt form (Chen and Oliver 2013, Computational
+The method is an iterative ensemble smoother in Levenberg-Marquardt form (Chen and Oliver 2013, Computational
 Geosciences 17), and a posterior linearisation (García-Fernández et al. 2015, IEEE Transactions on Signal
 Processing 63).
 """
@@ -34,22 +34,22 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True)
 class EnsembleSettings:
-    """How an ensemble moves; chosen on heavy shorts of other seeds than those of the studies.
+    """Settings of an ensemble, chosen on heavy shorts with other seeds than those of the studies.
 
-    Each generation adds `size` runs, in opposite pairs. The regression also uses those of the last `kept`
-    generations that are within `reach` times the squared distances expected of new ones. Runs whose cost is
-    more than `outliers` times that of the lower quartile count less: a shaft that may stick makes two kinds
-    of runs. Outputs are means over `mean_s` [s].
+    Each generation adds `size` runs, in opposite pairs. The regression also uses the runs of the last `kept`
+    generations that are within `reach` times the squared distances expected of new runs. Runs whose cost is
+    more than `outliers` times that of the lower quartile have a smaller weight, because a shaft that may
+    stick causes two kinds of runs. Outputs are means over `mean_s` [s].
 
-    Steps are damped by `dampings` times what the ensemble's covariance is worth, and have at most `longest`
-    of its standard deviations (rms). They are compared with the best `samples` of the points drawn, by
-    `repeats` runs each; costs up to `equal` times the least count as equal. After `patience` generations
-    whose cost is not below `progress` times the least before, the ensemble has converged.
+    Steps are damped by `dampings` times the information of the ensemble's covariance, and their length is at
+    most `longest` of its standard deviations (rms). They are compared with the best `samples` of the drawn
+    points, by `repeats` runs each; costs up to `equal` times the least cost count as equal. After `patience`
+    generations whose cost is not below `progress` times the least cost before, the ensemble has converged.
 
-    The covariance is that of the estimate if `CORRELATED_ROWS` means were one observation. A generation
-    multiplies its standard deviations by `narrower` to `wider`, and by less where what is not linear exceeds
-    `curvature` of the cost. The first is by `first_replicates` Jacobians of the averaged model, over
-    differences of `first_step`.
+    The covariance is that of an estimate for which `CORRELATED_ROWS` means count as one observation. A
+    generation multiplies its standard deviations by a factor from `narrower` to `wider`, which is reduced if
+    the nonlinear part exceeds `curvature` of the cost. The first covariance comes from `first_replicates`
+    Jacobians of the averaged model, over differences of `first_step`.
     """
 
     mean_s: float = 1e-3
@@ -75,7 +75,7 @@ class EnsembleSettings:
 ENSEMBLE = EnsembleSettings()
 
 LEAST_REGRESSOR = 1e-9
-"""What keeps a regression regular where bounds leave the points no room in a coordinate."""
+"""Regularisation of a regression in which bounds make all points equal in a coordinate."""
 
 
 def refine_by_ensemble(
@@ -84,11 +84,11 @@ def refine_by_ensemble(
     on_progress: Progress | None = None,
     settings: EnsembleSettings = ENSEMBLE,
 ) -> SearchResult:
-    """Return `result`, whose discrepancy is known, moved on to where the reference model fits best.
+    """Return the optimum of the reference model near `result`, whose discrepancy is known.
 
     The estimate is the mean of the points of the last generations, between which the reference model finds no
-    difference; its scatter is theirs. Where it fits worse than `result` by more than switching makes, that is
-    returned.
+    difference; its scatter is their covariance. If its misfit exceeds that of `result` by more than the
+    effect of switching, `result` is returned.
     """
     reference = reference_problem(result.objective)
     result = result.reweighted()
@@ -96,7 +96,7 @@ def refine_by_ensemble(
     equal, least = [state.point], np.inf
     for generation in range(settings.generations):
         state = state.next(reference, stream(seed, "ensemble", generation), settings)
-        # Where the cost is as before, the reference model finds no difference.
+        # Between points of equal cost, the reference model finds no difference.
         equal = [state.point] if state.cost < settings.progress * least else [*equal, state.point]
         least = min(least, state.cost)
         if on_progress:
@@ -112,35 +112,35 @@ def refine_by_ensemble(
     scatter = default_scatter(mean.size)
     if len(equal) > 1:
         scatter = scatter + np.cov(np.array(equal), rowvar=False)
-    # The discrepancy at the point is the correction under which the point is the optimum.
+    # With the discrepancy at the point as the correction, the point is the optimum.
     return replace(
         end, correction=end.outputs_correction, scatter=scatter, converged=len(equal) > settings.patience
     )
 
 
 def _mean_square(result: SearchResult, objective: MapObjective) -> float:
-    """Return the mean squared residual of `result`, its rows weighted as those of `objective`."""
+    """Return the mean squared residual of `result`, with the weights of `objective` on its rows."""
     return float(np.mean(result.weighted_as(objective).residual ** 2))
 
 
-def _drawn(space: ParameterSpace, point: Array, factor: Array, count: int, rng: np.random.Generator) -> Array:
-    """Return points (count, d) about `point` (d,), two opposite ones each."""
-    ways = rng.normal(size=(count // 2, point.size)) @ factor.T
-    return space.project(point + np.concatenate([ways, -ways]))
+def _draw(space: ParameterSpace, point: Array, factor: Array, count: int, rng: np.random.Generator) -> Array:
+    """Return random points (count, d) about `point` (d,), in opposite pairs."""
+    offsets = rng.normal(size=(count // 2, point.size)) @ factor.T
+    return space.project(point + np.concatenate([offsets, -offsets]))
 
 
 def _farthest_of_equals(costs: Array, steps: int, equal: float) -> int:
-    """Return the index of the longest of the first `steps` whose cost equals the least, or of the least."""
+    """Return the index of the longest of the first `steps` with a cost equal to the least, or the least."""
     least = int(np.argmin(costs))
-    alike = np.flatnonzero(costs[:steps] <= equal * costs[least])
-    return int(alike[-1]) if alike.size else least
+    equal_steps = np.flatnonzero(costs[:steps] <= equal * costs[least])
+    return int(equal_steps[-1]) if equal_steps.size else least
 
 
 def first_factor(information: Array, deviations: Array) -> Array:
-    """Return F (d, d) of the covariance F Fᵀ by an `information` (d, d) and a prior's `deviations` (d,).
+    """Return F (d, d) of the covariance F Fᵀ from an `information` (d, d) and a prior's `deviations` (d,).
 
-    By the axes in units of the prior: the inverse of the sum may be indefinite by rounding, where some points
-    are known a hundred million times better than others.
+    It is computed along the axes of the information in units of the prior: the inverse of the sum could be
+    indefinite by rounding if some directions have 1e8 times the information of others.
     """
     values, axes = np.linalg.eigh(information * np.outer(deviations, deviations))
     return np.asarray(deviations[:, np.newaxis] * axes / np.sqrt(1 + np.maximum(values, 0.0)))
@@ -148,10 +148,11 @@ def first_factor(information: Array, deviations: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Where an ensemble is: about `point` (d,), of the covariance F Fᵀ, F its `factor` (d, d).
+    """State of an ensemble: its centre `point` (d,), and its covariance F Fᵀ with F the `factor` (d, d).
 
-    `residual` (rows,) is the mean of some runs there, as `objective` weights the rows, and `cost` its size in
-    single runs. `ensemble` has the last runs, None before the first.
+    `residual` (rows,) is the mean residual of several runs at the point, with the weights of `objective`;
+    `cost` is the mean square of single runs. `ensemble` contains the last runs, None before the first
+    generation.
     """
 
     objective: MapObjective
@@ -163,7 +164,7 @@ class _State:
 
     @classmethod
     def first(cls, result: SearchResult, rng: np.random.Generator, settings: EnsembleSettings) -> Self:
-        """Return the state at `result`, its covariance by the averaged model for the present misfit."""
+        """Return the state at `result`, with the covariance of the averaged model for the current misfit."""
         objective, point, residual = result.objective, result.point, result.residual
         jacobians = replicated_jacobians(
             objective.outputs, point, objective.space, settings.first_step, settings.first_replicates, rng
@@ -175,10 +176,10 @@ class _State:
         return cls(objective, point, factor, residual, cost)
 
     def next(self, reference: Problem, rng: np.random.Generator, settings: EnsembleSettings) -> "_State":
-        """Return the state after a generation."""
+        """Return the state after one generation."""
         objective, space = self.objective.reweighted(self.residual), self.objective.space
         rows = _Rows.of(objective, reference, settings)
-        drawn = _drawn(space, self.point, self.factor, settings.size, rng)
+        drawn = _draw(space, self.point, self.factor, settings.size, rng)
         latest = ensemble = _Ensemble(drawn, rows.of_runs(drawn))
         if self.ensemble is not None:
             kept = self.ensemble.rescaled(rows, self.objective)
@@ -197,18 +198,19 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """An objective as an ensemble sees it: the reference model, and channels in means of `count` rows."""
+    """An objective of the reference model, with channels in means of `count` rows."""
 
     objective: MapObjective
     count: int
 
     @classmethod
     def of(cls, objective: MapObjective, reference: Problem, settings: EnsembleSettings) -> Self:
+        """Return the rows of `objective` for the `reference` model."""
         inputs = objective.problem.inputs
         count = int(np.clip(settings.mean_s / inputs.interval * (1 + 1e-9), 1, inputs.samples))
         return cls(replace(objective, problem=reference.like(objective.problem)), count)
 
-    def seen(self, outputs: Array) -> Array:
+    def averaged(self, outputs: Array) -> Array:
         """Return `outputs` (…, rows) in means, scaled so that a white residual keeps its size, (…, k)."""
         channels = self.objective.channel_rows
         means = self.count**0.5 * channel_means(self.objective, outputs, self.count)
@@ -216,46 +218,47 @@ class _Rows:
 
     @property
     def target(self) -> Array:
-        return self.seen(self.objective.target)
+        """The target of the averaged outputs, (k,)."""
+        return self.averaged(self.objective.target)
 
     def of_runs(self, points: Array) -> Array:
-        """Return a run at each of `points` (n, d), (n, k)."""
-        return self.seen(self.objective.outputs(points))
+        """Return the averaged outputs (n, k) of one run at each of `points` (n, d)."""
+        return self.averaged(self.objective.outputs(points))
 
     def cost(self, residual: Array) -> float:
-        """Return the mean squared mean of a `residual` (rows,)."""
-        return float(np.mean(self.seen(residual) ** 2))
+        """Return the mean square of the averaged `residual` (rows,)."""
+        return float(np.mean(self.averaged(residual) ** 2))
 
     def compared(self, points: Array, repeats: int, rng: np.random.Generator) -> tuple[Array, Array, float]:
-        """Return costs (n,) of single runs at `points` (n, d), and the residuals (n, rows) of their means.
+        """Return costs (n,) of single runs at `points` (n, d), and their mean residuals (n, rows).
 
-        And the least variance that switching makes of a run at one of them.
+        The third value is the least variance of a run due to switching, over the points.
         """
         n, d = points.shape
         near = np.repeat(points, repeats, axis=0) + rng.normal(0.0, RUN_SEPARATION, (n * repeats, d))
         outputs = self.objective.outputs(self.objective.space.project(near)).reshape(n, repeats, -1)
         residuals = self.objective.target - outputs
-        means = self.seen(residuals)
+        means = self.averaged(residuals)
         variances = means.var(axis=1, ddof=1).mean(axis=1)
-        # Of single runs, not of their mean: where a shaft may stick, runs differ by more than switching.
+        # Costs of single runs, not of their mean: if a shaft may stick, runs differ by more than switching.
         return np.mean(means**2, axis=(1, 2)), residuals.mean(axis=1), float(variances.min())
 
 
 @dataclass(frozen=True, eq=False)
 class _Ensemble:
-    """`points` (n, d), and a run at each, `outputs` (n, k)."""
+    """`points` (n, d), and the averaged `outputs` (n, k) of one run at each point."""
 
     points: Array
     outputs: Array
 
     def rescaled(self, rows: _Rows, before: MapObjective) -> "_Ensemble":
-        """Return the ensemble as the objective of `rows` weights the outputs, given as `before` does."""
+        """Return the ensemble with the weights of the objective of `rows`; it has the weights of `before`."""
         ones = np.ones_like(rows.objective.target)
-        ratios = rows.seen(rows.objective.rescaled(ones, before)) / rows.seen(ones)
+        ratios = rows.averaged(rows.objective.rescaled(ones, before)) / rows.averaged(ones)
         return _Ensemble(self.points, self.outputs * ratios)
 
     def extended(self, other: "_Ensemble", most: int) -> "_Ensemble":
-        """Return the points of the `other` after the last `most` of this."""
+        """Return the last `most` points of this ensemble, followed by the points of the `other` ensemble."""
         points, outputs = (self.points[-most:], other.points), (self.outputs[-most:], other.outputs)
         return _Ensemble(np.concatenate(points), np.concatenate(outputs))
 
@@ -268,8 +271,8 @@ class _Ensemble:
 class _Regression:
     """A linear model of the outputs about `point` (d,), in units of the ensemble's `factor` (d, d).
 
-    `information` (d, d) is free of the bias that scatter makes; `gradient` (d,) is towards the target;
-    `variance` is that of a run about the linear model.
+    `information` (d, d) does not have the bias from the scatter of the runs; `gradient` (d,) points towards
+    the target; `variance` is that of a run about the linear model.
     """
 
     point: Array
@@ -282,7 +285,7 @@ class _Regression:
     def of(
         cls, ensemble: _Ensemble, target: Array, point: Array, factor: Array, settings: EnsembleSettings
     ) -> Self:
-        """Return the regression of the last generation's runs, and of the others that are near `point`."""
+        """Return the regression over the last generation's runs and all earlier runs near `point`."""
         d = point.size
         units = np.linalg.solve(factor, (ensemble.points - point).T).T
         # Squared distances have the mean d and the variance 2 d.
@@ -308,33 +311,33 @@ class _Regression:
         )
 
     def step(self, space: ParameterSpace, damping: float, settings: EnsembleSettings) -> Array:
-        """Return where a damped Gauss-Newton step leads; coordinates that a bound stops are held there."""
+        """Return the end point of a damped Gauss-Newton step; coordinates that reach a bound stay there."""
         inverse = np.linalg.inv(self.factor)
         normal = inverse.T @ (self.information + damping * np.eye(self.point.size)) @ inverse
         gradient = inverse.T @ self.gradient
         move, free = np.zeros(self.point.size), np.ones(self.point.size, bool)
         while free.any():
-            others = gradient - normal[:, ~free] @ move[~free]
-            move[free] = np.linalg.solve(normal[np.ix_(free, free)], others[free])
-            held = np.clip(self.point + move, space.lower, space.upper) - self.point
-            stopped = free & (np.abs(held - move) > 1e-12)
-            if not stopped.any():
+            remaining = gradient - normal[:, ~free] @ move[~free]
+            move[free] = np.linalg.solve(normal[np.ix_(free, free)], remaining[free])
+            clipped = np.clip(self.point + move, space.lower, space.upper) - self.point
+            at_bound = free & (np.abs(clipped - move) > 1e-12)
+            if not at_bound.any():
                 break
-            move[stopped] = held[stopped]
-            free &= ~stopped
+            move[at_bound] = clipped[at_bound]
+            free &= ~at_bound
         length = float(np.sqrt(np.mean((inverse @ move) ** 2)))
         return space.project(self.point + move * min(1.0, settings.longest / max(length, settings.longest)))
 
     def next_factor(self, cost: float, switching: float, settings: EnsembleSettings) -> Array:
-        """Return the factor (d, d) of the next ensemble, about a point of that `cost`.
+        """Return the factor (d, d) of the next ensemble, about a point with this `cost`.
 
-        `switching` is the variance that it makes of a run.
+        `switching` is the variance of a run due to switching.
         """
         values, axes = np.linalg.eigh(self.information)
         variances = 1 / (values / (CORRELATED_ROWS * cost) + settings.wider**-2)
         variances = np.maximum(variances, settings.narrower**2)
-        curved = self.variance - switching
-        if curved > settings.curvature * cost:
-            # It grows with the fourth power of the standard deviations.
-            variances *= max((settings.curvature * cost / curved) ** 0.5, settings.narrower**2)
+        nonlinear = self.variance - switching
+        if nonlinear > settings.curvature * cost:
+            # The nonlinear part is proportional to the fourth power of the standard deviations.
+            variances *= max((settings.curvature * cost / nonlinear) ** 0.5, settings.narrower**2)
         return np.asarray(self.factor @ (axes * np.sqrt(variances)))

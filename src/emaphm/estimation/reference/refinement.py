@@ -1,9 +1,9 @@
-"""Gauss-Newton steps by the reference model itself, where the corrected averaged model leads no farther.
+"""Gauss-Newton steps with the reference model itself, after the corrections of the averaged model.
 
-The correction of the bias takes the discrepancy between the two models as constant near the estimate. Where
-it is not, as with a shaft that gives and hits the edges of its backlash, the iterations stop short of the
-optimum and the residual stays above noise and switching. The derivatives of the reference model, over
-differences that are large against its switching, lead on from there.
+The bias correction assumes that the discrepancy between the two models is constant near the estimate. Where
+it is not constant, for example with a compliant shaft that hits the edges of its backlash, the iterations
+stop short of the optimum and the residual stays above noise and switching. Steps with the derivatives of the
+reference model, over differences that are large compared with its switching, then continue.
 """
 
 from dataclasses import dataclass, replace
@@ -20,11 +20,12 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True)
 class RefinementSettings:
-    """How the reference model is asked for steps; `make study` (limits, compliant shafts) shows the effect.
+    """Settings of the steps; `make study` (limits, compliant shafts) measures their effect.
 
-    `replicates` Jacobians over central differences of `jacobian_step`, which is reduced by `reduction` after
-    an iteration without progress; then `step_shares` of the step are compared. A residual above `farthest`
-    times noise and switching is a false minimum, which a new search leaves sooner.
+    An iteration computes `replicates` Jacobians over central differences of `jacobian_step`, which is
+    multiplied by `reduction` after an iteration without progress; it then compares the `step_shares` of the
+    step. With a residual above `farthest` times noise and switching, the estimate is at a wrong local
+    minimum, from which a new search is faster.
     """
 
     iterations: int = 8
@@ -43,9 +44,10 @@ REFINEMENT = RefinementSettings()
 def refine_by_reference(
     result: SearchResult, seed: int, settings: RefinementSettings = REFINEMENT
 ) -> SearchResult:
-    """Return `result` moved on to where the reference model fits best.
+    """Return the optimum of the reference model near `result`.
 
-    If its residual exceeds noise and switching, or the shaft gives: its oscillation looks like noise.
+    Steps are taken if the residual exceeds noise and switching, or if the shaft is compliant, because its
+    oscillation counts as noise. Otherwise, `result` is returned.
     """
     oscillates = result.objective.problem.actuator.transmission is not None
     if result.residual_over_noise > settings.farthest or (result.down_to_noise and not oscillates):
@@ -74,7 +76,7 @@ def _step(
     iteration: int,
     settings: RefinementSettings,
 ) -> SearchResult:
-    """Return the best of the points along a Gauss-Newton step from `result` by the reference model."""
+    """Return the best point along a Gauss-Newton step of the reference model from `result`."""
     objective, space = result.objective, result.objective.space
     weighted = replace(objective, problem=reference.like(objective.problem))
     jacobians = replicated_jacobians(
@@ -89,6 +91,6 @@ def _step(
     points = space.project(result.point + np.array(settings.step_shares)[:, np.newaxis] * step)
     rng = stream(seed, "reference runs of the refinement", iteration)
     outcomes = compared(objective, np.zeros_like(objective.target), points, reference, rng)
-    best = min(outcomes, key=lambda one: one.misfit)
-    # The discrepancy at the new point is the correction under which the point is the optimum.
+    best = min(outcomes, key=lambda outcome: outcome.misfit)
+    # With the discrepancy at the new point as the correction, the point is the optimum.
     return replace(best, correction=best.outputs_correction, scatter=result.scatter)

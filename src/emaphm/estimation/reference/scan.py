@@ -1,7 +1,7 @@
-"""Search for a parameter that acts on the reference model alone, such as a lag inside its switching.
+"""Search for a parameter that acts only in the reference model, for example a lag within its switching.
 
-The averaged model has no derivative to follow. The whole estimate is therefore repeated at several values of
-the parameter, and the reference model's residual decides.
+The averaged model has no derivative by such a parameter. The complete estimate is therefore repeated at
+several values of the parameter, and the reference model's residual decides.
 """
 
 import math
@@ -16,7 +16,7 @@ from emaphm.threads import in_threads
 T = TypeVar("T")
 
 CURRENT_LAGS_S = tuple(2e-6 * 2 ** (i / 2) for i in range(11))
-"""Lags of current sensors that are tried [s]: 2 to 64 µs, the slowest that drives are built with."""
+"""Lags of current sensors that are evaluated [s]: 2 to 64 µs, the largest lag in drives."""
 
 EQUAL_COSTS = 1.2
 """Costs within this factor count as equal: switching alone changes a mean squared residual by about 10 %."""
@@ -24,10 +24,10 @@ EQUAL_COSTS = 1.2
 
 @dataclass(frozen=True, eq=False)
 class ScanResult(Generic[T]):
-    """The best value of the parameter, its estimate, and the standard error of the value's logarithm.
+    """The best `value` of the parameter, the `estimate` at it, and the standard error of its logarithm.
 
-    Infinite where the least or the largest value that was tried fits as well as the best. `neighbours` are
-    the estimates at the values next to it: the true value is between them.
+    The standard error `deviation` is infinite if the least or the largest value fits as well as the best.
+    `neighbours` are the estimates at the adjacent values: the true value is between them.
     """
 
     value: float
@@ -37,7 +37,7 @@ class ScanResult(Generic[T]):
 
 
 NARROWER = 1 / 3
-"""Steps of the second parabola, relative to those of the values that are tried first."""
+"""Steps of the second parabola, relative to the steps of the given values."""
 
 
 def scan(
@@ -46,12 +46,12 @@ def scan(
     cost: Callable[[T], float],
     workers: int | None = 1,
 ) -> ScanResult[T]:
-    """Return the best of increasing `values` > 0, or of what lies between them.
+    """Return the best value among increasing `values` > 0 or between them.
 
-    `evaluate` makes the estimate at a value, for several at once by `workers` threads; `cost` is its mean
-    squared residual. The value may lie anywhere between the neighbours of those whose costs equal the least;
-    the standard error is that of an even distribution there. Within it, the least cost is where a parabola
-    through three logarithms has it; it is looked for twice, the second time with narrower steps.
+    `evaluate` computes the estimate at a value, several in parallel by `workers` threads; `cost` is the mean
+    squared residual of an estimate. The true value may be anywhere between the neighbours of the values with
+    equal costs; the standard error is that of a uniform distribution there. The best value is the minimum of
+    a parabola through three logarithms, which is computed twice, the second time with narrower steps.
     """
     known = dict(zip(values, in_threads(evaluate, values, workers), strict=True))
 
@@ -67,16 +67,17 @@ def scan(
     if equal[0] == 0 or equal[-1] == len(values) - 1:
         return ScanResult(values[best], known[values[best]], math.inf, neighbours)
     deviation = math.log(values[equal[-1] + 1] / values[equal[0] - 1]) / 12**0.5
-    value = _lowest(values[best - 1 : best + 2], at)
+    value = _parabola_minimum(values[best - 1 : best + 2], at)
     reach = NARROWER * math.log(values[best + 1] / values[best - 1]) / 2
-    value = _lowest((value * math.exp(-reach), value, value * math.exp(reach)), at)
+    value = _parabola_minimum((value * math.exp(-reach), value, value * math.exp(reach)), at)
     return ScanResult(value, known[value], deviation, neighbours)
 
 
-def _lowest(values: Sequence[float], cost: Callable[[float], float]) -> float:
-    """Return where a parabola through the logarithms of three values and costs is lowest.
+def _parabola_minimum(values: Sequence[float], cost: Callable[[float], float]) -> float:
+    """Return the minimum of a parabola through the logarithms of three values and their costs.
 
-    Or the best of the three, where it has no minimum between them, or the cost there is clearly larger.
+    The best of the three values is returned if the parabola has no minimum between them, or if the cost there
+    is clearly larger.
     """
     places, levels = np.log(values), np.log([cost(value) for value in values])
     best = values[int(np.argmin(levels))]

@@ -1,4 +1,4 @@
-"""Recordings replayed by a model: how far it is from what was measured."""
+"""Replay of recordings by a model, and its errors relative to the measured channels."""
 
 from emaphm.estimation.replay.series import write_series
 from emaphm.estimation.replay.several import Replays, replay_all

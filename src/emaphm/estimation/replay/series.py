@@ -1,4 +1,4 @@
-"""The signals of replays as a table: each channel, measured and modelled, side by side."""
+"""Table of the signals of replays: each channel, measured and modelled."""
 
 import io
 from collections.abc import Sequence
@@ -15,24 +15,25 @@ SERIES = (".csv", ".parquet")
 """Endings of the files that `write_series` writes."""
 
 MODEL = "_model"
-"""What the name of a model's column ends with; without, it is the measured one."""
+"""Suffix of the name of a modelled column; the measured column has no suffix."""
 
 
 def series(replays: Sequence[Replay]) -> "pl.DataFrame":
     """Return the rows of all `replays`: time, command, and each compared channel, measured and modelled.
 
-    Of several recordings, their names in a first column `recording`; what one lacks is empty.
+    For several recordings, a first column `recording` contains their names; channels that a recording does
+    not have are empty.
     """
     import polars as pl
 
     frames = []
-    for one in replays:
-        columns = {name: one.recording[name] for name in ("time_s", "command_rad")}
-        for name in one.errors:
-            columns |= {name: one.recording[name], f"{name}{MODEL}": one.signals[name]}
+    for replay in replays:
+        columns = {name: replay.recording[name] for name in ("time_s", "command_rad")}
+        for name in replay.errors:
+            columns |= {name: replay.recording[name], f"{name}{MODEL}": replay.signals[name]}
         frame = pl.DataFrame(columns)
         if len(replays) > 1:
-            frame = frame.select(pl.lit(one.recording.source).alias("recording"), pl.all())
+            frame = frame.select(pl.lit(replay.recording.source).alias("recording"), pl.all())
         frames.append(frame)
     return pl.concat(frames, how="diagonal")
 

@@ -1,4 +1,4 @@
-"""Several recordings replayed by one model, and judged one by one and together."""
+"""Replay of several recordings by one model, with their single and combined errors."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -26,28 +26,31 @@ class Replays:
 
     @cached_property
     def errors(self) -> Mapping[str, ErrorStatistics]:
-        """The errors of each channel over all rows of all recordings that have it."""
+        """The errors of each channel over all rows of all recordings with this channel."""
+        with_channel = {name: [each for each in self.replays if name in each.errors] for name in SCHEMA}
         return {
-            name: ErrorStatistics.of(name, [one.compared(name) for one in self.replays if name in one.errors])
-            for name in SCHEMA
-            if any(name in one.errors for one in self.replays)
+            name: ErrorStatistics.of(name, [each.compared(name) for each in replays])
+            for name, replays in with_channel.items()
+            if replays
         }
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """The warnings of each recording, with its name."""
-        return tuple(f"{one.recording.source}: {warning}" for one in self.replays for warning in one.warnings)
+        return tuple(
+            f"{each.recording.source}: {warning}" for each in self.replays for warning in each.warnings
+        )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `emaphm replay --json` prints: of one recording as it is, of several with their sum."""
-        first, *others = self.replays
-        if not others:
+        """Return the output of `emaphm replay --json`: errors of each recording, and of all if several."""
+        first, *further = self.replays
+        if not further:
             return first.to_dict()
         return {
-            "recordings": [one.to_dict() for one in self.replays],
+            "recordings": [each.to_dict() for each in self.replays],
             "relative_error": relative_of(self.errors),
-            "mean_absolute_error": {name: one.mean_absolute for name, one in self.errors.items()},
-            "rms_error": {name: one.rms for name, one in self.errors.items()},
+            "mean_absolute_error": {name: error.mean_absolute for name, error in self.errors.items()},
+            "rms_error": {name: error.rms for name, error in self.errors.items()},
             "warnings": list(self.warnings),
             "model": first.model,
             "actuator": first.actuator.name,
@@ -59,14 +62,14 @@ class Replays:
         return json.dumps(self.to_dict(), indent=2)
 
     def plot(self) -> "Figure":
-        """Draw the recording that the model is farthest from, by the largest relative error of a channel."""
-        return max(self.replays, key=lambda one: max(one.relative_error.values(), default=0.0)).plot()
+        """Draw the recording with the largest relative error of a channel."""
+        return max(self.replays, key=lambda each: max(each.relative_error.values(), default=0.0)).plot()
 
     def __str__(self) -> str:
         """Return a table of the errors for each recording, and for all rows together."""
         if len(self.replays) == 1:
             return str(self.replays[0])
-        single = [f"{one.recording.source}\n{one}" for one in self.replays]
+        single = [f"{each.recording.source}\n{each}" for each in self.replays]
         table = error_table(self.errors, self.replays[0].actuator.coordinates)
         return "\n\n".join([*single, f"All {len(self.replays)} recordings\n{table}"])
 
@@ -78,7 +81,7 @@ def replay_all(
     faults: Faults | None = None,
     model: str = "averaged",
 ) -> Replays:
-    """Return each of `recordings` replayed, as `emaphm.replay` does it, by one model of one unit.
+    """Return the replays of `recordings` by one model of one unit, each as by `emaphm.replay`.
 
     Parameters
     ----------
@@ -90,10 +93,10 @@ def replay_all(
     Raises
     ------
     MethodError
-        There is no recording, the model is unknown, or has none of the channels of one.
+        There is no recording, the model is unknown, or it has none of the channels of a recording.
     FaultError, RecordingError
         As `emaphm.replay`.
     """
     if not recordings:
         raise MethodError("no recording to replay; give one or several")
-    return Replays(tuple(replay(one, actuator, faults=faults, model=model) for one in recordings))
+    return Replays(tuple(replay(recording, actuator, faults=faults, model=model) for recording in recordings))

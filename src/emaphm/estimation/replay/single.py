@@ -1,4 +1,4 @@
-"""Replaying a recording: the model follows its command and load, and is compared with the other channels."""
+"""Replay of a recording: its command and load drive a model, which is compared with the other channels."""
 
 import json
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A recording, and what the sensors would show of the model: `signals` by channel, each (samples,).
+    """A recording, and the sensed `signals` of the model by channel, each (samples,).
 
     Rows before the `first_row` are not compared: they depend on an unknown motion before the recording.
     """
@@ -36,7 +36,7 @@ class Replay:
 
     @cached_property
     def errors(self) -> Mapping[str, ErrorStatistics]:
-        """The errors of each channel that both the recording and the model have."""
+        """The errors of the channels that recording and model have in common."""
         return {
             name: ErrorStatistics.of(name, [self.compared(name)])
             for name in SCHEMA
@@ -44,31 +44,31 @@ class Replay:
         }
 
     def compared(self, name: str) -> tuple[Array, Array]:
-        """Return the measured and the modelled rows of a channel that are compared, (rows,) each."""
+        """Return the compared rows of a channel, measured and modelled, (rows,) each."""
         return self.recording[name][self.first_row :], self.signals[name][self.first_row :]
 
     @property
     def mean_absolute_error(self) -> Mapping[str, float]:
         """The mean of |measured - model| by channel, in its unit."""
-        return {name: one.mean_absolute for name, one in self.errors.items()}
+        return {name: error.mean_absolute for name, error in self.errors.items()}
 
     @property
     def rms_error(self) -> Mapping[str, float]:
         """The rms of measured - model by channel, in its unit."""
-        return {name: one.rms for name, one in self.errors.items()}
+        return {name: error.rms for name, error in self.errors.items()}
 
     @property
     def relative_error(self) -> Mapping[str, float]:
-        """rms(measured - model) / rms(measured) by channel, as a fraction; without those that are 0."""
+        """rms(measured - model) / rms(measured) by channel, as a fraction; without channels that are 0."""
         return relative_of(self.errors)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A sentence on each channel that the model is nothing like."""
+        """A sentence on each channel with a relative error above 1."""
         return warnings(self.errors)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `emaphm replay --json` prints."""
+        """Return the output of `emaphm replay --json`."""
         return {
             "relative_error": dict(self.relative_error),
             "mean_absolute_error": dict(self.mean_absolute_error),
@@ -105,16 +105,16 @@ class Replay:
 def replay(
     recording: Recording, actuator: Actuator, *, faults: Faults | None = None, model: str = "averaged"
 ) -> Replay:
-    """Return `recording` replayed by `model` of `actuator`, healthy unless `faults` are given.
+    """Return the replay of `recording` by `model` of `actuator`, healthy unless `faults` are given.
 
     Parameters
     ----------
     recording
-        Its command and load, or 0 without one, drive the model; the other channels are compared.
+        Its command and load (0 if not recorded) drive the model; the other channels are compared.
     actuator
         The description of the unit.
     faults
-        That the model has.
+        The faults of the model.
     model
         "averaged", "monitor" or "reference".
 
@@ -123,11 +123,11 @@ def replay(
     FaultError
         The friction is less than the actuator can have (`emaphm.actuator.faults.lower_bounds`).
     RecordingError
-        `recording` is no `Recording`, or cannot be meant for this actuator, by orders of magnitude.
+        `recording` is no `Recording`, or its values differ from this actuator's by orders of magnitude.
     ActuatorError
         `actuator` is no `Actuator`.
     MethodError
-        The model is unknown, or has none of the recorded channels.
+        The model is unknown, or it has none of the recorded channels.
     """
     check_recording(recording)
     check_actuator(actuator)
@@ -136,6 +136,6 @@ def replay(
     problem = problem_of(recording, actuator, model_named(model))
     signals = problem.signals((faults or Faults()).vector)
     if actuator.electrical is None:
-        del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
+        del signals["voltage_V"]  # an ideal current loop has no defined voltage
     recording = recording.with_channels(recording.channels, problem.unknown_start.notes())
     return Replay(recording, actuator, model, signals, problem.unknown_start.rows)

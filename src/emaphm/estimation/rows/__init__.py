@@ -1,1 +1,1 @@
-"""Which rows of a recording are compared, and in what means."""
+"""Choice of the rows of a recording that are compared, and of means over rows."""

@@ -1,8 +1,8 @@
-"""Rows right after a jump of the command, whose moment is not known as exactly as they would show it.
+"""Rows right after a jump of the command, which depend on the unknown time at which the drive reads it.
 
-A drive with pulse-width modulation reads its command once a period, and the recording does not say when.
-Meanwhile the current may rise by 10 A in a millisecond: what follows a jump is right but for its moment, by
-many times the noise.
+A drive with pulse-width modulation reads its command once per period, at a time that the recording does not
+contain. The current may rise by 10 A in a millisecond: due to the unknown time, the model deviates from the
+rows after a jump by many times the noise.
 """
 
 from dataclasses import dataclass, replace
@@ -20,10 +20,11 @@ from emaphm.recording.sensor_checks.resolution import Mask
 
 @dataclass(frozen=True)
 class JumpRowsSettings:
-    """Which rows are not compared.
+    """Settings of the rows that are not compared.
 
-    Where half of the period changes a channel by more than `noise` times its noise and than `share` of its
-    rms, up to `most` of all rows: beyond, all are kept.
+    A row is not compared if a shift of the jump by half a period changes a channel by more than `noise` times
+    its noise and by more than `share` of its rms. If more than the share `most` of all rows is affected, all
+    rows are compared.
     """
 
     noise: float = 1.0
@@ -35,10 +36,11 @@ JUMP_ROWS = JumpRowsSettings()
 
 
 def rows_after_jumps(problem: Problem) -> dict[str, Mask]:
-    """Return by channel the rows (samples,) that are not compared because a jump may be earlier or later.
+    """Return by channel the rows (samples,) that are not compared because the time of a jump is uncertain.
 
-    By the model of a healthy actuator, the jumps as recorded and half of a period of its modulation later.
-    None where rows are instants, between which a jump may be anywhere, but is taken to be at a row.
+    They are the rows in which the model of a healthy actuator differs between the recorded jumps and jumps
+    half a period of the modulation later. No rows are left out if rows are instants: a jump may then be
+    anywhere between two rows, but is assumed to be at a row.
     """
     driving, drive = problem.driving, problem.actuator.drive
     if drive is None or drive.pwm_frequency is None or driving.sampling == "instant":
@@ -47,20 +49,21 @@ def rows_after_jumps(problem: Problem) -> dict[str, Mask]:
         return {}
     half = 0.5 / drive.pwm_frequency
     step = min(problem.model.step_for(problem.actuator), half)
-    earlier, later = (_outputs(problem, _late(driving.command, late), step) for late in (0.0, half))
+    earlier, later = (_outputs(problem, _delayed(driving.command, delay), step) for delay in (0.0, half))
     masks = {}
     for name, change in zip(problem.channels, np.abs(later - earlier), strict=True):
         values = problem.measured[name]
         noise = noise_on_most_rows(values)
-        known = JUMP_ROWS.noise * max(noise, problem.counts.get(name, 0.0))
-        least = max(known, JUMP_ROWS.share * signal_size(name, values))
+        by_noise = JUMP_ROWS.noise * max(noise, problem.counts.get(name, 0.0))
+        least = max(by_noise, JUMP_ROWS.share * signal_size(name, values))
         mask = change > least
         if mask.any() and mask.mean() <= JUMP_ROWS.most:
             masks[name] = mask
     return masks
 
 
-def _late(command: Command, time: float) -> Command:
+def _delayed(command: Command, time: float) -> Command:
+    """Return `command` delayed by `time` [s]."""
     return lambda times: command(times - time)
 
 

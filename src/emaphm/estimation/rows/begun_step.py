@@ -1,8 +1,8 @@
-"""Rows at the start of a recording that begins while the shaft is on its way to a command that stands.
+"""Rows at the start of a recording that begins while the shaft still moves to a constant command.
 
-A coarse position shows that the command has not been reached, and no speed: a model starts there at rest. If
-the step was a row before, the current has risen meanwhile and the shaft has begun to move; the response is
-right but for its moment, until it has settled.
+A coarse position shows that the command has not been reached, but no speed: the model starts there at rest.
+If the step of the command was before the first row, the current has already risen and the shaft has begun to
+move; the model's response is then shifted in time until it has settled.
 """
 
 from dataclasses import dataclass, replace
@@ -19,12 +19,13 @@ from emaphm.recording.noise import noise_on_most_rows
 
 @dataclass(frozen=True)
 class BegunStepSettings:
-    """When a step has begun before the recording.
+    """Settings of the detection of a step before the recording.
 
-    Where one of the first `rows` of the current is beyond those of models with likely faults by `significant`
-    times its noise, and by the share `resolved` of the largest: a drive that switches swings about its limit.
-    Rows are left out until models no longer differ that start with the speed that the
-    position shows, at rest, and at rest `sooner` [s].
+    A step is detected if one of the first `rows` rows of the current exceeds those of models with likely
+    faults by `significant` times its noise, and by the share `resolved` of the largest current: the current
+    of a switching drive oscillates about its limit. Rows are left out until three models no longer differ:
+    one that starts with the speed from the position, one that starts at rest, and one that starts at rest
+    `sooner` [s] earlier.
     """
 
     rows: int = 5
@@ -37,17 +38,17 @@ BEGUN_STEP = BegunStepSettings()
 
 
 def rows_of_begun_step(problem: Problem) -> int:
-    """Return how many rows depend on when a step was that the shaft still follows, 0 where it begins at rest.
+    """Return the number of first rows that depend on the time of a step before the recording.
 
-    And where the speed was recorded, or too little motion would be left.
+    It is 0 if the shaft begins at rest, if its speed was recorded, or if too little motion would remain.
     """
-    known = "speed_rad_s" in problem.measured and problem.start.speed
-    if CURRENT not in problem.channels or known or _is_on_command(problem):
+    speed_known = "speed_rad_s" in problem.measured and problem.start.speed
+    if CURRENT not in problem.channels or speed_known or _is_on_command(problem):
         return 0
     faults, interval, angle = likely_faults(problem), problem.inputs.interval, problem.start.angle
     driving = motion_after(problem)
     outputs = [first_rows(problem, driving, angle, faults)]
-    if _draws(problem, outputs[0][:, problem.channels.index(CURRENT), : BEGUN_STEP.rows]):
+    if _is_current_of_models(problem, outputs[0][:, problem.channels.index(CURRENT), : BEGUN_STEP.rows]):
         return 0
     resting = replace(problem, start=replace(problem.start, speed=0.0))
     lead = max(1, round(BEGUN_STEP.sooner / interval))
@@ -59,21 +60,23 @@ def rows_of_begun_step(problem: Problem) -> int:
 
 
 def _is_on_command(problem: Problem) -> bool:
+    """Return whether the manoeuvre starts on the command."""
     first = float(problem.driving.command(np.zeros(1))[0])
     return bool(np.isclose(problem.start.angle * problem.actuator.mechanics.gear_ratio, first))
 
 
-def _draws(problem: Problem, currents: Array) -> bool:
-    """Return whether the first rows of the current may be those of n models, (n, rows).
+def _is_current_of_models(problem: Problem, currents: Array) -> bool:
+    """Return whether the first rows of the current are consistent with the `currents` (n, rows) of n models.
 
-    At first it rises a little later than a mean model's. It is ahead of one at rest if the step was before;
-    where models start with a speed that the position shows, it must not be behind either.
+    The recorded current initially rises slightly later than that of an averaged model. It exceeds that of a
+    model at rest if the step was before the recording. If models start with the speed from the position, it
+    must not be smaller than theirs either.
     """
-    way = float(np.sign(currents.sum()))
-    ahead, models = way * problem.measured[CURRENT][: currents.shape[1]], way * currents
+    sign = float(np.sign(currents.sum()))
+    recorded, models = sign * problem.measured[CURRENT][: currents.shape[1]], sign * currents
     noise = noise_on_most_rows(problem.measured[CURRENT])
-    known = BEGUN_STEP.significant * max(noise, problem.counts.get(CURRENT, 0.0))
-    least = max(known, BEGUN_STEP.resolved * float(np.abs(currents).max()))
-    if np.any(ahead > models.max(axis=0) + least):
+    by_noise = BEGUN_STEP.significant * max(noise, problem.counts.get(CURRENT, 0.0))
+    least = max(by_noise, BEGUN_STEP.resolved * float(np.abs(currents).max()))
+    if np.any(recorded > models.max(axis=0) + least):
         return False
-    return not problem.start.speed or bool(np.all(ahead >= models.min(axis=0) - least))
+    return not problem.start.speed or bool(np.all(recorded >= models.min(axis=0) - least))

@@ -1,4 +1,4 @@
-"""What models show in the first rows of a recording, from one start or another, and what counts there."""
+"""Outputs of models in the first rows of a recording from different starts, and their differences."""
 
 from dataclasses import replace
 from functools import cache
@@ -16,22 +16,23 @@ from emaphm.recording.noise import noise_on_most_rows
 from emaphm.simulation import AVERAGED
 
 NOISE = 1.0
-"""Difference that counts in a channel, over its noise."""
+"""Significant difference in a channel, relative to its noise."""
 
 SHARE = 5e-3
-"""Least difference that counts in a channel, over its rms."""
+"""Least significant difference in a channel, relative to its rms."""
 
 FORGOTTEN_S = 20e-3
-"""Time without a difference after which a start is forgotten [s]."""
+"""Time without a difference after which the start no longer has an effect [s]."""
 
 
 def likely_faults(problem: Problem) -> Array:
-    """Return fault vectors (n, 8) that change how the actuator follows, and the size of its channels."""
+    """Return fault vectors (n, 8) that change the actuator's response and the size of its channels."""
     return _likely_faults(has_windings=problem.actuator.electrical is not None)
 
 
 @cache
 def _likely_faults(*, has_windings: bool) -> Array:
+    """Return the fault vectors (n, 8) of `likely_faults`; with shorts if the actuator has windings."""
     shorts = (0.0, 0.2) if has_windings else (0.0,)
     return np.array(
         [
@@ -48,10 +49,10 @@ def first_rows(
     faults: Array,
     channels: tuple[str, ...] = (),
 ) -> Array:
-    """Return the channels (n, channels, rows) of the averaged model that starts at the motor's `angle` [rad].
+    """Return the channels (n, channels, rows) of the averaged model from the motor's `angle` [rad] on.
 
-    It is driven over as many rows as the `driving` signals have. Where `channels` are left out, they are
-    those that are compared. These runs are not of the whole recording, and do not count as simulations of it.
+    The rows are those of the `driving` signals; the default `channels` are the compared channels. These short
+    runs are not counted as simulations of the recording.
     """
     inputs = driving.inputs(AVERAGED.step_for(problem.actuator))
     start = replace(problem.start, angle=angle)
@@ -60,15 +61,16 @@ def first_rows(
 
 
 def rows_apart(problem: Problem, outputs: list[Array]) -> int:
-    """Return the rows in which `outputs` (n, channels, rows) of several starts differ, 0 where they never do.
+    """Return the number of first rows in which `outputs` (n, channels, rows) of several starts differ.
 
-    By more than the noise of a channel and more than a share of its size, for any of the n faults. Where they
-    have not differed for a while the start is forgotten: at a rest after the motion friction may hold one
-    shaft here and another there, which is chance (`emaphm.estimation.rests`).
+    Outputs differ where the difference exceeds the noise of a channel and a share of its size, for any of the
+    n faults; 0 if they never differ. After `FORGOTTEN_S` without a difference, the start no longer has an
+    effect: in a rest after the motion, friction may hold the shafts at different positions, which is random
+    (`emaphm.estimation.rests`).
     """
-    distances = np.max([np.abs(one - outputs[0]) for one in outputs[1:]], axis=(0, 1))
-    apart = (distances > _least_difference(problem)[:, np.newaxis]).any(axis=0)
-    differing = np.flatnonzero(apart)
+    distances = np.max([np.abs(later - outputs[0]) for later in outputs[1:]], axis=(0, 1))
+    is_different = (distances > _least_difference(problem)[:, np.newaxis]).any(axis=0)
+    differing = np.flatnonzero(is_different)
     if not differing.size:
         return 0
     forgotten = np.flatnonzero(np.diff(differing) * problem.inputs.interval > FORGOTTEN_S)
@@ -76,28 +78,28 @@ def rows_apart(problem: Problem, outputs: list[Array]) -> int:
 
 
 def least_residual(problem: Problem, outputs: Array, first: int, count: int) -> float:
-    """Return the least rms residual of n models over `count` rows from the `first` on.
+    """Return the least rms residual of n models over `count` rows from row `first` on.
 
-    `outputs` are their channels (n, channels, rows), from the `first` row on as well; each channel counts in
-    parts of its size.
+    `outputs` are their channels (n, channels, rows), also from row `first` on; each channel is divided by its
+    size.
     """
     measured = np.stack([problem.measured[name][first : first + count] for name in problem.channels])
-    residuals = (outputs[:, :, :count] - measured) * _shares(problem)[:, np.newaxis]
+    residuals = (outputs[:, :, :count] - measured) * _inverse_sizes(problem)[:, np.newaxis]
     return float(np.sqrt(np.mean(residuals**2, axis=(1, 2)).min()))
 
 
 def longest_delay(problem: Problem) -> float:
-    """Return by how much the described sensors of the channels are late, at most [s]."""
+    """Return the largest described delay of the channels' sensors [s]."""
     return max(float(problem.actuator.sensors.of(name).delay) for name in problem.channels)
 
 
 def noise_residual(problem: Problem) -> float:
-    """Return what the noise alone leaves as `least_residual`."""
-    return float(np.sqrt(np.mean((_noise(problem) * _shares(problem)) ** 2)))
+    """Return the `least_residual` that is due to noise alone."""
+    return float(np.sqrt(np.mean((_noise(problem) * _inverse_sizes(problem)) ** 2)))
 
 
-def _shares(problem: Problem) -> Array:
-    """Return what takes each channel to parts of its size, (channels,): 0 where it is constant."""
+def _inverse_sizes(problem: Problem) -> Array:
+    """Return the inverse size of each channel, (channels,); 0 for a constant channel."""
     sizes = _sizes(problem)
     return np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
 
@@ -108,12 +110,12 @@ def _sizes(problem: Problem) -> Array:
 
 
 def _least_difference(problem: Problem) -> Array:
-    """Return the difference that counts in each channel, in its unit, (channels,)."""
+    """Return the least significant difference in each channel, in its unit, (channels,)."""
     return np.maximum(NOISE * _noise(problem), SHARE * _sizes(problem))
 
 
 def _noise(problem: Problem) -> Array:
-    """Return the noise of each channel, or its step where that is larger, in its unit, (channels,)."""
+    """Return the rms noise of each channel, or its count if that is larger, in its unit, (channels,)."""
     return np.array(
         [
             max(noise_on_most_rows(problem.measured[name]), problem.counts.get(name, 0.0))

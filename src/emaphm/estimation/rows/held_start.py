@@ -1,8 +1,9 @@
 """Rows at the start of a recording that begins at a rest after a motion, in which friction holds the shaft.
 
-A model starts on the command, and draws no current until this moves, or what the load asks for. A shaft that
-has moved before stands where friction stopped it, somewhat off the command, and its drive draws current
-against that friction. Its mean says nothing of the faults, and nothing of the sensor's zero.
+A model starts on the command and draws only the current for the load until the command moves. A shaft that
+has moved before stands at a distance from the command, where friction stopped it, and its drive draws a
+current against that friction. The mean of this current contains no information on the faults or on the
+sensor's zero.
 """
 
 import math
@@ -34,20 +35,22 @@ from emaphm.recording.noise import noise_level, noise_on_most_rows
 
 @dataclass(frozen=True)
 class HeldStartSettings:
-    """When a shaft is taken to be held at the start, and which rows are then not compared.
+    """Settings of the detection of a shaft held by friction at the start, and of the rows left out.
 
     The command stands while it is within `still` of its range, or `noise` times its noise, from its first
-    value; the rest is looked at over `fewest` rows at least, and `longest` [s] at most. If it is shorter than
-    `sure` [s] and `fewest` rows, and the current no more than the range of those of models with likely faults
-    outside of it, a model that starts off the command must leave less than `better` times the rms residual of
-    the one on it.
-    Its mean current is not the model's if it is outside those of models with likely faults by `significant`
-    standard errors, or by as many times the share `resolved` of the current's scatter; unless all of these go
-    the share `leaves` of the way from where the shaft was recorded to the command.
+    value; the rest is evaluated over at least `fewest` rows and at most `longest` [s].
 
-    Rows are left out until a model that starts on the command and one that starts off it no longer differ:
-    off by what makes the recorded current, and `further` than that, as switching draws less current than the
-    mean model does near to zero. The `small` share of the command's range shows what a distance makes.
+    The mean current is not the model's if it is outside the range of models with likely faults by more than
+    `significant` standard errors, and by more than `significant` times the share `resolved` of the current's
+    standard deviation. This does not apply if all of these models, started at the recorded position, move by
+    the share `leaves` of the distance to the command. If the rest is shorter than `sure` [s] or `fewest`
+    rows, and the current is outside that range by no more than its width, a model that starts at a distance
+    from the command must also have less than `better` times the rms residual of a model on the command.
+
+    Rows are left out until a model that starts on the command and models that start at a distance from it no
+    longer differ. The distances are that of the recorded current and `further` times that distance, because
+    near zero, switching draws less current than the averaged model. The current per distance is determined at
+    the `small` share of the command's range.
     """
 
     still: float = 1e-6
@@ -71,9 +74,10 @@ CURRENT = "current_A"
 
 @dataclass(frozen=True)
 class HeldStart:
-    """The first `rows` depend on where friction holds the shaft, by a `current` [A] that no model draws.
+    """A start at which friction may hold the shaft, indicated by a `current` [A] that no model draws.
 
-    The shaft `stands` there if that explains the first rows better than a motion before does.
+    The first `rows` depend on the position of the shaft. The shaft `stands` if this explains the first rows
+    better than a motion before the recording.
     """
 
     rows: int
@@ -82,12 +86,12 @@ class HeldStart:
 
 
 def held_start(problem: Problem) -> HeldStart | None:
-    """Return how friction holds the shaft at the start, None where it does not.
+    """Return the held start of the recording, None if the shaft is not held.
 
-    It does where the current of a first rest is none that a model draws which starts on the command. The
-    rows are the rest, and what follows until the start does not matter. Where too little motion would be
-    left, they are the rest alone, or 0 if its current is more than friction holds. The command may begin to
-    move at once, as long as it begins slowly.
+    The shaft is held if no model that starts on the command draws the current of an initial rest. The rows
+    are the rest, and the rows after it until the start no longer has an effect. If too little motion would
+    remain, they are the rest alone, or 0 if its current exceeds static friction. The command may move from
+    the first row on if it begins slowly.
     """
     rest, faults = _standing_rows(problem), likely_faults(problem)
     current, certain = current_not_drawn(problem)
@@ -100,42 +104,43 @@ def held_start(problem: Problem) -> HeldStart | None:
     stands = _stands(problem, current, faults)
     if leaves_enough(problem, count):
         return HeldStart(count, current, stands)
-    # After a step friction may hold the shaft elsewhere again, and the start is never forgotten.
-    alone = _friction_holds(problem, current) and leaves_enough(problem, rest - 1)
-    return HeldStart(rest if alone else 0, current, stands)
+    # After a step, friction may hold the shaft at another position, and the effect of the start remains.
+    rest_alone = _friction_holds(problem, current) and leaves_enough(problem, rest - 1)
+    return HeldStart(rest if rest_alone else 0, current, stands)
 
 
 def _stands(problem: Problem, current: float, faults: Array) -> bool:
-    """Return whether models held by friction, or by a load of this `current` [A], are nearer than others.
+    """Return whether models held by friction, or by a load of this `current` [A], fit better than moving.
 
-    Than those that have moved, over the first rows, in which such a shaft would come to rest.
+    They are compared over the first rows, in which a moving shaft would come to rest.
     """
     if problem.start.speed and "speed_rad_s" in problem.measured:
         return False
     rows = min(problem.samples, max(math.ceil(HELD_START.shortest / problem.inputs.interval), 1))
     standing = problem.driving.beginning(0.0, rows)
-    held = min(
-        least_residual(problem, one, 0, rows) for one in _from_starts(problem, standing, current, faults)
+    held_residual = min(
+        least_residual(problem, outputs, 0, rows)
+        for outputs in _from_starts(problem, standing, current, faults)
     )
-    return held <= HELD_START.better * residual_after_motion(problem, rows)
+    return held_residual <= HELD_START.better * residual_after_motion(problem, rows)
 
 
 def _friction_holds(problem: Problem, current: float) -> bool:
-    """Return whether healthy static friction holds the shaft against a `current` [A]: else it is a load's."""
+    """Return whether healthy static friction, and not a load, holds the shaft against a `current` [A]."""
     actuator = problem.actuator
     return abs(current) * actuator.motor.torque_constant <= actuator.mechanics.static_friction
 
 
 def command_stands(problem: Problem) -> bool:
-    """Return whether the command stands at first, for longer than one that begins slowly may seem to."""
+    """Return whether the command initially stands, for longer than a slow beginning could appear to stand."""
     return _is_sure_rest(problem, _standing_rows(problem))
 
 
 def current_not_drawn(problem: Problem) -> tuple[float, bool]:
-    """Return by what the mean current at the start is off that of models which start on the command [A].
+    """Return the deviation [A] of the initial mean current from that of models that start on the command.
 
-    And whether it is farther off than those of models with likely faults are from each other. 0 where it is
-    among these, or the shaft was recorded at a place where none of them stays.
+    The second value states whether the deviation exceeds the range of models with likely faults. The
+    deviation is 0 if the current is within this range, or if no model stays at the recorded position.
     """
     rest, fewest = _standing_rows(problem), _fewest_rows(problem)
     if CURRENT not in problem.channels or not fewest <= problem.samples > rest:
@@ -152,62 +157,66 @@ def current_not_drawn(problem: Problem) -> tuple[float, bool]:
 
 
 def _fewest_rows(problem: Problem) -> int:
-    """Return over how many rows a rest is looked at, at least: more than the sensors are late."""
+    """Return the least number of rows over which a rest is evaluated: more than the delay of the sensors."""
     return HELD_START.fewest + math.ceil(longest_delay(problem) / problem.inputs.interval)
 
 
 def _rows_until_forgotten(
     problem: Problem, rest: int, current: float, faults: Array, *, certain: bool
 ) -> int | None:
-    """Return the rows of a `rest` with a held `current` [A], and of the motion after it that depend on it.
+    """Return the number of rows of a `rest` with a held `current` [A] and of the motion that depends on it.
 
-    None where the rows rather show a start on the command, and the held current is not `certain`.
+    None if the held current is not `certain`, and the rows rather indicate a start on the command.
     """
     moving, lead = _motion_after(problem, rest)
     outputs = _from_starts(problem, moving, current, faults)
-    apart = rows_apart(problem, outputs)
+    differing = rows_apart(problem, outputs)
     if not certain:
-        on, *off = (least_residual(problem, one, rest - lead, max(apart, 1)) for one in outputs)
-        if min(off) > HELD_START.better * on:
+        on_command, *off_command = (
+            least_residual(problem, start, rest - lead, max(differing, 1)) for start in outputs
+        )
+        if min(off_command) > HELD_START.better * on_command:
             return None
     if not shows_side(problem):
-        apart = max(apart, rows_of_unknown_side(problem, moving))
-    return rest + max(apart - lead, 0)
+        differing = max(differing, rows_of_unknown_side(problem, moving))
+    return rest + max(differing - lead, 0)
 
 
 def _motion_after(problem: Problem, rest: int) -> tuple[DrivingSignals, int]:
-    """Return the signals of the motion after the `rest` rows, and how many rows of the rest they begin with.
+    """Return the signals of the motion after `rest` rows, and the number of rows of the rest they begin with.
 
-    From the last rows of the rest on: a model that starts sooner may have crept back to the command.
+    They begin with the last rows of the rest: a model that starts earlier may creep back to the command.
     """
     lead = min(math.ceil(HELD_START.shortest / problem.inputs.interval), rest)
     return motion_after(problem, rest, lead), lead
 
 
 def _is_sure_rest(problem: Problem, rest: int) -> bool:
-    """Return whether a `rest` of this many rows is more than a slow beginning of the motion may look like."""
+    """Return whether a `rest` of this many rows is longer than a slow beginning could appear to stand."""
     return rest >= max(HELD_START.sure / problem.inputs.interval, HELD_START.fewest)
 
 
 def _leaves_its_start(problem: Problem, driving: DrivingSignals, faults: Array) -> bool:
-    """Return whether no model that starts where the shaft was recorded stays there.
+    """Return whether every model that starts at the recorded position moves away from it.
 
-    Then the command had not been reached; the current of a shaft that stays is friction's.
+    In that case the command had not been reached; the current of a shaft that stays is due to friction.
     """
-    off = abs(problem.start.angle - _on_command(problem, driving)) * problem.actuator.mechanics.gear_ratio
-    if not off:
+    distance = (
+        abs(problem.start.angle - _on_command(problem, driving)) * problem.actuator.mechanics.gear_ratio
+    )
+    if not distance:
         return False
     positions = first_rows(problem, driving, problem.start.angle, faults, ("position_rad",))
-    return bool(np.ptp(positions, axis=2).min() > HELD_START.leaves * off)
+    return bool(np.ptp(positions, axis=2).min() > HELD_START.leaves * distance)
 
 
 def _on_command(problem: Problem, driving: DrivingSignals) -> float:
-    """Return the motor's angle on the command at the beginning of the `driving` signals [rad]."""
+    """Return the motor's angle [rad] on the command at the beginning of the `driving` signals."""
     return float(driving.command(np.zeros(1))[0]) / problem.actuator.mechanics.gear_ratio
 
 
 def _standing_rows(problem: Problem) -> int:
-    """Return the rows before the command moves, all of them where it never does."""
+    """Return the number of rows before the command moves; all rows if it never moves."""
     command = problem.measured["command_rad"]
     first = command[: max(round(2 * HELD_START.shortest / problem.inputs.interval), 4 * HELD_START.fewest)]
     least = max(HELD_START.still * float(np.ptp(command)), HELD_START.noise * noise_level(first))
@@ -216,23 +225,24 @@ def _standing_rows(problem: Problem) -> int:
 
 
 def _least_current(problem: Problem, rows: int) -> float:
-    """Return by what the mean current of `rows` must be off a model's to be that of a held shaft [A]."""
+    """Return the least deviation [A] of the mean current of `rows` from a model's that is significant."""
     current = problem.measured[CURRENT]
     error = max(noise_on_most_rows(current) / math.sqrt(rows), HELD_START.resolved * float(current.std()))
     return max(HELD_START.significant * error, problem.counts.get(CURRENT, 0.0) / 2)
 
 
 def _from_starts(problem: Problem, driving: DrivingSignals, current: float, faults: Array) -> list[Array]:
-    """Return the channels (n, channels, rows) of models that start on the command and off it.
+    """Return the channels (n, channels, rows) of models that start on the command and at distances from it.
 
-    Off by what makes them draw about `current` [A] more, and further.
+    At the first distance, they draw about `current` [A] more than on the command; the second distance is
+    larger by the factor `HELD_START.further`.
     """
-    ratio, on = problem.actuator.mechanics.gear_ratio, _on_command(problem, driving)
+    ratio, on_command = problem.actuator.mechanics.gear_ratio, _on_command(problem, driving)
     small = HELD_START.small * float(np.ptp(problem.measured["command_rad"])) / ratio
-    outputs = [first_rows(problem, driving, on + off, faults) for off in (0.0, small)]
+    outputs = [first_rows(problem, driving, on_command + distance, faults) for distance in (0.0, small)]
     problem = at_side(problem, side_of(current))
     stiffness = np.abs(outputs[1] - outputs[0])[:, problem.channels.index(CURRENT)].max() / small
     if not stiffness:
         return outputs
-    starts = [on - off * current / stiffness for off in (1.0, HELD_START.further)]
+    starts = [on_command - factor * current / stiffness for factor in (1.0, HELD_START.further)]
     return [outputs[0], *(first_rows(problem, driving, start, faults) for start in starts)]

@@ -1,9 +1,10 @@
-"""Means over several rows, where the shaft gives: its swing has no information, and hides what has.
+"""Means over several rows for a compliant shaft, whose oscillation hides the effect of faults.
 
-A shaft that hits the edges of its backlash swings with a phase that switching alone changes, so that
-derivatives of single rows scatter more than they are large. Means over some swings have little of it, and
-most of what faults do. On the limits page's compliant shaft, below 150 Hz a fault makes the larger part of
-the current's change and the reference model's switching a tenth; above 300 Hz it is the other way round.
+A shaft that hits the edges of its backlash oscillates with a phase that depends on switching alone: the
+scatter of the derivatives of single rows exceeds the derivatives. Means over some oscillations contain little
+of it and most of the effect of faults. With the compliant shaft of the limits page, a fault causes most of
+its change of the current below 150 Hz, and the reference model's switching a tenth; above 300 Hz the opposite
+holds.
 """
 
 from collections.abc import Mapping
@@ -20,11 +21,11 @@ from emaphm.recording.sensor_checks.resolution import Mask
 
 @dataclass(frozen=True)
 class RowMeansSettings:
-    """How many rows are averaged; `emaphm study run limits` (compliant shafts, calibrated) shows the effect.
+    """Settings of the means; `emaphm study run limits` (compliant shafts, calibrated) measures their effect.
 
-    Rows are averaged over `interval` [s] at most, and at least `rows` remain. With the mild shaft described
-    exactly, random faults had a median error of 1.5 % by rows of 0.2 ms, 1.1, 0.75 and 0.5 % by means over 1,
-    2 and 4 ms (5, 5, 5 and 10 cases).
+    Rows are averaged over at most `interval` [s], and at least `rows` means remain. With an exact description
+    of the mild shaft, random faults had a median error of 1.5 % with rows of 0.2 ms, and of 1.1, 0.75 and
+    0.5 % with means over 1, 2 and 4 ms (5, 5, 5 and 10 cases).
     """
 
     interval: float = 4e-3
@@ -35,9 +36,9 @@ ROW_MEANS = RowMeansSettings()
 
 
 def rows_of_a_mean(problem: Problem) -> int:
-    """Return how many rows of `problem` are averaged: 1 with a rigid shaft, or where rows are instants.
+    """Return the number of rows per mean of `problem`: 1 for a rigid shaft, or if rows are instants.
 
-    A mean of instants is not the mean over their interval that a model would be asked for.
+    A mean of instants differs from the mean over their interval, which the model would be evaluated for.
     """
     if problem.actuator.transmission is None or problem.driving.sampling == "instant":
         return 1
@@ -46,9 +47,9 @@ def rows_of_a_mean(problem: Problem) -> int:
 
 
 def over_swings(problem: Problem) -> Problem:
-    """Return the problem in means over swings of its shaft, as it is where that is rigid.
+    """Return the problem in means over oscillations of its shaft; unchanged for a rigid shaft.
 
-    What drives the model is still known at every row; rows at the end that fill no mean are left out.
+    The driving signals are still used at every row; rows at the end that do not fill a mean are left out.
     """
     count = rows_of_a_mean(problem)
     if count == 1:
@@ -74,12 +75,12 @@ def over_swings(problem: Problem) -> Problem:
 
 
 def notes_on_means(problem: Problem) -> tuple[str, ...]:
-    """Return a note where means of a recording's rows are compared; none where its rows are."""
+    """Return a note if means of a recording's rows are compared, otherwise no note."""
     count = problem.averaged_rows
     if count == 1:
         return ()
     over_ms = 1e3 * problem.inputs.interval
-    why = "the shaft gives, and its swing hides faults"
+    why = "the oscillation of the compliant shaft hides faults"
     return (f"compared in means of {count} rows, over {over_ms:.3g} ms: {why}",)
 
 
@@ -89,7 +90,7 @@ def mean_rows(values: Array, count: int) -> Array:
 
 
 def masks_of_means(masks: Mapping[str, Mask], problem: Problem) -> dict[str, Mask]:
-    """Return which rows of `problem` a mask (samples,) by channel of the recording's rows touches."""
+    """Return masks of the means of `problem` that contain a masked row of the recording, by channel."""
     shape = problem.samples, problem.averaged_rows
     used = shape[0] * shape[1]
     return {name: np.asarray(mask[:used].reshape(shape).any(axis=1)) for name, mask in masks.items()}

@@ -1,9 +1,9 @@
-"""Rows at the start of a recording that was cut within a motion, whose beginning nothing recorded shows.
+"""Rows at the start of a recording that begins within a motion, if no recorded channel shows its start.
 
-Without a position a model starts on the command, and without a speed at rest; a coarse position shows no
-speed. Where the command moves in the first row already, or has just turned or stopped, the shaft does not
-rest on it: it moves, and lags behind. The loop forgets that within some tens of milliseconds; until then the
-model is wrong whatever the faults.
+Without a position the model starts on the command, without a speed at rest; a coarse position shows no speed.
+If the command already moves in the first row, or has just reversed or stopped, the shaft does not rest on the
+command: it moves and lags behind. The transient of the control loop lasts some tens of milliseconds; during
+this time the model is wrong for all faults.
 """
 
 import math
@@ -30,24 +30,25 @@ from emaphm.recording.noise import noise_on_most_rows
 
 @dataclass(frozen=True)
 class MovingStartSettings:
-    """When a recording starts within a motion, and which rows are then not compared.
+    """Settings of the detection of a start within a motion, and of the rows left out.
 
-    The command moves in the first row if its rate there is above `moving` times the rms of its rate, and
-    above `significant` standard errors. That is the rate at the start of a parabola through three blocks of
-    rows, as many as the noise asks for, up to `window` [s]; from the first block to the second the command
-    must move by `alike` times as much as this rate says, or it stands at first, and moves then.
+    The command moves in the first row if its rate there exceeds `moving` times its rms rate and `significant`
+    standard errors. The rate is that at the start of a parabola through three blocks of rows, whose length
+    depends on the noise, up to `window` [s]. The rate from the first to the second block must be within the
+    range `alike` of this rate, relative to it; otherwise the command stands at first and moves later.
 
     The motion before the recording is simulated over `lead` [s] of the command, extended backwards by a
-    parabola through the first `window`, and by lines: at the rate of the first row, and at the opposite one,
-    as it may just have turned. Where it does not move, at the shares `stopped` of the rms of its rate. Where
-    it moves, models from rest must leave less than `rest` times the rms residual that they leave with any
-    motion before, if the recording is to start at rest; where it does not, the other way round. Residuals are
-    those of the first rows, over `shows` [s]: later ones show less of the start, and more of other faults
-    than these models have. Of 200 recordings from rest with random faults (base setting) 11 seemed to move by
-    20 ms of them, none by 5.
+    parabola through the first `window`, and by two lines: with the rate of the first row, and with the
+    opposite rate, because the command may just have reversed. If it does not move in the first row, the lines
+    have the shares `stopped` of its rms rate. If it moves, the recording counts as starting at rest only if
+    models from rest have less than `rest` times the rms residual of models with any motion before; if it does
+    not move, models with a motion must have less than `rest` times the residual of models from rest.
+    Residuals are evaluated over the first `shows` [s]: later rows contain less of the start and more of the
+    other faults. Of 200 recordings from rest with random faults (base setting), 11 seemed to move according
+    to the first 20 ms, none according to the first 5 ms.
 
-    Rows are left out while they differ, up to `most` of all rows. They are compared over `longest` [s] at
-    most, and where the command does not move over `FIRST_MOTION.longest`.
+    Rows are left out while the models differ, up to `most` of all rows. The models are compared over at most
+    `longest` [s], or over `FIRST_MOTION.longest` if the command does not move.
     """
 
     window: float = 0.01
@@ -66,15 +67,15 @@ MOVING_START = MovingStartSettings()
 
 
 def command_moves(problem: Problem) -> bool:
-    """Return whether the command moves in the first row already.
+    """Return whether the command already moves in the first row.
 
-    One that stands for a row and then moves does not, nor one that begins as smoothly as a square.
+    A command that stands for a row and then moves does not, nor does one that begins quadratically.
     """
     return first_rate(problem) != 0.0
 
 
 def first_rate(problem: Problem) -> float:
-    """Return the rate of the command from the first row on [rad/s], 0 where it does not move there."""
+    """Return the rate of the command [rad/s] from the first row on, 0 if it does not move there."""
     command, interval = problem.measured["command_rad"], problem.inputs.interval
     jumps = _jumps_of(problem)
     if _jump_at_once(jumps):
@@ -83,30 +84,31 @@ def first_rate(problem: Problem) -> float:
     noise = max(noise_on_most_rows(command), visible_count(command) / ROUNDING)
     most = max(1, min(round(MOVING_START.window / interval), command.size) // 3)
     for rows in range(1, most + 1):
-        # Of a block, a mean over its rows; the rate at the start is (-3, 4, -1) / 2 times the blocks.
+        # Each block is a mean over its rows; the rate at the start is (-3, 4, -1) / 2 times the blocks.
         error = MOVING_START.significant * noise * (26 / rows) ** 0.5 / (2 * rows * interval)
         if error <= least or rows == most:
             break
     first, second, third = command[: 3 * rows].reshape(3, rows).mean(axis=1)
-    begins = (4 * second - third - 3 * first) / (2 * rows * interval)
+    rate_at_start = (4 * second - third - 3 * first) / (2 * rows * interval)
     rate = (second - first) / (rows * interval)
-    if abs(begins) <= max(least, error):
+    if abs(rate_at_start) <= max(least, error):
         return 0.0
     low, high = MOVING_START.alike
-    return float(rate) if low <= rate / begins <= high else 0.0
+    return float(rate) if low <= rate / rate_at_start <= high else 0.0
 
 
 def _jump_at_once(jumps: Jumps) -> bool:
-    """Return whether the command jumps in the first row: then it shows what the shaft follows."""
+    """Return whether the command jumps in the first row: the recording then shows the start of the motion."""
     return bool(np.any(jumps.before == 0))
 
 
 def _jumps_of(problem: Problem) -> Jumps:
+    """Return the jumps of the command."""
     return Jumps.of(problem.measured["command_rad"], means=problem.driving.sampling == "mean")
 
 
 def _usual_rate(problem: Problem, jumps: Jumps) -> float:
-    """Return the rms of the command's rate where it does not jump [rad/s]."""
+    """Return the rms rate [rad/s] of the command outside its jumps."""
     rates = np.diff(problem.measured["command_rad"]) / problem.inputs.interval
     for before, after in zip(jumps.before, jumps.after, strict=True):
         rates[before:after] = 0.0
@@ -114,7 +116,7 @@ def _usual_rate(problem: Problem, jumps: Jumps) -> float:
 
 
 def first_motion(problem: Problem) -> tuple[float, float]:
-    """Return rate and acceleration of the command at the start [rad/s, rad/s²]."""
+    """Return the rate [rad/s] and the acceleration [rad/s²] of the command at the start."""
     window = max(MOVING_START.window, 3 * problem.inputs.interval)
     times = np.linspace(0.0, window, 21)
     values = problem.driving.command(times)
@@ -124,11 +126,12 @@ def first_motion(problem: Problem) -> tuple[float, float]:
 
 
 def rows_of_moving_start(problem: Problem, *, moves: bool) -> tuple[int, float]:
-    """Return how many rows at the start depend on the motion before it, and at which side of the gap it was.
+    """Return the number of first rows that depend on the motion before, and the motor's side of the gap.
 
-    0 rows where the recording starts from rest. Of one that does not show its start
-    (`emaphm.estimation.initial_state.shows_start`). Where the command does not move there (`command_moves`),
-    models in motion must be nearer by `MOVING_START.rest`; where it `moves`, those from rest.
+    The number is 0 if the recording starts from rest. This applies to recordings that do not show their start
+    (`emaphm.estimation.initial_state.shows_start`). `moves` states whether the command moves there
+    (`command_moves`): if so, models from rest must fit better by the factor `MOVING_START.rest` to be
+    accepted; otherwise models in motion must.
     """
     faults = likely_faults(problem)
     if not moves and (_jump_at_once(_jumps_of(problem)) or _rest_leaves_noise(problem, faults)):
@@ -144,31 +147,32 @@ def rows_of_moving_start(problem: Problem, *, moves: bool) -> tuple[int, float]:
     if not count:
         return 0, 0.0
     shown = min(count, _shown_rows(problem))
-    left = [least_residual(problem, one, 0, shown) for one in moving]
+    moving_residuals = [least_residual(problem, outputs, 0, shown) for outputs in moving]
+    rest_residual = min(least_residual(problem, outputs, 0, shown) for outputs in at_rest)
     share = MOVING_START.rest if moves else 1 / MOVING_START.rest
-    if min(least_residual(problem, one, 0, shown) for one in at_rest) <= share * min(left):
+    if rest_residual <= share * min(moving_residuals):
         return 0, 0.0
-    side = side_of(motions[int(np.argmin(left))][0])
+    side = side_of(motions[int(np.argmin(moving_residuals))][0])
     return min(count, int(MOVING_START.most * problem.samples)), side
 
 
 def _shown_rows(problem: Problem) -> int:
-    """Return the number of first rows that show the start: a sensor shows it after its delay."""
+    """Return the number of first rows that contain the start, including the delay of the sensors."""
     seconds = MOVING_START.shows + longest_delay(problem)
     return min(problem.samples, max(1, math.ceil(seconds / problem.inputs.interval)))
 
 
 def _rest_leaves_noise(problem: Problem, faults: Array) -> bool:
-    """Return whether models from rest leave so little of the first rows that none in motion can be nearer."""
+    """Return whether models from rest are so near to noise that models in motion cannot fit better."""
     rows = _shown_rows(problem)
-    left = min(least_residual(problem, one, 0, rows) for one in _from_rest(problem, rows, faults))
-    return left <= noise_residual(problem) / MOVING_START.rest
+    residual = min(least_residual(problem, outputs, 0, rows) for outputs in _from_rest(problem, rows, faults))
+    return residual <= noise_residual(problem) / MOVING_START.rest
 
 
 def _from_rest(problem: Problem, rows: int, faults: Array) -> list[Array]:
-    """Return the channels (n, channels, rows) of models that rest: where the position shows, on the command.
+    """Return the channels (n, channels, rows) of models at rest at the recorded position and on the command.
 
-    A position may show the zero error of its sensor, and the shaft rest on the command all the same.
+    A deviation of the recorded position from the command may be the zero error of its sensor.
     """
     driving = problem.driving.beginning(0.0, rows)
     on_command = float(driving.command(np.zeros(1))[0]) / problem.actuator.mechanics.gear_ratio
@@ -176,7 +180,7 @@ def _from_rest(problem: Problem, rows: int, faults: Array) -> list[Array]:
 
 
 def residual_after_motion(problem: Problem, rows: int) -> float:
-    """Return the least rms residual over the first `rows` of models that have moved before the recording."""
+    """Return the least rms residual over the first `rows` of models with a motion before the recording."""
     faults = likely_faults(problem)
     return min(
         least_residual(problem, _after_motion(problem, motion, rows, faults), 0, rows)
@@ -185,13 +189,13 @@ def residual_after_motion(problem: Problem, rows: int) -> float:
 
 
 def motions_before(problem: Problem) -> list[tuple[float, float]]:
-    """Return rates [rad/s] and accelerations [rad/s²] that the command may have had before the recording."""
+    """Return possible rates [rad/s] and accelerations [rad/s²] of the command before the recording."""
     rate = first_rate(problem)
     rates = [rate]
     if not rate:
         usual = _usual_rate(problem, _jumps_of(problem))
         rates = [share * usual for share in MOVING_START.stopped]
-    return [first_motion(problem), *((way * one, 0.0) for one in rates for way in (1.0, -1.0))]
+    return [first_motion(problem), *((sign * size, 0.0) for size in rates for sign in (1.0, -1.0))]
 
 
 def _after_motion(problem: Problem, motion: tuple[float, float], rows: int, faults: Array) -> Array:
@@ -204,7 +208,7 @@ def _after_motion(problem: Problem, motion: tuple[float, float], rows: int, faul
 def _with_motion_before(
     problem: Problem, motion: tuple[float, float], lead: int, rows: int
 ) -> tuple[DrivingSignals, float]:
-    """Return the signals with `lead` rows of a `motion` before `rows`, and the motor's angle [rad] there."""
+    """Return the signals with `lead` rows of a `motion` before `rows`, and the motor's first angle [rad]."""
     begin = lead * problem.inputs.interval
     position, (rate, acceleration) = float(problem.driving.command(np.zeros(1))[0]), motion
     lowest, highest = problem.actuator.mechanics.end_stops or (-np.inf, np.inf)

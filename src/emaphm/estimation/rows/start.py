@@ -1,4 +1,4 @@
-"""What of the start of a recording is not known: a motion before it, or where friction holds the shaft."""
+"""Unknown start of a recording: a motion before it, or a position at which friction holds the shaft."""
 
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.begun_step import rows_of_begun_step
@@ -15,16 +15,17 @@ from emaphm.estimation.rows.unknown_start import FROM_REST, Start, UnknownStart
 
 
 def unknown_start(problem: Problem, *, shown: bool) -> UnknownStart:
-    """Return what of the start is not known; where the command moves, it is if the recording has `shown` it.
+    """Return the unknown part of the start.
 
-    As `emaphm.estimation.initial_state.shows_start` says.
+    `shown` states whether the recording determines position and speed at its start
+    (`emaphm.estimation.initial_state.shows_start`); with a moving command, the start is then known.
     """
     interval, moves = problem.inputs.interval, command_moves(problem)
     if moves and not shown:
         rows, side = rows_of_moving_start(problem, moves=moves)
         if rows:
             return UnknownStart(rows, rows * interval, "motion", side)
-    # Where the command stands friction stops the shaft, by chance: that it moves at first shows too little.
+    # With a constant command, friction stops the shaft at a random position: an initial speed is not enough.
     stands = command_stands(problem)
     known = shown and (moves or (problem.start.speed != 0.0 and not stands))
     held = None if known else held_start(problem)
@@ -45,9 +46,9 @@ def unknown_start(problem: Problem, *, shown: bool) -> UnknownStart:
 
 
 def _shown_motion(problem: Problem) -> UnknownStart:
-    """Return what is not known where the recording shows how the user moves: the motor's side of the gap.
+    """Return the unknown part of a start whose motion of the user is known: the motor's side of the gap.
 
-    After a turn it crosses the gap, and the user stands.
+    After a reversal the motor crosses the gap while the user stands.
     """
     gap = side_of(problem.start.speed)
     if gap and has_crossed_gap(problem, first_motion(problem)[1]):

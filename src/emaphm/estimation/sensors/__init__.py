@@ -1,1 +1,1 @@
-"""Sensors between a model and its recording: as described, their unknown errors, channels exchanged."""
+"""Sensors between a model and its recording: described errors, unknown errors, exchanged channels."""

@@ -1,4 +1,4 @@
-"""Channels that stand under each other's names, by a replay of the healthy actuator."""
+"""Detection of two channels with exchanged names, by a replay of the healthy actuator."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,11 +16,12 @@ from emaphm.simulation import Model
 
 @dataclass(frozen=True)
 class SwapSettings:
-    """When two channels count as exchanged.
+    """Limits at which two channels count as exchanged.
 
-    Faults change the signals of an actuator, but not into those of another sensor: exchanged, both come
-    nearer to the model, to `nearer` times their distances in sum, and one to less than `nearest` of the
-    model's rms. Large faults keep a current farther away than that.
+    Faults change the signals of an actuator, but not into those of another sensor. Two channels count as
+    exchanged if the exchange reduces the sum of their distances from the model to less than `nearer` times,
+    and one distance to less than `nearest` of the model's rms. With large faults, the distance of a current
+    is larger than that.
     """
 
     nearer: float = 0.45
@@ -31,36 +32,36 @@ SWAP = SwapSettings()
 
 
 def with_channels_exchanged(checked: CheckedRecording, actuator: Actuator, model: Model) -> CheckedRecording:
-    """Return a recording with two channels exchanged that stand under each other's names, and the finding.
+    """Return the recording with two wrongly named channels exchanged, and the finding.
 
-    So are their rows that are not to be compared; findings keep the names that the channels had. Unchanged
-    where none do, or where less than two channels can be compared.
+    The rows that are not compared are exchanged, too; findings keep the original names. The recording is
+    returned unchanged if no channels are exchanged, or if fewer than two channels can be compared.
     """
     problem = problem_of(checked.recording, actuator, model, channels=None)
     if len(problem.channels) < 2:
         return checked
     modelled = problem.predict(HEALTHY.vector[np.newaxis])[0]
     measured = [problem.measured[name] for name in problem.channels]
-    pair = _exchanged(measured, list(modelled))
+    pair = _exchanged_pair(measured, list(modelled))
     if pair is None:
         return checked
     a, b = (problem.channels[i] for i in pair)
     sentence = (
-        f"{a} and {b} are in each other's place: they follow the model exchanged, and were exchanged. "
-        "Check the names under [channels]"
+        f"{a} and {b} are in each other's place: they agree with the model after an exchange, and were "
+        "exchanged. Check the names under [channels]"
     )
     swapped = {**problem.measured, a: problem.measured[b], b: problem.measured[a]}
     finding = SensorFinding(f"{a} and {b}", "swapped", 2.0, "channels", sentence)
-    other = {a: b, b: a}
+    exchanged = {a: b, b: a}
     return CheckedRecording(
         checked.recording.with_channels(swapped, [sentence]),
-        {other.get(name, name): rows for name, rows in checked.unusable.items()},
+        {exchanged.get(name, name): rows for name, rows in checked.unusable.items()},
         (*checked.findings, finding),
     )
 
 
-def _exchanged(measured: Sequence[Array], modelled: Sequence[Array]) -> tuple[int, int] | None:
-    """Return the pair of signals that fit the model exchanged, the best where several do."""
+def _exchanged_pair(measured: Sequence[Array], modelled: Sequence[Array]) -> tuple[int, int] | None:
+    """Return the pair of signals that fit the model when exchanged, the best pair of several."""
 
     def distance(i: int, j: int) -> float:
         size = rms(modelled[j] - modelled[j].mean())
@@ -68,7 +69,7 @@ def _exchanged(measured: Sequence[Array], modelled: Sequence[Array]) -> tuple[in
 
     fits = {}
     for i, j in combinations(range(len(measured)), 2):
-        own, crossed = (distance(i, i), distance(j, j)), (distance(i, j), distance(j, i))
-        if min(crossed) < SWAP.nearest and sum(crossed) < SWAP.nearer * sum(own):
-            fits[i, j] = sum(crossed) / sum(own)
+        named, crossed = (distance(i, i), distance(j, j)), (distance(i, j), distance(j, i))
+        if min(crossed) < SWAP.nearest and sum(crossed) < SWAP.nearer * sum(named):
+            fits[i, j] = sum(crossed) / sum(named)
     return min(fits, key=lambda pair: fits[pair]) if fits else None

@@ -1,4 +1,4 @@
-"""What ideal sensors would have shown: a recording without the errors that its sensors are described with."""
+"""Compensation of described sensor errors: the recording that ideal sensors would have given."""
 
 import math
 
@@ -11,17 +11,17 @@ from emaphm.estimation.sensors.sensor_model import shifted, true_values
 from emaphm.recording import Recording
 
 LEAST_ROWS = 4
-"""Rows that a delay has to leave: a cubic goes through them."""
+"""Least number of rows after the compensation of a delay: the interpolation is cubic."""
 
 
 def as_by_ideal_sensors(recording: Recording, actuator: Actuator) -> Recording:
-    """Return a recording as ideal sensors would have shown it, but for noise and rounding.
+    """Return the recording that ideal sensors would have given, except for noise and rounding.
 
         x(t) = z(t + d) + T dz/dt(t + d),   z = (y - o) / (1 + s)
 
-    with the described lag T, delay d, scale s and zero o of each sensor. The differences that undo a lag
-    raise the noise: a low-pass has to follow. Channels of which only the magnitude was recorded are left out,
-    and so are the last rows, which a delayed channel does not show.
+    with the described lag T, delay d, scale s and zero o of each sensor. Differences compensate a lag and
+    increase the noise: a low-pass has to follow. Channels of which only the magnitude was recorded are left
+    out. The last rows are also left out, because delayed channels do not contain their values.
 
     Raises
     ------
@@ -42,8 +42,8 @@ def as_by_ideal_sensors(recording: Recording, actuator: Actuator) -> Recording:
     for name, sensor in sensors.items():
         if sensor.unsigned:
             continue
-        shown = np.unwrap(recording[name]) if name == "angle_rad" else recording[name]
-        values = true_values(shown, name, actuator)
+        recorded = np.unwrap(recording[name]) if name == "angle_rad" else recording[name]
+        values = true_values(recorded, name, actuator)
         if sensor.lag:
             values = values + sensor.lag * np.gradient(values, interval)
         channels[name] = shifted(values[np.newaxis], interval, np.array([-sensor.delay]))[0, :rows]

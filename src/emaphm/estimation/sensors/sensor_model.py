@@ -1,4 +1,4 @@
-"""What the sensors make of a model's signals: as the actuator describes them, and their unknown errors."""
+"""Sensor models: described sensors and unknown sensor errors, applied to a model's signals."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,27 +15,27 @@ SENSOR_CHANNELS = {
     "position": ("position_rad",),
     "speed": ("speed_rad_s",),
 }
-"""The channels whose sensors may have unknown errors, by the quantity that they measure."""
+"""The channels whose sensors may have unknown errors, by measured quantity."""
 
 ERROR_KINDS = ("scale", "offset", "drift", "delay")
-"""Errors of one sensor; a nuisance is named after quantity and kind, such as `voltage_scale`."""
+"""Errors of a sensor; the name of a nuisance consists of quantity and kind, for example `voltage_scale`."""
 
 COMMON_DELAY = "delay"
-"""The nuisance that all sensed channels are late by, against the command."""
+"""The nuisance of a common delay of all sensed channels relative to the command."""
 
 
 def as_described(signal: Array, channel: str, actuator: Actuator, interval: float) -> Array:
-    """Return a model's signal as the described sensor of its channel shows it, but for noise and rounding.
+    """Return a model's signal after the described sensor of its channel, without noise and rounding.
 
-    Noise is random, and rounding has no derivatives: both belong to the residual (`described_noise`), and
-    where a recording shows counts, these to the discrepancy of the models (`counts`).
+    Noise is random, and rounding has no derivatives: both are part of the residual (`described_noise`). For
+    channels with visible counts, rounding is part of the discrepancy of the models (`counts`).
 
     Parameters
     ----------
     signal
-        Of the channel, shape (…, samples), in its unit.
+        Signal of the channel, shape (…, samples), in its unit.
     interval
-        Between rows [s].
+        Time between rows [s].
 
     Raises
     ------
@@ -46,33 +46,33 @@ def as_described(signal: Array, channel: str, actuator: Actuator, interval: floa
 
 
 def all_as_described(signals: Array, channels: Sequence[str], actuator: Actuator, interval: float) -> Array:
-    """Return a model's signals of the `channels`, (n, channels, samples), as their sensors show them."""
+    """Return a model's signals of the `channels`, (n, channels, samples), after their described sensors."""
     if all(actuator.sensors.of(name) == IDEAL for name in channels):
         return signals
-    shown = [as_described(signals[:, i], name, actuator, interval) for i, name in enumerate(channels)]
-    return np.stack(shown, axis=1)
+    described = [as_described(signals[:, i], name, actuator, interval) for i, name in enumerate(channels)]
+    return np.stack(described, axis=1)
 
 
 def true_values(values: Array, channel: str, actuator: Actuator) -> Array:
-    """Return `values` (samples,) of a recorded channel less the described errors of its scale and zero."""
+    """Return `values` (samples,) of a recorded channel without the described errors of its scale and zero."""
     sensor = actuator.sensors.of(channel)
     return without_static_errors(values, sensor.scale, sensor.offset) if sensor != IDEAL else values
 
 
 def described_noise(channel: str, actuator: Actuator) -> float | None:
-    """Return the rms of noise and rounding that a channel's sensor is described with, None without."""
+    """Return the described rms of noise and rounding of a channel's sensor, None if none is described."""
     return actuator.sensors.of(channel).noise_variance ** 0.5 or None
 
 
 def sensor_of(channel: str) -> str | None:
-    """Return the quantity that a channel's sensor measures, None where no unknown errors are known of it."""
+    """Return the quantity that a channel's sensor measures, None if it cannot have unknown errors."""
     return next((quantity for quantity, channels in SENSOR_CHANNELS.items() if channel in channels), None)
 
 
 def sensor_error(name: str) -> tuple[str, str] | None:
-    """Return the quantity and the kind of the error that nuisance `name` is, None for any other nuisance.
+    """Return quantity and kind of the sensor error of nuisance `name`, None if it is not a sensor error.
 
-    The quantity of the delay that all channels have in common is "all".
+    The quantity of the common delay of all channels is "all".
     """
     if name == COMMON_DELAY:
         return "all", "delay"
@@ -81,7 +81,7 @@ def sensor_error(name: str) -> tuple[str, str] | None:
 
 
 def error_kind(name: str) -> str:
-    """Return the kind of the sensor's error that nuisance `name` is, nothing for any other nuisance."""
+    """Return the kind of the sensor error of nuisance `name`, an empty string if it is not a sensor error."""
     return (sensor_error(name) or ("", ""))[1]
 
 
@@ -92,24 +92,24 @@ def with_unknown_errors(
     measured: Mapping[str, Array],
     interval: float,
 ) -> Array:
-    """Return a model's signals with errors of the sensors that are being estimated.
+    """Return a model's signals with the sensor errors that are estimated.
 
         y(t) = (1 + s) x(t - d) + o + r t / T
 
-    with T the duration, r the drift over it. Rows that an early channel takes from beyond the end are as
-    measured: the model says nothing of them.
+    with the duration T and the drift r over it. With a negative delay, rows from beyond the end are replaced
+    by the measured rows, because the model has no values there.
 
     Parameters
     ----------
     signals
         x of the `channels`, shape (n, channels, samples), each in its unit; changed in place.
     nuisances
-        Values (n,) by name: s relative, o and r in the channel's unit, d in s; those without a sensor error
-        are left out.
+        Values (n,) by name: s relative, o and r in the channel's unit, d in s; nuisances that are no sensor
+        errors are ignored.
     measured
-        Signals (samples,) by channel; one that was not measured keeps its last value beyond the end.
+        Measured signals (samples,) by channel; a channel without one keeps its last value beyond the end.
     interval
-        Between rows [s].
+        Time between rows [s].
     """
     if not any(sensor_error(name) for name in nuisances):
         return signals
@@ -137,13 +137,14 @@ def with_unknown_errors(
 
 
 def shifted(signal: Array, interval: float, delay: Array) -> Array:
-    """Return a signal (n, samples) later by `delay` (n,) [s], of either sign.
+    """Return a signal (n, samples) delayed by `delay` (n,) [s], of either sign.
 
-    Cubic between the rows; at rest before the first one, and beyond the one that would follow the last.
+    Interpolation is cubic; the signal is constant before its first row, and after the row that a parabola
+    predicts to follow its last row.
     """
     rows = signal.shape[-1]
     ahead = int(np.ceil(max(-float(np.min(delay)), 0.0) / interval))
-    # What follows the last row is the same whatever the other delays are: a parabola's next, then at rest.
+    # The row after the last one must not depend on the other delays: a parabola's next value, then constant.
     after = 3 * (signal[:, -1:] - signal[:, -2:-1]) + signal[:, -3:-2]
     longer = np.concatenate([signal, np.repeat(after, ahead + 1, axis=1)], axis=1)
     return delayed(longer, interval, delay + ahead * interval)[:, ahead : ahead + rows]

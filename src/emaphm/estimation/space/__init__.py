@@ -1,1 +1,1 @@
-"""The space that a search is in: faults, nuisances, and what deviates of the unit."""
+"""Parameter space of a search: faults, nuisances, and deviations of the unit's parameters."""

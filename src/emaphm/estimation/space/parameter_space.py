@@ -1,4 +1,4 @@
-"""The coordinates that an estimator works in: which faults an actuator can show, and their bounds."""
+"""Coordinates of an estimator: the faults that an actuator can have, and their bounds."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -23,12 +23,12 @@ SHORTS = NAMES[2:5]
 ECCENTRICITY = NAMES[5:7]
 
 PRIOR_DEVIATION = 1 / 12**0.5
-"""Of a component that may be anywhere in [0, 1]; the friction's, which may be less, is taken as much."""
+"""Standard deviation of a component that is uniform in [0, 1]; also used for friction, which may be less."""
 
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Bounds of an estimate, shape (d,) each; `project` takes any point (n, d) to the nearest allowed one."""
+    """Bounds of an estimate, shape (d,) each; `project` moves points (n, d) to the nearest allowed points."""
 
     lower: Array
     upper: Array
@@ -43,8 +43,8 @@ class ParameterSpace(Box):
     """The faults that can be estimated, the eccentricity as k6 (cos phi, sin phi) inside the unit circle.
 
     `columns` are the estimated columns of a vector in estimator coordinates (see
-    `emaphm.actuator.faults.CARTESIAN_NAMES`); `fixed` says for every other component why it is taken
-    as healthy. The last coordinates of a point are those of the `nuisances`.
+    `emaphm.actuator.faults.CARTESIAN_NAMES`); `fixed` states for every other component the reason why it is
+    assumed to be healthy. The last coordinates of a point are those of the `nuisances`.
     """
 
     columns: tuple[int, ...]
@@ -55,9 +55,9 @@ class ParameterSpace(Box):
     def of(
         cls, actuator: Actuator, nuisances: NuisanceSet = NO_NUISANCES, *, below_healthy: bool = True
     ) -> Self:
-        """Return the space of the faults that `actuator` can show, and of `nuisances`.
+        """Return the space of the faults that `actuator` can have, and of `nuisances`.
 
-        Without `below_healthy` the friction is healthy at least, as in the thesis.
+        Without `below_healthy`, friction is at least healthy, as in the thesis.
         """
         fixed = absent_faults(actuator)
         columns = tuple(i for i, name in enumerate(NAMES) if name not in fixed)
@@ -74,7 +74,7 @@ class ParameterSpace(Box):
 
     @classmethod
     def healthy(cls, nuisances: NuisanceSet) -> Self:
-        """Return the space of the `nuisances` alone, of a unit that is known to have no fault."""
+        """Return the space of the `nuisances` alone, for a unit that is known to be healthy."""
         return cls(-nuisances.widest, nuisances.widest, (), {}, nuisances)
 
     @property
@@ -89,7 +89,7 @@ class ParameterSpace(Box):
 
     @property
     def prior_deviations(self) -> Array:
-        """The standard deviation of each coordinate before the data, shape (d,)."""
+        """The prior standard deviation of each coordinate, shape (d,)."""
         return np.concatenate([np.full(len(self.columns), PRIOR_DEVIATION), self.nuisances.priors])
 
     def project(self, points: Array) -> Array:
@@ -120,19 +120,19 @@ class ParameterSpace(Box):
         return np.concatenate([cartesian, unknown], axis=-1)
 
     def carried_over(self, point: Array, space: "ParameterSpace") -> Array:
-        """Return the coordinates (d,) here of a `point` of another `space`: nominal where that lacks them."""
+        """Return the coordinates (d,) of a `point` of another `space`; missing coordinates are nominal."""
         values = dict(zip(space.coordinates, point.tolist(), strict=True))
         nominal = dict(zip(self.nuisances.names, self.nuisances.nominal.tolist(), strict=True))
         return np.array([values.get(name, nominal.get(name, 0.0)) for name in self.coordinates])
 
     def nuisance_values(self, points: ArrayLike) -> dict[str, Array]:
-        """Return the values (n,) of what the nuisances mean at `points` (n, d), each in its own unit."""
+        """Return the values (n,) of the nuisances' quantities at `points` (n, d), each in its own unit."""
         return self.nuisances.values(np.asarray(points, float)[:, len(self.columns) :])
 
     def prior_transform(self, unit: ArrayLike) -> Array:
-        """Return points (n, d) for `unit` (n, d) in [0, 1]: faults evenly there, nuisances as their priors.
+        """Return points (n, d) for `unit` (n, d) in [0, 1]: uniform faults, nuisances with normal priors.
 
-        A prior as wide as the bounds is cut there. Frictions below healthy are left to descents.
+        A prior as wide as the bounds is truncated there. Friction below healthy is left to descents.
         """
         shares = np.asarray(unit, float)
         faults = np.tile(HEALTHY.vector, (len(shares), 1))

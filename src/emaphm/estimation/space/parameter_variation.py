@@ -1,6 +1,7 @@
-"""How the physical parameters of one unit may deviate from its description: free, or as far as that is known.
+"""Deviations of the physical parameters of a unit from its description: free, or with a known covariance.
 
-A deviation is relative (of the logarithm) for what is positive, in its own unit for a constant load.
+A deviation is relative (a difference of logarithms) for positive parameters, and in the parameter's own unit
+for signed parameters such as a constant load.
 """
 
 import math
@@ -18,34 +19,35 @@ from emaphm.arrays import Array
 from emaphm.errors import MethodError
 
 WIDEST_FACTOR = 30.0
-"""A parameter is sought within this factor of the description's value, either way."""
+"""Factor on the description's value, in either direction, that bounds the search for a parameter."""
 
 START_FACTOR = 3.0
-"""A description's values are right within this factor, or so."""
+"""Approximate factor within which the description's values are correct."""
 
 PRESLIDING = ("presliding_stiffness", "presliding_damping")
 SPEEDS = ("stribeck_speed", "transition_speed")
-"""Speeds of the friction laws, which the rest of a description does not imply."""
+"""Speeds of the friction laws, which the other parameters of a description do not imply."""
 
 WIDE = (*SPEEDS, *PRESLIDING, "stiffness", "current_lag", "source_resistance", "voltage_drop")
 """Parameters of optional laws whose size a description does not imply."""
 
 WIDE_START_FACTOR = 20.0
-"""A search for them starts within this factor of a law's usual value, or so."""
+"""Approximate factor on a law's usual value within which a search for these parameters starts."""
 
 REACH = 4.0
-"""Bound of what is known, in standard deviations."""
+"""Bound of a parameter with a known standard deviation, in standard deviations."""
 
 LEAST_DEVIATION = 1e-3
-"""A direction in which a baseline is known better, relative, counts as known: a search resolves no less."""
+"""Relative standard deviation of a direction of a baseline below which it counts as known: the resolution of
+a search."""
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterVariation:
-    """Parameters that may deviate, and the coordinates that they do so in.
+    """Parameters that may deviate, and the coordinates of their deviations.
 
-    `axes`, (parameters, q), is what a unit of each coordinate makes of each deviation. `priors`, (q,), is
-    the standard deviation of each coordinate before the data, `widest`, (q,), its bound.
+    `axes`, (parameters, q), is the deviation of each parameter per unit of each coordinate. `priors`, (q,),
+    is the prior standard deviation of each coordinate, `widest`, (q,), its bound.
     """
 
     parameters: tuple[str, ...]
@@ -55,20 +57,22 @@ class ParameterVariation:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names, (q,): the parameter's where a coordinate alone varies it, and nothing else; else numbers."""
+        """Names, (q,): the parameter's name for a coordinate of exactly one parameter, otherwise a number."""
         acting = self.axes != 0
-        alone = acting & (acting.sum(axis=0) == 1) & (acting.sum(axis=1, keepdims=True) == 1)
-        named = enumerate(alone.T, 1)
-        return tuple(self.parameters[int(one.argmax())] if one.any() else str(i) for i, one in named)
+        one_to_one = acting & (acting.sum(axis=0) == 1) & (acting.sum(axis=1, keepdims=True) == 1)
+        columns = enumerate(one_to_one.T, 1)
+        return tuple(
+            self.parameters[int(column.argmax())] if column.any() else str(i) for i, column in columns
+        )
 
     @classmethod
     def free(cls, actuator: Actuator, names: tuple[str, ...]) -> Self:
-        """Return `names` as coordinates of their own, of which next to nothing is known.
+        """Return `names` as independent coordinates with hardly any prior information.
 
         Raises
         ------
         MethodError
-            A name is unknown or needs a section that the actuator lacks, or its value is 0.
+            A name is unknown or needs a section that the actuator does not have, or its value is 0.
         """
         for name, value in lumped_parameters(actuator, names).items():
             if value <= 0 and name not in SIGNED:
@@ -80,19 +84,19 @@ class ParameterVariation:
         return cls(names, np.diag(sizes(actuator, names)), widest, widest)
 
     def known_to(self, deviations: Mapping[str, float]) -> Self:
-        """Return coordinates of their own, some of which have a narrower prior: standard `deviations`."""
+        """Return the variation with priors of at most the standard `deviations`, by parameter."""
         known = [deviations.get(name, math.inf) for name in self.parameters]
         priors = np.minimum(self.priors, known)
         return replace(self, priors=priors, widest=np.minimum(self.widest, REACH * priors))
 
     @classmethod
     def suspected(cls, actuator: Actuator, names: tuple[str, ...]) -> Self:
-        """Return `names` as coordinates of their own, each within its start factor or so of its value."""
+        """Return `names` as independent coordinates, whose priors have the width of their start factors."""
         free = cls.free(actuator, names)
         return replace(free, priors=start_widths(names))
 
     def combined_with(self, other: Self) -> Self:
-        """Return the parameters of both, which have none in common."""
+        """Return the parameters of this and the `other` variation, which have none in common."""
         rows, columns = self.axes.shape
         axes = np.zeros((rows + other.axes.shape[0], columns + other.axes.shape[1]))
         axes[:rows, :columns], axes[rows:, columns:] = self.axes, other.axes
@@ -105,7 +109,7 @@ class ParameterVariation:
 
     @classmethod
     def of_unit(cls, actuator: Actuator) -> Self:
-        """Return what is left open of the unit: by its baseline, and by the tolerances of all others."""
+        """Return the uncertain parameters of the unit: by its baseline, all others by their tolerances."""
         calibrated, tolerances = cls._of_baseline(actuator), actuator.open_tolerances
         if tolerances is None:
             return calibrated
@@ -113,34 +117,34 @@ class ParameterVariation:
 
     @classmethod
     def _of_baseline(cls, actuator: Actuator) -> Self:
-        """Return the principal axes of the actuator's baseline, less those that are known exactly enough."""
+        """Return the principal axes of the actuator's baseline that are not known to `LEAST_DEVIATION`."""
         if actuator.baseline is None:
             return cls((), np.zeros((0, 0)), np.zeros(0), np.zeros(0))
         names = actuator.baseline.names
         size = sizes(actuator, names)
         variances, directions = np.linalg.eigh(np.array(actuator.baseline.covariance) / np.outer(size, size))
-        kept = variances > LEAST_DEVIATION**2
-        if not kept.any():
+        uncertain = variances > LEAST_DEVIATION**2
+        if not uncertain.any():
             return cls((), np.zeros((0, 0)), np.zeros(0), np.zeros(0))
-        # What calibration could not identify is no farther off than any description.
-        priors = np.minimum(np.sqrt(variances[kept]), math.log(START_FACTOR))
+        # Directions that calibration could not identify are as uncertain as those of any description.
+        priors = np.minimum(np.sqrt(variances[uncertain]), math.log(START_FACTOR))
         widest = np.minimum(REACH * priors, math.log(WIDEST_FACTOR))
-        return cls(names, size[:, np.newaxis] * directions[:, kept], priors, widest)
+        return cls(names, size[:, np.newaxis] * directions[:, uncertain], priors, widest)
 
 
 def start_widths(names: tuple[str, ...]) -> Array:
-    """Return how far from the description a search for each of `names` starts, by the logarithm, (names,)."""
+    """Return the largest distance of a search's starts from the description, as logarithms, (names,)."""
     return np.log([WIDE_START_FACTOR if name in WIDE else START_FACTOR for name in names])
 
 
 def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
-    """Return the deviation of each of `names` that is as much as 1 of a logarithm, shape (names,)."""
-    # What has a sign is measured in units of what it adds to: torques in units of what friction alone takes.
+    """Return the deviation of each of `names` that is equivalent to 1 of a logarithm, shape (names,)."""
+    # The unit of a signed parameter is the quantity that it is added to; for torques, the friction torque.
     friction = (
         actuator.mechanics.dynamic_friction
         or actuator.controller.current_limit * actuator.motor.torque_constant
     )
-    others = {
+    by_name = {
         "coulomb_asymmetry": 0.25,
         "viscous_asymmetry": 0.25,
         "gravity_angle": 0.25,
@@ -150,11 +154,11 @@ def sizes(actuator: Actuator, names: tuple[str, ...]) -> Array:
         **dict.fromkeys((*HALL_SENSORS, "commutation_lag"), 0.05),
         "commutation_delay": 5e-5,
     }
-    return np.array([others.get(name, friction) if name in SIGNED else 1.0 for name in names])
+    return np.array([by_name.get(name, friction) if name in SIGNED else 1.0 for name in names])
 
 
 def varied(actuator: Actuator, name: str, variation: Array) -> Array:
-    """Return the lumped parameter `name` at a `variation`, of any shape, from the description."""
+    """Return the lumped parameter `name` for a `variation` from the description, with its shape."""
     described = lumped_parameters(actuator, (name,))[name]
     return np.asarray(described + variation if name in SIGNED else described * np.exp(variation))
 

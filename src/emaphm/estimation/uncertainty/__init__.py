@@ -1,1 +1,1 @@
-"""How well an estimate is known: information, covariance, and what is identifiable only in combination."""
+"""Uncertainty of an estimate: information, covariance, and parameters identifiable only in combination."""

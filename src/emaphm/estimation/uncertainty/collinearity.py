@@ -9,20 +9,20 @@ from numpy.typing import NDArray
 from emaphm.arrays import Array
 
 VARIANCE_INFLATION = 3.0
-"""Factor on a coordinate's standard error, by the others being unknown, from which it is collinear."""
+"""Least factor by which unknown other coordinates increase the standard error of a collinear coordinate."""
 
 VARIANCE_SHARE = 0.5
-"""Least share of a coordinate's variance along one direction, for the coordinate to belong to it."""
+"""Least share of a coordinate's variance along a direction for the coordinate to belong to that direction."""
 
 RESOLVED = 0.5
-"""Factor on the standard error of every member to which a channel must bring it to resolve the set."""
+"""Largest factor on the standard error of every member at which a channel resolves the set."""
 
 
 @dataclass(frozen=True)
 class CollinearSet:
-    """Names of components and nuisances that act alike on the `channels`, in order.
+    """Names of components and nuisances with the same effect on the `channels`, in order.
 
-    `resolving` are channels that would separate them, if recorded too.
+    `resolving` are unrecorded channels that would separate them.
     """
 
     members: tuple[str, ...]
@@ -30,15 +30,14 @@ class CollinearSet:
     resolving: tuple[str, ...] = ()
 
     def others(self, name: str) -> str:
-        """Return the members but one, in words."""
+        """Return all members except `name`, in words."""
         return listed([member for member in self.members if member != name], "and")
 
     def __str__(self) -> str:
-        """Return one sentence, and one on the resolving channels where there are any."""
+        """Return one sentence, and a second one on the resolving channels if there are any."""
         text = (
             f"{listed(self.members, 'and')} act alike on {listed(self.channels, 'and')}: their combined "
-            f"effect "
-            "is known, each alone is not."
+            "effect is known, each alone is not."
         )
         if self.resolving:
             text += f" Recording {listed(self.resolving, 'or')} too would separate them."
@@ -46,16 +45,16 @@ class CollinearSet:
 
 
 def listed(names: Sequence[str], last: str) -> str:
-    """Return names with commas between them, and a word before the last."""
+    """Return `names` separated by commas, with the word `last` before the last name."""
     return f" {last} ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)
 
 
 def collinear_coordinates(covariance: Array) -> list[NDArray[np.intp]]:
-    """Return the coordinates, by index, of each set that `covariance` (d, d) shows.
+    """Return the indices of the coordinates of each collinear set in `covariance` (d, d).
 
-    In units of what each coordinate's standard error would be if the others were known, a direction that
-    is known much less well than its members has a large eigenvalue, and its members have large shares of
-    their variance there (variance decomposition: Belsley, Kuh and Welsch 1980, ch. 3).
+    The covariance is scaled by each coordinate's standard error for known other coordinates. A direction that
+    is much less certain than its members then has a large eigenvalue, and its members have large shares of
+    their variance in it (variance decomposition: Belsley, Kuh and Welsch 1980, ch. 3).
     """
     alone = 1 / np.sqrt(np.diag(np.linalg.inv(covariance)))
     scaled = covariance / np.outer(alone, alone)
@@ -72,16 +71,16 @@ def collinear_coordinates(covariance: Array) -> list[NDArray[np.intp]]:
 def resolving_channels(
     covariance: Array, members: Iterable[int], information: Mapping[str, Array]
 ) -> tuple[str, ...]:
-    """Return the channels whose `information` (d, d), added, would separate the `members`.
+    """Return the channels whose additional `information` (d, d) would separate the `members`.
 
-    Those by which every member's standard error falls to `RESOLVED` of itself or less.
+    Such a channel reduces the standard error of every member by the factor `RESOLVED` or more.
     """
     before = np.sqrt(np.diag(covariance))
-    known = np.linalg.inv(covariance)
-    chosen = list(members)
-    helpful = []
+    precision = np.linalg.inv(covariance)
+    indices = list(members)
+    resolving = []
     for name, added in information.items():
-        after = np.sqrt(np.diag(np.linalg.inv(known + added)))
-        if np.all(after[chosen] < RESOLVED * before[chosen]):
-            helpful.append(name)
-    return tuple(helpful)
+        after = np.sqrt(np.diag(np.linalg.inv(precision + added)))
+        if np.all(after[indices] < RESOLVED * before[indices]):
+            resolving.append(name)
+    return tuple(resolving)

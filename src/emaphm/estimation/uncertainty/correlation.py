@@ -1,4 +1,4 @@
-"""How long a residual remembers: its largest integral time, and what of it is white."""
+"""Correlation of a residual: its largest integral time, and its white noise."""
 
 from collections.abc import Iterable, Sequence
 
@@ -8,46 +8,47 @@ from emaphm.arrays import Array
 from emaphm.quantiles import chi_squared_quantile
 
 BANDS = (1, 2, 4, 8, 16, 32)
-"""Frequencies that a spectrum is averaged over, each tried: a narrow band shows a long memory, a wide one is
-free of chance."""
+"""Band widths, in frequencies, over which a spectrum is averaged; all are evaluated: narrow bands resolve a
+long correlation, wide bands have less random error."""
 
 CHANCE = 0.05
-"""Probability with which white noise has any band as dense as one that counts."""
+"""Probability that white noise has a significant band."""
 
 NOISE_BANDS = 8
-"""Bands of a spectrum of which the least dense one is taken for the white noise alone."""
+"""Number of bands of a spectrum; the least dense band is assumed to contain only white noise."""
 
 ROUNDING = 1e-9
-"""What a number of frequencies may be off by the arithmetic."""
+"""Allowance for rounding errors in a number of frequencies."""
 
 
 def integral_time(residuals: Sequence[Array], intervals: Sequence[float]) -> float:
     """Return the largest integral time [s] of residuals (samples,) whose rows are `intervals` [s] apart.
 
-    The peak of their spectrum over their variance,
+    It is the peak of their spectrum divided by their variance,
 
         T = max_f S(f) / σ²,    Var Σ c_i r_i ≤ (T / Δt) σ² Σ c_i²   for any c,
 
-    so Δt of white noise, and the usual integral time where the spectrum has its peak at 0. Of spectra
-    averaged over the recordings and over bands of several widths, the largest peak that white noise does not
-    make by chance, less its standard error; Δt at least, a recording's length at most.
+    which is Δt for white noise, and the usual integral time if the spectrum has its peak at 0. The spectra
+    are averaged over the recordings and over bands of several widths; the result is the largest significant
+    peak minus its standard error, at least Δt, at most the length of a recording.
     """
-    largest = max(_largest(residuals, intervals, width) for width in BANDS)
-    longest = max(len(one) * interval for one, interval in zip(residuals, intervals, strict=True))
+    largest = max(_largest_integral_time(residuals, intervals, width) for width in BANDS)
+    longest = max(len(residual) * interval for residual, interval in zip(residuals, intervals, strict=True))
     return min(max(largest, min(intervals)), longest)
 
 
 def longest_correlation(residuals: Iterable[Array]) -> float:
-    """Return over how many rows the residuals (samples,) of channels are correlated, at most; 1 at least."""
-    return max((integral_time([one], [1.0]) for one in residuals if one.any()), default=1.0)
+    """Return the largest integral time of the `residuals` (samples,) of channels, in rows, at least 1."""
+    return max((integral_time([residual], [1.0]) for residual in residuals if residual.any()), default=1.0)
 
 
-def _largest(residuals: Sequence[Array], intervals: Sequence[float], width: int) -> float:
-    """Return the largest integral time [s] by bands of `width` frequencies, 0 where there is no such band.
+def _largest_integral_time(residuals: Sequence[Array], intervals: Sequence[float], width: int) -> float:
+    """Return the largest integral time [s] from bands of `width` frequencies, 0 without a significant band.
 
-    The frequencies are those of the shortest recording; longer ones have more to a band, and count the more.
+    The frequencies are those of the shortest recording; longer recordings have more frequencies in a band and
+    a correspondingly larger weight.
     """
-    lengths = np.array([len(one) for one in residuals])
+    lengths = np.array([len(residual) for residual in residuals])
     durations = lengths * np.array(intervals)
     per_band = width * durations / durations.min()
     bands = int(np.min(lengths // 2 / per_band) + ROUNDING)
@@ -70,14 +71,15 @@ def _largest(residuals: Sequence[Array], intervals: Sequence[float], width: int)
 
 
 def _power(residual: Array) -> Array:
-    """Return the periodogram (samples // 2 + 1,), 1 on average of white noise of variance 1; 0 first."""
+    """Return the periodogram (samples // 2 + 1,) from frequency 0 on; its mean is 1 for unit white noise."""
     return np.asarray(np.abs(np.fft.rfft(residual)) ** 2 / len(residual))
 
 
 def white_noise(residual: Array) -> float:
-    """Return the rms of the largest white noise that a residual (samples,) may have in it, in its unit.
+    """Return the rms of the largest white noise that a `residual` (samples,) may contain, in its unit.
 
-    White noise is as dense in every band of the spectrum, so no denser than the least dense of `NOISE_BANDS`.
+    White noise has the same density in every band of the spectrum, so at most the least density of
+    `NOISE_BANDS` bands.
     """
     power = _power(residual)[1:]
     return float(

@@ -1,9 +1,9 @@
-"""The covariance of a least-squares estimate whose residuals are correlated: the sandwich estimator.
+"""Covariance of a least-squares estimate with correlated residuals: the sandwich estimator.
 
-Residuals of a good fit are correlated over milliseconds, and larger at some times than at others: ripple,
-friction, what the model lacks. The inverse of Fisher's information is then too small. The sandwich
-I⁻¹ S I⁻¹ is not: S is the long-run covariance of the scores (derivatives times residual). A weak prior
-keeps parameters that the data do not constrain at their prior width.
+Residuals of a good fit are correlated over milliseconds, and their variance changes with time, due to ripple,
+friction and unmodelled effects. The inverse of Fisher's information is then too small. The sandwich
+I⁻¹ S I⁻¹ is consistent: S is the long-run covariance of the scores (derivatives times residual). With a weak
+prior, parameters that the data do not constrain keep the width of their prior.
 """
 
 from dataclasses import dataclass, replace
@@ -15,18 +15,18 @@ from emaphm.estimation.uncertainty.fisher_information import information_lower_b
 from emaphm.estimation.uncertainty.long_run_variance import long_run_covariance
 
 LEAST_SCORE_VARIANCE = 1e-3
-"""Least covariance of the scores, relative to that of white residuals: no fit is that much better."""
+"""Lower limit of the covariance of the scores, relative to that of white residuals."""
 
 LEAST_INFORMATION = 1e-12
-"""Information along an axis, relative to the largest, that is no more than rounding."""
+"""Information along an axis, relative to the largest, up to which it counts as a rounding error."""
 
 
 @dataclass(frozen=True, eq=False)
 class ScoreStatistics:
-    """What one set of residuals says of d parameters, without any prior.
+    """Information and score covariance of one set of residuals for d parameters, without any prior.
 
-    `information`, (d, d), is Fisher's of white residuals; `score_covariance`, (d, d), the long-run covariance
-    of the scores. Those of independent sets add up.
+    `information`, (d, d), is Fisher's information of white residuals; `score_covariance`, (d, d), is the
+    long-run covariance of the scores. Both add up over independent sets of residuals.
     """
 
     information: Array
@@ -35,62 +35,65 @@ class ScoreStatistics:
     def covariance(self, prior_deviation: Array, prior_rows: Array | float = 1.0) -> Array:
         """Return the sandwich covariance (d, d) under a prior of standard deviations (d,).
 
-        Of a fit in which `prior_rows`, (d,) or of all alike, count as one observation against the prior.
+        In the fit, `prior_rows` rows, (d,) or one number for all parameters, count as one observation against
+        the prior.
         """
-        # In units of the priors: what is known the least has eigenvalues of 1 there.
+        # In units of the priors, unidentified directions have eigenvalues of 1.
         units = np.where(np.isfinite(prior_deviation), prior_deviation, 1.0)
         prior = (units / prior_deviation) ** 2
         total = self._sandwich_information(units) + np.diag(prior)
         values, axes = np.linalg.eigh(total)
         values = np.maximum(values, max(float(prior.min()), float(np.finfo(float).eps * values[-1])))
         optimal = np.asarray(np.outer(units, units) * ((axes / values) @ axes.T), float)
-        result = optimal + self._drawn_too_far(optimal, prior_deviation, prior_rows)
+        result = optimal + self._excess_shrinkage(optimal, prior_deviation, prior_rows)
         return np.asarray((result + result.T) / 2)
 
     def answered_by(self, cross: Array, prior: Array) -> "ScoreStatistics":
-        """Return the statistics of a fit by derivatives J, where the recording answers by others, R.
+        """Return the statistics of a fit with the model's derivatives J if those of the recording are R.
 
-        An estimate at which J r = 0 errs by (J Rᵀ + P)⁻¹ times the scores, an estimate by instrumental
-        variables, in place of (J Jᵀ + P)⁻¹. `cross` is J Rᵀ over the residual's variance, (d, d), and `prior`
-        the fit's own information of the priors P, (d,), in the same unit.
+        An estimate at which J r = 0 has the error (J Rᵀ + P)⁻¹ times the scores, as with instrumental
+        variables, instead of (J Jᵀ + P)⁻¹ times the scores. `cross` is J Rᵀ divided by the residual's
+        variance, (d, d); `prior` is the information P of the priors in the fit, (d,), in the same unit.
         """
-        own = np.diag(prior)
-        turned = (self.information + own) @ np.linalg.inv(cross + own)
-        return replace(self, score_covariance=turned @ self.score_covariance @ turned.T)
+        prior_information = np.diag(prior)
+        transform = (self.information + prior_information) @ np.linalg.inv(cross + prior_information)
+        return replace(self, score_covariance=transform @ self.score_covariance @ transform.T)
 
     def _sandwich_information(self, units: Array) -> Array:
-        """Return the information (d, d) that the sandwich amounts to, in `units` (d,); 0 where there is none.
+        """Return the information of the sandwich estimator, I S⁻¹ I (d, d), in `units` (d,).
 
-        I S⁻¹ I, on the axes of the information alone, with S relative to the information along them: of
-        coordinates that act alike S is all but singular, and its inverse would be rounding.
+        It is computed in the axes with information, with S relative to the information along them, and is 0
+        along all others: for collinear coordinates S is almost singular, and its inverse would consist of
+        rounding errors.
         """
         scale = np.outer(units, units)
         values, axes = np.linalg.eigh(scale * self.information)
-        has_some = values > LEAST_INFORMATION * values[-1]
-        roots = axes[:, has_some] * np.sqrt(values[has_some])
-        if not has_some.any():
+        informative = values > LEAST_INFORMATION * values[-1]
+        roots = axes[:, informative] * np.sqrt(values[informative])
+        if not informative.any():
             return np.zeros_like(scale)
-        whitened = roots / values[has_some]
-        ratios, along = np.linalg.eigh(whitened.T @ (scale * self.score_covariance) @ whitened)
-        weights = along / np.sqrt(np.maximum(ratios, LEAST_SCORE_VARIANCE))
+        whitened = roots / values[informative]
+        ratios, directions = np.linalg.eigh(whitened.T @ (scale * self.score_covariance) @ whitened)
+        weights = directions / np.sqrt(np.maximum(ratios, LEAST_SCORE_VARIANCE))
         root = roots @ weights
         return np.asarray(root @ root.T)
 
-    def _drawn_too_far(self, optimal: Array, prior_deviation: Array, prior_rows: Array | float) -> Array:
-        """Return what a fit that is drawn too far to the prior's mean adds (d, d) to an `optimal` covariance.
+    def _excess_shrinkage(self, optimal: Array, prior_deviation: Array, prior_rows: Array | float) -> Array:
+        """Return the covariance (d, d) of the excessive shrinkage towards the prior's mean.
 
-        A fit weighs all residuals alike: of what the parameters are off that mean, it leaves out the share
-        B = (I + n P⁻¹)⁻¹ n P⁻¹, where B* = C P⁻¹ would do. Along axes on which the difference is positive, in
-        units of the prior, that is an error (B - B*) P (B - B*)ᵀ.
+        A fit weighs all residuals alike: it shrinks the parameters' deviation from that mean by the share
+        B = (I + n P⁻¹)⁻¹ n P⁻¹, where the optimum is B* = C P⁻¹ with the `optimal` covariance C (d, d). Along
+        the axes, in units of the prior, on which the difference is positive, it causes an error with the
+        covariance (B - B*) P (B - B*)ᵀ.
         """
         rows = np.broadcast_to(prior_rows, prior_deviation.shape)
-        drawn = np.linalg.inv(self.information + np.diag(rows / prior_deviation**2))
-        drawn *= np.sqrt(np.outer(rows, rows))
-        known = np.flatnonzero(np.isfinite(prior_deviation))
-        units = np.outer(prior_deviation[known], prior_deviation[known])
-        shares, axes = np.linalg.eigh((drawn - optimal)[np.ix_(known, known)] / units)
+        shrunk = np.linalg.inv(self.information + np.diag(rows / prior_deviation**2))
+        shrunk *= np.sqrt(np.outer(rows, rows))
+        with_prior = np.flatnonzero(np.isfinite(prior_deviation))
+        units = np.outer(prior_deviation[with_prior], prior_deviation[with_prior])
+        shares, axes = np.linalg.eigh((shrunk - optimal)[np.ix_(with_prior, with_prior)] / units)
         added = np.zeros_like(optimal)
-        added[np.ix_(known, known)] = (axes * np.maximum(shares, 0.0) ** 2) @ axes.T * units
+        added[np.ix_(with_prior, with_prior)] = (axes * np.maximum(shares, 0.0) ** 2) @ axes.T * units
         return added
 
 
@@ -98,7 +101,7 @@ class ScoreStatistics:
 class SandwichCovariance:
     """Fisher's `information` (d, d) of white residuals, and the `covariance` (d, d) of correlated ones.
 
-    The prior is part of the covariance only. With a response R, the information is J Rᵀ over the variance.
+    The prior is included only in the covariance. With a response R, the information is J Rᵀ / variance.
     """
 
     information: Array
@@ -119,20 +122,21 @@ def sandwich_covariance(
     Parameters
     ----------
     jacobians
-        Of the model's outputs, shape (n, d, rows): n replicates, each about a slightly other point.
+        Jacobians of the model's outputs, shape (n, d, rows): n replicates, each about a slightly different
+        point.
     residual
-        Measured less model, shape (rows,).
+        Measured minus modelled, shape (rows,).
     prior_deviation
-        Standard deviation of each parameter before the data, shape (d,).
+        Prior standard deviation of each parameter, shape (d,).
     channels
-        Series of equal length that stand end to end in the rows.
+        Number of series of equal length that are concatenated in the rows.
     error_scores
-        Covariance (d, d) of Jacobian times a model error that the residual need not show, as a fit absorbs
-        what looks like a parameter.
+        Covariance (d, d) of the Jacobian times a model error that need not appear in the residual, because a
+        fit absorbs the part of an error that has the same effect as a parameter.
     prior_rows
-        How many rows count as one observation against the prior, in the fit.
+        Number of rows that count as one observation against the prior in the fit.
     response
-        Derivatives of what is recorded, shape (d, rows), where they are not those of the fitted model.
+        Derivatives of the recorded channels, shape (d, rows), if they differ from those of the fitted model.
     """
     statistics = score_statistics(jacobians, residual, channels, error_scores)
     information = statistics.information
@@ -146,11 +150,11 @@ def sandwich_covariance(
 def score_statistics(
     jacobians: Array, residual: Array, channels: int, error_scores: Array | float
 ) -> ScoreStatistics:
-    """Return what residuals say of the parameters; parameters as in `sandwich_covariance`."""
+    """Return the score statistics of a `residual`; parameters as in `sandwich_covariance`."""
     variance = _variance(jacobians, residual)
     by_channel = np.split(jacobians, channels, axis=2)
     fisher = np.sum([information_lower_bound(part) for part in by_channel], axis=0) / variance
-    # An estimate follows the mean of the Jacobians; the errors of single ones are not its own.
+    # An estimate depends on the mean of the Jacobians; errors of single Jacobians do not affect it.
     scores = jacobians.mean(axis=0) * residual
     scatter = long_run_covariance(scores, channels) + error_scores
     score_covariance = scatter / variance**2 + LEAST_SCORE_VARIANCE * fisher
@@ -158,7 +162,7 @@ def score_statistics(
 
 
 def _variance(jacobians: Array, residual: Array) -> float:
-    """Return the variance of a `residual` (rows,) that information is relative to."""
-    # A perfect fit would make the information infinite: rounding leaves at least this residual.
+    """Return the variance of a `residual` (rows,) that the information is divided by."""
+    # A residual of 0 would make the information infinite: rounding causes at least this residual.
     rounding = 1e-20 * float(np.mean(jacobians**2)) + np.finfo(float).tiny ** 0.25
     return float(max(float(np.mean(residual**2)), rounding))

@@ -1,8 +1,8 @@
-"""The information that outputs have on parameters, from Jacobians with errors.
+"""Fisher's information of outputs on parameters, from Jacobians with errors.
 
-The kinks of stick-slip make errors of Jacobians, and the square of an error looks like information: of a
-parameter without effect it may be all there is. Products of Jacobians taken about different points have no
-such bias.
+Kinks of stick-slip cause errors of Jacobians, and the square of an error counts as information: for a
+parameter without effect, the information may consist of errors only. Products of Jacobians about different
+points do not have this bias.
 """
 
 import numpy as np
@@ -12,77 +12,83 @@ from emaphm.arrays import Array
 
 
 def information(jacobians: Array) -> Array:
-    """Return the normal matrix (d, d) of `jacobians` (n, d, rows), free of the bias of their errors.
+    """Return the normal matrix (d, d) of `jacobians` (n, d, rows) without the bias from their errors.
 
-    The mean of J_i J_jᵀ over all pairs i ≠ j, made positive semidefinite; of one Jacobian (n = 1), its own
-    product. Divided by the variance of white residuals it is Fisher's information.
+    It is the mean of J_i J_jᵀ over all pairs i ≠ j, made positive semidefinite; J Jᵀ for a single Jacobian
+    (n = 1). Divided by the variance of white residuals it is Fisher's information.
     """
     return positive_semidefinite(_mean_over_pairs(products(jacobians)))
 
 
 def information_lower_bound(jacobians: Array) -> Array:
-    """Return the `information` (d, d) less its own standard error.
+    """Return the `information` (d, d) minus its own standard error.
 
-    Free of bias, the information is still of either sign by chance where the data have none. A standard
-    error is subtracted along each of its axes, by the jackknife over the n replicates (Efron and Tibshirani
-    1993, ch. 11); with two or fewer there is no error to estimate, and nothing is subtracted.
+    Where the data have no information, the unbiased estimate is positive or negative by chance. The standard
+    error is therefore subtracted along each of its axes, from the jackknife over the n replicates (Efron and
+    Tibshirani 1993, ch. 11). With two replicates or fewer, the error cannot be estimated and is not
+    subtracted.
     """
-    values, axes, along = _principal(products(jacobians))
-    return np.asarray(axes * _lower_bounds(values, along) @ axes.T)
+    values, axes, projected = _principal_axes(products(jacobians))
+    return np.asarray(axes * _lower_bounds(values, projected) @ axes.T)
 
 
 def normal_equations(jacobians: Array, residual: Array, sizes: Array) -> tuple[Array, Array]:
-    """Return the normal matrix (d, d) of `jacobians` (n, d, rows), and their gradient (d,) by a `residual`.
+    """Return the normal matrix (d, d) of `jacobians` (n, d, rows), and J r (d,) for a `residual` r (rows,).
 
-    The normal matrix is free of the bias of the Jacobians' errors. Of the gradient, along each axis of the
-    information in units of the parameters' `sizes` (d,), the share is left that is no error (a Wiener
-    filter), where the information is no larger than its own standard error: of what the data do not show,
-    the gradient would be error alone, and lead anywhere.
+    The normal matrix does not have the bias from the Jacobians' errors. The axes of the information are taken
+    in units of the parameters' `sizes` (d,). Along an axis whose information is within its own standard
+    error, the gradient is multiplied by the share of the information that is not error (Wiener filter):
+    otherwise the gradient along unidentified axes would consist of errors, and the step would be arbitrary.
     """
     gradient = jacobians.mean(axis=0) @ residual
-    values, axes, with_errors, shown = _shown(products(jacobians), sizes)
-    shares = np.where(shown, 1.0, np.minimum(values / with_errors, 1.0))
+    values, axes, with_errors, significant = _scaled_axes(products(jacobians), sizes)
+    shares = np.where(significant, 1.0, np.minimum(values / with_errors, 1.0))
     filtered = axes @ (shares * (axes.T @ (gradient * sizes)))
     return np.asarray((axes * values @ axes.T) / np.outer(sizes, sizes)), np.asarray(filtered / sizes)
 
 
 def steadied_information(products: Array, sizes: Array) -> Array:
-    """Return the normal matrix (d, d) of `products` (n, d, n, d) of Jacobians of several recordings together.
+    """Return the normal matrix (d, d) from `products` (n, d, n, d) of Jacobians, summed over recordings.
 
-    As of `normal_equations`, but with the errors in where the information is no larger than its own standard
-    error: that leaves the same share of the gradient's step. Several recordings may well show what the
-    errors of one hide, and the prior of another's load, which is all that a matrix without the errors would
-    have there, leads far away.
+    It is that of `normal_equations`, except that along axes whose information is within its own standard
+    error, the errors are included: this has the same effect on the step as the filtered gradient. Several
+    recordings together may identify an axis that errors hide in a single recording. Without the errors, the
+    matrix along such an axis could contain only the prior of another recording's load, and the step would be
+    much too long.
     """
-    values, axes, with_errors, shown = _shown(products, sizes)
-    steady = np.where(shown, values, np.maximum(values, with_errors))
+    values, axes, with_errors, significant = _scaled_axes(products, sizes)
+    steady = np.where(significant, values, np.maximum(values, with_errors))
     return np.asarray((axes * steady @ axes.T) / np.outer(sizes, sizes))
 
 
-def _shown(products: Array, sizes: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Return the information along its axes in units of `sizes`, and these (d, d).
+def _scaled_axes(products: Array, sizes: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Return the principal axes of the information in units of `sizes` (d,).
 
-    And the information with the Jacobians' errors in it, and where it is more than its own standard error.
+    The results are the information along each axis (d,), the axes (d, d), the information including the
+    Jacobians' errors (d,), and whether the information exceeds its own standard error (d,).
     """
-    values, axes, along = _principal(products * sizes[:, np.newaxis, np.newaxis] * sizes)
-    with_errors = np.maximum(along.mean(axis=(1, 2)), np.finfo(float).tiny)
-    return values, axes, with_errors, _lower_bounds(values, along) > 0
+    values, axes, projected = _principal_axes(products * sizes[:, np.newaxis, np.newaxis] * sizes)
+    with_errors = np.maximum(projected.mean(axis=(1, 2)), np.finfo(float).tiny)
+    return values, axes, with_errors, _lower_bounds(values, projected) > 0
 
 
-def _principal(products: Array) -> tuple[Array, Array, Array]:
-    """Return the information along its axes (d,), these (d, d), and the `products` along each, (d, n, n)."""
+def _principal_axes(products: Array) -> tuple[Array, Array, Array]:
+    """Return the information along its axes (d,), the axes (d, d), and `products` along each (d, n, n)."""
     values, axes = np.linalg.eigh(positive_semidefinite(_mean_over_pairs(products)))
     return values, axes, np.einsum("da,idje,ea->aij", axes, products, axes, optimize=True)
 
 
-def _lower_bounds(values: Array, along: Array) -> Array:
-    """Return the information `values` (d,) less their standard errors, by the products `along` (d, n, n)."""
-    count = along.shape[1]
+def _lower_bounds(values: Array, projected: Array) -> Array:
+    """Return the information `values` (d,) minus their standard errors, at least 0.
+
+    `projected` (d, n, n) are the products of the replicates along each axis.
+    """
+    count = projected.shape[1]
     if count > 2:
-        squares = np.diagonal(along, axis1=1, axis2=2)
-        total = along.sum(axis=(1, 2)) - squares.sum(axis=1)
-        # Without one replicate, all pairs that it is part of are gone.
-        without = total[:, np.newaxis] - 2 * (along.sum(axis=2) - squares)
+        squares = np.diagonal(projected, axis1=1, axis2=2)
+        total = projected.sum(axis=(1, 2)) - squares.sum(axis=1)
+        # Leaving out a replicate removes all pairs that contain it.
+        without = total[:, np.newaxis] - 2 * (projected.sum(axis=2) - squares)
         means = without / ((count - 1) * (count - 2))
         values = values - np.sqrt((count - 1) * np.var(means, axis=1))
     return np.maximum(values, 0.0)
@@ -96,6 +102,7 @@ def products(jacobians: Array) -> Array:
 
 
 def _mean_over_pairs(products: Array) -> Array:
+    """Return the mean (d, d) of `products` (n, d, n, d) over all pairs of different replicates."""
     count = len(products)
     squares: Array = np.einsum("idie->de", products)
     if count == 1:

@@ -1,4 +1,4 @@
-"""The covariance of an estimate, and the Gauss-Newton step that it still asks for."""
+"""Covariance of an estimate from derivatives at it, and the remaining Gauss-Newton step."""
 
 from dataclasses import dataclass, replace
 
@@ -18,22 +18,23 @@ JACOBIAN_STEP = 1e-2
 """Step of the differences, in the unit of a coordinate: it bridges the kinks of stick-slip."""
 
 REPLICATES = 8
-"""Jacobians, each about a point of its own; `make study` measures the coverage of what comes of them."""
+"""Number of Jacobians, each about its own point; `make study` measures the coverage of the intervals."""
 
 RESPONSE_STEP, RESPONSE_REPLICATES = 2e-2, 16
-"""The same of the reference model: its switching is chance, which the larger step and the mean leave out."""
+"""Step and number of Jacobians of the reference model: the larger step and the mean reduce the effect of its
+random switching."""
 
 SLOW = 1 / 3
-"""Speed of a slow motion over the actuator's typical one: 53 rad/s at the thesis's motor.
+"""Largest speed of a slow motion, relative to the actuator's typical speed: 53 rad/s for the thesis's motor.
 
-Of sines of 1 to 10 Hz, the reference model's derivatives by a gain are 0.16 of the fitted model's at 11 rad/s
-(rms), 0.4 to 0.8 at 22, 0.6 to 1 at 44, 0.9 at 56 and 0.98 at 89.
+With sines of 1 to 10 Hz, the reference model's derivatives by a gain are 0.16 times the fitted model's at 11
+rad/s (rms), 0.4 to 0.8 times at 22, 0.6 to 1 times at 44, 0.9 times at 56 and 0.98 times at 89 rad/s.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class LocalCovariance:
-    """The `covariance` (d, d) of the least squares at a point, and a Gauss-Newton `step` (d,) from it."""
+    """The `covariance` (d, d) of least squares at a point, and a Gauss-Newton `step` (d,) from it."""
 
     covariance: Array
     step: Array
@@ -53,17 +54,17 @@ def jacobians_at(objective: MapObjective, point: Array, rng: np.random.Generator
 
 
 def response_of(result: SearchResult, rng: np.random.Generator) -> Array | None:
-    """Return the derivatives (d, channel rows) of the reference model at an estimate that moves slowly.
+    """Return the derivatives (d, channel rows) of the reference model at the estimate of a slow motion.
 
-    None of others: near enough to the fitted model's for an interval. Where motion is slow, the ripple of the
-    current, which the fitted model lacks, takes the edge off dry friction: a gain does less than the fitted
-    model says.
+    None for faster motions, where those of the fitted model are accurate enough for an interval. In a slow
+    motion the ripple of the current, which the fitted model does not have, smooths dry friction: a gain then
+    has a smaller effect than in the fitted model.
     """
     return reference_response(result, rng) if moves_slowly(result.objective.problem) else None
 
 
 def moves_slowly(problem: Problem) -> bool:
-    """Return whether the shaft rests, or the command asks for less than `SLOW` on the average (rms)."""
+    """Return whether the shaft has rests, or the command's rms speed is less than `SLOW`."""
     if problem.rests is not None:
         return True
     rates = np.diff(problem.measured["command_rad"]) / problem.inputs.interval
@@ -72,14 +73,14 @@ def moves_slowly(problem: Problem) -> bool:
 
 
 def reference_response(result: SearchResult, rng: np.random.Generator) -> Array | None:
-    """Return the derivatives (d, channel rows) of the reference model at an estimate, None without one."""
+    """Return the derivatives (d, channel rows) of the reference model, if it can run, at an estimate."""
     objective = result.objective
     if not has_reference(objective.problem):
         return None
-    answering = by_reference(objective)
+    reference = by_reference(objective)
     return np.asarray(
         replicated_jacobians(
-            lambda points: answering.outputs(points)[:, : objective.channel_rows],
+            lambda points: reference.outputs(points)[:, : objective.channel_rows],
             result.point,
             objective.space,
             RESPONSE_STEP,
@@ -90,12 +91,12 @@ def reference_response(result: SearchResult, rng: np.random.Generator) -> Array 
 
 
 def by_reference(objective: MapObjective) -> MapObjective:
-    """Return an objective whose outputs are those of the reference model, weighted as before."""
+    """Return the objective with the outputs of the reference model and the same weights."""
     return replace(objective, problem=reference_problem(objective).like(objective.problem))
 
 
 def jacobians_of(result: SearchResult, rng: np.random.Generator) -> Array:
-    """Return Jacobians (n, d, channel rows) at an estimate: those that are known, or new ones."""
+    """Return the Jacobians (n, d, channel rows) at an estimate; they are computed if it has none."""
     if result.jacobians is not None:
         return result.jacobians
     return jacobians_at(result.objective, result.point, rng)
@@ -110,13 +111,13 @@ def local_covariance(
     hidden_scores: Array | float = 0.0,
     response: Array | None = None,
 ) -> LocalCovariance:
-    """Return the covariance at `point` (d,), by `jacobians` and the `residual` (channel rows,) there.
+    """Return the covariance at `point` (d,) from its `jacobians` (n, d, channel rows) and `residual`.
 
-    The step is towards the optimum; `bias` is the part of the residual that is known to be the model's. Where
-    a calibration has learned the model's error, the covariance has what that makes of an estimate, and where
-    a channel shows counts, what these leave open. So it has what `hidden_scores` (d, d) are the covariance
-    of, Jacobian times an error that the residual does not show. With a `response` (d, channel rows), the
-    recording answers by these derivatives and not by the model's.
+    The step leads towards the optimum. `residual` (channel rows,) is that at the point; `bias` is the part of
+    it that is known to be an error of the model. The covariance includes the effect of a learned model error,
+    of rounding in channels with visible counts, and of errors that the residual does not show:
+    `hidden_scores` (d, d) is the covariance of the Jacobian times such an error. With a `response`
+    (d, channel rows), the recording has these derivatives instead of the fitted model's.
     """
     faults, deviations = len(objective.space.columns), objective.space.prior_deviations
     channels = len(objective.problem.channels)

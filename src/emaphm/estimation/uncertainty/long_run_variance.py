@@ -1,4 +1,4 @@
-"""The variance of a sum of correlated terms."""
+"""Long-run variance: the variance of a sum of correlated terms."""
 
 import numpy as np
 
@@ -6,28 +6,29 @@ from emaphm.arrays import Array
 from emaphm.quantiles import normal_quantile, student_t_quantile
 
 COSINES = 0.4
-"""Cosine transforms used, as a multiple of the samples to the power 2/3 (Lazarus et al. 2018)."""
+"""Number of cosine transforms, as a multiple of the samples to the power 2/3 (Lazarus et al. 2018)."""
 
 
 def long_run_covariance(scores: Array, channels: int = 1) -> Array:
-    """Return the covariance (d, d) of the sums over `scores` (d, rows), correlated or not.
+    """Return the covariance (d, d) of the sums over correlated `scores` (d, rows).
 
-    In the rows, `channels` series of equal length stand end to end. An event that shows in several channels
-    is one event: scores of one instant belong together, and are added first.
+    The rows are `channels` concatenated series of equal length. An event may appear in several channels:
+    scores of the same instant are therefore added first.
 
-    From their cosine transforms of lowest frequency, which are uncorrelated and have all of that covariance
-    (Müller 2007; Lazarus, Lewis, Stock and Watson 2018). It is larger by the square of the ratio of Student's
-    t with as many degrees of freedom to the normal quantile, so that normal intervals have their coverage.
+    The covariance is estimated from the cosine transforms of lowest frequency, which are uncorrelated and
+    contain all of that covariance (Müller 2007; Lazarus, Lewis, Stock and Watson 2018). It is multiplied by
+    the square of the ratio of Student's t, with one degree of freedom per transform, to the normal quantile,
+    so that normal intervals have their coverage.
     """
-    together = scores.reshape(len(scores), channels, -1).sum(axis=1)
-    transforms = slow_transforms(together)
-    samples, count = together.shape[1], transforms.shape[1]
+    summed = scores.reshape(len(scores), channels, -1).sum(axis=1)
+    transforms = slow_transforms(summed)
+    samples, count = summed.shape[1], transforms.shape[1]
     inflation = student_t_quantile(count, 0.975) / normal_quantile(0.975)
     return np.asarray(inflation**2 * samples / count * transforms @ transforms.T)
 
 
 def slow_transforms(rows: Array) -> Array:
-    """Return the cosine transforms (d, count) of `rows` (d, n) that their long-run covariance is made of."""
+    """Return the cosine transforms (d, count) of `rows` (d, n) for the long-run covariance."""
     return cosine_transforms(rows, max(1, int(COSINES * rows.shape[1] ** (2 / 3))))
 
 
@@ -40,5 +41,5 @@ def cosine_transforms(rows: Array, count: int) -> Array:
     samples = rows.shape[1]
     reordered = np.concatenate([rows[:, ::2], rows[:, 1::2][:, ::-1]], axis=1)
     k = np.arange(1, count + 1)
-    turned = np.fft.rfft(reordered, axis=1)[:, k] * np.exp(-0.5j * np.pi * k / samples)
-    return np.asarray(np.sqrt(2 / samples) * turned.real)
+    rotated = np.fft.rfft(reordered, axis=1)[:, k] * np.exp(-0.5j * np.pi * k / samples)
+    return np.asarray(np.sqrt(2 / samples) * rotated.real)

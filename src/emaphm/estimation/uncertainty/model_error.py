@@ -1,7 +1,7 @@
-"""The learned error of a calibrated model on a recording: which residual is no worse than healthy.
+"""Learned error of a calibrated model on a recording, and the residual that is no worse than healthy.
 
-The description's `[model_error]` says how the error varies (`actuator.unit.model_error.ChannelError`); here
-it is evaluated for the manoeuvre of a recording. Without that section, nothing here changes a diagnosis.
+The description's `[model_error]` states how the error varies (`actuator.unit.model_error.ChannelError`); this
+module evaluates it for the manoeuvre of a recording. Without that section, it does not affect a diagnosis.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,15 +22,15 @@ from emaphm.recording.noise import noise_level
 
 @dataclass(frozen=True)
 class HealthySettings:
-    """What residual of a channel counts as no worse than healthy.
+    """Limits of the residual of a channel that is no worse than healthy.
 
-    Its ratio to the expected rms has the bound that the next healthy recording stays below with
-    `probability`, if the logarithms of the ratios are normal; at least `least`, which switching and noise
-    alone reach, and at most `most`: few recordings that scatter much would else call anything healthy. `make
-    study` (limits) counts what is explained, and false alarms.
+    The limit of its ratio to the expected rms is the value below which the next healthy recording stays with
+    `probability`, if the logarithms of the ratios are normal. It is at least `least`, which switching and
+    noise alone reach, and at most `most`: otherwise few recordings with a large scatter would allow any
+    residual. `make study` (limits) counts explained recordings and false alarms.
 
-    White noise of a channel up to `most_noise` times that of the healthy recordings is expected: faults
-    change the ripple, but noise that only this recording has explains nothing.
+    White noise of a channel up to `most_noise` times that of the healthy recordings is expected, because
+    faults change the ripple; larger noise of the recording explains no residual.
     """
 
     most_noise: float = 2.0
@@ -44,11 +44,12 @@ HEALTHY_RESIDUAL = HealthySettings()
 
 @dataclass(frozen=True)
 class HealthyComparison:
-    """The residual of one channel compared with that of healthy recordings, rms in the unit of the channel.
+    """Residual of one channel compared with that of healthy recordings, rms in the unit of the channel.
 
-    `ratio` is `residual` over `expected`, and `allowed` the largest one that is no worse than healthy: what
-    the next healthy recording stays below with probability `confidence` if ratios are log-normal, and with
-    probability `rank_confidence` whatever their distribution, as it stays below the largest of `recordings`.
+    `ratio` is `residual` / `expected`; `allowed` is the largest ratio that is no worse than healthy: the next
+    healthy recording stays below it with probability `confidence` if ratios are log-normal. Without an
+    assumption on the distribution, it stays below the largest of `recordings` ratios with probability
+    `rank_confidence`.
     """
 
     residual: float
@@ -59,7 +60,7 @@ class HealthyComparison:
 
     @property
     def ratio(self) -> float:
-        """The residual relative to the expected one."""
+        """The residual relative to the expected residual."""
         return self.residual / self.expected if self.expected > 0 else float("inf")
 
     @property
@@ -68,7 +69,7 @@ class HealthyComparison:
         return self.ratio <= self.allowed
 
     def to_dict(self) -> dict[str, float | int | bool]:
-        """Return what a diagnosis prints of the channel as JSON."""
+        """Return the JSON object of the channel in a diagnosis."""
         return {
             "residual": self.residual,
             "expected": self.expected,
@@ -80,7 +81,7 @@ class HealthyComparison:
         }
 
     def __str__(self) -> str:
-        """Return one sentence: the residual, and up to where a healthy recording's may be."""
+        """Return one sentence: the residual, and the limit for a healthy recording."""
         return (
             f"{self.ratio:.2f} times that of {self.recordings} healthy recordings left out of the "
             f"calibration; up to {self.allowed:.2f} times is no worse than healthy (the next healthy one "
@@ -90,15 +91,15 @@ class HealthyComparison:
 
     @property
     def rank_confidence(self) -> float:
-        """The confidence that so few recordings allow without any assumption on the distribution."""
+        """The confidence n/(n + 1) of n recordings without any assumption on the distribution."""
         return self.recordings / (self.recordings + 1)
 
 
 def variance_terms(problem: Problem) -> Array:
-    """Return what the variance of the error is linear in, (4, samples): 1, ω², τ², α² of each row.
+    """Return the regressors of the error's variance, (4, samples): 1, ω², τ², α² of each row.
 
-    Speed and acceleration of the motor are those of the healthy model [rad/s], [rad/s²]: smooth, and the same
-    whatever was recorded. The load is the recorded one [N·m], 0 where it was not.
+    Speed ω [rad/s] and acceleration α [rad/s²] of the motor are those of the healthy model, which are smooth
+    and do not depend on the recorded channels. τ [N·m] is the recorded load, 0 if it was not recorded.
     """
     speed = problem.signals(HEALTHY.vector)["speed_rad_s"]
     load = problem.inputs.rows(problem.inputs.load)
@@ -107,24 +108,26 @@ def variance_terms(problem: Problem) -> Array:
 
 
 def row_errors(problem: Problem) -> dict[str, Array]:
-    """Return the rms error of the model in each row, (samples,) by channel, where one was learned."""
-    learned = {name: problem.actuator.model_error.of(name) for name in problem.measured}
-    known = {name: one for name, one in learned.items() if one is not None}
-    if not known:
+    """Return the learned rms error of the model in each row, (samples,) by channel that has one."""
+    described = {name: problem.actuator.model_error.of(name) for name in problem.measured}
+    learned = {name: error for name, error in described.items() if error is not None}
+    if not learned:
         return {}
     terms = variance_terms(problem)
-    return {name: np.sqrt(_coefficients(one) @ terms) for name, one in known.items()}
+    return {name: np.sqrt(_coefficients(error) @ terms) for name, error in learned.items()}
 
 
 def _coefficients(error: ChannelError) -> Array:
+    """Return the coefficients (4,) of the `variance_terms`."""
     return np.array([error.floor, error.speed, error.load, error.acceleration]) ** 2
 
 
 def channel_noise(problem: Problem, channel: str, residual: Array) -> float:
     """Return the rms of the white noise on a channel, in its unit.
 
-    As its sensor is described; else from the measured channel, or as the least dense part of the spectrum of
-    its `residual` (samples,), whichever shows less: a fast oscillation of the channel passes for noise.
+    The described noise of its sensor is used if there is one. Otherwise it is the smaller of two estimates:
+    from the measured channel, and from the least dense band of the spectrum of its `residual` (samples,). The
+    first would count a fast oscillation of the channel as noise.
     """
     described = described_noise(channel, problem.actuator)
     if described is not None:
@@ -133,31 +136,31 @@ def channel_noise(problem: Problem, channel: str, residual: Array) -> float:
 
 
 def expected_residual(problem: Problem, residuals: Mapping[str, Array]) -> dict[str, float]:
-    """Return the rms residual that a healthy recording would leave of each compared channel, in its unit.
+    """Return the rms residual of each compared channel that is expected of a healthy recording, in its unit.
 
-    Noise and learned model error add by squares. Channels without a learned error are left out.
-    `residuals` (samples,) by channel tell noise from oscillation.
+    Noise and learned model error add by squares. Channels without a learned error are left out. `residuals`
+    (samples,) by channel distinguish noise from oscillation.
     """
-    found = {}
+    expected = {}
     for name in problem.channels:
         if name in problem.model_error:
             noise = healthy_noise(problem, name, channel_noise(problem, name, residuals[name]))
             variance = noise**2 + error_variance(problem, name)
-            found[name] = float(variance**0.5)
-    return found
+            expected[name] = float(variance**0.5)
+    return expected
 
 
 def healthy_noise(problem: Problem, channel: str, noise: float) -> float:
-    """Return the share of a channel's white `noise` (rms) that a healthy recording may have, in its unit."""
+    """Return a channel's white `noise` (rms), limited to what a healthy recording may have, in its unit."""
     error = problem.actuator.model_error.of(channel)
-    known = None if error is None else error.noise
-    if known is None or described_noise(channel, problem.actuator) is not None:
+    learned = None if error is None else error.noise
+    if learned is None or described_noise(channel, problem.actuator) is not None:
         return noise
-    return min(noise, HEALTHY_RESIDUAL.most_noise * known)
+    return min(noise, HEALTHY_RESIDUAL.most_noise * learned)
 
 
 def error_variance(problem: Problem, channel: str) -> float:
-    """Return the mean square of the learned error of a channel over the recording, 0 without one."""
+    """Return the mean square of the learned error of a channel over the recording; 0 if none was learned."""
     rows = problem.model_error.get(channel)
     return 0.0 if rows is None else float(np.mean(rows**2))
 
@@ -169,34 +172,37 @@ def compared_with_healthy(
     least_share: float,
     switching: Mapping[str, float],
 ) -> dict[str, HealthyComparison]:
-    """Return each channel's residual (samples,), in the rows that are compared, next to healthy recordings'.
+    """Return the comparison of each channel's residual (samples,) with healthy recordings, in compared rows.
 
-    Of the channels where that was learned.
+    Channels without a learned error are left out.
 
-    Two things that healthy recordings do not show are expected too, added by squares. `switching` is its
-    variance at the estimate, by channel: what it exceeds the learned error by, since faults change the
-    ripple. Of the primary channel a residual of `least_share` of its rms is left where the estimate is right.
+    Two errors that healthy recordings do not contain are added to the expected residual by squares: the
+    excess of the `switching` variance at the estimate, by channel, over the learned error, because faults
+    change the ripple; and a residual of `least_share` of the primary channel's rms, which remains at a
+    correct estimate.
     """
-    found = {}
+    comparisons = {}
     residuals = {name: problem.compared(name, rows) for name, rows in residuals.items()}
     for name, healthy in expected_residual(problem, residuals).items():
         share = least_share if name == problem.primary else 0.0
-        left = share**2 * float(np.mean(problem.measured[name] ** 2))
+        least = share**2 * float(np.mean(problem.measured[name] ** 2))
         ripple = switching.get(name, 0.0) / problem.compared_share(name)
         ripple = max(0.0, ripple - error_variance(problem, name))
-        expected = float((healthy**2 + left + ripple) ** 0.5)
+        expected = float((healthy**2 + least + ripple) ** 0.5)
         error = problem.actuator.model_error.of(name)
-        assert error is not None  # noqa: S101 - what is expected has been learned
+        assert error is not None  # noqa: S101 - `expected_residual` has only channels with a learned error
         size = float(np.sqrt(np.mean(residuals[name] ** 2)))
         bound = largest_healthy_ratio(error)
-        found[name] = HealthyComparison(size, expected, bound, _confidence(error, bound), error.recordings)
-    return found
+        comparisons[name] = HealthyComparison(
+            size, expected, bound, _confidence(error, bound), error.recordings
+        )
+    return comparisons
 
 
 def largest_healthy_ratio(error: ChannelError) -> float:
     """Return the largest residual of a channel, relative to the expected one, that is no worse than healthy.
 
-    The prediction limit of a normal sample of n logarithms about a known mean of 0,
+    It is the prediction limit of a normal sample of n logarithms about a known mean of 0,
     exp(t s √(1 + 1/n)) with Student's t of n - 1 degrees of freedom (Hahn and Meeker 1991, ch. 4).
     """
     n, settings = error.recordings, HEALTHY_RESIDUAL
@@ -205,23 +211,23 @@ def largest_healthy_ratio(error: ChannelError) -> float:
 
 
 def _confidence(error: ChannelError, bound: float) -> float:
-    """Return the probability that the next healthy recording stays below a `bound` of its ratio."""
+    """Return the probability that the ratio of the next healthy recording is below `bound`."""
     n = error.recordings
     scatter = error.scatter * (1 + 1 / n) ** 0.5
     return 1.0 if scatter == 0 else float(student_t_distribution(n - 1, np.log(bound) / scatter))
 
 
 def error_inflation(recordings: int) -> float:
-    """Return the factor on a learned standard deviation, so that normal intervals hold for few `recordings`.
+    """Return the factor on a learned standard deviation so that normal intervals hold for few `recordings`.
 
-    Student's t, with as many degrees of freedom as there were recordings: rows of one are no independent
-    evidence on the next.
+    It is the ratio of Student's t, with one degree of freedom per recording, to the normal quantile: rows of
+    one recording are no independent evidence about the next recording.
     """
     return student_t_quantile(recordings, 0.975) / float(normal_quantile(0.975))
 
 
 def apparent_fault_covariance(actuator: Actuator, coordinates: Sequence[str]) -> Array | float:
-    """Return what the apparent faults of healthy recordings add to the covariance (d, d); 0.0 if unknown."""
+    """Return the covariance (d, d) due to the apparent faults of healthy recordings; 0.0 if unknown."""
     apparent = actuator.model_error.faults
     if apparent is None:
         return 0.0
@@ -230,10 +236,11 @@ def apparent_fault_covariance(actuator: Actuator, coordinates: Sequence[str]) ->
 
 
 def error_scores(problem: Problem, jacobian: Array) -> Array | float:
-    """Return the covariance (d, d) of `jacobian` (d, channel rows) times the learned error; 0.0 without one.
+    """Return the covariance (d, d) of `jacobian` (d, channel rows) times the learned error; 0.0 if none.
 
-    Σ_c (T_c / Δt) J_c diag(w_c² σ_c²) J_cᵀ, an upper bound over all correlations of integral time T_c: a fit
-    absorbs the part of the error that looks like a parameter, so that its residual does not show it.
+    Σ_c (T_c / Δt) J_c diag(w_c² σ_c²) J_cᵀ, an upper bound over all correlations with the integral time T_c:
+    a fit absorbs the part of the error that has the same effect as a parameter, so the residual does not
+    contain this part.
     """
     if not problem.model_error:
         return 0.0

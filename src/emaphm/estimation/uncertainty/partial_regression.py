@@ -1,4 +1,4 @@
-"""What a residual shows of parameters that are not estimated: a regression on their derivatives."""
+"""Regression of a residual on the derivatives by parameters that are not estimated."""
 
 import numpy as np
 
@@ -13,14 +13,15 @@ from emaphm.estimation.uncertainty.switching_scores import switching_scores
 def regressed(
     mean: Array, derivatives: Array, residual: Array, problem: Problem
 ) -> tuple[Array, Array, Array]:
-    """Return the step (d,) of the others, the sizes (p,) of p more coordinates, and their covariance (p, p).
+    """Return the step (d,) of the estimate, the sizes (p,) of p further parameters, and their covariance.
 
-    By regression of the `residual` (rows,) on the `derivatives` (p, rows) less what the other coordinates,
-    whose `mean` Jacobian is (d, rows), explain of them (Frisch and Waugh 1933); the scores are as correlated
-    as the sandwich covariance takes them, with what counts of the channels of `problem` leave open.
+    Partial regression (Frisch and Waugh 1933) of the `residual` (rows,) on the `derivatives` (p, rows) by the
+    further parameters, after subtraction of their projection on the `mean` Jacobian (d, rows) of the
+    estimated coordinates. For the covariance (p, p), the scores have the long-run covariance of the sandwich
+    estimator, plus that of the rounding to counts in the channels of `problem`.
     """
     normal = mean @ mean.T
-    # An actuator that stands may answer to nothing at all.
+    # If the actuator stands, all derivatives may be 0.
     smallest = float(np.finfo(float).tiny)
     ridge = (1e-9 * float(np.trace(normal)) + smallest) * np.eye(len(normal))
     shares = np.linalg.solve(normal + ridge, mean @ derivatives.T)
@@ -39,42 +40,44 @@ def answered_sizes(
     answered: tuple[Array, Array],
     errors: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Return the sizes (p,) of p more parameters that an estimate's residual shows, and their covariance.
+    """Return the sizes (p,) of p further parameters from an estimate's residual, and their covariance (p, p).
 
-    `fitted` are the derivatives of the fitted model by what is estimated, (d, channel rows), and by the p
-    others, (p, channel rows); `answered` are those of the reference model. The recording answers by these,
-    while the estimate follows the others: a regression by instrumental variables Z (Sargan 1958),
+    `fitted` are the derivatives of the fitted model by the estimated coordinates, (d, channel rows), and by
+    the p further parameters, (p, channel rows); `answered` are those of the reference model. The recording
+    has the derivatives D of the reference model, while the estimate uses those of the fitted model as
+    instrumental variables Z (Sargan 1958):
 
-        x = (Z Dᵀ + P)⁻¹ (Z r - P θ),
+        x = (Z Dᵀ + P)⁻¹ (Z r - P θ)
 
-    in which the chance of the reference model's switching, which the instruments have not, makes no bias. P
-    is the weight of the priors, about which θ scatters as they say. The covariance is (p, p), with what the
-    `errors` (n, channel rows) of the switching make of the scores (`switching_errors`).
+    The random switching of the reference model causes no bias, because the instruments do not contain it. P
+    is the weight of the priors, under which θ has its prior scatter. The covariance includes the scores of
+    the switching `errors` (n, channel rows), from `switching_errors`.
     """
-    objective, more = result.objective, len(fitted[1])
+    objective, count = result.objective, len(fitted[1])
     residual = result.residual[: objective.channel_rows]
-    instruments, answers = np.vstack(fitted), np.vstack(answered)
-    deviations, own = objective.space.prior_deviations, np.arange(objective.space.dimensions)
+    instruments, responses = np.vstack(fitted), np.vstack(answered)
+    deviations, estimated = objective.space.prior_deviations, np.arange(objective.space.dimensions)
     weights = float(np.mean(residual**2)) * objective.rows_of_priors / deviations**2
-    # A fault is drawn to where it is: it has no mean beforehand.
-    drawn = weights * np.where(own < len(objective.space.columns), 0.0, result.point)
-    normal = instruments @ answers.T
-    normal[own, own] += weights
+    # A fault has no prior mean: its prior acts about its current value.
+    prior_gradient = weights * np.where(estimated < len(objective.space.columns), 0.0, result.point)
+    normal = instruments @ responses.T
+    normal[estimated, estimated] += weights
     inverse = np.linalg.inv(normal + float(np.finfo(float).tiny) * np.eye(len(normal)))
-    sizes = inverse @ (instruments @ residual - np.append(drawn, np.zeros(more)))
-    scores = instruments * (residual - sizes @ answers)
+    sizes = inverse @ (instruments @ residual - np.append(prior_gradient, np.zeros(count)))
+    scores = instruments * (residual - sizes @ responses)
     scatter = long_run_covariance(scores, len(objective.problem.channels))
     scatter = scatter + rounding_scores(objective.problem, instruments)
     scatter = scatter + switching_scores(instruments, errors)
-    scatter[own, own] += (weights * deviations) ** 2
+    scatter[estimated, estimated] += (weights * deviations) ** 2
     covariance = inverse @ scatter @ inverse.T
-    return sizes[-more:], covariance[-more:, -more:]
+    return sizes[-count:], covariance[-count:, -count:]
 
 
 def size_of_one(result: SearchResult, jacobians: Array, derivative: Array) -> tuple[float, float]:
-    """Return the size of one more parameter that the residual of an estimate shows, and its standard error.
+    """Return the size of one further parameter from the residual of an estimate, and its standard error.
 
-    By its `derivative` (channel rows,), and the `jacobians` (n, d, channel rows) of what is estimated.
+    `derivative` (channel rows,) is that by the further parameter; `jacobians` (n, d, channel rows) are those
+    by the estimated coordinates.
     """
     objective = result.objective
     residual = result.residual[: objective.channel_rows]

@@ -1,4 +1,4 @@
-"""What slow rows leave open: the command between them."""
+"""Uncertainty of an estimate due to the unknown command between slow rows."""
 
 from dataclasses import replace
 
@@ -12,11 +12,11 @@ from emaphm.estimation.uncertainty.fisher_information import information
 def step_by_other_command(
     objective: MapObjective, point: Array, residual: Array, jacobians: Array
 ) -> Array | None:
-    """Return how far the estimate at `point` (d,) would move if another command lay behind the rows, (d,).
+    """Return the change (d,) of the estimate at `point` (d,) under another command through the same rows.
 
-    A Gauss-Newton step by `jacobians` (n, d, channel rows) of a fit under the other curve that the rows of
-    the command allow (`emaphm.recording.other_curve`), which makes up for what that changes of the model's
-    outputs; None where rows are dense enough that there is none. `residual` (channel rows,) is its own.
+    It is a Gauss-Newton step with `jacobians` (n, d, channel rows) that compensates the change of the model's
+    outputs under the other curve through the rows of the command (`emaphm.recording.other_curve`). None if
+    rows are so dense that there is no other curve. `residual` (channel rows,) is that of the estimate.
     """
     problem, rows = objective.problem, objective.channel_rows
     if problem.driving.other_command is None:
@@ -24,9 +24,11 @@ def step_by_other_command(
     other = replace(problem.driving, command=problem.driving.other_command)
     inputs = other.inputs(problem.model.step_for(problem.actuator))
     under_other = replace(objective, problem=replace(problem, inputs=inputs))
-    both = [one.outputs(point[np.newaxis])[0, :rows] for one in (objective, under_other)]
+    outputs, other_outputs = (
+        version.outputs(point[np.newaxis])[0, :rows] for version in (objective, under_other)
+    )
     variance = max(float(np.mean(residual**2)), np.finfo(float).tiny)
     precision = information(jacobians) / variance + np.diag(objective.space.prior_deviations**-2)
-    gradient = jacobians.mean(axis=0) @ (both[0] - both[1]) / variance
+    gradient = jacobians.mean(axis=0) @ (outputs - other_outputs) / variance
     step = np.linalg.solve(precision, gradient)
     return np.asarray(objective.space.project(point + step) - point)

@@ -1,10 +1,10 @@
-"""What the chance of the switching adds to the covariance of an estimate, where motion is slow.
+"""Covariance of an estimate due to random switching in slow motions.
 
-On a slow motion the shaft comes to rest again and again. Where it does, and when it breaks away, the ripple
-of the current decides, which is another in each run. A position is then off by the same amount until the
-shaft moves again: an error that lasts for hundreds of rows, of which a recording has as many as there are
-rests. A fit takes up so few errors nearly all, and its residual does not show what they make of the estimate.
-Runs of the reference model show it.
+In a slow motion the shaft comes to rest repeatedly. The ripple of the current, which differs between runs,
+determines where it stops and when it breaks away. The position error is then constant until the shaft moves
+again: it lasts for hundreds of rows, and a recording has only one such error per rest. A fit absorbs almost
+all of so few errors, and its residual does not show their effect on the estimate. The effect is therefore
+determined from runs of the reference model.
 """
 
 import numpy as np
@@ -22,11 +22,11 @@ from emaphm.estimation.uncertainty.local_covariance import moves_slowly
 
 
 def switching_errors(result: SearchResult, rng: np.random.Generator) -> Array | None:
-    """Return by how much runs of the reference model at an estimate differ from their mean.
+    """Return the deviations (n, channel rows) of n reference-model runs at an estimate from their mean.
 
-    Weighted as the channels, (n, channel rows), and divided by √(n - 1): the squares of their products with
-    the derivatives add up to the covariance that switching alone gives the scores. None of other than slow
-    motions (`moves_slowly`), whose residual shows it, and of drives without a reference model.
+    They have the weights of the channels and are divided by √(n - 1): the sum of the squares of their
+    products with the derivatives is the covariance of the scores due to switching. None for faster motions
+    (see `moves_slowly`), whose residual contains the effect, and for drives without a reference model.
     """
     objective = result.objective
     if not (moves_slowly(objective.problem) and has_reference(objective.problem)):
@@ -38,7 +38,7 @@ def switching_errors(result: SearchResult, rng: np.random.Generator) -> Array | 
 
 
 def switching_scores(derivatives: Array, errors: Array | None) -> Array | float:
-    """Return the covariance (d, d) that `switching_errors` give the scores by `derivatives` (d, rows)."""
+    """Return the covariance (d, d) of the scores of `switching_errors`, with the `derivatives` (d, rows)."""
     if errors is None:
         return 0.0
     scores = errors @ derivatives.T
