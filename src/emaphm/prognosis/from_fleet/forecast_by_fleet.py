@@ -1,4 +1,4 @@
-"""How a fleet changes a unit's forecast: by its past predictions, and by a mixture with its units' pace."""
+"""Changes of a unit's forecast by its fleet: recalibration, and a mixture with the pace of the units."""
 
 from dataclasses import replace
 
@@ -19,11 +19,11 @@ from emaphm.random_streams import stream
 def by_fleet(
     times: FailureTimes, level: Array, belief: Belief, evidence: Evidence, ahead: Stress | None
 ) -> FailureTimes:
-    """Return the `times` of a forecast from `belief` as the fleet changes them.
+    """Return the failure `times` of a forecast from `belief`, changed by the fleet.
 
-    They are corrected by how its past predictions turned out, and are then a mixture with those by the pace
-    of its units (`mixed_with_pace`). `level` (n, 8) is where the paths begin, `evidence` is of the unit,
-    `ahead` the stress to come.
+    They are recalibrated by the outcomes of past predictions, and then mixed with the failure times from the
+    pace of the units (`mixed_with_pace`). `level` (n, 8) are the initial levels of the paths, `evidence` is
+    that of the unit, `ahead` the future stress.
     """
     recalibration, pace = belief.prior.recalibration, belief.prior.fleet_pace
     if recalibration is not None:
@@ -39,13 +39,13 @@ def mixed_with_pace(
     evidence: Evidence,
     ahead: Stress | None,
 ) -> FailureTimes:
-    """Return failure times of a forecast, with √f n / (n + 8) of the working paths by the fleet's pace.
+    """Return failure times of a forecast, with the share √f n / (n + 8) of the working paths from the pace.
 
-    n is the number of units, f the share of them that has failed. The forecast is returned unchanged if
+    n is the number of units, f the share of units that have failed. The forecast is returned unchanged if
 
     - a limit is on a measure, or a new unit is beyond it,
     - there are fewer than 8 units, or no unit has passed a step,
-    - the last diagnosis knows a level worse than to 5 % of its full margin, or is probably an outlier,
+    - the last diagnosis has a standard error above 5 % of a full margin, or is probably an outlier,
     - the unit has passed no step towards any limit,
     - the unit has worked longer since its last diagnosis than 95 % of the population would,
     - or most paths have failed.
@@ -57,33 +57,34 @@ def mixed_with_pace(
     times
         The filter's forecast.
     pace
-        That of the fleet's units.
+        Pace of the fleet's units.
     level
-        Where the paths begin, (n, 8): the believed levels, because the last diagnosis alone has an error.
+        Initial levels of the paths, (n, 8): filtered levels, because the last diagnosis has an error.
     belief
-        The belief that the forecast was made from; its hours and seed are used.
+        Filter state of the forecast; its hours and seed are used.
     evidence
-        Of the unit; diagnoses up to the hours of the belief count.
+        Evidence on the unit; diagnoses up to the hours of the filter state are used.
     ahead
-        The stress to come, as in `prognose`.
+        The future stress, as in `prognose`.
     """
     if len(pace.units) < FLEET_PACE.fewest_units or np.median(times.first) == 0:
         return times
-    if not all(_is_usable(pace, one, evidence, belief) for one in times.limits):
+    if not all(_is_usable(pace, limit, evidence, belief) for limit in times.limits):
         return times
-    # From the belief: a replacement at the hours of the last diagnosis came after that diagnosis.
-    new_at = [float(belief.new_at[columns_of_limit(one)[0]]) for one in times.limits]
+    # From the filter state: a replacement at the hours of the last diagnosis came after that diagnosis.
+    new_at = [float(belief.new_at[columns_of_limit(limit)[0]]) for limit in times.limits]
     paths = [
-        pace.path(evidence, one, start, belief.hours) for one, start in zip(times.limits, new_at, strict=True)
+        pace.path(evidence, limit, start, belief.hours)
+        for limit, start in zip(times.limits, new_at, strict=True)
     ]
-    found = pace.population(times.limits, belief.seed)
-    if found is None:
+    fleet_population = pace.population(times.limits, belief.seed)
+    if fleet_population is None:
         return times
-    population, least = found
+    population, least = fleet_population
     passages = [Passages.of(*path, hours) for path, hours in zip(paths, least, strict=True)]
-    if not any(one.passed for one in passages):
+    if not any(passage.passed for passage in passages):
         return times
-    # The name of the stream is kept, so that forecasts stay what they were.
+    # The name of the stream is kept, so that forecasts stay the same.
     random = stream(belief.seed, "fellows' pace", evidence.unit, belief.steps)
     count = len(pace.units)
     share = pace.shown_share * count / (count + FLEET_PACE.filter_weight)
@@ -96,8 +97,8 @@ def mixed_with_pace(
             continue
         column = columns_of_limit(limit)[0]
         age, now = paths[i][0], pace.ageing_hours(evidence, column, new_at[i], belief.hours)
-        since = now - age[-1] if age.size else 0.0
-        if _survives_beyond_population(population, i, passages[i], since, random):
+        hours_since = now - age[-1] if age.size else 0.0
+        if _survives_beyond_population(population, i, passages[i], hours_since, random):
             return times
         consumed = pace.consumed_share(limit, level[chosen])
         waiting = passages[i].waiting_until(now, least[i])
@@ -110,33 +111,33 @@ def mixed_with_pace(
 
 
 def _is_usable(pace: FleetPaceModel, limit: Limit, unit: Evidence, belief: Belief) -> bool:
-    """Return whether a limit is on a level that a new unit holds and that the last diagnosis knows."""
+    """Return whether a new unit meets the limit, on a level that the last diagnosis determines."""
     if limit.component is None or pace.full_margin(limit) <= 0:
         return False
     if belief.surprise[columns_of_limit(limit)].max() > FLEET_PACE.largest_surprise:
         return False
-    last = [one for one in unit.used if one.hours <= belief.hours][-1:]
-    return all(pace.is_known(one, limit) for one in last)
+    last = [diagnosis for diagnosis in unit.used if diagnosis.hours <= belief.hours][-1:]
+    return all(pace.is_known(diagnosis, limit) for diagnosis in last)
 
 
 def _survives_beyond_population(
     population: PopulationDraws, component: int, last: Passages, since: float, random: np.random.Generator
 ) -> bool:
-    """Return whether a unit has worked for longer `since` its `last` diagnosis [h] than the population would.
+    """Return whether a unit has worked longer `since` its `last` diagnosis [h] than the population would.
 
-    The drawn lives begin below the diagnosed share, by as much as a usable diagnosis may err.
+    The drawn lives start below the diagnosed share by the largest error of a usable diagnosis.
     """
     if since <= 0:
         return False
     share = np.full(FLEET_PACE.survival_draws, last.share - FLEET_PACE.largest_error)
-    left = remaining_hours(population, component, last, share, random)
-    return bool(np.mean(left > since) < FLEET_PACE.least_survival)
+    remaining = remaining_hours(population, component, last, share, random)
+    return bool(np.mean(remaining > since) < FLEET_PACE.least_survival)
 
 
 def _ordered_by_limit(hours: Array) -> Array:
-    """Return `hours` (k, n) of limits on one side of a level, the tightest first, as those of n paths.
+    """Return `hours` (k, n) of limits on one side of a level, the tightest first, ordered as on n paths.
 
-    A path that passes one limit early passes all of them early, and none before a tighter one.
+    A path that passes one limit early passes all limits early, and a wider limit after a tighter one.
     """
     rank = hours[0].argsort().argsort()
     return np.asarray(np.maximum.accumulate(np.sort(hours, axis=1)[:, rank], axis=0))
