@@ -145,7 +145,7 @@ def test_the_chain_runs_in_one_command_and_goes_on(
         assert [[one.hours for one in unit.diagnoses()] for unit in history.units()] == [[80.0], [80.0]]
     assert read_recording(next(iter(written)), THESIS).labels["origin"] == "synthetic"
     assert main(["fleet", "simulate", "-o", str(folder), "--units", "3", "--flights", "1"]) == 2
-    assert "holds another synthetic fleet: 'plan.units' (2 there, 3 here)" in capsys.readouterr().err
+    assert "contains another synthetic fleet: 'plan.units' (2 there, 3 here)" in capsys.readouterr().err
     settings = folder / SETTINGS
     settings.write_text(settings.read_text().replace(revision(), "0123456789ab"))
     assert main(["fleet", "simulate", "-o", str(folder), "--units", "2", "--flights", "1"]) == 2
@@ -172,7 +172,7 @@ def test_a_history_is_of_one_synthetic_fleet(
         history.add(Entry("SYNTHETIC-0000", "SYNTHETIC", 80.0), read_recording(first, THESIS), made)
     for seed, complaint in (
         ("0", "a diagnosis is to be made"),  # the same fleet is gone on with
-        ("1", "unit 'SYNTHETIC-0000' there is of another synthetic fleet"),
+        ("1", "unit 'SYNTHETIC-0000' there belongs to another synthetic fleet"),
     ):
         assert main([*line, str(tmp_path / seed), "--seed", seed]) == 2
         assert complaint in capsys.readouterr().err

@@ -195,7 +195,7 @@ def test_what_diagnoses_share_is_said_where_it_is_most_of_what_is_not_known() ->
     ]
     within = replace(worn, observations=tuple(observations))
     (note,) = [one for one in prognose(within, WORN).notes if "have the same error" in one]
-    assert "0.098 of friction" in note
+    assert "0.098 in friction" in note
     assert not any("have the same error" in one for one in prognose(worn, WORN).notes)
 
 

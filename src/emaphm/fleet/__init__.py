@@ -1,4 +1,4 @@
-"""Many recordings: each diagnosed by itself, on processes or a cluster, kept as they finish."""
+"""Batches of recordings: each is diagnosed separately, on processes or a cluster, and stored at once."""
 
 from emaphm.fleet.batch import diagnose_all
 from emaphm.fleet.result import BatchResult, batch_table

@@ -1,4 +1,4 @@
-"""Diagnosing many recordings: each by itself, side by side, the results in the order of the files."""
+"""Diagnosis of many recordings: separately, in parallel, with results in the order of the files."""
 
 import json
 from collections.abc import Generator, Sequence
@@ -39,39 +39,39 @@ def diagnose_all(
     folder: str | Path | None = None,
     on_file: OnTask | None = None,
 ) -> Generator[BatchResult]:
-    """Diagnose every recording in `files`; return an iterator of the results, in the order of the files.
+    """Return an iterator of the diagnoses of all recordings in `files`, in the order of the files.
 
-    Each result is that of `emaphm.diagnose` on the recording alone, whatever the number of workers. What
-    cannot be read or diagnosed is a result with an error. Memory does not grow with the number of files, but
-    for results that wait for an earlier file.
+    Each result is that of `emaphm.diagnose` for the recording alone, for any number of workers. A recording
+    that cannot be read or diagnosed has a result with an error. Memory does not grow with the number of
+    files, except for results that wait for an earlier file.
 
     Parameters
     ----------
     files
-        Of recordings; see `emaphm.fleet.recording_files` for folders.
+        Files of recordings; see `emaphm.fleet.recording_files` for folders.
     actuator
-        The description that all are diagnosed by, and that names their channels.
+        The description for all diagnoses, which also names the channels.
     settings
-        The same for all: the arguments of `emaphm.diagnose`, or an estimator's file.
+        Arguments of `emaphm.diagnose`, or an estimator's file, for all recordings.
     reading
-        How files are read: what each is cut by, what is known of all of it.
+        How files are read: splitting, and known values of their recordings.
     workers
-        Processes on this machine; one a core where left out. More than one needs the usual
+        Processes on this machine; by default one per core. More than one needs the usual
         ``if __name__ == "__main__":`` in a script.
     scheduler
-        Address of a Dask scheduler to run on instead; its workers see the files by their absolute paths.
+        Address of a Dask scheduler to use instead; its workers need the files under the same absolute paths.
     folder
-        Where results are kept as they finish. A later call with the same folder, actuator and settings goes
-        on: what is kept is not done again, unless its file has changed.
+        Folder in which results are stored as they finish. A later call with the same folder, actuator and
+        settings resumes: stored results are not computed again, unless the file has changed.
     on_file
-        Called at the start and after each file: how many are done, of how many.
+        Called at the start and after each file, with the finished and total number of files.
 
     Raises
     ------
     MethodError
-        A setting is unknown, or does not go with another one or the actuator.
+        A setting is unknown, or contradicts another one or the actuator.
     ExecutionError, OutputError
-        The workers, the scheduler or the folder cannot be used, or the folder holds results of other
+        The workers, the scheduler or the folder cannot be used, or the folder contains results of other
         settings.
     """
     settings = settings.pinned()
@@ -80,13 +80,13 @@ def diagnose_all(
     paths = [Path(file).absolute() if scheduler else Path(file) for file in files]
     if scheduler and settings.estimator is not None:
         settings = replace(settings, estimator=str(Path(settings.estimator).absolute()))
-    kept = None if folder is None else _prepared(Path(folder), actuator, settings, reading)
-    return _results(_Batch(paths, actuator, settings, reading, workers, scheduler, kept, on_file))
+    work_folder = None if folder is None else _prepared(Path(folder), actuator, settings, reading)
+    return _results(_Batch(paths, actuator, settings, reading, workers, scheduler, work_folder, on_file))
 
 
 @dataclass(frozen=True, eq=False)
 class _Batch:
-    """The arguments of `diagnose_all`, checked."""
+    """The checked arguments of `diagnose_all`."""
 
     paths: Sequence[Path]
     actuator: Actuator
@@ -98,12 +98,12 @@ class _Batch:
     on_file: OnTask | None
 
     def tasks(self) -> list[Task]:
-        """Return one task a file."""
+        """Return one task per file."""
         expected = revision() if self.folder or self.scheduler else ""
         return [self._task(i, path, expected) for i, path in enumerate(self.paths)]
 
     def _task(self, number: int, path: Path, expected: str) -> Task:
-        """Return a file's task; in the folder, its name and its content identify the result."""
+        """Return a file's task; with a folder, the result is identified by the file's path and content."""
         content = None if self.folder is None else content_digest(path)
         arguments = (str(path), self.actuator, self.settings, self.reading, expected, content)
         return Task(number, perform, arguments, "" if content is None else f"{content} {path}", str(path))
@@ -111,16 +111,18 @@ class _Batch:
 
 def _results(batch: _Batch) -> Generator[BatchResult]:
     with ExitStack() as stack:
-        store, done = None, set[int]()
+        store, finished = None, set[int]()
         tasks = batch.tasks()
         if batch.folder is not None:
             stack.enter_context(batch.folder.locked())
             batch.folder.clear()
             store = ResultStore(batch.folder.results)
-            done = store.finished(tasks)
-        missing = [task for task in tasks if task.index not in done]
-        arriving = stack.enter_context(closing(_counted(_running(batch, missing, store), len(done), batch)))
-        for task, outcome in in_order(tasks, arriving, store, done, keeps=is_whole):
+            finished = store.finished(tasks)
+        missing = [task for task in tasks if task.index not in finished]
+        arriving = stack.enter_context(
+            closing(_counted(_running(batch, missing, store), len(finished), batch))
+        )
+        for task, outcome in in_order(tasks, arriving, store, finished, keeps=is_whole):
             for values in [broken(task.name, outcome.failure)] if outcome.failure else outcome.result:
                 yield BatchResult(values)
 
@@ -131,13 +133,13 @@ def _running(batch: _Batch, tasks: list[Task], store: ResultStore | None) -> Gen
     return run_missing(tasks, store, workers=batch.workers, scheduler=batch.scheduler, keeps=is_whole)
 
 
-def _counted(arriving: Generator[Outcome], done: int, batch: _Batch) -> Generator[Outcome]:
-    """Pass outcomes on, and call `on_file` after each."""
+def _counted(arriving: Generator[Outcome], finished: int, batch: _Batch) -> Generator[Outcome]:
+    """Yield the outcomes, and call `on_file` after each."""
     total = len(batch.paths)
     with closing(arriving):
         if batch.on_file:
-            batch.on_file(done, total)
-        for count, outcome in enumerate(arriving, start=done + 1):
+            batch.on_file(finished, total)
+        for count, outcome in enumerate(arriving, start=finished + 1):
             if batch.on_file:
                 batch.on_file(count, total)
             yield outcome
@@ -146,18 +148,18 @@ def _counted(arriving: Generator[Outcome], done: int, batch: _Batch) -> Generato
 def _prepared(
     path: Path, actuator: Actuator, settings: DiagnosisSettings, reading: FileReading
 ) -> WorkFolder:
-    """Return the folder at `path`, begun or of the same settings."""
+    """Return the folder at `path`, which is new or has the same settings."""
     folder = WorkFolder(path, SETTINGS, "batch of diagnoses", ExecutionError)
-    here = {
+    inputs = {
         "revision": revision(),
         "actuator": actuator.model_dump(mode="json"),
         "settings": settings.to_dict(),
         "reading": reading.to_dict(),
     }
-    differing = folder.begin_or_resume(json.dumps(here, indent=1))
+    differing = folder.begin_or_resume(json.dumps(inputs, indent=1))
     if differing:
         raise ExecutionError(
-            f"{path} holds results of other settings: {differing}; give the same ones, or another folder "
-            "with -o"
+            f"{path} contains results of other settings: {differing}; give the same settings, or another "
+            "folder with -o"
         )
     return folder

@@ -1,4 +1,4 @@
-"""What became of one recording of a batch, and the table of all."""
+"""Result of a recording of a batch, and the table of all results."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,16 +8,16 @@ from emaphm.actuator.faults import degraded_in, health_in
 from emaphm.text_table import NOTHING, format_table
 
 LONGEST_NOTE = 100
-"""Characters of a row's notes; the whole text is in the diagnosis of that recording alone."""
+"""Largest number of characters of a row's notes; a diagnosis of the recording alone has the full text."""
 
 HEADER = ("recording", "explained", "residual", "degraded", "notes")
 
 
 @dataclass(frozen=True, eq=False)
 class BatchResult:
-    """One recording's result: `values` is what `emaphm diagnose --json` prints of it.
+    """Result of one recording: `values` is the output of `emaphm diagnose --json`.
 
-    Of a recording that could not be diagnosed, it has the `recording` and the `error` alone.
+    For a recording that could not be diagnosed, it has only the `recording` and the `error`.
     """
 
     values: Mapping[str, Any]
@@ -29,35 +29,35 @@ class BatchResult:
 
     @property
     def error(self) -> str:
-        """Why it could not be diagnosed; empty where it could."""
+        """Reason why it could not be diagnosed, or empty."""
         return str(self.values.get("error", ""))
 
     @property
     def explained(self) -> bool:
-        """Whether the diagnosis explains the recording."""
+        """Whether the recording is explained."""
         return bool(self.values.get("explained", False))
 
     @property
     def degraded(self) -> dict[str, float]:
-        """The components that are called degraded, with their values."""
+        """The components with the verdict degraded, with their values."""
         if self.error:
             return {}
         return {name: self.values["faults"][name]["value"] for name in degraded_in(self.values)}
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader must know of it, in short."""
+        """Short notes on the result."""
         if self.error:
             return (self.error.removeprefix(f"{self.recording}: "),)
         values = self.values
-        found = [] if values["moves"] else ["stands still"]
-        found += [f"also estimated: {', '.join(values['suspected'])}"] if values["suspected"] else []
-        found += [f"laws that the description lacks: {', '.join(values['laws'])}"] if values["laws"] else []
-        return (*found, *values["reasons"], *values["notes"])
+        notes = [] if values["moves"] else ["stands still"]
+        notes += [f"also estimated: {', '.join(values['suspected'])}"] if values["suspected"] else []
+        notes += [f"laws that the description lacks: {', '.join(values['laws'])}"] if values["laws"] else []
+        return (*notes, *values["reasons"], *values["notes"])
 
     @property
     def _cells(self) -> tuple[str, str, str]:
-        """Whether it is explained, the residual, and what is degraded."""
+        """Cells of the table: explained, residual, degraded components."""
         degraded = ", ".join(f"{name} {value:.2f}" for name, value in self.degraded.items())
         none = "none" if health_in(self.values) == "healthy" else "cannot tell"
         residual = f"{100 * self.values['relative_residual']:.1f} %"
@@ -77,7 +77,7 @@ class BatchResult:
 
 @dataclass(frozen=True)
 class BatchRow:
-    """What the table keeps of a recording: its cells, and what it counts as."""
+    """A recording's row of the table: its cells, and the categories in which it is counted."""
 
     cells: tuple[str, ...]
     explained: bool
@@ -86,7 +86,7 @@ class BatchRow:
 
 
 def batch_table(rows: Sequence[BatchRow]) -> str:
-    """Return a table of text with one row a recording, and a line of summary."""
+    """Return a text table with one row per recording, and a summary line."""
     explained, degraded, broken = (
         sum(getattr(row, name) for row in rows) for name in ("explained", "degraded", "broken")
     )

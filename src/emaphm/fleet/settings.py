@@ -1,4 +1,4 @@
-"""How each recording of a batch is diagnosed."""
+"""Settings of the diagnoses of a batch."""
 
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
@@ -24,11 +24,10 @@ from emaphm.simulation import model_named
 
 @dataclass(frozen=True)
 class DiagnosisSettings:
-    """The arguments of `emaphm.diagnose` by these names, the same for every recording.
+    """The arguments of `emaphm.diagnose` with these names, the same for all recordings.
 
-    `estimator` is the file of an estimator that helps, and `fast` whether its answer is taken as it is
-    (`emaphm.amortized.diagnosing`). `estimator_digest` is the SHA-256 that this file must have, any where
-    None.
+    `estimator` is the file of an estimator, and `fast` is True if its answer is used without the full search
+    (`emaphm.amortized.diagnosing`). `estimator_digest` is the required SHA-256 of this file, or None.
     """
 
     method: str = "hybrid"
@@ -47,40 +46,39 @@ class DiagnosisSettings:
         check_seed(self.seed)
 
     def check(self, actuator: Actuator) -> None:
-        """Refuse what no recording could be diagnosed by; `MethodError` says why."""
+        """Refuse settings with which no recording can be diagnosed, `MethodError`."""
         check_fitness(method_named(self.method), self.fitness)
         model_named(self.model)
         NuisanceSet.of(actuator, self.nuisances, ())
         self.check_estimator()
 
     def check_estimator(self) -> None:
-        """Refuse an estimator that cannot be read, or does not go with the other settings."""
+        """Refuse an estimator that cannot be read, or that contradicts the other settings."""
         if self.estimator is None:
             if self.fast:
-                raise MethodError("an answer that is fast needs an estimator; give its file")
+                raise MethodError("a fast answer needs an estimator; give its file")
             return
-        for name, usual in (("method", HYBRID), ("model", "averaged")):
-            if getattr(self, name) != usual:
+        for name, required in (("method", HYBRID), ("model", "averaged")):
+            if getattr(self, name) != required:
                 raise MethodError(
-                    f"an estimator goes with {name} '{usual}'; leave out {name} '{getattr(self, name)}', or "
+                    f"an estimator needs {name} '{required}'; leave out {name} '{getattr(self, name)}', or "
                     "the estimator"
                 )
         if self.fast and self.nuisances is not None:
             raise MethodError(
-                "an estimator's answer is of the nuisances that it was trained on; leave out the nuisances, "
-                "or --fast"
+                "an estimator's answer has the nuisances of its training; leave out the nuisances, or --fast"
             )
         estimator_at(self.estimator, self.estimator_digest)
 
     def pinned(self) -> Self:
-        """Return the settings with the digest of their estimator: another one in its place is refused."""
+        """Return the settings with the digest of their estimator, so that a replaced file is refused."""
         if self.estimator is None or self.estimator_digest is not None:
             return self
         return replace(self, estimator_digest=content_digest(Path(self.estimator)))
 
     @property
     def method_names(self) -> tuple[str, ...]:
-        """What the method of a diagnosis may be called: as asked, or the full search where that cannot be."""
+        """Possible names of the method of a diagnosis: the given one, or the full search as a fallback."""
         if self.estimator is None:
             return (self.method,)
         return (ESTIMATOR, CORRECTED, HYBRID) if self.fast else (CORRECTED, HYBRID)
@@ -95,7 +93,7 @@ class DiagnosisSettings:
     ) -> Diagnosis:
         """Return the diagnosis of one recording.
 
-        On one thread unless `workers` says otherwise: a batch keeps the cores busy side by side.
+        The default is one thread, because a batch diagnoses several recordings in parallel.
         """
         if self.estimator is None:
             values = asdict(self)
@@ -117,30 +115,30 @@ class DiagnosisSettings:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the settings, ready for `json.dumps`; an estimator by what its file holds."""
+        """Return the settings, ready for `json.dumps`; an estimator by the digest of its file."""
         values = asdict(self.pinned())
         values["estimator"] = values.pop("estimator_digest")
         return values
 
 
 def estimator_at(path: str | Path, digest: str | None = None) -> Estimator:
-    """Return the estimator in a file, read once a process as long as the file stays the same.
+    """Return the estimator in a file, read once per process as long as the file does not change.
 
     Raises
     ------
     MethodError
-        It cannot be read, or its SHA-256 is not the `digest`.
+        The file cannot be read, or its SHA-256 is not `digest`.
     """
     resolved = Path(path)
     try:
-        found = resolved.stat()
+        status = resolved.stat()
     except (OSError, ValueError):
-        return Estimator.load(resolved)  # which says what is wrong
-    of_file = resolved.absolute(), found.st_mtime_ns, found.st_size
+        return Estimator.load(resolved)  # raises the error
+    of_file = resolved.absolute(), status.st_mtime_ns, status.st_size
     if digest is None:
         return _read(*of_file)
-    estimator, held = _read_with_digest(*of_file)
-    if held != digest:
+    estimator, actual_digest = _read_with_digest(*of_file)
+    if actual_digest != digest:
         raise MethodError(
             f"{path}: has changed since the work began; put the same file there and start again"
         )
@@ -154,7 +152,7 @@ def _read(path: Path, _changed: int, _size: int) -> Estimator:
 
 @lru_cache(maxsize=4)
 def _read_with_digest(path: Path, _changed: int, _size: int) -> tuple[Estimator, str]:
-    """Return the estimator and the digest of its file, empty where that was replaced meanwhile."""
+    """Return the estimator and the digest of its file, empty if the file was replaced while reading."""
     before = content_digest(path)
     estimator = Estimator.load(path)
     return estimator, before if content_digest(path) == before else ""

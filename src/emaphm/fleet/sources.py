@@ -1,4 +1,4 @@
-"""Where recordings come from: files and folders named by the user, and what a file holds."""
+"""Sources of recordings: files and folders given by the user, and the recordings in a file."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -12,14 +12,14 @@ from emaphm.recording.io.read import READERS
 
 
 def recording_files(paths: Iterable[Path]) -> list[Path]:
-    """Return the files that `paths` name: themselves, and of a folder its recordings, by name.
+    """Return the given files, and the recordings in the given folders, by name.
 
-    A folder's hidden files are left out, and files with other endings than those of recordings.
+    Hidden files in a folder and files with other endings than those of recordings are left out.
 
     Raises
     ------
     RecordingError
-        A folder holds no recording or cannot be read, or a file is named twice.
+        A folder has no recording or cannot be read, or a file is given twice.
     """
     files: list[Path] = []
     for path in paths:
@@ -32,7 +32,7 @@ def recording_files(paths: Iterable[Path]) -> list[Path]:
 
 @dataclass(frozen=True)
 class FileReading:
-    """How each file of a batch is read: the arguments of `emaphm.read_recordings` by these names."""
+    """How each file of a batch is read: arguments of `emaphm.read_recordings` with these names."""
 
     split: str | None = None
     known: Mapping[str, float | str] = field(default_factory=dict)
@@ -53,15 +53,15 @@ def _repeats(files: list[Path]) -> bool:
 
 def _of_folder(folder: Path) -> list[Path]:
     try:
-        found = sorted(
+        files = sorted(
             path
             for path in folder.iterdir()
             if path.suffix.lower() in READERS and not path.name.startswith(".") and path.is_file()
         )
     except OSError as error:
         raise RecordingError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from None
-    if not found:
+    if not files:
         raise RecordingError(
             f"{folder}: is a folder without recordings ({', '.join(READERS)}); name another one, or the files"
         )
-    return found
+    return files

@@ -1,4 +1,4 @@
-"""Diagnosing the recordings of one file, on whichever worker."""
+"""Task of a batch: diagnosis of the recordings of one file, on any worker."""
 
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,11 @@ from emaphm.input_files import content_digest
 from emaphm.recording import Recording
 
 DECIDING = (*diagnosis.DECIDING, "amortized", "fleet/task.py", "fleet/settings.py", "fleet/sources.py")
-"""The rooms and files whose code decides what a recording is found to show."""
+"""Folders and files whose code determines the diagnosis of a recording."""
 
 
 def revision() -> str:
-    """Return a fingerprint of the code and libraries that decide a diagnosis."""
+    """Return a fingerprint of the code and libraries that determine a diagnosis."""
     return revision_of(DECIDING, diagnosis.NOT_DECIDING)
 
 
@@ -29,15 +29,16 @@ def perform(
     expected: str,
     content: str | None,
 ) -> list[dict[str, Any]]:
-    """Return what `emaphm diagnose --json` prints, of each recording in the file at `path`.
+    """Return the output of `emaphm diagnose --json` for each recording in the file at `path`.
 
-    Of one that cannot be diagnosed, its name and the `error`. A result is kept for the revision `expected` of
-    the code, empty where it does not matter, and for the `content` of the file, a digest, or None.
+    For a recording that cannot be diagnosed, it is its name and the `error`. A result is stored for the
+    revision `expected` of the code, empty if it does not matter, and for the `content` of the file, a digest,
+    or None.
 
     Raises
     ------
     ExecutionError
-        The code here is another one.
+        The revision of the code on this worker differs.
     """
     if expected and revision() != expected:
         raise ExecutionError(
@@ -52,8 +53,8 @@ def perform(
 
 
 def _recordings(path: Path, actuator: Actuator, reading: FileReading, content: str | None) -> list[Recording]:
-    """Return the recordings in a file, `RecordingError` where that does not hold `content` any more."""
-    # Around the reading: a batch may take hours, and its files lie where others write.
+    """Return the recordings in a file, `RecordingError` if its content has changed from `content`."""
+    # Checked before and after reading: a batch may take hours, and other programs may write its files.
     before = content if content is None else content_digest(path)
     recordings = recordings_in(path, actuator, reading)
     if content is not None and (before != content or content_digest(path) != content):
@@ -62,13 +63,13 @@ def _recordings(path: Path, actuator: Actuator, reading: FileReading, content: s
 
 
 def broken(recording: str, error: str) -> dict[str, Any]:
-    """Return what stands for a recording that cannot be diagnosed."""
+    """Return the result for a recording that cannot be diagnosed."""
     return {"recording": recording, "error": error}
 
 
 def is_whole(results: list[dict[str, Any]]) -> bool:
-    """Return whether every recording of a file could be diagnosed; else it is worth another try later."""
-    return not any("error" in one for one in results)
+    """Return whether all recordings of a file could be diagnosed; if not, the file is tried again later."""
+    return not any("error" in result for result in results)
 
 
 def _diagnosed(recording: Recording, actuator: Actuator, settings: DiagnosisSettings) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A synthetic fleet with its ground truth, and the whole chain over it. No unit of it exists."""
+"""Synthetic fleet with its ground truth, and its processing chain. No unit of it exists."""
 
 from emaphm.fleet.synthetic.chain import Chain, run_chain
 from emaphm.fleet.synthetic.folder import FleetFolder

@@ -1,4 +1,4 @@
-"""A synthetic fleet and the whole chain over it: record, diagnose, keep in a history, predict."""
+"""Processing chain of a synthetic fleet: record, diagnose, store in a history, predict."""
 
 from collections.abc import Callable
 from contextlib import closing
@@ -21,25 +21,25 @@ from emaphm.recording import read_recording
 from emaphm.recording.content import recording_hash
 
 NOTE = "synthetic"
-"""Of each removal and finding in the history."""
+"""Note of each removal and finding in the history."""
 
 
 @dataclass(frozen=True)
 class Chain:
-    """How a synthetic fleet is worked through.
+    """Settings of the processing of a synthetic fleet.
 
     Parameters
     ----------
     folder
-        Where all is kept; what is there is not done again.
+        Folder of all results; existing results are not computed again.
     workers, scheduler
-        Processes on this machine, or the address of a Dask scheduler whose workers share the folder.
+        Number of processes on this machine, or address of a Dask scheduler whose workers share the folder.
     history
-        File or address of the history; one in the folder where left out.
+        File or address of the history; by default a file in the folder.
     horizon
-        Of the prognoses [h].
+        Horizon of the prognoses [h].
     on_step
-        Asked for the progress of each step by its name; what it returns is called with done and total.
+        Called with the name of each step; the returned function is called with the finished and total number.
     """
 
     plan: FleetPlan
@@ -52,18 +52,18 @@ class Chain:
 
     @property
     def where(self) -> str | Path:
-        """The history."""
+        """Address of the history."""
         return self.history or self.folder.history
 
 
 def run_chain(chain: Chain, *, simulate_only: bool = False) -> list[SyntheticUnit]:
-    """Do what is missing of a synthetic fleet, and return its units with their truth.
+    """Compute the missing results of a synthetic fleet, and return its units with their true levels.
 
     Raises
     ------
     ExecutionError
-        The folder or the named history holds another fleet, workers cannot be used, or some tasks failed; the
-        others are kept.
+        The folder or the given history contains another fleet, workers cannot be used, or some tasks failed;
+        the other results are kept.
     HistoryError, OutputError
         The history or the folder cannot be used.
     """
@@ -73,7 +73,7 @@ def run_chain(chain: Chain, *, simulate_only: bool = False) -> list[SyntheticUni
     with chain.folder.work.locked():
         chain.folder.work.clear()
         chain.folder.write_description(units, chain.plan, fleet_actuator(chain.plan.drawn_from))
-        if not simulate_only:  # A history that cannot be used is said before the recordings are made.
+        if not simulate_only:  # An unusable history is reported before the recordings are made.
             with History.open(chain.where, create=True):
                 pass
         _record(chain, units)
@@ -82,10 +82,10 @@ def run_chain(chain: Chain, *, simulate_only: bool = False) -> list[SyntheticUni
         with History.open(chain.where, create=True) as history:
             _diagnose(chain, units, history)
             _remove(units, history)
-            evidence = [Evidence.of(history.unit(one.serial_number)) for one in units if _flew(one, chain)]
-        failed = {one.serial_number for one in units if one.failure is not None}
+            evidence = [Evidence.of(history.unit(unit.serial_number)) for unit in units if _flew(unit, chain)]
+        failed_units = {unit.serial_number for unit in units if unit.failure is not None}
         predict(
-            [one for one in evidence if one.unit not in failed],
+            [unit for unit in evidence if unit.unit not in failed_units],
             evidence,
             PredictionSetup(fleet_actuator(chain.plan.drawn_from), chain.horizon, chain.plan.seed),
             chain.folder,
@@ -104,11 +104,11 @@ def _record(chain: Chain, units: list[SyntheticUnit]) -> None:
         for i, unit in enumerate(units)
         if not all(flight.path.exists() for flight in chain.folder.flights(unit, chain.plan))
     ]
-    _done(chain, "simulating units", missing, lambda _: None, len(units))
+    _run_tasks(chain, "simulating units", missing, lambda _: None, len(units))
 
 
 def _diagnose(chain: Chain, units: list[SyntheticUnit], history: History) -> None:
-    """Add what is missing of the diagnoses to the history; each is there when it is reported as done."""
+    """Add the missing diagnoses to the history; each is stored before it is reported as finished."""
     actuator, expected, seed = fleet_actuator(chain.plan.drawn_from), revision(), chain.plan.seed
     place = FleetFolder(chain.folder.path.absolute())
     flights = [flight for unit in units for flight in place.flights(unit, chain.plan)]
@@ -117,7 +117,7 @@ def _diagnose(chain: Chain, units: list[SyntheticUnit], history: History) -> Non
     def is_missing(flight: CheckFlight) -> bool:
         if (flight.unit, flight.hours) not in known:
             return True
-        if chain.history is None:  # the folder's own, whose diagnoses are all of this plan and revision
+        if chain.history is None:  # the folder's history has diagnoses of this plan and revision only
             return False
         return history.missing(_entry(flight), read_recording(flight.path, actuator), actuator, seed)
 
@@ -132,7 +132,7 @@ def _diagnose(chain: Chain, units: list[SyntheticUnit], history: History) -> Non
         history.add(_entry(flights[task.index]), recording, diagnosis, actuator)
 
     by_index = {task.index: task for task in tasks}
-    _done(
+    _run_tasks(
         chain,
         "diagnosing",
         tasks,
@@ -142,23 +142,23 @@ def _diagnose(chain: Chain, units: list[SyntheticUnit], history: History) -> Non
 
 
 def _known(chain: Chain, flights: list[CheckFlight], history: History) -> set[tuple[str, float]]:
-    """Return unit and hours of the check flights that the history has a recording of.
+    """Return unit and hours of the check flights with a recording in the history.
 
-    Refuses a named history that holds another synthetic fleet, `ExecutionError`: its units would have the
-    serial numbers of these, and each two lives in one.
+    A given history that contains another synthetic fleet is refused, `ExecutionError`: its units would have
+    the same serial numbers, and each unit two lives in one.
     """
     units = history.units(PART_NUMBER)
     if chain.history is None:
-        return {(unit.serial_number, one.hours) for unit in units for one in unit.flights()}
+        return {(unit.serial_number, flight.hours) for unit in units for flight in unit.flights()}
     actuator = fleet_actuator(chain.plan.drawn_from)
-    paths, known = {(one.unit, one.hours): one.path for one in flights}, set[tuple[str, float]]()
+    paths, known = {(flight.unit, flight.hours): flight.path for flight in flights}, set[tuple[str, float]]()
     for unit in units:
-        for one in unit.diagnoses():
-            key = (unit.serial_number, one.hours)
+        for diagnosis in unit.diagnoses():
+            key = (unit.serial_number, diagnosis.hours)
             path = paths.get(key)
-            if path is None or recording_hash(read_recording(path, actuator)) != one.recording_hash:
+            if path is None or recording_hash(read_recording(path, actuator)) != diagnosis.recording_hash:
                 raise ExecutionError(
-                    f"{history.database.address.shown}: unit '{unit.serial_number}' there is of another "
+                    f"{history.database.address.shown}: unit '{unit.serial_number}' there belongs to another "
                     "synthetic fleet; give each fleet a history of its own with --db"
                 )
             known.add(key)
@@ -166,25 +166,25 @@ def _known(chain: Chain, flights: list[CheckFlight], history: History) -> set[tu
 
 
 def _entry(flight: CheckFlight) -> Entry:
-    # Late: workers finish in any order.
+    # Late, because workers finish in any order.
     return Entry(flight.unit, PART_NUMBER, flight.hours, flight.cycles, late=True)
 
 
-def _done(chain: Chain, step: str, tasks: list[Task], keep: Callable[[Any], None], total: int) -> None:
-    """Do the tasks and keep what each gives; raise for those that failed when all others are done."""
+def _run_tasks(chain: Chain, step: str, tasks: list[Task], keep: Callable[[Any], None], total: int) -> None:
+    """Run the tasks and `keep` each result; after all tasks, raise an error if some failed."""
     report, failures = chain.on_step(step), []
-    done = total - len(tasks)
+    finished_count = total - len(tasks)
     if report:
-        report(done, total)
+        report(finished_count, total)
     with closing(outcomes(tasks, workers=chain.workers, scheduler=chain.scheduler)) as finished:
         for outcome in finished:
             if outcome.failure:
                 failures.append(outcome.failure)
                 continue
             keep(outcome)
-            done += 1
+            finished_count += 1
             if report:
-                report(done, total)
+                report(finished_count, total)
     if failures:
         raise ExecutionError(
             f"{step}: {len(failures)} of {len(tasks)} tasks failed, the others are kept; the first: "
@@ -193,8 +193,8 @@ def _done(chain: Chain, step: str, tasks: list[Task], keep: Callable[[Any], None
 
 
 def _remove(units: list[SyntheticUnit], history: History) -> None:
-    """Add the removals of the units that have failed, and what a shop would find."""
-    known = {one.serial_number for one in history.units(PART_NUMBER)}
+    """Add the removals of the failed units, and the findings of a shop."""
+    known = {unit.serial_number for unit in history.units(PART_NUMBER)}
     for unit in units:
         if unit.failure is None or unit.failed is None or unit.serial_number not in known:
             continue

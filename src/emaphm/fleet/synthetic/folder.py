@@ -1,4 +1,4 @@
-"""The folder of a synthetic fleet: recordings as an operator would have them, and the truth apart."""
+"""Folder of a synthetic fleet: recordings as an operator would have them, and the truth separately."""
 
 import json
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ SETTINGS = "synthetic-fleet.json"
 README = """\
 A synthetic fleet: no unit of it exists. Made by `emaphm fleet simulate`.
 
-synthetic-fleet.json   what was asked
-actuator.toml          the actuator that the units are of, with its requirements
+synthetic-fleet.json   plan of the fleet
+actuator.toml          the actuator of all units, with its requirements
 flights.csv            the check flights: unit, hours, cycles, file of the recording
-recordings/            a folder a unit, a file a check flight, by the reference model with noise
-history.sqlite         diagnoses, removals, findings (unless another history was named)
-prognoses.ndjson       a line a unit that still works: its remaining useful life
-truth/                 what an operator would not have: levels, laws, hours of failure
+recordings/            a folder per unit, a file per check flight, by the reference model with noise
+history.sqlite         diagnoses, removals, findings (unless another history was given)
+prognoses.ndjson       a line per unit that still works: its remaining useful life
+truth/                 data that an operator does not have: levels, laws, hours of failure
 """
 
 HOURS_A_CYCLE = 2.0
@@ -37,7 +37,7 @@ DECIDING_HERE = ("plan", "population", "growth", "unit", "recordings", "tasks")
 
 @dataclass(frozen=True)
 class CheckFlight:
-    """A check flight of a unit, its `number`-th, at flight `hours` [h], recorded in the file at `path`."""
+    """The `number`-th check flight of a unit at flight `hours` [h], recorded in the file at `path`."""
 
     unit: str
     number: int
@@ -46,29 +46,29 @@ class CheckFlight:
 
     @property
     def cycles(self) -> int:
-        """Flights of the unit until then."""
+        """Number of flights of the unit until then."""
         return round(self.hours / HOURS_A_CYCLE)
 
 
 @dataclass(frozen=True)
 class FleetFolder:
-    """The folder at `path`."""
+    """Folder of a synthetic fleet at `path`."""
 
     path: Path
 
     @property
     def work(self) -> WorkFolder:
-        """The folder as one that a process at a time works in."""
+        """The folder as a work folder, in which one process works at a time."""
         return WorkFolder(self.path, SETTINGS, "synthetic fleet", ExecutionError)
 
     @property
     def history(self) -> Path:
-        """The history, unless another one was named."""
+        """Path of the history, unless another one was given."""
         return self.path / "history.sqlite"
 
     @property
     def prognoses(self) -> Path:
-        """The remaining useful lives, a line of JSON each."""
+        """Path of the prognoses, with a line of JSON each."""
         return self.path / "prognoses.ndjson"
 
     def flights(self, unit: SyntheticUnit, plan: FleetPlan) -> tuple[CheckFlight, ...]:
@@ -80,28 +80,28 @@ class FleetFolder:
         )
 
     def begin(self, plan: FleetPlan) -> None:
-        """Make the folder, or go on in one that was begun with the same plan and code.
+        """Create the folder, or resume one that was started with the same plan and code.
 
         Raises
         ------
         ExecutionError
-            The folder holds another fleet, one of another version, or something else.
+            The folder contains another fleet, a fleet of another version, or other files.
         """
         here = {"synthetic": True, "plan": plan.to_dict(), "revision": revision()}
         differing = self.work.begin_or_resume(json.dumps(here, indent=1))
         if differing:
             raise ExecutionError(
-                f"{self.path} holds another synthetic fleet: {differing}; ask for the same one, or give "
+                f"{self.path} contains another synthetic fleet: {differing}; give the same plan, or "
                 "another folder with -o"
             )
 
     def write_description(self, units: list[SyntheticUnit], plan: FleetPlan, actuator: Actuator) -> None:
-        """Write all but recordings and results: the actuator, the list of check flights, the truth.
+        """Write the actuator, the list of check flights and the truth, without recordings and results.
 
         Raises
         ------
         OutputError
-            The operating system refuses.
+            A file cannot be written.
         """
         import polars as pl
 
@@ -110,9 +110,9 @@ class FleetFolder:
         _write(self.path / "README.txt", README)
         _write(self.path / "actuator.toml", f"# The actuator of a synthetic fleet.\n\n{write_toml(actuator)}")
         rows = [
-            (one.unit, one.hours, one.cycles, str(one.path.relative_to(self.path)))
+            (flight.unit, flight.hours, flight.cycles, str(flight.path.relative_to(self.path)))
             for unit in units
-            for one in self.flights(unit, plan)
+            for flight in self.flights(unit, plan)
         ]
         frame = pl.DataFrame(rows, schema=["unit", "hours", "cycles", "recording"], orient="row")
         with written_whole(self.path / "flights.csv") as temporary:
@@ -125,13 +125,13 @@ class FleetFolder:
 
 
 def revision() -> str:
-    """Return a fingerprint of the code that decides what is recorded of a fleet, and diagnosed."""
+    """Return a fingerprint of the code that determines recordings and diagnoses of a fleet."""
     own = tuple(f"fleet/synthetic/{name}.py" for name in DECIDING_HERE)
     return revision_of((*DECIDING, "simulated_recording.py", *own), NOT_DECIDING)
 
 
 def _levels(units: list[SyntheticUnit]) -> Any:
-    """Return a frame of the true levels, a row an instant of a unit."""
+    """Return a frame of the true levels, with a row per time of a unit."""
     import polars as pl
 
     from emaphm.actuator.faults import NAMES
@@ -139,13 +139,13 @@ def _levels(units: list[SyntheticUnit]) -> Any:
     return pl.concat(
         pl.DataFrame(
             {
-                "unit": [one.serial_number] * one.hours.size,
-                "hours": one.hours,
-                "ageing_hours": one.ageing,
-                **dict(zip(NAMES, one.vectors.T, strict=True)),
+                "unit": [unit.serial_number] * unit.hours.size,
+                "hours": unit.hours,
+                "ageing_hours": unit.ageing,
+                **dict(zip(NAMES, unit.vectors.T, strict=True)),
             }
         )
-        for one in units
+        for unit in units
     )
 
 

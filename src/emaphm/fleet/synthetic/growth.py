@@ -1,7 +1,7 @@
-"""Laws by which components of a synthetic unit degrade: how far each is on its way to its limit.
+"""Laws of degradation of synthetic units: progress of a component towards its limit.
 
-They are stated here on their own; nothing of the degradation filter's code is used. "two-phase", "logistic"
-and "gamma process" are laws that the filter does not have.
+They are independent of the code of the degradation filter. The filter does not have the laws "two-phase",
+"logistic" and "gamma process".
 """
 
 from collections.abc import Callable, Mapping
@@ -18,18 +18,18 @@ Draw = Callable[[Array, Parameters, np.random.Generator], Array]
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """A law: the progress p of a component at its ageing u, 0 when new and about 1 at u = 1.
+    """A law: progress p of a component as a function of its ageing u, 0 when new and about 1 at u = 1.
 
     Parameters
     ----------
     ranges
-        Ends between which each parameter of a unit is drawn, uniformly.
+        Ranges from which the parameters of a unit are drawn, uniformly.
     progress
-        p at increasing ageing u (m,), given the parameters; random numbers for what is chance, such as jumps.
+        Function for p at increasing ageing u (m,), given the parameters and a generator of random numbers.
     known
         Whether the degradation filter has this law.
     chance
-        Parameters that nobody can know before ageing has reached them: the moment of a change.
+        Parameter that is not predictable before ageing has reached it: the time of a change.
     """
 
     ranges: Mapping[str, tuple[float, float]]
@@ -44,7 +44,7 @@ class Growth:
     def still_open(
         self, parameters: Parameters, ageing: float, random: np.random.Generator
     ) -> dict[str, float]:
-        """Return the parameters with those drawn anew that chance has not decided at this `ageing`."""
+        """Return the parameters, with a `chance` parameter above this `ageing` drawn anew."""
         if self.chance is None or ageing >= parameters[self.chance]:
             return dict(parameters)
         low, high = self.ranges[self.chance]
@@ -67,7 +67,7 @@ def _power(u: Array, p: Parameters, _: np.random.Generator) -> Array:
 
 
 def _onset(u: Array, p: Parameters, _: np.random.Generator) -> Array:
-    """Return p = s (u - u_0), u_0 being the moment of the onset; 0 before."""
+    """Return p = s (u - u_0), where u_0 is the time of the onset; 0 before."""
     return np.asarray(p["slope"] * np.maximum(u - p["moment"], 0.0))
 
 
@@ -88,14 +88,14 @@ def _logistic(u: Array, p: Parameters, _: np.random.Generator) -> Array:
 
 
 def _gamma(u: Array, p: Parameters, random: np.random.Generator) -> Array:
-    """Return a gamma process: independent increments of mean Δu and variance Δu / n, n jumps' worth a life.
+    """Return a gamma process: independent increments with mean Δu and variance Δu / n, n jumps per life.
 
     Van Noortwijk: A survey of the application of gamma processes in maintenance, Reliability Engineering and
     System Safety 94 (2009).
     """
     steps = np.diff(u, prepend=0.0)
     n = p["jumps"]
-    # A shape of 0 is a step of none.
+    # A shape of 0 means an increment of 0.
     return np.cumsum(np.where(steps > 0, random.gamma(np.maximum(n * steps, 1e-12)) / n, 0.0))
 
 

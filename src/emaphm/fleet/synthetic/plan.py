@@ -1,4 +1,4 @@
-"""What is asked of a synthetic fleet."""
+"""Plan of a synthetic fleet."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -13,18 +13,18 @@ LONGEST_INTERVAL_H = 10_000.0
 
 @dataclass(frozen=True)
 class FleetPlan:
-    """A synthetic fleet: how many units, how long each is followed, and what it is drawn from.
+    """Plan of a synthetic fleet: number of units, length of their histories, and population.
 
     Parameters
     ----------
     units
         Number of units.
     flights
-        Most check flights of a unit, each of which is recorded. A unit that fails has none after.
+        Largest number of check flights of a unit; each is recorded. There are none after a failure.
     interval
-        Flight hours from one check flight to the next [h].
+        Flight hours between check flights [h].
     seed
-        Source of all randomness.
+        Seed of the random streams.
     population
         Name in `POPULATIONS`.
 

@@ -1,4 +1,4 @@
-"""What a synthetic fleet is drawn from: which components wear, by which laws, how fast; stress and rig."""
+"""Populations of synthetic fleets: components that wear, their laws and lives, stress and rig."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,16 +7,16 @@ from types import MappingProxyType
 
 @dataclass(frozen=True)
 class Wear:
-    """How one component degrades over the units of a fleet.
+    """Degradation of one component over the units of a fleet.
 
     Parameters
     ----------
     laws
         Names of `growth.LAWS` with their shares of the units.
     share
-        Of the units in which it degrades at all.
+        Share of the units in which it degrades.
     life
-        Median over the units of the hours at which it would reach its limit, under nominal stress [h].
+        Median over the units of the hours to its limit under nominal stress [h].
     spread
         Standard deviation of the logarithm of these hours over the units.
     limit
@@ -32,11 +32,12 @@ class Wear:
 
 @dataclass(frozen=True)
 class StressModel:
-    """What a unit is exposed to; it ages by the factor 2^(ΔT/d) (1 + l)^3 as fast as nominal.
+    """Stress of the units; a unit ages faster than nominal by the factor 2^(ΔT/d) (1 + l)^3.
 
-    ΔT [K] is the ambient's deviation from nominal, ageing doubling with each `doubling` d [K] (the law of
-    Arrhenius over a narrow range), l the relative deviation of the load, cubed as in the life of bearings
-    (ISO 281). Each has a part of the unit's own mission and one of each flight, standard deviations below.
+    ΔT [K] is the deviation of the ambient temperature from nominal; ageing doubles with each `doubling` d [K]
+    (Arrhenius law over a narrow range). l is the relative deviation of the load, cubed as in the life of
+    bearings (ISO 281). Both are sums of a value of the unit's mission and one of each flight, with the
+    standard deviations below.
     """
 
     doubling: float = 40.0
@@ -48,11 +49,12 @@ class StressModel:
 
 @dataclass(frozen=True)
 class CheckFlightRig:
-    """What is recorded on a check flight, and what is unknown of it; all chosen.
+    """Recording of a check flight, and its unknown conditions; all values are chosen.
 
-    A chirp of `amplitude` [rad] up to `stop_hz` [Hz] for `duration` [s]; current and line voltage, with
-    white `noise` on the current [A rms] and converters of `adc_bits`. A constant load within ± `load` [N·m],
-    windings within ± `heat` [K] of the ambient, and a supply within ± `supply` of nominal, relative.
+    The command is a chirp of `amplitude` [rad] up to `stop_hz` [Hz] for `duration` [s]. Current and line
+    voltage are recorded, with white `noise` on the current [A rms] and converters of `adc_bits`. Unknown are
+    a constant load within ± `load` [N·m], windings within ± `heat` [K] of the ambient temperature, and a
+    supply within ± `supply` of nominal, relative.
     """
 
     amplitude: float = 5e-3
@@ -68,10 +70,10 @@ class CheckFlightRig:
 
 @dataclass(frozen=True)
 class Population:
-    """A kind of fleet: the wear of each component, the stress, the rig.
+    """Population of a fleet: the wear of each component, the stress and the rig.
 
-    `drift` is the standard deviation by which a level leaves its law over a life, by a Wiener process;
-    `new_level` that of a new component's level about healthy.
+    `drift` is the standard deviation of a level from its law over a life, by a Wiener process; `new_level` is
+    that of a new component's level about the healthy level.
     """
 
     name: str
@@ -95,7 +97,8 @@ FLEET = _of(
     eccentricity=Wear(MappingProxyType({"logistic": 1.0}), 0.6, 3000.0, 0.5),
     gain=Wear(MappingProxyType({"linear": 1.0}), 0.3, 6000.0, 0.2),
 )
-"""The fleet of `emaphm fleet simulate` and of the study. Chosen before the filter was measured on it."""
+"""Population of `emaphm fleet simulate` and of the study. It was chosen before the filter was tested on
+it."""
 
 DEVELOPMENT = _of(
     "development",
@@ -105,6 +108,8 @@ DEVELOPMENT = _of(
     short_c=Wear(MappingProxyType({"two-phase": 1.0}), 0.5, 3000.0, 0.5, 0.3),
     eccentricity=Wear(MappingProxyType({"sudden onset": 0.6, "linear": 0.4}), 0.6, 2600.0, 0.6, 0.35),
 )
-"""Another fleet, with other laws for each component: the one that the prognosis was developed on."""
+"""Population for the development of the prognosis, with other laws for each component."""
 
-POPULATIONS: Mapping[str, Population] = MappingProxyType({one.name: one for one in (FLEET, DEVELOPMENT)})
+POPULATIONS: Mapping[str, Population] = MappingProxyType(
+    {population.name: population for population in (FLEET, DEVELOPMENT)}
+)

@@ -1,4 +1,4 @@
-"""Recordings of check flights of a synthetic unit, by the reference model."""
+"""Recordings of check flights of a synthetic unit, simulated with the reference model."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ PART_NUMBER = "SYNTHETIC"
 
 
 def fleet_actuator(population: Population) -> Actuator:
-    """Return the actuator of a synthetic fleet: the thesis's, its levels required to stay within limits."""
+    """Return the actuator of a synthetic fleet: that of the thesis, with limits of its levels."""
     thesis = Actuator.thesis()
     required = []
     for name, wear in population.wear.items():
@@ -34,16 +34,16 @@ def fleet_actuator(population: Population) -> Actuator:
 def check_flight(
     unit: SyntheticUnit, hours: float, plan: FleetPlan, actuator: Actuator, number: int
 ) -> Recording:
-    """Return the recording of the check flight at flight `hours` [h], the unit's `number`-th.
+    """Return the recording of the unit's `number`-th check flight, at flight `hours` [h].
 
-    The model is the reference model, which no diagnosis fits by. Load, temperature and supply are the
-    flight's own, and not recorded; only the line voltage shows the supply.
+    The model is the reference model, which is not the fitted model of a diagnosis. Load, temperature and
+    supply are drawn for the flight and not recorded; only the line voltage depends on the supply.
     """
     population = plan.drawn_from
     rig = population.rig
     name = ("synthetic check flight", population.name, unit.serial_number, number)
-    present = _as_on_the_flight(actuator, unit, population, rig, stream(plan.seed, *name))
-    whole = simulate(
+    present = _with_flight_conditions(actuator, unit, population, rig, stream(plan.seed, *name))
+    simulated = simulate(
         present,
         Chirp(rig.amplitude, 0.0, rig.stop_hz, rig.duration),
         faults=Faults.from_vector(unit.vectors[unit.row(hours)]),
@@ -55,29 +55,29 @@ def check_flight(
     )
     labels: dict[str, float | str] = {"serial": unit.serial_number, "hours": hours, "origin": "synthetic"}
     return Recording(
-        {one: whole[one] for one in CHANNELS},
+        {channel: simulated[channel] for channel in CHANNELS},
         source=f"synthetic, {unit.serial_number} at {hours:g} h",
         labels=labels,
     )
 
 
-def _as_on_the_flight(
+def _with_flight_conditions(
     actuator: Actuator,
     unit: SyntheticUnit,
     population: Population,
     rig: CheckFlightRig,
     random: np.random.Generator,
 ) -> Actuator:
-    """Return the actuator with the load, temperature and supply of one flight."""
+    """Return the actuator with drawn load, temperature and supply of one flight."""
     load, heat, supply = random.uniform(-1, 1, 3) * (rig.load, rig.heat, rig.supply)
-    above = unit.mission[0] + population.stress.flight_K * random.standard_normal() + heat
+    temperature_rise = unit.mission[0] + population.stress.flight_K * random.standard_normal() + heat
     nominal = lumped_parameters(actuator, ("offset", "resistance", "torque_constant", "supply"))
     return with_lumped_parameters(
         actuator,
         {
             "offset": nominal["offset"] + load,
-            "resistance": nominal["resistance"] * (1 + COPPER * above),
-            "torque_constant": nominal["torque_constant"] * (1 + MAGNETS * above),
+            "resistance": nominal["resistance"] * (1 + COPPER * temperature_rise),
+            "torque_constant": nominal["torque_constant"] * (1 + MAGNETS * temperature_rise),
             "supply": nominal["supply"] * (1 + supply),
         },
     )

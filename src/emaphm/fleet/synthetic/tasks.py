@@ -1,4 +1,4 @@
-"""What workers do for a synthetic fleet: record the check flights of a unit, diagnose one of them."""
+"""Tasks of the workers for a synthetic fleet: record a unit's check flights, diagnose a check flight."""
 
 from pathlib import Path
 
@@ -15,12 +15,12 @@ from emaphm.recording.io.write import write_recording
 
 
 def record_unit(folder: str, plan: FleetPlan, number: int, actuator: Actuator, expected: str) -> int:
-    """Write the recordings of a unit that are missing, and return how many these were.
+    """Write the missing recordings of a unit, and return their number.
 
     Raises
     ------
     ExecutionError
-        The code here is not that of the revision `expected`.
+        The revision of the code on this worker is not `expected`.
     OutputError
         A file cannot be written.
     """

@@ -1,4 +1,4 @@
-"""One synthetic unit: what wears in it, under which stress, and its true levels over its flight hours."""
+"""Synthetic unit: components that wear, stress, and true levels over the flight hours."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,15 +13,15 @@ from emaphm.fleet.synthetic.population import Population, StressModel, Wear
 from emaphm.random_streams import stream
 
 STEPS = 16
-"""Of the truth between two check flights: 5 h of 80 h."""
+"""Steps of the true levels between two check flights: 5 h of 80 h."""
 
 FALLING = ("gain",)
-"""Components whose fault is a fall below healthy."""
+"""Components whose level falls below the healthy level."""
 
 
 @dataclass(frozen=True)
 class Component:
-    """What wears: its law with its parameters, its life under nominal stress [h] and its limit."""
+    """A component that wears: law with parameters, life under nominal stress [h] and limit."""
 
     name: str
     law: str
@@ -30,13 +30,13 @@ class Component:
     limit: float
 
     def level(self, healthy: float, progress: Array) -> Array:
-        """Return its level (m,) at `progress` (m,) from `healthy`, within [0, 1] or, of friction, below 0."""
+        """Return the level (m,) at `progress` (m,) from `healthy`, within [0, 1]; friction may be below 0."""
         sign = -1.0 if self.name in FALLING else 1.0
         lowest = -1.0 if self.name == "friction" else 0.0
         return np.asarray(np.clip(healthy + sign * self.limit * progress, lowest, 1.0))
 
     def failed(self, level: Array) -> Array:
-        """Return whether the `level`, any shape, is beyond the limit."""
+        """Return whether the `level`, in any shape, is at or beyond the limit."""
         nominal = getattr(HEALTHY, self.name)
         return np.asarray(
             level <= nominal - self.limit if self.name in FALLING else level >= nominal + self.limit
@@ -50,19 +50,19 @@ class SyntheticUnit:
     Attributes
     ----------
     serial_number
-        Begins with "SYNTHETIC".
+        Serial number, which starts with "SYNTHETIC".
     components
-        Those that wear.
+        Components that wear.
     new
         Fault vector of the new unit, (8,), in the order of `Faults`.
     mission
-        ΔT [K] and l of its own mission (`StressModel`).
+        ΔT [K] and l of the unit's mission (`StressModel`).
     hours, ageing
         Flight hours [h] and hours of ageing, (m,) each, the first 0.
     vectors
         True fault vectors at these hours, (m, 8).
     failure, failed
-        Flight hours of the failure [h] and the component that fails; None where it still works.
+        Flight hours of the failure [h] and the failed component; None if the unit still works.
     """
 
     serial_number: str
@@ -76,11 +76,11 @@ class SyntheticUnit:
     failed: str | None
 
     def row(self, hours: float) -> int:
-        """Return the row of the truth at flight `hours` [h]."""
+        """Return the row of the true levels at flight `hours` [h]."""
         return int(np.searchsorted(self.hours, hours - 1e-9))
 
     def check_flights(self, interval: float) -> Array:
-        """Return the hours [h] of the check flights, before the failure, (n,)."""
+        """Return the hours [h] of the check flights before the failure, (n,)."""
         count = int(self.hours[-1] / interval + 1e-9)
         flights = interval * np.arange(1, count + 1)
         if self.failure is None:
@@ -88,7 +88,7 @@ class SyntheticUnit:
         return np.asarray(flights[flights < self.failure - 1e-9 * interval])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the truth but for the levels, ready for `json.dumps`."""
+        """Return the truth except for the levels, ready for `json.dumps`."""
         return {
             "unit": self.serial_number,
             "synthetic": True,
@@ -97,9 +97,14 @@ class SyntheticUnit:
             "mission_K": self.mission[0],
             "mission_load": self.mission[1],
             "components": [
-                {"component": one.name, "law": one.law, "life_hours": one.life, "limit": one.limit}
-                | {"parameters": one.parameters}
-                for one in self.components
+                {
+                    "component": component.name,
+                    "law": component.law,
+                    "life_hours": component.life,
+                    "limit": component.limit,
+                }
+                | {"parameters": component.parameters}
+                for component in self.components
             ],
         }
 
@@ -110,7 +115,7 @@ def serial_number(number: int) -> str:
 
 
 def drawn_unit(plan: FleetPlan, number: int) -> SyntheticUnit:
-    """Return unit `number`, from 0, of a synthetic fleet; the same whatever the fleet's size."""
+    """Return unit `number`, from 0, of a synthetic fleet; it does not depend on the fleet's size."""
     population = plan.drawn_from
     random = stream(plan.seed, "synthetic unit", population.name, number)
     new = HEALTHY.vector.copy()
@@ -128,22 +133,22 @@ def drawn_unit(plan: FleetPlan, number: int) -> SyntheticUnit:
     ageing = aged(hours, mission, stress, plan.interval, random)
     vectors = np.tile(new, (hours.size, 1))
     ends = np.full(len(components), hours.size)
-    for i, one in enumerate(components):
-        column = NAMES.index(one.name)
-        vectors[:, column] = one.level(new[column], progress(one, ageing, population, random))
-        beyond = np.flatnonzero(one.failed(vectors[:, column]))
+    for i, worn in enumerate(components):
+        column = NAMES.index(worn.name)
+        vectors[:, column] = worn.level(new[column], progress(worn, ageing, population, random))
+        beyond = np.flatnonzero(worn.failed(vectors[:, column]))
         ends[i] = beyond[0] if beyond.size else hours.size
     end = int(ends.min(initial=hours.size))
     has_failed = end < hours.size
-    upto = slice(0, end + 1)
+    until_end = slice(0, end + 1)
     return SyntheticUnit(
         serial_number(number),
         components,
         new,
         mission,
-        hours[upto],
-        ageing[upto],
-        vectors[upto],
+        hours[until_end],
+        ageing[until_end],
+        vectors[until_end],
         float(hours[end]) if has_failed else None,
         components[int(ends.argmin())].name if has_failed else None,
     )
@@ -156,18 +161,18 @@ def aged(
     interval: float,
     random: np.random.Generator,
 ) -> Array:
-    """Return the hours of ageing (m,) at flight `hours` (m,), whose stress is drawn for each interval."""
+    """Return the hours of ageing (m,) at flight `hours` (m,), with a stress drawn for each interval."""
     count = int(np.ceil((hours[-1] - hours[0]) / interval)) + 1
     warmth = mission[0] + stress.flight_K * random.standard_normal(count)
     load = mission[1] + stress.flight_load * random.standard_normal(count)
     factor = 2 ** (warmth / stress.doubling) * np.maximum(1 + load, 0.0) ** 3
     steps = np.diff(hours, prepend=hours[0])
-    at = np.minimum(((hours - hours[0] - steps / 2) / interval).astype(int), count - 1)
-    return np.cumsum(steps * factor[at])
+    interval_index = np.minimum(((hours - hours[0] - steps / 2) / interval).astype(int), count - 1)
+    return np.cumsum(steps * factor[interval_index])
 
 
 def progress(one: Component, ageing: Array, population: Population, random: np.random.Generator) -> Array:
-    """Return the progress (m,) of a component at increasing `ageing` [h], (m,), drift included."""
+    """Return the progress (m,) of a component at increasing `ageing` [h], (m,), including drift."""
     u = ageing / one.life
     drift = population.drift / one.limit * np.sqrt(np.diff(u, prepend=u[0]))
     return LAWS[one.law].progress(u, one.parameters, random) + np.cumsum(
@@ -176,7 +181,8 @@ def progress(one: Component, ageing: Array, population: Population, random: np.r
 
 
 def _drawn_component(name: str, wear: Wear, random: np.random.Generator) -> Component | None:
-    # The same numbers are drawn whether it wears or not: a share that is changed moves no other draw.
+    """Return a component of a unit with drawn law and life; None if it does not wear."""
+    # The same numbers are drawn for a component without wear: a changed share does not change other draws.
     wears, law = random.random() < wear.share, str(random.choice(list(wear.laws), p=list(wear.laws.values())))
     life = wear.life * float(np.exp(wear.spread * random.standard_normal()))
     parameters = LAWS[law].drawn(random)
