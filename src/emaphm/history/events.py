@@ -105,9 +105,9 @@ class Event:
     def key(self) -> str:
         """Hash that identifies the event.
 
-        It covers all fields except text and time for an event from a recording, and all except the time for
-        an event from a file (`file_sha256` in its details). For an event from a prognosis, it also covers the
-        basis (`made_from` in its details).
+        It covers watcher, kind, state, unit and subject, and the hash of the recording. Without a recording,
+        it covers the message, and the hash of the file (`file_sha256` in its details) or, without a file, the
+        time. For an event from a prognosis, it also covers the basis (`made_from` in its details).
         """
         file = self.details.get("file_sha256")
         origin = self.recording_hash or f"{file or self.at} {self.message}"

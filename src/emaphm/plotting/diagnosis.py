@@ -111,7 +111,7 @@ def _residual(axis: "Axes", diagnosis: "Diagnosis") -> None:
 
 
 def _spectrum(axis: "Axes", diagnosis: "Diagnosis") -> None:
-    """Draw the amplitude densities of current and residual, which show the frequencies of model errors."""
+    """Draw the amplitude densities of current and residual, i.e. the frequencies of model errors."""
     from scipy.signal import welch
 
     time = diagnosis.time_s

@@ -98,11 +98,9 @@ def draw_scores(units: Sequence[Mapping[str, Any]]) -> "Figure":
 def draw_tracks(units: Sequence[Mapping[str, Any]]) -> "Figure":
     """Return the figure of the RUL predicted with the fleet's prior over some units' lives, and true RUL."""
     tracked = [unit for unit in units if unit["tracks"]]
-    chosen = [
-        tracked[i] for i in np.linspace(0, len(tracked) - 1, min(MOST_TRACKS, len(tracked))).astype(int)
-    ]
+    drawn = [tracked[i] for i in np.linspace(0, len(tracked) - 1, min(MOST_TRACKS, len(tracked))).astype(int)]
     figure = new_figure(PAGE_WIDTH, 4.6)
-    for axis, unit in zip(figure.subplots(2, 3).ravel(), chosen, strict=False):
+    for axis, unit in zip(figure.subplots(2, 3).ravel(), drawn, strict=False):
         _track(axis, unit)
     return figure
 

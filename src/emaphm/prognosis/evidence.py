@@ -144,7 +144,8 @@ class Evidence:
     def failed_lives(self) -> tuple[tuple[float, float], ...]:
         """Start and end [h] of each life of the unit that ended by a failure.
 
-        A life starts at the last replacement of any component: the replaced one may have been next to fail.
+        A life starts at the last failure, or at the last replacement of any component: the replaced component
+        may have been the next to fail.
         """
         renewed = {*self.failures, *(hours for hours, _ in self.replacements)}
         return tuple(

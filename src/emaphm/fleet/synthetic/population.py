@@ -20,7 +20,7 @@ class Wear:
     spread
         Standard deviation of the logarithm of these hours over the units.
     limit
-        Level at which it fails.
+        Distance from the healthy level at which it fails.
     """
 
     laws: Mapping[str, float]

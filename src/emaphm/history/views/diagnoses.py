@@ -65,9 +65,11 @@ def diagnosis_lines(
     limit
         Largest number of diagnoses.
     """
-    other = DIAGNOSES.alias()
+    diagnoses_of_recording = DIAGNOSES.alias()
     newest = (
-        sa.select(sa.func.max(other.c.id)).where(other.c.recording_id == RECORDINGS.c.id).scalar_subquery()
+        sa.select(sa.func.max(diagnoses_of_recording.c.id))
+        .where(diagnoses_of_recording.c.recording_id == RECORDINGS.c.id)
+        .scalar_subquery()
     )
     query = _joined(
         DIAGNOSES.c.id,

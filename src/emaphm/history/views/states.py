@@ -161,10 +161,10 @@ def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[i
 
 def _last(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
     """Return the query of each unit's last hours and cycles, and the last diagnosis of its last flight."""
-    other = FLIGHTS.alias()
+    flights_of_unit = FLIGHTS.alias()
     last_hours, last_cycles = (
-        sa.select(sa.func.max(column)).where(other.c.unit_id == UNITS.c.id).scalar_subquery()
-        for column in (other.c.hours, other.c.cycles)
+        sa.select(sa.func.max(column)).where(flights_of_unit.c.unit_id == UNITS.c.id).scalar_subquery()
+        for column in (flights_of_unit.c.hours, flights_of_unit.c.cycles)
     )
     of_flight = DIAGNOSES.alias()
     newest = (
@@ -193,9 +193,11 @@ def _last(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
 
 def _counts(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
     """Return the query of the numbers of recordings of units, and of explained recordings."""
-    other = DIAGNOSES.alias()
+    diagnoses_of_recording = DIAGNOSES.alias()
     newest = (
-        sa.select(sa.func.max(other.c.id)).where(other.c.recording_id == RECORDINGS.c.id).scalar_subquery()
+        sa.select(sa.func.max(diagnoses_of_recording.c.id))
+        .where(diagnoses_of_recording.c.recording_id == RECORDINGS.c.id)
+        .scalar_subquery()
     )
     return (
         sa.select(

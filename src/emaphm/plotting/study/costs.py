@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def draw_costs(runs: pl.DataFrame) -> "Figure | None":
     """Return the figure of each method's mean error over time and evaluations; thesis values are hollow.
 
-    There is one row per kind of case; None if no run exists for every method.
+    There is one row per kind of case; None if no run is common to all methods.
     """
     table = by_method(runs)
     kinds = table["kind"].unique(maintain_order=True).to_list()

@@ -19,7 +19,7 @@ SHADES = ("#a6cee9", "#4a9bd1", "#084a7d")
 def draw_success(runs: pl.DataFrame) -> "Figure | None":
     """Return the figure of the shares of runs with an error within 1, 2 and 5 %, by method and kind of case.
 
-    It is None if no run exists for every method.
+    It is None if no run is common to all methods.
     """
     table = by_method(runs)
     kinds = table["kind"].unique(maintain_order=True).to_list()

@@ -89,7 +89,7 @@ def mixed_with_pace(
     count = len(pace.units)
     share = pace.shown_share * count / (count + FLEET_PACE.filter_weight)
     working = np.flatnonzero(times.first > 0)
-    chosen = random.permutation(working)[: round(share * working.size)]
+    by_pace = random.permutation(working)[: round(share * working.size)]
     hours = times.hours.copy()
     for i, limit in enumerate(times.limits):
         ahead_of = population.passed_counts[i, int(passages[i].passed) :]
@@ -100,13 +100,13 @@ def mixed_with_pace(
         hours_since = now - age[-1] if age.size else 0.0
         if _survives_beyond_population(population, i, passages[i], hours_since, random):
             return times
-        consumed = pace.consumed_share(limit, level[chosen])
+        consumed = pace.consumed_share(limit, level[by_pace])
         waiting = passages[i].waiting_until(now, least[i])
         drawn = remaining_hours(population, i, waiting, consumed, random)
-        hours[i, chosen] = drawn / pace.ageing_rate(evidence, column, belief.hours, ahead)
+        hours[i, by_pace] = drawn / pace.ageing_rate(evidence, column, belief.hours, ahead)
     for side in times.sides:
         rows = np.array(side)[:, np.newaxis]
-        hours[rows, chosen] = _ordered_by_limit(hours[rows, chosen])
+        hours[rows, by_pace] = _ordered_by_limit(hours[rows, by_pace])
     return replace(times, hours=hours)
 
 

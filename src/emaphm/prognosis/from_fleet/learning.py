@@ -114,7 +114,9 @@ def fleet_mixture(parts: Sequence[UnitHypotheses], general: Prior) -> Prior:
         fleet=fleet,
         fleet_share=len(parts) / (len(parts) + WEIGHT_OF_GENERAL),
         units=len(parts),
-        trajectories=ReferenceTrajectories.of([each for part in parts for each in part.trajectories]),
+        trajectories=ReferenceTrajectories.of(
+            [trajectory for part in parts for trajectory in part.trajectories]
+        ),
     )
 
 

@@ -118,15 +118,15 @@ def sampled_population(
     log_shares = np.full((count, CLASSES + 1), -np.log(CLASSES + 1))
     of_class = _initial_classes(fleet, m)
     absent = np.zeros((count, units), bool) if present is None else ~present
-    kept = []
+    draws_after_burn_in = []
     rows, columns = np.arange(count)[:, np.newaxis], np.arange(units)
     for sweep in range(PACE_POPULATION.sweeps):
         weights, given = _class_weights(mean, precision, log_shares, fleet)
         if sweep:
             of_class = (weights + random.gumbel(size=weights.shape)).argmax(axis=1)
         of_class = np.where(absent, ABSENT, of_class)
-        chosen = rows, np.minimum(of_class, CLASSES - 1), columns
-        log_hours = _drawn_steps(_Conditional(*(part[chosen] for part in given)), fleet.waited, random)
+        own_class = rows, np.minimum(of_class, CLASSES - 1), columns
+        log_hours = _drawn_steps(_Conditional(*(part[own_class] for part in given)), fleet.waited, random)
         member = (of_class[:, np.newaxis] == np.arange(CLASSES)[:, np.newaxis]).astype(float)
         number = member.sum(axis=-1)
         at_rest = (of_class == CLASSES).sum(axis=1)
@@ -134,9 +134,9 @@ def sampled_population(
         log_shares = np.log(np.maximum(gamma / gamma.sum(axis=1, keepdims=True), 1e-6))
         mean, precision = _drawn_classes(log_hours, member, m, general, random)
         if sweep >= PACE_POPULATION.burn_in:
-            kept.append((mean, precision, log_shares))
+            draws_after_burn_in.append((mean, precision, log_shares))
     passed_counts = np.sum(fleet.passed[..., np.newaxis] > np.arange(STEPS), axis=1)
-    means, precisions, shares = (np.stack(draws) for draws in zip(*kept, strict=True))
+    means, precisions, shares = (np.stack(draws) for draws in zip(*draws_after_burn_in, strict=True))
     return PopulationDraws(means, precisions, shares, passed_counts)
 
 
@@ -170,8 +170,8 @@ def remaining_hours(
     weight = np.exp(weights - weights.max()).ravel()
     drawn = random.choice(weight.size, count, p=weight / weight.sum())
     draw, of_class = np.divmod(drawn, CLASSES + 1)
-    chosen = draw, np.minimum(of_class, CLASSES - 1), 0
-    of_chosen = _Conditional(*(part[chosen] for part in given))
+    own_class = draw, np.minimum(of_class, CLASSES - 1), 0
+    of_chosen = _Conditional(*(part[own_class] for part in given))
     log_hours = _drawn_steps(of_chosen, np.full(count, one.waited), random)
     hours = np.exp(np.minimum(log_hours, PACE_POPULATION.longest_log_hours))
     remaining = np.clip((SHARES - share[:, np.newaxis]) / np.diff(SHARES, prepend=0.0), 0.0, 1.0)
@@ -200,7 +200,7 @@ def _general_mean(fleet: Passages) -> Array:
 
 
 def _initial_classes(fleet: Passages, mean: Array) -> np.ndarray:
-    """Return initial classes (c, n): 1 if the trend of y along the path is above the median, else 0."""
+    """Return initial classes (c, n): 1 for a trend of y above the median, else 0; `CLASSES` without y."""
     known = fleet.precision > 0
     number = known.sum(axis=-1)
     deviation = np.where(known, fleet.log_hours - mean, 0.0)

@@ -24,7 +24,7 @@ def hours_notes(evidence: "Evidence") -> list[str]:
     if not evidence.observations:
         return []
     notes = []
-    hours = np.array([one.hours for one in evidence.observations])
+    hours = np.array([observation.hours for observation in evidence.observations])
     if evidence.hours - hours[-1] > hours[-1] - hours[0]:
         notes.append(
             f"the last recording is of {hours[-1]:.9g} h, but a removal or a finding has "

@@ -43,7 +43,7 @@ class FailureTimes:
         return int(np.bincount(failed).argmax()) if failed.size else None
 
 
-def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:
+def failure_times(forecast: Paths, requirements: Requirements, *, seed: int) -> FailureTimes:
     """Return the failure times of the paths for the requirements of an actuator.
 
     The first passage of a level is drawn exactly between two times of the forecast (`first_passage`). Several
@@ -65,14 +65,16 @@ def failure_times(made: Paths, requirements: Requirements, *, seed: int) -> Fail
         for i in side:
             limit = requirements.limits[i]
             ahead = abs(limit.bound - tighter.bound)
-            passage = first_passage(made.hours, *_margin_of_level(made, limit), random, passage, ahead)
+            passage = first_passage(
+                forecast.hours, *_margin_of_level(forecast, limit), random, passage, ahead
+            )
             rows[i], tighter = np.where(limit.holds_always, np.inf, passage), limit
     measures = [limit for limit in requirements.limits if limit.component is None]
     if measures:
         rows |= {
             requirements.limits.index(limit): times
             for limit, times in zip(
-                measures, _measure_failure_times(made, requirements, measures), strict=True
+                measures, _measure_failure_times(forecast, requirements, measures), strict=True
             )
         }
     return FailureTimes(requirements.limits, np.stack([rows[i] for i in range(len(rows))]))
@@ -90,24 +92,28 @@ def sides_of(limits: Sequence[Limit]) -> list[list[int]]:
     ]
 
 
-def responsible(made: Paths, times: FailureTimes, limit: int, requirements: Requirements) -> str | None:
+def responsible(forecast: Paths, times: FailureTimes, limit: int, requirements: Requirements) -> str | None:
     """Return the component whose degradation makes most paths fail a limit; None if there is none.
 
     For a measure, it is the component without whose fault the margin at the failure would be largest.
     Failures at which the margin would be the same without any of the faults are ignored.
     """
-    chosen = times.limits[limit]
-    if chosen.component is not None:
-        return chosen.component
+    failed_limit = times.limits[limit]
+    if failed_limit.component is not None:
+        return failed_limit.component
     failed = np.flatnonzero(np.isfinite(times.hours[limit]))[:MOST_ATTRIBUTED]
     if not failed.size:
         return None
-    steps = np.searchsorted(made.hours, times.hours[limit][failed])
-    vectors = vectors_of(made.level[np.minimum(steps, made.hours.size - 1), failed], requirements.actuator)
+    steps = np.searchsorted(forecast.hours, times.hours[limit][failed])
+    vectors = vectors_of(
+        forecast.level[np.minimum(steps, forecast.hours.size - 1), failed], requirements.actuator
+    )
     without = np.repeat(vectors[np.newaxis], len(COMPONENTS), axis=0)
     for i, name in enumerate(COMPONENTS):
         without[i, :, NAMES.index(name)] = HEALTHY.vector[NAMES.index(name)]
-    margins = requirements.margins(without.reshape(-1, len(NAMES)), [chosen]).reshape(len(COMPONENTS), -1)
+    margins = requirements.margins(without.reshape(-1, len(NAMES)), [failed_limit]).reshape(
+        len(COMPONENTS), -1
+    )
     margins = margins[:, margins.max(axis=0) > margins.min(axis=0)]
     if not margins.size:
         return None
@@ -115,20 +121,20 @@ def responsible(made: Paths, times: FailureTimes, limit: int, requirements: Requ
     return COMPONENTS[int(np.bincount(best, minlength=len(COMPONENTS)).argmax())]
 
 
-def _margin_of_level(made: Paths, limit: Limit) -> tuple[Array, Array]:
+def _margin_of_level(forecast: Paths, limit: Limit) -> tuple[Array, Array]:
     """Return the margin (m, n) of a limit on a level, and the noise (m - 1, n) of its Wiener process."""
     name = str(limit.component)
-    noise = made.noise[:, :, columns_of(name)].max(axis=2)
-    return limit.margin(level_of(made.level, name)), np.asarray(noise)
+    noise = forecast.noise[:, :, columns_of(name)].max(axis=2)
+    return limit.margin(level_of(forecast.level, name)), np.asarray(noise)
 
 
-def _measure_failure_times(made: Paths, requirements: Requirements, measures: list[Limit]) -> list[Array]:
+def _measure_failure_times(forecast: Paths, requirements: Requirements, measures: list[Limit]) -> list[Array]:
     """Return the failure times (n,) for each of the limits `measures`."""
     now, last = (
         requirements.margins(vectors_of(level, requirements.actuator), measures)
-        for level in (made.level[0], made.level[-1])
+        for level in (forecast.level[0], forecast.level[-1])
     )
     return [
-        measure_passage(made, requirements, limit, *ends)
+        measure_passage(forecast, requirements, limit, *ends)
         for limit, *ends in zip(measures, now, last, strict=True)
     ]

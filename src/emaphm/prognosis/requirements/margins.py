@@ -114,9 +114,9 @@ class Requirements:
 
     def margins(self, vectors: Array, limits: Sequence[Limit] | None = None) -> Array:
         """Return the margins (limits, n) for fault `vectors` (n, 8); errors as in `values`."""
-        chosen = self.limits if limits is None else limits
-        values = self.values(vectors, chosen)
-        return np.stack([limit.margin(row) for limit, row in zip(chosen, values, strict=True)])
+        selected = self.limits if limits is None else limits
+        values = self.values(vectors, selected)
+        return np.stack([limit.margin(row) for limit, row in zip(selected, values, strict=True)])
 
     def check_new(self) -> None:
         """Refuse a requirement that a new actuator violates: its life would be 0.

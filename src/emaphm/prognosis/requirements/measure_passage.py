@@ -26,7 +26,9 @@ CLIPPED = 2.0
 """Largest margin in the fit of the regression, relative to the median margin."""
 
 
-def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: Array, last: Array) -> Array:
+def measure_passage(
+    forecast: Paths, requirements: Requirements, limit: Limit, now: Array, last: Array
+) -> Array:
     """Return the first failure times (n,) [h] of n paths for a `limit` on a measure; `inf` without a failure.
 
     A measure may fail and recover along a path, and each value needs a run of the averaged model, except for
@@ -45,13 +47,13 @@ def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: 
     MethodError
         The averaged model did not stay finite.
     """
-    known = np.full((made.hours.size, now.size), np.nan)
+    known = np.full((forecast.hours.size, now.size), np.nan)
     known[0], known[-1] = now, last
     works, least = now >= 0, float(lower_bounds(requirements.actuator)[0])
 
     def compute(steps: Places, paths: Places) -> None:
         if paths.size:
-            vectors = vectors_of(made.level[steps, paths], requirements.actuator)
+            vectors = vectors_of(forecast.level[steps, paths], requirements.actuator)
             known[steps, paths] = requirements.margins(vectors, [limit])[0]
 
     if limit.requirement.measure in AT_ONCE:
@@ -61,7 +63,7 @@ def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: 
         paths = np.flatnonzero(works & (_bracket(known)[1] > step))
         compute(np.full(paths.size, step), paths)
     screenings = SCREENINGS if np.isnan(known).any() else 0
-    level = within_bounds(made.level, least_friction=least) if screenings else made.level
+    level = within_bounds(forecast.level, least_friction=least) if screenings else forecast.level
     for _ in range(screenings):
         steps = _worth_computing(known, _regression(known, level))
         paths = np.flatnonzero(works & (steps > 0))
@@ -79,7 +81,7 @@ def measure_passage(made: Paths, requirements: Requirements, limit: Limit, now: 
     # A margin that jumps, or that is 0 before the failure, is not interpolated.
     is_smooth = np.isfinite(margin_after) & ((margin_before > 0) | (limit.requirement.measure in AT_ONCE))
     share = np.where(is_smooth, margin_before / np.where(is_smooth, margin_before - margin_after, 1.0), 1.0)
-    passage[paths] = made.hours[low] + share * (made.hours[high] - made.hours[low])
+    passage[paths] = forecast.hours[low] + share * (forecast.hours[high] - forecast.hours[low])
     return passage
 
 
