@@ -30,25 +30,32 @@ class DegradationSettings:
     60,000 flight hours. `exponent` is that of the power law, from running-in to accelerating wear; `growth`
     is the time constant of the exponential law as a share of T. `crack` is 1 / (m - 1) for growth by the
     power m of a crack's length: Paris's exponents of 3 to 7, which are halved for a length; T is the age at
-    which the crack is infinite. `noise` is the standard deviation of a level from its law over T, by a Wiener
-    process; without degradation it is multiplied by `quiet`: 0.02 in 1,000 h at most. `rate_noise` is the
-    standard deviation of a changing rate, as a share of 1/T. All three are multiplied by the component's
-    roughness, drawn from `roughness`, uniform in the logarithm, which distinguishes even from uneven wear.
-    `unevenness` is the standard deviation of the ageing within T, as a share of T, with independent
-    contributions of each hour: stress that nobody records, or jumps. It scatters a level in proportion to its
-    rate, so that the scatter under an accelerating law is largest at the end. A share of 0.2 is a gamma
-    process of 25 jumps. `spreads` are standard deviations between units with the same course of degradation:
-    of the logarithm of the time, and of the amplitude as a share. The pairs are equally likely, from nearly
-    equal units to units whose lives differ by half. `change_hours` [h] is the mean time after which a
-    component changes its law: longer than most lives, so that it affects few forecasts. `breaks` is the mean
-    number of sudden changes of a nonzero rate within T, by a factor whose logarithm has the standard
-    deviation `break_factor`: a coating has worn through, a bearing's cage is broken, a seal has settled.
+    which the crack is infinite.
+
+    `noise` is the standard deviation of a level from its law over T, by a Wiener process; without degradation
+    it is multiplied by `quiet`: 0.02 in 1,000 h at most. `rate_noise` is the standard deviation of a changing
+    rate, as a share of 1/T. All three are multiplied by the component's roughness, drawn from `roughness`,
+    uniform in the logarithm, which distinguishes even from uneven wear. `unevenness` is the standard
+    deviation of the ageing within T, as a share of T, with independent contributions of each hour: stress
+    that nobody records, or jumps. It scatters a level in proportion to its rate, so that the scatter under an
+    accelerating law is largest at the end. A share of 0.2 is a gamma process of 25 jumps.
+
+    `spreads` are standard deviations between units with the same course of degradation: of the logarithm of
+    the time, and of the amplitude as a share. The pairs are equally likely, from nearly equal units to units
+    whose lives differ by half.
+
+    `change_hours` [h] is the mean time after which a component changes its law: longer than most lives, so
+    that it affects few forecasts. `breaks` is the mean number of sudden changes of a nonzero rate within T,
+    by a factor whose logarithm has the standard deviation `break_factor`: a coating has worn through, a
+    bearing's cage is broken, a seal has settled.
+
     `exponents` are the ranges, with uniform probability, of the exponents of load, temperature (per 10 K) and
     cycles in `StressReference`: from no effect to somewhat more than the cubic law of rolling bearings (ISO
     281); from wear that warm oil reduces to somewhat more than the doubling each 10 K of chemical ageing;
-    from wear by the hour to wear by the cycle. `new_level` is the standard deviation of a new component's
-    level about the healthy value, according to differences between baselines of units and diagnoses of
-    healthy recordings.
+    from wear by the hour to wear by the cycle.
+
+    `new_level` is the standard deviation of a new component's level about the healthy value, according to
+    differences between baselines of units and diagnoses of healthy recordings.
 
     All values are chosen, not fitted: no histories of a fleet were available.
     `python -m tests.prognosis.calibration` measures predictions with these values on synthetic units, whose
@@ -85,18 +92,23 @@ class FilterSettings:
     times the number of updates is `in_all`. For a component that wore by 0.04 in an hour, with six diagnoses,
     three of six seeds lost it with 1,000 particles, none of ten with 4,000. The scatter between seeds of the
     median RUL, with eight diagnoses, was 18 % with 1,000 and 11 % with 3,125 particles for a unit with
-    accelerating wear, and 1 % with 1,000 for a unit with even wear (`python -m tests.prognosis.calibration
-    --seeds 6`). Particles are resampled if their effective number is less than `effective_share` of their
-    number, usually a half. Copies are then jittered by the kernel of Liu and West with `shrinkage`, usually
-    0.98, in the logarithms of life scale, shape, roughness and unevenness, with a spread of at least
-    `least_spread`. Exponents of the stress are jittered by `exponent_jitter` of their range. The likelihood
-    that weights laws and parameters is raised to the power `trust`, below 1, because a component's true law
-    may not be in the filter, and then the most likely of the wrong laws must not dominate [1]; level and
-    rate, given the law, use the full likelihood. 0.7 was chosen on the synthetic fleet `development`: at
-    three quarters of life, 90 % intervals contained the true value in 78 % with a trust of 1, in 90 % with
-    0.7. A diagnosis of a component is an outlier with probability `outliers`, and the level has jumped since
-    the previous diagnosis with probability `jumps`; `surprise` is the standard deviation of both, a third of
-    the full range. Both are rare: few diagnoses have errors of many standard errors, and few components break
+    accelerating wear, and 1 % with 1,000 for a unit with even wear
+    (`python -m tests.prognosis.calibration --seeds 6`).
+
+    Particles are resampled if their effective number is less than `effective_share` of their number, usually
+    a half. Copies are then jittered by the kernel of Liu and West with `shrinkage`, usually 0.98, in the
+    logarithms of life scale, shape, roughness and unevenness, with a spread of at least `least_spread`.
+    Exponents of the stress are jittered by `exponent_jitter` of their range.
+
+    The likelihood that weights laws and parameters is raised to the power `trust`, below 1, because a
+    component's true law may not be in the filter, and then the most likely of the wrong laws must not
+    dominate [1]; level and rate, given the law, use the full likelihood. 0.7 was chosen on the synthetic
+    fleet `development`: at three quarters of life, 90 % intervals contained the true value in 78 % with a
+    trust of 1, in 90 % with 0.7.
+
+    A diagnosis of a component is an outlier with probability `outliers`, and the level has jumped since the
+    previous diagnosis with probability `jumps`; `surprise` is the standard deviation of both, a third of the
+    full range. Both are rare: few diagnoses have errors of many standard errors, and few components break
     suddenly. `python -m tests.prognosis.ways` measures forecasts of units with neither.
 
     [1] Grünwald, van Ommen: Inconsistency of Bayesian inference for misspecified linear models, and a
