@@ -234,7 +234,8 @@ def test_a_finding_of_other_hours_than_the_units_is_noted(
 
 
 @pytest.mark.parametrize(
-    ("hours", "words"), [("60", "after this removal: 1, up to 100 h; it counts as in service"), ("120", None)]
+    ("hours", "words"),
+    [("60", "after this removal: 1, up to 100 h; the unit counts as in service"), ("120", None)],
 )
 def test_a_removal_before_the_last_recording_is_noted(
     emaphm: Emaphm, flown: Path, hours: str, words: str | None
@@ -249,7 +250,7 @@ def test_a_mistake_is_withdrawn(emaphm: Emaphm, flown: Path) -> None:
     wrong = ("--unit", "SN-7", "--hours", "120")
     answer(emaphm, "removal", *wrong, "--reason", "failed")
     refused = emaphm("history", "removal", *wrong, "--reason", "scheduled").err
-    assert "'emaphm history withdraw' takes out a mistake" in refused
+    assert "withdraw a wrong entry with 'emaphm history withdraw'" in refused
     made = answer(emaphm, "withdraw", "removal", *wrong, "--reason", "of SN-8")
     assert (made["kind"], made["subject"], made["unit_left"]) == ("removal", "failed", True)
     shown = answer(emaphm, "show", "--unit", "SN-7")

@@ -130,7 +130,8 @@ def test_a_unit_that_failed_has_no_life_until_it_is_repaired_or_flies(emaphm: Em
     assert made["notes"][0].startswith("the unit failed at 610 h")
     # Nobody has found what failed: the forecast's cause is a guess, and said to be one.
     assert (made["component"], made["requirement"]) == (None, None)
-    assert "no finding in the history says; the likeliest by its diagnoses: friction" in made["notes"][0]
+    cause = "states the cause; the most likely component according to the diagnoses: friction"
+    assert cause in made["notes"][0]
     text = emaphm("prognose", "--unit", "SN-1", *chosen, "--report", "failed.html").out
     assert "remaining useful life: none, failed at 610 h, cause not found\n" in text
     assert "none, failed at 610 h" in (fleet / "failed.html").read_text(encoding="utf-8")
@@ -241,7 +242,7 @@ def test_the_fleet_can_be_left_out(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
     made = asked(emaphm, "prognose", "--unit", "SN-3", "--no-fleet", "--actuator", "required.toml")
     assert made["prior"] == {"fleet_units": 0, "fleet_share": 0.0}
-    assert any("3 are needed to see a rate" in note for note in made["notes"])
+    assert any("3 are needed to estimate a rate" in note for note in made["notes"])
 
 
 def test_a_replacement_is_taken_from_the_history(emaphm: Emaphm, fleet: Path) -> None:
@@ -264,7 +265,7 @@ def test_report_and_figure(emaphm: Emaphm, fleet: Path) -> None:
     page = (fleet / "out.html").read_text(encoding="utf-8")
     assert "SN-2 at 200 h" in page
     assert page.count("data:image/svg+xml") == 3
-    levels = page[page.index("likeliest law") :]
+    levels = page[page.index("most likely law") :]
     assert all(f">{name}<" in levels for name in COMPONENTS)
     assert (fleet / "out.svg").stat().st_size > 1000
 
@@ -311,7 +312,7 @@ REFUSALS = {
     ("prognose", "--unit", "SN-9"): "no unit 'SN-9' in the history (did you mean 'SN-",
     ("prognose", "--unit", "SN-1", "--horizon", "0"): "a horizon of 0 h",
     ("prognose", "--unit", "SN-1", "--horizon", "nan"): "a horizon of nan h",
-    ("prognose", "--unit", "SN-1", "--risk", "1.5"): "a risk of 1.5 is no probability",
+    ("prognose", "--unit", "SN-1", "--risk", "1.5"): "a risk of 1.5 is not a probability",
     ("prognose", "--unit", "SN-1", "--failure-cost", "5"): "give --failure-cost and --replacement-cost",
     (
         "prognose",
@@ -322,7 +323,15 @@ REFUSALS = {
         "--replacement-cost",
         "1",
     ): "the cost of a failure",
-    ("prognose", "--unit", "SN-1", "--failure-cost", "1", "--replacement-cost", "2"): "is no dearer",
+    (
+        "prognose",
+        "--unit",
+        "SN-1",
+        "--failure-cost",
+        "1",
+        "--replacement-cost",
+        "2",
+    ): "costs 1, not more than",
     ("prognose", "--unit", "SN-1", "--seed", "-1"): "--seed -1",
     ("prognose", "--unit", "SN-1", "--load", "-1"): "a stress of load -1",
     ("prognose", "--unit", "SN-1", "--temperature", "-3"): "a temperature of -3 K",

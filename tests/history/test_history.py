@@ -311,7 +311,7 @@ def test_a_recording_is_withdrawn_by_the_name_of_its_file(history: History) -> N
     for number, name in enumerate(("left/1.csv", "right/1.csv", "right/2.csv")):
         history.add(entry(), Recording(recording(number).channels, source=name), diagnosis(number))
     assert history.withdraw("S1", Mistake("recording", 10.0, "typo", "2.csv")).subject == "right/2.csv"
-    with pytest.raises(HistoryError, match="say by --which"):
+    with pytest.raises(HistoryError, match="name the entry with --which"):
         history.withdraw("S1", Mistake("recording", 10.0, "typo", "1.csv"))
     assert history.withdraw("S1", Mistake("recording", 10.0, "typo", "left/1.csv")).subject == "left/1.csv"
 

@@ -53,7 +53,7 @@ CONTRADICTIONS = {
     "hours going backwards": (
         Entry("SN-0042", made_up.PART, 25.0),
         7,
-        "30 h already, by a recording .*, 25 h .* --late",
+        "30 h already, from a recording .*, 25 h .* --late",
     ),
     "the recording of another unit": (Entry("SN-0043", made_up.PART, 50.0), 2, "'2.csv' of unit 'SN-0042'"),
     "the recording at other hours": (
@@ -81,7 +81,7 @@ CONTRADICTIONS = {
 def test_hours_behind_a_finding_are_refused(flown: History) -> None:
     flown.add_finding("SN-0042", Finding(4e4, "friction", "degraded", replaced=True))
     message = refusal(lambda: flown.add(Entry("SN-0042", made_up.PART, 40.0), recording(7), diagnosis(7)))
-    assert "40000 h already, by a finding on friction" in message
+    assert "40000 h already, from a finding on friction" in message
     flown.withdraw("SN-0042", Mistake("finding", 4e4, "400 was meant"))
     assert flown.add(Entry("SN-0042", made_up.PART, 40.0), recording(7), diagnosis(7)).added
 
@@ -367,7 +367,11 @@ def test_what_cannot_be_withdrawn_is_refused(flown: History) -> None:
         ("SN-42", ("recording", 10.0, "typo"), "did you mean 'SN-0042'"),
         ("SN-0042", ("recording", 12.0, "typo"), "no recording there; the nearest are at 10 h, 20 h, 30 h"),
         ("SN-0042", ("finding", 10.0, "typo"), "no finding there, nor at other hours"),
-        ("SN-0042", ("recording", 30.0, "typo"), "there are '3.csv' (.*), '4.csv' (.*); say by --which"),
+        (
+            "SN-0042",
+            ("recording", 30.0, "typo"),
+            "there are '3.csv' (.*), '4.csv' (.*); name the entry with --which",
+        ),
         ("SN-0042", ("recording", 30.0, "typo", "5.csv"), "no recording '5.csv' there, but '3.csv'"),
         ("SN-0001", ("recording", 5.0, "typo"), "the only recording of unit 'SN-0001', which has findings"),
     ):

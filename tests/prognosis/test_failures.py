@@ -38,7 +38,7 @@ def test_a_unit_that_went_on_beyond_a_limit_passed_it_when_its_wear_did() -> Non
     """Failed at 0.8; 0.4 was passed at 1,600 h, known to the error of a diagnosis: 40 h."""
     unit, limits = worn(3200.0), Requirements(asked(0.4)).limits
     assert passed_at(unit.used, limits) == pytest.approx(1600.0, abs=3 * ERROR / RATE)
-    chosen = record._chosen(unit, limits)
+    chosen = record._predicted_observations(unit, limits)
     assert set(chosen.values()) == {passed_at(unit.used, limits)}
     assert unit.used[max(chosen)].hours == pytest.approx(1600.0, abs=150.0)
 
@@ -48,7 +48,7 @@ def test_a_unit_that_failed_by_a_limit_failed_when_it_did(at_most: float) -> Non
     """Within three standard errors of its last diagnosis, nothing says that it went on beyond a limit."""
     unit, limits = worn(3200.0), Requirements(asked(at_most)).limits
     assert passed_at(unit.used, limits) == np.inf
-    assert set(record._chosen(unit, limits).values()) == {3200.0}
+    assert set(record._predicted_observations(unit, limits).values()) == {3200.0}
 
 
 def test_a_component_that_no_diagnosis_saw_passed_nothing() -> None:

@@ -158,7 +158,7 @@ def test_a_unit_whose_newest_recordings_are_not_explained_is_not_advised_to_fly_
     assert (made.advice.action, made.advice.hours, made.advice.risk) == ("inspect by", 0.0, 0.0)
     assert "advice: inspect now (the newest recordings, of 360 h to 390 h, are not explained" in str(made)
     assert "2 of 9 diagnoses are not explained and not used, the newest among them" in made.notes
-    assert "else replace" not in made.advice.reason
+    assert "otherwise replace" not in made.advice.reason
     assert made.to_dict()["diagnoses"] == {"used": 7, "kept": 9, "newest_explained": False}
     seen = replace(blind, observations=(*blind.observations, observation(395.0)))
     assert prognose(seen, WORN).advice.action == "fly on"
@@ -178,7 +178,7 @@ def test_a_worn_unit_whose_newest_recording_is_not_explained_may_fly_no_longer_t
     assert usual.advice.hours > 0
     assert (made.advice.action, made.advice.hours) == ("inspect by", 0.0)
     assert "the newest recording, of 510 h, is not explained" in made.advice.reason
-    assert f"else replace within {usual.advice.hours:,.0f} h" in made.advice.reason
+    assert f"otherwise replace within {usual.advice.hours:,.0f} h" in made.advice.reason
     # What has failed already by the diagnoses before is replaced now all the same.
     gone = wearing(14, rate=1e-3)
     odd = observation(710.0, explained=False)
@@ -194,9 +194,9 @@ def test_what_diagnoses_share_is_said_where_it_is_most_of_what_is_not_known() ->
         replace(one, covariance=one.covariance + shared, shared=shared) for one in worn.observations
     ]
     within = replace(worn, observations=tuple(observations))
-    (note,) = [one for one in prognose(within, WORN).notes if "off by the same" in one]
-    assert "0.098 of friction" in note
-    assert not any("off by the same" in one for one in prognose(worn, WORN).notes)
+    (note,) = [one for one in prognose(within, WORN).notes if "have the same error" in one]
+    assert "0.098 in friction" in note
+    assert not any("have the same error" in one for one in prognose(worn, WORN).notes)
 
 
 @pytest.mark.usefixtures("few_steps")
@@ -213,8 +213,8 @@ def test_a_replacement_gives_a_new_life() -> None:
 @pytest.mark.usefixtures("few_steps")
 def test_few_diagnoses_say_so() -> None:
     notes = " ".join(prognose(wearing(1), WORN).notes)
-    assert "explained diagnoses: 1; 3 are needed to see a rate" in notes
-    assert "the general prior says" in notes
+    assert "explained diagnoses: 1; 3 are needed to estimate a rate" in notes
+    assert "follow from the general prior" in notes
     none = prognose(Evidence("S1", "P1", 10.0), THESIS)
     assert "explained diagnoses: 0" in none.notes[0]
     assert any("states no [[requirements]]" in note for note in none.notes)
@@ -229,7 +229,9 @@ def test_what_no_diagnosis_sees_is_taken_as_healthy_and_named() -> None:
     )
     narrow = requiring(Requirement(component="short_a", at_most=0.02))
     made = prognose(Evidence("S1", "P1", 150.0, observations), narrow, Question(horizon=20_000.0))
-    assert "never seen by a diagnosis, and taken as healthy: short_a, short_b, short_c" in made.notes
+    assert (
+        "not estimated by any diagnosis, and assumed to be healthy: short_a, short_b, short_c" in made.notes
+    )
     assert made.probabilities()["short_a at most 0.02"] == 0
 
 
@@ -379,7 +381,7 @@ def test_a_fleet_narrows_the_first_life_of_a_new_unit() -> None:
     wide, narrow = (one.sample.clip(max=20_000) for one in (alone, taught))
     assert np.mean(np.abs(narrow - true)) < np.mean(np.abs(wide - true))
     assert np.mean(np.abs(narrow / true - 1) < 0.3) > np.mean(np.abs(wide / true - 1) < 0.3)
-    assert "6 other units say" in " ".join(taught.notes)
+    assert "mostly follow from 6 other units" in " ".join(taught.notes)
 
 
 def test_units_without_diagnoses_teach_nothing() -> None:

@@ -249,7 +249,7 @@ def test_predictions_of_each_life_that_ended_by_a_failure_are_compared_with_it()
     observations = tuple(Observation(float(at), NEW, np.eye(8), np.ones(8, bool)) for at in hours)
     replacements = ((900.0, "friction"), (1300.0, "backlash"), (2000.0, "unit"))
     unit = Evidence("A", "part", 2300.0, observations, replacements, failures=(900.0, 2000.0))
-    chosen = record._chosen(unit, ())
+    chosen = record._predicted_observations(unit, ())
     at = {float(hours[i]): failure for i, failure in chosen.items()}
     assert set(at.values()) == {900.0, 2000.0}
     assert all(one <= 900.0 for one, failure in at.items() if failure == 900.0)

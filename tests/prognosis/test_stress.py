@@ -131,7 +131,7 @@ def test_without_records_of_it_a_stress_to_come_changes_nothing_and_is_said() ->
     plain = Evidence("S1", "P1", evidence.hours, evidence.observations)
     one, other = (prognose(plain, WORN, Question(ahead=ahead)) for ahead in (None, HEAVY))
     assert np.array_equal(one.sample, other.sample)
-    assert "not recorded in the history, so not used of the stress to come: load" in other.notes
+    assert "not recorded in the history, and therefore not used in the future stress: load" in other.notes
 
 
 def test_a_fleet_teaches_exponents_at_its_own_reference() -> None:
@@ -161,7 +161,7 @@ def test_what_is_far_from_what_was_recorded_is_said() -> None:
     reference = StressReference(load=2.0, temperature=300.0)
     assert stress_notes(Stress(20.0, 350.0), reference) == []
     load, temperature = stress_notes(Stress(1e9, 400.0), reference)
-    assert load == "far from what was recorded: of the stress to come, load is taken as 10 × 2"
+    assert load == "far from the recorded values: of the future stress, load is taken as 10 × 2"
     assert temperature.endswith("temperature is taken as 50 K from 300 K")
     assert "0.1 × 2" in stress_notes(Stress(0.01), reference)[0]
 

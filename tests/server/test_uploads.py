@@ -65,9 +65,9 @@ def test_what_is_said_must_be_right(unchanged: "ServerState", fields: dict[str, 
         ({"unit": "sn-0001"}, "no unit 'sn-0001' in the history (did you mean 'SN-0001'?)"),
         ({"unit": "SN-001"}, "choose a description to add a new unit"),
         ({"part": "EMA-7"}, "has the part number 'EMA-1', the diagnosis is of 'EMA-7'; check 'unit'"),
-        ({"hours": "149"}, "150 h already, by a recording"),
+        ({"hours": "149"}, "150 h already, from a recording"),
         ({"hours": "149"}, "check 'hours', or give 'late'"),
-        ({"unit": "SN-0002", "hours": "155"}, "160 h already, by a removal"),
+        ({"unit": "SN-0002", "hours": "155"}, "160 h already, from a removal"),
     ],
 )
 def test_what_contradicts_the_history_is_refused_at_once(

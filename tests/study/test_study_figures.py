@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from emaphm.plotting.study import draw_convergence, draw_costs, draw_errors, draw_ranks, draw_success
 from emaphm.plotting.study.methods import FLOOR, looks
-from emaphm.plotting.study.ranks import stretches_without_difference
+from emaphm.plotting.study.ranks import indistinct_ranges
 from emaphm.plotting.style import BLACK
 from emaphm.plotting.svg import svg
 from emaphm.study.analysis.statistics import by_case, by_method
@@ -279,4 +279,4 @@ def test_an_axis_of_less_than_a_decade_still_has_two_numbers_to_read() -> None:
 def test_no_bar_joins_what_was_not_compared() -> None:
     pairs = {"method": ["A", "A", "B"], "other": ["B", "C", "C"]}
     tested = pl.DataFrame({**pairs, "p": [0.3, 0.01, None], "p_holm": [0.3, 0.02, None]})
-    assert stretches_without_difference(("A", "B", "C"), tested) == [(0, 1)]
+    assert indistinct_ranges(("A", "B", "C"), tested) == [(0, 1)]

@@ -1,4 +1,4 @@
-"""The history of units: flights, recordings, diagnoses, removals, shop findings, in one database."""
+"""History of units: flights, recordings, diagnoses, removals and shop findings in one database."""
 
 from importlib.util import find_spec
 

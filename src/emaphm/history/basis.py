@@ -1,4 +1,4 @@
-"""What a prognosis of a unit is made from, to be compared with what the history has of the unit later."""
+"""Basis of a prognosis: numbers of entries of the unit, for the comparison with its later entries."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,21 +19,21 @@ from emaphm.history.timestamp import timestamp
 
 @dataclass(frozen=True)
 class Basis:
-    """What the history had of a unit when it was read; equal as long as nothing was added or withdrawn.
+    """Numbers of entries of a unit when it was read; equal as long as nothing was added or withdrawn.
 
-    Numbers and not a time: a second is long enough for a finding to come after what was read in it. Nothing
-    is ever changed in its place, and what is withdrawn leaves a withdrawal, so that equal numbers are equal
-    entries.
+    Numbers are used instead of a time, because a finding may be added in the same second after the reading.
+    Entries are never changed in place, and a withdrawn entry adds a withdrawal, so that equal numbers mean
+    equal entries.
 
     Attributes
     ----------
     diagnoses
-        How many the unit has had, those among them that others have replaced.
+        Number of diagnoses that the unit has had, including superseded ones.
     entries
-        How many removals, findings and withdrawals; None where an older version has kept the prognosis, which
-        did not count them: it equals that of no unit.
+        Numbers of removals, findings and withdrawals; None in a prognosis of an older version, which did not
+        count them: it is then not equal to any basis.
     at
-        When it was read, UTC, ISO 8601; not compared.
+        Time of reading, UTC, ISO 8601; not compared.
     """
 
     diagnoses: int
@@ -42,7 +42,7 @@ class Basis:
 
 
 def bases(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, Basis]:
-    """Return by unit what the history has of it now, of the `chosen` ones; `connection` reads it."""
+    """Return the present basis, by unit, of the units that meet the condition `chosen`."""
     now = timestamp()
     diagnoses = (
         sa.select(FLIGHTS.c.unit_id, sa.func.count())

@@ -1,8 +1,8 @@
-"""A unit's history as JSON, its parts named after the blocks of ISO 13374-1 (data processing).
+"""A unit's history as JSON, with parts named after the processing blocks of ISO 13374-1.
 
-Data acquisition is the rig's; the blocks from there on are data manipulation, state detection, health
-assessment, prognostic assessment and advisory generation. The last two are those of the unit's last kept
-prognosis (`emaphm prognose --keep`, `emaphm watch`), null where it has none.
+The rig does the data acquisition; the following blocks are data manipulation, state detection, health
+assessment, prognostic assessment and advisory generation. The last two are from the unit's last stored
+prognosis (`emaphm prognose --keep`, `emaphm watch`), or null without any.
 """
 
 from typing import Any
@@ -20,10 +20,10 @@ from emaphm.history.storage.tables import UNITS
 from emaphm.history.unit import Unit
 
 DATA_MANIPULATION = ("recording", "channels", "notes")
-"""What was done to the recording's channels before they were compared."""
+"""Keys on the processing of the recording's channels."""
 
 STATE_DETECTION = ("explained", "reasons", "moves", "residual_rms_A", "laws", "sensor_faults", "detector")
-"""Whether the recording is what the described actuator does."""
+"""Keys on the agreement of the recording with the described actuator."""
 
 METHOD = (
     "method",
@@ -36,22 +36,22 @@ METHOD = (
     "seed",
     "version",
 )
-"""How it was computed."""
+"""Keys on the method."""
 
 
 def diagnosis_blocks(diagnosis: KeptDiagnosis) -> dict[str, Any]:
-    """Return a diagnosis in blocks: each key of `emaphm diagnose --json` is in one of them, once."""
+    """Return a diagnosis in blocks; each key of `emaphm diagnose --json` is in exactly one block."""
     document = diagnosis.document
-    manipulated = {"recording_hash": diagnosis.recording_hash, **_taken(document, DATA_MANIPULATION)}
-    manipulated["recording"] = diagnosis.recording
+    data_manipulation = {"recording_hash": diagnosis.recording_hash, **_taken(document, DATA_MANIPULATION)}
+    data_manipulation["recording"] = diagnosis.recording
     return {
         "hours": diagnosis.flight.hours,
         "cycles": diagnosis.flight.cycles,
         "position": diagnosis.flight.position,
         "added_at": diagnosis.added_at,
-        "data_manipulation": manipulated,
+        "data_manipulation": data_manipulation,
         "state_detection": _taken(document, STATE_DETECTION),
-        # All else is on the faults, also what a later version adds.
+        # All other keys are on the faults, including those of later versions.
         "health_assessment": {
             key: value
             for key, value in document.items()
@@ -62,45 +62,49 @@ def diagnosis_blocks(diagnosis: KeptDiagnosis) -> dict[str, Any]:
 
 
 def unit_blocks(unit: Unit) -> dict[str, Any]:
-    """Return all that a history holds of a unit."""
-    with unit.database.reading() as connection:  # one state of all
+    """Return all entries of a unit and its last stored prognosis in blocks."""
+    with unit.database.reading() as connection:  # one consistent state
         entries = UnitEntries.read(connection, unit.row.id, unit.serial_number)
         diagnoses = reading.diagnoses(connection, unit.row.id)
-        kept = read_prognosis(connection, unit.row.id)
+        prognosis = read_prognosis(connection, unit.row.id)
         basis = bases(connection, UNITS.c.id == unit.row.id)[unit.row.id]
-        described = description_notes(connection, unit.row)
+        differences = description_notes(connection, unit.row)
     last = entries.flights[-1]
-    is_removed = any(one.hours >= last.hours for one in entries.removals)
+    is_removed = any(removal.hours >= last.hours for removal in entries.removals)
     return {
         "unit": {
             "serial_number": unit.serial_number,
             "part_number": unit.part_number,
             "position": None if is_removed else last.position,
             "hours": latest_hours(entries.flights, entries.removals, entries.findings),
-            "cycles": max((one.cycles for one in entries.flights if one.cycles is not None), default=None),
+            "cycles": max(
+                (flight.cycles for flight in entries.flights if flight.cycles is not None), default=None
+            ),
         },
         **entries.to_dict(),
-        "diagnoses": [diagnosis_blocks(one) for one in diagnoses],
+        "diagnoses": [diagnosis_blocks(diagnosis) for diagnosis in diagnoses],
         "replacements": [
-            {"hours": one.hours, "component": one.component} for one in entries.findings if one.replaced
+            {"hours": finding.hours, "component": finding.component}
+            for finding in entries.findings
+            if finding.replaced
         ],
-        "notes": [*contradictions(diagnoses, entries.findings), *described],
-        "lives": {name: [one.to_dict() for one in entries.lives(name)] for name in FINDABLE},
+        "notes": [*contradictions(diagnoses, entries.findings), *differences],
+        "lives": {name: [life.to_dict() for life in entries.lives(name)] for name in FINDABLE},
         **(
             {"prognostic_assessment": None, "advisory_generation": None}
-            if kept is None
-            else prognosis_blocks(kept, out_of_date=not kept.is_current(basis))
+            if prognosis is None
+            else prognosis_blocks(prognosis, out_of_date=not prognosis.is_current(basis))
         ),
     }
 
 
 def prognosis_blocks(kept: KeptPrognosis, *, out_of_date: bool) -> dict[str, Any]:
-    """Return a prognosis in the last two blocks: each key of `emaphm prognose --json` is in one of them."""
-    assessed = dict(kept.document)
-    advised = assessed.pop("advice", None)
+    """Return a prognosis in the last two blocks; each key of `emaphm prognose --json` is in one block."""
+    assessment = dict(kept.document)
+    advice = assessment.pop("advice", None)
     return {
-        "prognostic_assessment": assessed | {"made_at": kept.at, "out_of_date": out_of_date},
-        "advisory_generation": advised,
+        "prognostic_assessment": assessment | {"made_at": kept.at, "out_of_date": out_of_date},
+        "advisory_generation": advice,
     }
 
 

@@ -1,4 +1,4 @@
-"""A diagnosis as columns of a row, and back."""
+"""Conversion of a diagnosis to the columns of a row, and back."""
 
 import json
 from typing import TYPE_CHECKING, Any
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from emaphm.diagnosis import Diagnosis
 
 NUMBER = "<f8"
-"""Of arrays in the database: little-endian double precision, on whatever machine."""
+"""Format of arrays in the database: little-endian double precision, on any machine."""
 
 
 def columns_of(diagnosis: "Diagnosis") -> dict[str, Any]:
-    """Return what a row of `DIAGNOSES` holds of a diagnosis itself."""
+    """Return the values of a diagnosis in a row of `DIAGNOSES`."""
     document = finite(diagnosis.to_dict())
-    del document["covariance"]  # has columns of its own, in a quarter of the space
+    del document["covariance"]  # stored in separate columns, in a quarter of the space
     return {
         "method": diagnosis.method,
         "model": diagnosis.model,
@@ -63,5 +63,5 @@ def _packed(values: Any) -> bytes:
 
 
 def unpacked(content: bytes) -> Array:
-    """Return the numbers of an array as a column holds it."""
+    """Return the array (n,) that a column contains."""
     return np.frombuffer(content, NUMBER).astype(float)

@@ -1,4 +1,4 @@
-"""All that was entered of a unit, read from one state of the history."""
+"""All entries of a unit, read from one state of the history."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Self
@@ -13,9 +13,9 @@ from emaphm.history.withdrawing import read_withdrawals
 
 @dataclass(frozen=True)
 class UnitEntries:
-    """Flights, removals and findings of a unit, by hours, and its withdrawals, in the order of their making.
+    """Flights, removals and findings of a unit, by hours, and its withdrawals, in the order of their time.
 
-    Its diagnoses, which are many, are read by themselves (`emaphm.history.reading.diagnoses`).
+    Its diagnoses, which may be many, are read separately (`emaphm.history.reading.diagnoses`).
     """
 
     flights: tuple[Flight, ...]
@@ -40,8 +40,8 @@ class UnitEntries:
     def to_dict(self) -> dict[str, list[dict[str, Any]]]:
         """Return the entries by their kind, ready for `json.dumps`."""
         return {
-            "flights": [asdict(one) for one in self.flights],
-            "removals": [asdict(one) for one in self.removals],
-            "findings": [asdict(one) for one in self.findings],
-            "withdrawals": [asdict(one) for one in self.withdrawals],
+            "flights": [asdict(flight) for flight in self.flights],
+            "removals": [asdict(removal) for removal in self.removals],
+            "findings": [asdict(finding) for finding in self.findings],
+            "withdrawals": [asdict(withdrawal) for withdrawal in self.withdrawals],
         }

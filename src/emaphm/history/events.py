@@ -1,4 +1,4 @@
-"""Events: what became known of a unit, or of the watching itself, at a moment; each is in a history once."""
+"""Events on a unit or on a watcher, with a time; each event is in a history once."""
 
 import hashlib
 import json
@@ -27,10 +27,10 @@ KINDS = (
     "back_pressure",
     "source_lost",
 )
-"""What an event may be on; docs/monitoring.md says when each is raised."""
+"""Kinds of events; docs/monitoring.md states when each is raised."""
 
 STATES = ("raised", "cleared")
-"""A condition begins, or ends. An event that has no end, such as a change of health, is raised only."""
+"""Start and end of a condition. An event without an end, such as a change of health, is only raised."""
 
 SEVERITIES = ("info", "warning", "alarm")
 
@@ -44,33 +44,33 @@ CONDITION_KINDS = (
     "back_pressure",
     "source_lost",
 )
-"""The kinds that are raised and later cleared."""
+"""Kinds of conditions, which are raised and later cleared."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """One event; what a database cannot hold of its texts is written with escapes.
+    """One event; characters of its texts that a database cannot store are escaped.
 
     Attributes
     ----------
     kind, state, severity
-        Of `KINDS`, `STATES` and `SEVERITIES`.
+        Values of `KINDS`, `STATES` and `SEVERITIES`.
     message
         A sentence.
     subject
-        What a condition is on, within its unit and kind: a component, a channel; empty where there is one.
+        Subject of a condition within its unit and kind: a component or a channel; empty if there is only one.
     unit, hours
-        Serial number and flight hours [h]; None where the event is on no unit.
+        Serial number and flight hours [h]; None for an event that is not on a unit.
     recording, recording_hash
-        Name and SHA-256 of the recording that it comes from.
+        Name and SHA-256 of the recording that caused it.
     details
         Further values, ready for JSON.
     watcher
-        Which watcher made it (`emaphm.monitoring`), empty for another source.
+        Watcher that made it (`emaphm.monitoring`), empty for another source.
     at
         Time at which it was made, UTC, ISO 8601.
     number
-        Its place in the history, rising; None before it is there.
+        Number in the history, increasing; None before it is added.
 
     Raises
     ------
@@ -96,18 +96,18 @@ class Event:
         for value, known in ((self.kind, KINDS), (self.state, STATES), (self.severity, SEVERITIES)):
             if value not in known:
                 raise HistoryError(f"unknown '{value}' of an event{nearest(value, known)}")
-        # Here, so that its key and its condition are the same before it is in a history and after.
-        for one in fields(self):
-            if isinstance(text := getattr(self, one.name), str):
-                object.__setattr__(self, one.name, storable(text))
+        # Escaped here, so that key and condition are the same before and after it is added to a history.
+        for item in fields(self):
+            if isinstance(text := getattr(self, item.name), str):
+                object.__setattr__(self, item.name, storable(text))
 
     @property
     def key(self) -> str:
-        """What makes it the same event.
+        """Hash that identifies the event.
 
-        Of one that comes from a recording, all but its words and its time; from a file (`file_sha256` of its
-        details), all but its time. One that a prognosis makes (`made_from` of its details) is another where
-        more was known.
+        It covers watcher, kind, state, unit and subject, and the hash of the recording. Without a recording,
+        it covers the message, and the hash of the file (`file_sha256` in its details) or, without a file, the
+        time. For an event from a prognosis, it also covers the basis (`made_from` in its details).
         """
         file = self.details.get("file_sha256")
         origin = self.recording_hash or f"{file or self.at} {self.message}"
@@ -118,11 +118,11 @@ class Event:
 
     @property
     def condition(self) -> tuple[str | None, str, str]:
-        """What its state is of: unit, kind and subject."""
+        """The condition: unit, kind and subject."""
         return self.unit, self.kind, self.subject
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the event as a line of `emaphm watch`, and as what a webhook is sent."""
+        """Return the event as a line of `emaphm watch`, and as the content sent to a webhook."""
         return {
             "event": self.kind,
             "state": self.state,
@@ -141,25 +141,29 @@ class Event:
 
 
 def add_events(connection: sa.Connection, events: Sequence[Event]) -> int:
-    """Add events in their order, those that are there already left out; return how many are new.
+    """Add events in their order, without existing ones; return the number of new events.
 
-    There already is also what says of a watcher's own condition what its last event says: two processes of a
-    watcher see the same folder vanish, each at a time of its own.
+    An event on a watcher's own condition also counts as existing if the last event on it has the same state:
+    two processes of a watcher detect the loss of the same folder at different times.
     """
-    new = 0
-    for one in events:
-        if connection.execute(sa.select(EVENTS.c.id).where(EVENTS.c.key == one.key)).first():
+    new_count = 0
+    for event in events:
+        if connection.execute(sa.select(EVENTS.c.id).where(EVENTS.c.key == event.key)).first():
             continue
-        if one.unit is None and one.kind in CONDITION_KINDS and _last_state(connection, one) == one.state:
+        if (
+            event.unit is None
+            and event.kind in CONDITION_KINDS
+            and _last_state(connection, event) == event.state
+        ):
             continue
         row = {
-            name: getattr(one, name)
-            for name in EVENTS.columns.keys()  # noqa: SIM118 - of a collection that is no dict
+            name: getattr(event, name)
+            for name in EVENTS.columns.keys()  # noqa: SIM118 - the collection is not a dict
             if name not in {"id", "details"}
         }
-        connection.execute(EVENTS.insert().values(row | {"details": json.dumps(finite(dict(one.details)))}))
-        new += 1
-    return new
+        connection.execute(EVENTS.insert().values(row | {"details": json.dumps(finite(dict(event.details)))}))
+        new_count += 1
+    return new_count
 
 
 def read_events(
@@ -177,12 +181,12 @@ def read_events(
     offset: int = 0,
     limit: int | None = None,
 ) -> tuple[Event, ...]:
-    """Return events as `History.events` does; `watcher` asks for those that one watcher made.
+    """Return events as `History.events`; further conditions are `watcher`, `recording_hash` and `before`.
 
-    `recording_hash` for those that come from one recording, `before` for those of lower numbers; the first
-    `offset` are left out.
+    These select the events of one watcher, of one recording, and with lower numbers; the first `offset`
+    events are left out.
     """
-    query = sa.select(EVENTS).where(*_of(unit, kinds))
+    query = sa.select(EVENTS).where(*_conditions(unit, kinds))
     if since is not None:
         query = query.where(EVENTS.c.at >= _moment(since))
     if until is not None:
@@ -200,12 +204,12 @@ def read_events(
 
 
 def count_events(connection: sa.Connection, *, unit: str | None = None, kinds: Sequence[str] = ()) -> int:
-    """Return how many events there are, of a unit or of all, of these kinds or of all where empty."""
-    query = sa.select(sa.func.count()).select_from(EVENTS).where(*_of(unit, kinds))
+    """Return the number of events of a unit or of all, of `kinds` or, if empty, of all kinds."""
+    query = sa.select(sa.func.count()).select_from(EVENTS).where(*_conditions(unit, kinds))
     return int(connection.execute(query).scalar_one())
 
 
-def _of(unit: str | None, kinds: Sequence[str]) -> list[sa.ColumnElement[bool]]:
+def _conditions(unit: str | None, kinds: Sequence[str]) -> list[sa.ColumnElement[bool]]:
     """Return the conditions of a unit and of kinds."""
     of_unit = [] if unit is None else [EVENTS.c.unit == unit]
     return [*of_unit, *([EVENTS.c.kind.in_(kinds)] if kinds else [])]
@@ -214,7 +218,8 @@ def _of(unit: str | None, kinds: Sequence[str]) -> list[sa.ColumnElement[bool]]:
 def read_open_conditions(connection: sa.Connection, unit: str | None = None) -> tuple[Event, ...]:
     """Return the last event of each condition that was raised and not cleared, in their order.
 
-    Those on no unit are a watcher's own: what one of two sees again may still be lost to the other.
+    Conditions without a unit are separate for each watcher: a source that one watcher has found again may
+    still be lost for another.
     """
     last = sa.select(sa.func.max(EVENTS.c.id)).where(EVENTS.c.kind.in_(CONDITION_KINDS))
     if unit is not None:
@@ -226,14 +231,14 @@ def read_open_conditions(connection: sa.Connection, unit: str | None = None) -> 
 
 
 def _last_state(connection: sa.Connection, event: Event) -> str | None:
-    """Return the state of a watcher's last event on the condition of `event`, None where there is none."""
+    """Return the state of a watcher's last event on the condition of `event`, None without any."""
     same = [EVENTS.c[name] == getattr(event, name) for name in ("watcher", "kind", "unit", "subject")]
     query = sa.select(EVENTS.c.state).where(*same).order_by(EVENTS.c.id.desc()).limit(1)
     return connection.execute(query).scalar()
 
 
 def _moment(time: str) -> str:
-    """Return what kept times are compared with as text: in UTC, to the second or with its fraction."""
+    """Return a time as text for the comparison with stored times: in UTC, with or without a fraction."""
     try:
         moment = datetime.fromisoformat(time)
         moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)

@@ -1,4 +1,4 @@
-"""A whole history as a file that other programs read: JSON, CSV or Parquet."""
+"""Export of a history to a file for other programs: JSON, CSV or Parquet."""
 
 import json
 from pathlib import Path
@@ -15,10 +15,10 @@ ENDINGS = (".json", ".csv", ".parquet")
 
 
 def export(history: History, path: Path, *, part_number: str | None = None, force: bool = False) -> int:
-    """Write the units of a history, or those of a part number; return how many they are.
+    """Write the units of a history, or those of a part number; return their number.
 
-    .json has all that `emaphm history show --json` prints of each unit; .csv and .parquet have a row for each
-    diagnosis: unit, hours, the eight components with standard errors and verdicts.
+    .json contains the output of `emaphm history show --json` for each unit; .csv and .parquet have a row for
+    each diagnosis: unit, hours, the eight components with standard errors and verdicts.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def export(history: History, path: Path, *, part_number: str | None = None, forc
 
 
 def _write_json(units: tuple[Unit, ...], path: Path) -> None:
-    """Write one unit a line: a fleet need not fit into memory."""
+    """Write one unit per line: a fleet may be larger than the memory."""
     with path.open("w", encoding="utf-8") as file:
         file.write('{"units": [')
         for i, unit in enumerate(units):

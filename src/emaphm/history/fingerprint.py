@@ -1,4 +1,4 @@
-"""What makes an actuator's description the same one wherever it comes from."""
+"""Fingerprint of an actuator's description, independent of its file."""
 
 import hashlib
 from typing import TYPE_CHECKING

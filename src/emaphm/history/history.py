@@ -1,4 +1,4 @@
-"""The history of the units of a fleet."""
+"""History of the units of a fleet."""
 
 from collections.abc import Sequence
 from contextlib import contextmanager
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Added:
-    """What became of a diagnosis: `added`, or there already; and its recording's SHA-256."""
+    """Result of adding a diagnosis: whether it was `added` or already existed; its recording's SHA-256."""
 
     added: bool
     recording_hash: str
@@ -46,8 +46,8 @@ class Added:
 class History:
     """Units, flights, recordings, diagnoses, removals and shop findings, in a SQLite file or on PostgreSQL.
 
-    To be closed, or used in a ``with`` statement. When a method that writes returns, its changes are on disk.
-    Any number of processes may read and write. Each method raises `HistoryError` where the database fails.
+    Close it, or use it in a ``with`` statement. When a method that writes returns, its changes are on disk.
+    Any number of processes may read and write. Each method raises `HistoryError` if the database fails.
 
     >>> with History.open("fleet.sqlite") as history:                                       # doctest: +SKIP
     ...     for diagnosis in history.unit("SN-0042").diagnoses():
@@ -58,20 +58,20 @@ class History:
 
     @classmethod
     def open(cls, where: str | Path, *, create: bool = False) -> Self:
-        """Return the history at `where`; an older form of the database is brought up to date.
+        """Return the history at `where`; an older schema of the database is upgraded.
 
         Parameters
         ----------
         where
             A file, or postgresql://USER@HOST:PORT/DATABASE.
         create
-            Whether to make a history where there is none.
+            Whether to create a missing history.
 
         Raises
         ------
         HistoryError
-            There is no history, the database cannot be reached within ten seconds, or it is something else or
-            of a newer version.
+            There is no history, the database cannot be reached within ten seconds, it is not a history, or it
+            has a schema of a newer version.
         """
         database = Database.open(Address.of(where), create=create)
         try:
@@ -95,7 +95,7 @@ class History:
 
     @contextmanager
     def writing(self) -> "Iterator[sa.Connection]":
-        """Yield a connection that alone may write; what it wrote stays if the body ends, all or nothing.
+        """Yield a connection with the exclusive right to write; commit its transaction if the body ends.
 
         Raises
         ------
@@ -113,10 +113,10 @@ class History:
         return tuple(Unit(self.database, row) for row in rows if part_number in (None, row.part_number))
 
     def check_part_number(self, part_number: str | None) -> None:
-        """Refuse a part number that no unit has, `HistoryError` with the nearest; none where left out."""
+        """Refuse a part number that no unit has, `HistoryError` with the nearest one; None is accepted."""
         with self.database.reading() as connection:
             known = {row.part_number for row in reading.units(connection)}
-        # Where there are no units, none is missed.
+        # An empty history has no unit of any part number.
         if part_number is not None and known and part_number not in known:
             raise HistoryError(f"no units of the part number '{part_number}'{nearest(part_number, known)}")
 
@@ -126,16 +126,16 @@ class History:
             return Unit(self.database, reading.unit(connection, serial_number))
 
     def states(self, part_number: str | None = None) -> tuple[UnitState, ...]:
-        """Return the state of each unit, or of those of a part number, by part and serial number."""
+        """Return the states of all units, or of those of a part number, by part and serial number."""
         with self.database.reading() as connection:
             units = reading.units(connection)
             if part_number is not None:
-                units = tuple(one for one in units if one.part_number == part_number)
-            found = states(connection, None if part_number is None else [one.id for one in units])
-        return tuple(found[one.id] for one in units)
+                units = tuple(unit for unit in units if unit.part_number == part_number)
+            unit_states = states(connection, None if part_number is None else [unit.id for unit in units])
+        return tuple(unit_states[unit.id] for unit in units)
 
     def check(self, entry: Entry) -> None:
-        """Refuse an entry that contradicts the history whatever its recording is; `HistoryError`."""
+        """Refuse an entry that contradicts the history for any recording; `HistoryError`."""
         with self.database.reading() as connection:
             writing.check_statement(connection, entry)
 
@@ -147,13 +147,13 @@ class History:
         seed: int = 0,
         methods: Sequence[str] = ("hybrid",),
     ) -> bool:
-        """Return whether no diagnosis of a recording by one of `methods`, with usual settings, is there yet.
+        """Return whether the recording has no diagnosis by one of `methods` with default settings.
 
         Raises
         ------
         HistoryError
             `entry` contradicts the history: the unit has another part number, hours or cycles go backwards,
-            or the recording is there already, of another unit or flight.
+            or another unit or flight has the recording.
         """
         key = recording_hash(recording)
         with self.database.reading() as connection:
@@ -171,7 +171,7 @@ class History:
         seed: int = 0,
         methods: Sequence[str] = ("hybrid",),
     ) -> KeptDiagnosis | None:
-        """Return the last diagnosis of a recording by one of `methods`, with usual settings, None if none."""
+        """Return the last diagnosis of a recording by one of `methods` with default settings, or None."""
         description = description_of(actuator)[0]
         settings = [KeptSettings(description, method, seed=seed) for method in methods]
         with self.database.reading() as connection:
@@ -184,11 +184,12 @@ class History:
         diagnosis: "Diagnosis",
         actuator: "Actuator | None" = None,
     ) -> Added:
-        """Add a diagnosis of a recording; nothing changes where it is there already.
+        """Add a diagnosis of a recording; an existing diagnosis is not changed.
 
-        A second diagnosis of the same recording, by other settings, is added too; `Unit.diagnoses` then gives
-        the new one. `actuator` is the description that was given for the diagnosis, under which `missing`
-        looks for it: that of the diagnosis has the laws too that it has found. The same if left out.
+        A further diagnosis of the same recording with other settings is added; `Unit.diagnoses` then returns
+        the new one. `actuator` is the description that was given for the diagnosis, by which `missing`
+        searches: the description in the diagnosis also contains the laws that it has found. Default: the
+        latter.
 
         Raises
         ------
@@ -199,11 +200,11 @@ class History:
         digest, toml = description_of(actuator or diagnosis.actuator)
         settings = KeptSettings.of(diagnosis, digest)
         with self.writing() as connection:
-            new = writing.add_diagnosis(connection, entry, recording, diagnosis, key, settings, toml)
-        return Added(new, key)
+            is_new = writing.add_diagnosis(connection, entry, recording, diagnosis, key, settings, toml)
+        return Added(is_new, key)
 
     def add_removal(self, serial_number: str, removal: Removal) -> bool:
-        """Add a removal of a known unit; return False where it is there already.
+        """Add a removal of a known unit; return False if it already exists.
 
         Raises
         ------
@@ -214,7 +215,7 @@ class History:
             return writing.add_removal(connection, reading.unit(connection, serial_number), removal)
 
     def add_finding(self, serial_number: str, finding: Finding) -> bool:
-        """Add what a shop found of a known unit; return False where it is there already.
+        """Add a shop's finding on a known unit; return False if it already exists.
 
         Raises
         ------
@@ -225,22 +226,22 @@ class History:
             return writing.add_finding(connection, reading.unit(connection, serial_number), finding)
 
     def withdraw(self, serial_number: str, mistake: Mistake) -> Withdrawal:
-        """Take out an entry that was made by mistake; its content stays on record (`Unit.withdrawals`).
+        """Withdraw a wrong entry; its content is kept on record (`Unit.withdrawals`).
 
-        A recording goes with all its diagnoses, a flight with its last recording, and a unit with its last
-        flight. What was withdrawn may be added again, to another unit or at other hours.
+        A recording is withdrawn with all its diagnoses, a flight with its last recording, and a unit with its
+        last flight. A withdrawn entry may be added again, to another unit or at other hours.
 
         Raises
         ------
         HistoryError
-            The unit or the entry is unknown, several are meant, or it is the unit's only recording while
-            removals or findings are left.
+            The unit or the entry is unknown, several entries match, or it is the unit's only recording and
+            there are removals or findings.
         """
         with self.writing() as connection:
             return withdraw(connection, reading.unit(connection, serial_number), mistake)
 
     def add_events(self, *events: Event) -> int:
-        """Add events in their order, all or none; return how many were not there yet."""
+        """Add events in their order, all or none; return the number of new ones."""
         with self.writing() as connection:
             return add_events(connection, events)
 
@@ -262,18 +263,18 @@ class History:
         unit
             Serial number.
         kinds
-            Of `emaphm.history.events.KINDS`; all where empty.
+            Kinds of `emaphm.history.events.KINDS`; all if empty.
         since, until
-            First time and the time before which they were made, ISO 8601; UTC where it has no offset.
+            Earliest time, and time before which they were made, ISO 8601; UTC without an offset.
         after
-            The number of an event; only later ones.
+            Number of an event; only later events are returned.
         newest_first, limit
-            The order, and how many at most.
+            Order, and largest number of events.
 
         Raises
         ------
         HistoryError
-            `since` or `until` is no time.
+            `since` or `until` is not a time.
         """
         with self.database.reading() as connection:
             return read_events(
@@ -288,30 +289,30 @@ class History:
             )
 
     def open_conditions(self, unit: str | None = None) -> tuple[Event, ...]:
-        """Return the events that raised what has not been cleared since, of a unit or of all."""
+        """Return the events that raised conditions not cleared since, of a unit or of all units."""
         with self.database.reading() as connection:
             return read_open_conditions(connection, unit)
 
     def keep_prognosis(self, serial_number: str, prognosis: KeptPrognosis) -> None:
-        """Keep a prognosis of a unit, without curves, in place of the one before with its curves.
+        """Store a prognosis of a unit without curves, replacing the previous prognosis and its curves.
 
-        `emaphm.prognosis.keeping.keep_with_curves` keeps one with its curves. `HistoryError` if the unit is
-        unknown.
+        `emaphm.prognosis.keeping.keep_with_curves` stores a prognosis with curves. `HistoryError` if the unit
+        is unknown.
         """
         with self.writing() as connection:
             keep_prognosis(connection, reading.unit(connection, serial_number), prognosis)
 
     def basis(self, serial_number: str) -> Basis:
-        """Return what a prognosis that begins now is made from; `HistoryError` if the unit is unknown.
+        """Return the basis of a prognosis that starts now; `HistoryError` if the unit is unknown.
 
-        To be asked for before the evidence is read: what is added in between then makes the prognosis out of
-        date though it is in it, in place of current though it is not.
+        Call it before the evidence is read: an entry that is added in between then marks the prognosis as out
+        of date although it was used. In the other order, the prognosis would count as current without it.
         """
         with self.database.reading() as connection:
             unit_id = reading.unit(connection, serial_number).id
             return bases(connection, UNITS.c.id == unit_id)[unit_id]
 
     def prognoses(self) -> dict[str, KeptPrognosis]:
-        """Return the last kept prognosis by serial number, of the units that have one."""
+        """Return the last stored prognosis by serial number, for the units that have one."""
         with self.database.reading() as connection:
             return read_prognoses(connection)

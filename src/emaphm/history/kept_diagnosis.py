@@ -1,4 +1,4 @@
-"""A diagnosis as a history holds it."""
+"""Diagnosis as stored in a history."""
 
 import json
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class KeptSettings:
-    """What a diagnosis depends on besides the recording; `description` is the actuator TOML's SHA-256."""
+    """Inputs of a diagnosis apart from the recording; `description` is the SHA-256 of the actuator's TOML."""
 
     description: str
     method: str = "hybrid"
@@ -27,13 +27,13 @@ class KeptSettings:
 
     @classmethod
     def of(cls, diagnosis: "Diagnosis", description: str) -> "KeptSettings":
-        """Return the settings that `diagnosis` was made with."""
+        """Return the settings of `diagnosis`."""
         return cls(description, diagnosis.method, diagnosis.model, diagnosis.fitness_name, diagnosis.seed)
 
 
 @dataclass(frozen=True, eq=False)
 class KeptDiagnosis:
-    """A diagnosis as the history holds it.
+    """A diagnosis as stored in the history.
 
     Attributes
     ----------
@@ -44,16 +44,16 @@ class KeptDiagnosis:
     vector, standard_errors
         The eight components in the order of `Faults`, each (8,), normalised.
     explained
-        Whether the model explains the recording; where not, the estimates are no evidence.
+        Whether the diagnosis is explained; if not, its estimates are not used.
     coordinates, covariance
-        Names (d,) of the estimator's coordinates (those of `CARTESIAN_NAMES` that the actuator can show, then
+        Names (d,) of the estimator's coordinates (those of `CARTESIAN_NAMES` that the actuator has, then
         nuisances), and their full covariance (d, d).
     settings, version
-        What it was made with.
+        Settings of the diagnosis, and version of emaphm.
     added_at
         Time of the entry, UTC, ISO 8601.
     text
-        The rest of what `emaphm diagnose --json` prints, as JSON.
+        The remaining output of `emaphm diagnose --json`, as JSON.
     """
 
     flight: Flight
@@ -81,18 +81,18 @@ class KeptDiagnosis:
 
     @cached_property
     def document(self) -> dict[str, Any]:
-        """What `emaphm diagnose --json` printed, the covariance included."""
+        """The output of `emaphm diagnose --json`, including the covariance."""
         matrix = {"coordinates": list(self.coordinates), "matrix": self.covariance.tolist()}
         return {**json.loads(self.text), "covariance": matrix}
 
     @cached_property
     def verdicts(self) -> dict[str, str]:
         """The verdict on each component: "healthy", "degraded" or "cannot tell"."""
-        return {name: one["verdict"] for name, one in self.document["faults"].items()}
+        return {name: fault["verdict"] for name, fault in self.document["faults"].items()}
 
     @property
     def estimated_load(self) -> float | None:
-        """The constant load that was estimated with the faults, in its unit; None where it was not."""
+        """The constant load that was estimated with the faults, in its unit; None if it was not estimated."""
         load = self.document["nuisances"].get("load")
         return None if load is None else float(load["value"])
 
@@ -103,27 +103,29 @@ class KeptDiagnosis:
 
     @property
     def cartesian_covariance(self) -> Array:
-        """The covariance of `cartesian`, shape (8, 8), the nuisances integrated out.
+        """The covariance of `cartesian`, shape (8, 8), marginalised over the nuisances.
 
-        A component that the actuator cannot show has the variance of its prior, and no covariance.
+        A component that the actuator does not have has its prior variance, and no covariance.
         """
         variances = self.standard_errors**2
-        variances[6] = variances[5]  # both directions of an eccentricity that cannot be shown
+        variances[6] = variances[5]  # both directions of an eccentricity that the actuator does not have
         result = np.diag(variances)
-        rows = self._shown
-        there = [self.coordinates.index(CARTESIAN_NAMES[i]) for i in rows]
-        result[np.ix_(rows, rows)] = self.covariance[np.ix_(there, there)]
+        rows = self._present_rows
+        places = [self.coordinates.index(CARTESIAN_NAMES[i]) for i in rows]
+        result[np.ix_(rows, rows)] = self.covariance[np.ix_(places, places)]
         return result
 
     @property
     def cartesian_shared_covariance(self) -> Array:
-        """The part of `cartesian_covariance` that all recordings of the unit share, (8, 8); 0 if none."""
+        """The shared covariance of all recordings of the unit, a part of `cartesian_covariance`, (8, 8)."""
         result = np.zeros((len(CARTESIAN_NAMES), len(CARTESIAN_NAMES)))
-        if '"shared_covariance"' in self.text:  # to read all of the text takes a hundred times as long
-            result[np.ix_(self._shown, self._shown)] = json.loads(self.text)["shared_covariance"]
+        if '"shared_covariance"' in self.text:  # parsing all of the text takes a hundred times as long
+            result[np.ix_(self._present_rows, self._present_rows)] = json.loads(self.text)[
+                "shared_covariance"
+            ]
         return result
 
     @property
-    def _shown(self) -> list[int]:
-        """Places in `CARTESIAN_NAMES` of the components that the actuator can show."""
+    def _present_rows(self) -> list[int]:
+        """Indices in `CARTESIAN_NAMES` of the components that the actuator has."""
         return [i for i, name in enumerate(CARTESIAN_NAMES) if name in self.coordinates]

@@ -1,4 +1,4 @@
-"""The last prognosis of a unit, kept so that a reader need not compute it."""
+"""Stored last prognosis of a unit, so that a reader need not compute it."""
 
 import json
 from collections.abc import Mapping
@@ -13,12 +13,12 @@ from emaphm.history.storage.tables import PROGNOSES, PROGNOSIS_CURVES, UNITS
 from emaphm.strict_json import finite
 
 ENTRIES = "made_from_entries"
-"""Key under which `Basis.entries` is kept in the document, which has none of this name itself."""
+"""Key of `Basis.entries` in the stored document; a prognosis has no key of this name."""
 
 
 @dataclass(frozen=True)
 class KeptPrognosis:
-    """What `emaphm prognose --json` prints of a unit, at its flight `hours` [h], made from its `basis`."""
+    """Output of `emaphm prognose --json` for a unit at flight `hours` [h], and its `basis`."""
 
     hours: float
     document: Mapping[str, Any] = field(repr=False)
@@ -26,23 +26,23 @@ class KeptPrognosis:
 
     @classmethod
     def of(cls, basis: Basis, document: Mapping[str, Any]) -> "KeptPrognosis":
-        """Return a prognosis, as `emaphm prognose --json` prints it, that was made from `basis`."""
+        """Return the prognosis `document` (`emaphm prognose --json`) that was made from `basis`."""
         return cls(float(document["hours"]), document, basis)
 
     @property
     def diagnoses(self) -> int:
-        """How many diagnoses the unit had had, those among them that others had replaced."""
+        """Number of diagnoses that the unit had had, including superseded ones."""
         return self.basis.diagnoses
 
     @property
     def at(self) -> str:
-        """When it was begun, UTC, ISO 8601."""
+        """Time at which it was started, UTC, ISO 8601."""
         return self.basis.at
 
     def is_current(self, now: Basis) -> bool:
-        """Return whether the unit is as it was when the prognosis was begun; else it is out of date.
+        """Return whether the unit has the same entries as when the prognosis was started.
 
-        `now` is what one that begins now is made from.
+        `now` is the basis of a prognosis that starts now.
         """
         return self.basis == now
 
@@ -53,9 +53,9 @@ def keep_prognosis(
     prognosis: KeptPrognosis,
     curves: Mapping[str, Any] | None = None,
 ) -> None:
-    """Keep a prognosis in place of the one before, and its `curves`, ready for JSON, in place of those.
+    """Store a prognosis and its `curves`, ready for JSON, replacing the previous ones.
 
-    Where it comes without curves, none are kept: those of another would be shown as its own.
+    Without `curves`, the stored curves are deleted, because they would be shown with the new prognosis.
     """
     values = {
         "hours": prognosis.hours,
@@ -74,14 +74,14 @@ def keep_prognosis(
 
 
 def read_prognosis(connection: sa.Connection, unit_id: int) -> KeptPrognosis | None:
-    """Return the kept prognosis of a unit, None where it has none."""
+    """Return the stored prognosis of a unit, None without any."""
     query = sa.select(PROGNOSES).where(PROGNOSES.c.unit_id == unit_id)
     row = connection.execute(query).one_or_none()
     return None if row is None else _kept(row)
 
 
 def read_prognoses(connection: sa.Connection) -> dict[str, KeptPrognosis]:
-    """Return the kept prognoses by serial number."""
+    """Return the stored prognoses by serial number."""
     query = sa.select(UNITS.c.serial_number, PROGNOSES).join(UNITS, UNITS.c.id == PROGNOSES.c.unit_id)
     return {row.serial_number: _kept(row) for row in connection.execute(query)}
 

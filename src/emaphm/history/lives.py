@@ -1,4 +1,4 @@
-"""Lives of units and of their components, ended by failure or censored."""
+"""Lives of units and of their components, which end by failure or are censored."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -17,7 +17,7 @@ class Life:
 
     @property
     def censored(self) -> bool:
-        """Whether the life went on, or was ended by something else than failure."""
+        """Whether the life continues, or ended without a failure."""
         return not self.failed
 
     def to_dict(self) -> dict[str, Any]:
@@ -28,8 +28,8 @@ class Life:
 def latest_hours(
     flights: Sequence[Flight], removals: Sequence[Removal], findings: Sequence[Finding]
 ) -> float:
-    """Return the hours of a unit [h]: those of its latest entry, be it a flight, a removal or a finding."""
-    return max((one.hours for entries in (flights, removals, findings) for one in entries), default=0.0)
+    """Return the hours of a unit's latest entry [h]: a flight, a removal or a finding."""
+    return max((entry.hours for entries in (flights, removals, findings) for entry in entries), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,14 @@ def lives(
 ) -> tuple[Life, ...]:
     """Return the lives of a unit between its removals, or of a component between its replacements.
 
-    A removal ended a life of the unit by failure if the shop found so; where no shop has reported (no finding
-    of the same hours), if that was its reason. A component's life ends when it is found failed, or replaced;
-    the next begins with a replacement. The last one goes up to the unit's latest hours, and is censored.
+    A removal ends a life of the unit by failure if a shop found a failure at the same hours; without any
+    finding at these hours, if failure was its reason. A component's life ends when it is found failed or is
+    replaced; the next life starts with a replacement. The last life lasts until the unit's latest hours, and
+    is censored.
     """
     hours = latest_hours(flights, removals, findings)
     is_unit = component in (None, UNIT)
-    ends = _removed(removals, findings) if is_unit else _found(str(component), findings)
+    ends = _ends_of_unit(removals, findings) if is_unit else _ends_of_component(str(component), findings)
     result: list[Life] = []
     start: float | None = 0.0
     for end in ends:
@@ -69,83 +70,92 @@ def lives(
 def unrepaired(
     flights: Sequence[Flight], removals: Sequence[Removal], findings: Sequence[Finding]
 ) -> Failure | None:
-    """Return the failure that a unit has not been repaired of; None where it is in service, or may be again.
+    """Return the unrepaired failure of a unit; None if it is in service, or may be in service again.
 
-    It failed if a removal ended its life by failure, as in `lives`, or a shop found a component failed. A
-    replacement at these hours or later puts it in service again, and so does a flight or a removal later on.
+    The unit failed if a removal ended its life by failure, as in `lives`, or if a shop found a component
+    failed. It is in service again after a replacement at these hours or later, or a later flight or removal.
     """
-    found = [one for one in findings if one.condition == "failed"]
-    ends = [one.hours for one in _removed(removals, findings) if one.failed]
-    hours = max((*ends, *(one.hours for one in found)), default=None)
-    if hours is None or any(one.replaced and one.hours >= hours for one in findings):
+    failed = [finding for finding in findings if finding.condition == "failed"]
+    ends = [end.hours for end in _ends_of_unit(removals, findings) if end.failed]
+    hours = max((*ends, *(finding.hours for finding in failed)), default=None)
+    if hours is None or any(finding.replaced and finding.hours >= hours for finding in findings):
         return None
-    if max((*(one.hours for one in flights), *(one.hours for one in removals)), default=0.0) > hours:
+    if (
+        max((*(flight.hours for flight in flights), *(removal.hours for removal in removals)), default=0.0)
+        > hours
+    ):
         return None
-    components = {one.component for one in found if one.hours == hours} - {UNIT}
+    components = {finding.component for finding in failed if finding.hours == hours} - {UNIT}
     return Failure(hours, tuple(sorted(components)))
 
 
 @dataclass(frozen=True)
 class OpenRemoval:
-    """A unit was removed as failed at `hours` [h]; a shop has `named` components then, none as failed."""
+    """A removal as failed at `hours` [h], for which a shop has `named` components, none as failed."""
 
     hours: float
     named: tuple[str, ...]
 
 
 def not_replaced(findings: Sequence[Finding]) -> tuple[Failure, ...]:
-    """Return the failures of components of which no replacement is known, by hours, whatever came since."""
-    renewed = [(one.component, one.hours) for one in findings if one.replaced]
+    """Return the failures of components without a known replacement, by hours."""
+    renewed = [(finding.component, finding.hours) for finding in findings if finding.replaced]
     failed: dict[float, set[str]] = {}
-    for one in findings:
-        known = any(what in (one.component, UNIT) and hours >= one.hours for what, hours in renewed)
-        if one.condition == "failed" and one.component != UNIT and not known:
-            failed.setdefault(one.hours, set()).add(one.component)
+    for finding in findings:
+        is_renewed = any(
+            component in (finding.component, UNIT) and hours >= finding.hours for component, hours in renewed
+        )
+        if finding.condition == "failed" and finding.component != UNIT and not is_renewed:
+            failed.setdefault(finding.hours, set()).add(finding.component)
     return tuple(Failure(hours, tuple(sorted(failed[hours]))) for hours in sorted(failed))
 
 
 def open_removal(
     flights: Sequence[Flight], removals: Sequence[Removal], findings: Sequence[Finding]
 ) -> OpenRemoval | None:
-    """Return the removal as failed of which a shop has only named components that are not; None without one.
+    """Return the last removal as failed for which a shop has named no failed component; None without one.
 
-    A finding on the unit as a whole closes it; so does a replacement at these hours or later, a flight, or
+    It is closed by a finding on the unit as a whole, a replacement at these hours or later, a flight, or
     another removal.
     """
-    last = max(removals, key=lambda one: one.hours, default=None)
-    if last is None or last.reason != "failed" or any(one.hours > last.hours for one in flights):
+    last = max(removals, key=lambda removal: removal.hours, default=None)
+    if last is None or last.reason != "failed" or any(flight.hours > last.hours for flight in flights):
         return None
-    found = [one for one in findings if one.hours == last.hours]
-    is_closed = any(one.component == UNIT or one.condition == "failed" for one in found)
-    if not found or is_closed or any(one.replaced and one.hours >= last.hours for one in findings):
+    reported = [finding for finding in findings if finding.hours == last.hours]
+    is_closed = any(finding.component == UNIT or finding.condition == "failed" for finding in reported)
+    is_renewed = any(finding.replaced and finding.hours >= last.hours for finding in findings)
+    if not reported or is_closed or is_renewed:
         return None
-    return OpenRemoval(last.hours, tuple(sorted(one.component for one in found)))
+    return OpenRemoval(last.hours, tuple(sorted(finding.component for finding in reported)))
 
 
 @dataclass(frozen=True)
 class _End:
-    """Of a life at `hours` [h]; another begins there if the component was `renewed`."""
+    """End of a life at `hours` [h]; another life starts there if the component was `renewed`."""
 
     hours: float
     failed: bool
     renewed: bool
 
 
-def _removed(removals: Sequence[Removal], findings: Sequence[Finding]) -> list[_End]:
-    found: dict[float, list[bool]] = {}
-    for one in findings:
-        found.setdefault(one.hours, []).append(one.condition == "failed")
+def _ends_of_unit(removals: Sequence[Removal], findings: Sequence[Finding]) -> list[_End]:
+    """Return the ends of lives of a unit, by its removals."""
+    failed: dict[float, list[bool]] = {}
+    for finding in findings:
+        failed.setdefault(finding.hours, []).append(finding.condition == "failed")
     return [
-        _End(one.hours, any(found.get(one.hours, [one.reason == "failed"])), renewed=True) for one in removals
+        _End(removal.hours, any(failed.get(removal.hours, [removal.reason == "failed"])), renewed=True)
+        for removal in removals
     ]
 
 
-def _found(component: str, findings: Sequence[Finding]) -> list[_End]:
+def _ends_of_component(component: str, findings: Sequence[Finding]) -> list[_End]:
+    """Return the ends of lives of a component, by the findings on it."""
     ends: dict[float, _End] = {}
-    for one in findings:
-        failed = one.component == component and one.condition == "failed"
-        renewed = one.replaced and one.component in (component, UNIT)
+    for finding in findings:
+        failed = finding.component == component and finding.condition == "failed"
+        renewed = finding.replaced and finding.component in (component, UNIT)
         if failed or renewed:
-            before = ends.get(one.hours, _End(one.hours, failed=False, renewed=False))
-            ends[one.hours] = _End(one.hours, before.failed or failed, before.renewed or renewed)
+            previous = ends.get(finding.hours, _End(finding.hours, failed=False, renewed=False))
+            ends[finding.hours] = _End(finding.hours, previous.failed or failed, previous.renewed or renewed)
     return [ends[hours] for hours in sorted(ends)]

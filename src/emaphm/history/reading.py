@@ -1,4 +1,4 @@
-"""What is read of a history; each function reads from one state of it."""
+"""Reading of entries from a history; each function reads one consistent state."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -37,25 +37,25 @@ def units(connection: sa.Connection) -> tuple[UnitRow, ...]:
 
 
 def unit_or_none(connection: sa.Connection, serial_number: str) -> UnitRow | None:
-    """Return a unit by its serial number, None where it is not in the history."""
+    """Return a unit by its serial number, None if it is not in the history."""
     row = connection.execute(_units().where(UNITS.c.serial_number == serial_number)).one_or_none()
     return UnitRow(*row) if row else None
 
 
 def unit(connection: sa.Connection, serial_number: str) -> UnitRow:
     """Return a unit by its serial number; an unknown one raises `HistoryError` with the nearest."""
-    found = unit_or_none(connection, serial_number)
-    if found is None:
+    row = unit_or_none(connection, serial_number)
+    if row is None:
         known = connection.execute(sa.select(UNITS.c.serial_number)).scalars().all()
         hint = nearest(serial_number, known) if known else "; the history is empty"
         raise HistoryError(f"no unit '{serial_number}' in the history{hint}")
-    return found
+    return row
 
 
 def flights(connection: sa.Connection, unit_id: int) -> tuple[Flight, ...]:
     """Return a unit's flights by hours.
 
-    Where no position was given, it is that of the flight before, unless the unit was removed in between.
+    A missing position is that of the previous flight, unless the unit was removed in between.
     """
     removed = (
         connection.execute(sa.select(REMOVALS.c.hours).where(REMOVALS.c.unit_id == unit_id)).scalars().all()
@@ -69,9 +69,13 @@ def flights(connection: sa.Connection, unit_id: int) -> tuple[Flight, ...]:
     )
     result: list[Flight] = []
     for hours, cycles, position, load, temperature in rows:
-        before = result[-1] if result else None
-        if position is None and before and not any(before.hours <= one < hours for one in removed):
-            result.append(Flight(hours, cycles, before.position, load, temperature))
+        previous = result[-1] if result else None
+        if (
+            position is None
+            and previous
+            and not any(previous.hours <= removal < hours for removal in removed)
+        ):
+            result.append(Flight(hours, cycles, previous.position, load, temperature))
         else:
             result.append(Flight(hours, cycles, position, load, temperature))
     return tuple(result)
@@ -80,9 +84,9 @@ def flights(connection: sa.Connection, unit_id: int) -> tuple[Flight, ...]:
 def diagnoses(
     connection: sa.Connection, unit_id: int, latest: int | None = None, earlier: int = 0
 ) -> tuple[KeptDiagnosis, ...]:
-    """Return the last diagnosis of each of a unit's recordings, by hours and then as they were added.
+    """Return the last diagnosis of each of a unit's recordings, by hours and then in the order of addition.
 
-    `latest` is how many of them at most, those of most hours; and `earlier` of those before at most.
+    `latest` limits their number to those with most hours; at most `earlier` diagnoses before them are added.
     """
     of_hours = {flight.hours: flight for flight in flights(connection, unit_id)}
     newest = (
@@ -92,17 +96,17 @@ def diagnoses(
         .where(FLIGHTS.c.unit_id == unit_id)
         .group_by(RECORDINGS.c.id, FLIGHTS.c.hours)
     )
-    wanted: Sequence[int] | sa.Select[Any] = newest
+    ids_or_query: Sequence[int] | sa.Select[Any] = newest
     if latest is not None:
         ordered = newest.order_by(FLIGHTS.c.hours.desc(), RECORDINGS.c.id.desc())
         ids = connection.execute(ordered if earlier else ordered.limit(latest)).scalars().all()
-        wanted = [*ids[:latest], *_spread(ids[: latest - 1 : -1] if latest else ids[::-1], earlier)]
-    chosen = _diagnoses().where(DIAGNOSES.c.id.in_(wanted)).order_by(FLIGHTS.c.hours, RECORDINGS.c.id)
+        ids_or_query = [*ids[:latest], *_spread(ids[: latest - 1 : -1] if latest else ids[::-1], earlier)]
+    chosen = _diagnoses().where(DIAGNOSES.c.id.in_(ids_or_query)).order_by(FLIGHTS.c.hours, RECORDINGS.c.id)
     return tuple(diagnosis_of(row, of_hours[row.hours]) for row in connection.execute(chosen))
 
 
 def _spread(ids: Sequence[int], most: int) -> Sequence[int]:
-    """Return `most` of the `ids` at most, every 2nd, 4th, 8th …: the same ones while more are appended."""
+    """Return at most `most` of the `ids`, every 2nd, 4th, 8th …: a stable selection as ids are appended."""
     step = 1
     while len(ids) > most * step > 0:
         step *= 2
@@ -110,24 +114,24 @@ def _spread(ids: Sequence[int], most: int) -> Sequence[int]:
 
 
 def latest_entry(connection: sa.Connection, unit_id: int) -> tuple[float, str]:
-    """Return the latest hours of a unit [h] and the entry that has them: a recording, removal or finding."""
+    """Return a unit's latest hours [h] and the entry with these hours: a recording, removal or finding."""
     entries = (
         (FLIGHTS.c.hours, sa.literal("recording"), FLIGHTS.c.unit_id),
         (REMOVALS.c.hours, sa.literal("removal"), REMOVALS.c.unit_id),
         (FINDINGS.c.hours, sa.literal("finding on ") + FINDINGS.c.component, FINDINGS.c.unit_id),
     )
-    found = [
+    rows = [
         connection.execute(
-            sa.select(hours, what).where(unit == unit_id).order_by(hours.desc()).limit(1)
+            sa.select(hours, kind).where(unit == unit_id).order_by(hours.desc()).limit(1)
         ).one_or_none()
-        for hours, what, unit in entries
+        for hours, kind, unit in entries
     ]
-    hours, what = max((row for row in found if row is not None), key=lambda row: row[0], default=(0.0, ""))
-    return float(hours), str(what)
+    hours, kind = max((row for row in rows if row is not None), key=lambda row: row[0], default=(0.0, ""))
+    return float(hours), str(kind)
 
 
 def hours_last_added(connection: sa.Connection, unit_id: int, count: int) -> tuple[float, ...]:
-    """Return the hours of the `count` recordings of a unit that were added last [h], in that order."""
+    """Return the hours [h] of the last `count` recordings added to a unit, in the order of addition."""
     query = (
         sa.select(FLIGHTS.c.hours)
         .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
@@ -139,8 +143,8 @@ def hours_last_added(connection: sa.Connection, unit_id: int, count: int) -> tup
 
 
 def has_diagnosis(connection: sa.Connection, recording_hash: str, settings: KeptSettings) -> bool:
-    """Return whether a recording has a diagnosis of these settings."""
-    # Its document is not asked for: a watcher looks up every recording.
+    """Return whether a recording has a diagnosis with these settings."""
+    # Its document is not read, because a watcher checks each recording.
     query = _diagnoses().with_only_columns(DIAGNOSES.c.id).where(*_made_by(recording_hash, settings))
     return connection.execute(query).first() is not None
 
@@ -148,18 +152,18 @@ def has_diagnosis(connection: sa.Connection, recording_hash: str, settings: Kept
 def diagnosis(
     connection: sa.Connection, recording_hash: str, settings: Sequence[KeptSettings]
 ) -> KeptDiagnosis | None:
-    """Return the last diagnosis of a recording by one of several settings, None where there is none."""
-    by_any = sa.or_(*(sa.and_(*_made_by(recording_hash, one)) for one in settings))
+    """Return the last diagnosis of a recording with one of several settings, None without any."""
+    by_any = sa.or_(*(sa.and_(*_made_by(recording_hash, setting)) for setting in settings))
     query = _diagnoses().add_columns(FLIGHTS.c.unit_id).where(by_any).order_by(DIAGNOSES.c.id.desc())
     row = connection.execute(query.limit(1)).one_or_none()
     if row is None:
         return None
-    flown = {flight.hours: flight for flight in flights(connection, row.unit_id)}
-    return diagnosis_of(row, flown[row.hours])
+    flight_by_hours = {flight.hours: flight for flight in flights(connection, row.unit_id)}
+    return diagnosis_of(row, flight_by_hours[row.hours])
 
 
 def _diagnoses() -> sa.Select[Any]:
-    """Return the query for all that `diagnosis_of` makes a diagnosis of."""
+    """Return the query of the columns that `diagnosis_of` needs."""
     return (
         sa.select(
             DIAGNOSES,
@@ -175,7 +179,7 @@ def _diagnoses() -> sa.Select[Any]:
 
 
 def _made_by(recording_hash: str, settings: KeptSettings) -> tuple[sa.ColumnElement[bool], ...]:
-    """Return the conditions of a diagnosis of a recording by these settings."""
+    """Return the conditions of a diagnosis of a recording with these settings."""
     return (
         RECORDINGS.c.hash == recording_hash,
         DESCRIPTIONS.c.hash == settings.description,
@@ -187,12 +191,12 @@ def _made_by(recording_hash: str, settings: KeptSettings) -> tuple[sa.ColumnElem
 
 
 def description(connection: sa.Connection, unit_id: int) -> str | None:
-    """Return the actuator TOML of a unit's last diagnosis, None where it has none."""
+    """Return the actuator TOML of a unit's last diagnosis, None without any."""
     return connection.scalar(_last_description(unit_id))
 
 
 def other_descriptions(connection: sa.Connection, unit: UnitRow, most: int) -> tuple[str, ...]:
-    """Return the TOML of the last diagnosis of up to `most` other units of the part number, by one query."""
+    """Return the TOML of the last diagnosis of up to `most` other units of the part number, in one query."""
     query = (
         sa.select(_last_description(UNITS.c.id).scalar_subquery())
         .where(UNITS.c.part_number == unit.part_number, UNITS.c.id != unit.id)
@@ -203,6 +207,7 @@ def other_descriptions(connection: sa.Connection, unit: UnitRow, most: int) -> t
 
 
 def _last_description(unit_id: int | sa.ColumnElement[int]) -> sa.Select[str]:
+    """Return the query of the TOML of a unit's last diagnosis."""
     return (
         sa.select(DESCRIPTIONS.c.toml)
         .join(DIAGNOSES, DIAGNOSES.c.description_id == DESCRIPTIONS.c.id)
@@ -221,7 +226,7 @@ def removals(connection: sa.Connection, unit_id: int) -> tuple[Removal, ...]:
 
 
 def findings(connection: sa.Connection, unit_id: int) -> tuple[Finding, ...]:
-    """Return what shops found of a unit, by hours and component."""
+    """Return the shop findings on a unit, by hours and component."""
     query = (
         sa.select(FINDINGS)
         .where(FINDINGS.c.unit_id == unit_id)

@@ -1,4 +1,4 @@
-"""What is put into a history, and taken out, as values that check themselves."""
+"""Entries of a history and their withdrawals, as values that check themselves."""
 
 import math
 from dataclasses import dataclass, field
@@ -10,38 +10,38 @@ from emaphm.actuator.requirements import LOWEST_FRICTION
 from emaphm.errors import HistoryError, nearest
 
 UNIT = "unit"
-"""The component of a finding that concerns the unit as a whole."""
+"""Component of a finding on the unit as a whole."""
 
 FINDABLE = (*COMPONENTS, UNIT)
-"""What a shop can report on, or replace."""
+"""Components that a shop can report on, or replace."""
 
 ALIKE = 0.6
-"""Similarity from which on a component's name is suggested: shops have words for parts that are none here."""
+"""Similarity from which on a component's name is suggested: shops also name parts that are no component."""
 
 REASONS = ("failed", "suspected", "scheduled", "other")
-"""Why a unit was removed; "failed" and "suspected" as it was seen on the aircraft, before any shop."""
+"""Reasons for a removal; "failed" and "suspected" according to the aircraft, before any shop finding."""
 
 CONDITIONS = ("failed", "degraded", "healthy")
-"""What a shop found: no longer within its requirements; worn, but within; nothing wrong."""
+"""Conditions found by a shop: outside its requirements; worn, but within them; without a fault."""
 
 KINDS = ("recording", "removal", "finding")
-"""What can be withdrawn."""
+"""Kinds of entries that can be withdrawn."""
 
 MOST_HOURS = 1e6
-"""Flight hours: more than a century of them."""
+"""Largest flight hours: more than a century."""
 
 MOST_CYCLES = 2**31 - 1
-"""What every database holds as a whole number."""
+"""Largest integer that every database can store."""
 
 LONGEST_NAME = 200
-"""Characters of a serial number, a part number or a position."""
+"""Largest number of characters of a serial number, a part number or a position."""
 
 LONGEST_NOTE = 2000
 
 
 @dataclass(frozen=True)
 class Entry:
-    """Whose recordings are added, and when they were made.
+    """Unit and flight of the recordings to be added.
 
     Parameters
     ----------
@@ -50,18 +50,18 @@ class Entry:
     hours, cycles
         Flight hours [h] and cycles of the unit since it was new, at the recording.
     position
-        Place on the aircraft, e.g. "left aileron, inboard"; None: as at its last flight.
+        Position on the aircraft, e.g. "left aileron, inboard"; None: as at its last flight.
     load, temperature
-        Mean size of the load [N·m; N of a linear actuator] and mean temperature [K] since its flight before:
-        what wears it. None: not known.
+        Mean size of the load [N·m; N of a linear actuator] and mean temperature [K] since the previous
+        recorded flight, i.e. the stress. None: not known.
     late
-        Whether `hours` may be below what the history has of the unit already.
+        Whether `hours` may be below those of the unit's latest entry.
 
     Raises
     ------
     HistoryError
-        A name is empty, too long or not printable; hours, cycles or load are no number of 0 or more, or the
-        temperature is none of kelvins.
+        A name is empty, too long or not printable; hours, cycles or load are not a number of 0 or more, or
+        the temperature is outside the range of actuators in kelvins.
     """
 
     unit: str
@@ -90,13 +90,13 @@ class Entry:
 
 
 def whole_cycles(text: str) -> int:
-    """Return the cycles of an `Entry` that a file or a form states; what is no whole number is not rounded.
+    """Return the cycles of an `Entry` from the text of a file or a form; they are not rounded.
 
     Raises
     ------
     HistoryError
-        The text is no whole number from 0 to `MOST_CYCLES`. The error does not repeat it: in a stream it may
-        differ from row to row, and rows that are left out are counted by their reason.
+        The text is not a whole number from 0 to `MOST_CYCLES`. The message does not contain the text: in a
+        stream it may differ between rows, and rejected rows are counted by their message.
     """
     is_whole = text.isascii() and text.isdigit() and len(text) <= len(str(MOST_CYCLES))
     if not is_whole or int(text) > MOST_CYCLES:
@@ -108,9 +108,9 @@ def whole_cycles(text: str) -> int:
 
 @dataclass(frozen=True)
 class Flight:
-    """Flight hours [h] and cycles of a unit at one of its flights, and where on the aircraft it was.
+    """Flight hours [h], cycles and position on the aircraft of a unit at one of its flights.
 
-    `load` [N·m, N] and `temperature` [K] are their means since the flight before; None where not known.
+    `load` [N·m, N] and `temperature` [K] are means since the previous recorded flight; None if unknown.
     """
 
     hours: float
@@ -127,7 +127,7 @@ class Removal:
     Raises
     ------
     HistoryError
-        The reason is unknown, hours are no number of 0 or more, or the note is too long.
+        The reason is unknown, hours are not a number of 0 or more, or the note is too long.
     """
 
     hours: float
@@ -143,9 +143,9 @@ class Removal:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a shop found of one of `FINDABLE`, of a unit that had `hours` [h]: one of `CONDITIONS`.
+    """A shop's finding on one of `FINDABLE`, at the unit's `hours` [h]: one of `CONDITIONS`.
 
-    `level` is the fault as the shop measured it, normalised as in `Faults`; `replaced` says whether the
+    `level` is the fault that the shop measured, normalised as in `Faults`; `replaced` is True if the
     component was replaced.
 
     Raises
@@ -167,7 +167,7 @@ class Finding:
         if self.component not in FINDABLE:
             similar = nearest(self.component, FINDABLE, alike=ALIKE)
             raise HistoryError(
-                f"unknown component '{self.component}'{similar}; what is none of them is a finding on "
+                f"unknown component '{self.component}'{similar}; report anything else as a finding on "
                 f"'{UNIT}', with a note"
             )
         if self.condition not in CONDITIONS:
@@ -183,7 +183,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Replacement:
-    """A component was replaced when the unit had `hours` [h]; the component "unit" stands for all of them."""
+    """A replacement of a component at the unit's `hours` [h]; the component "unit" means all components."""
 
     hours: float
     component: str
@@ -191,15 +191,15 @@ class Replacement:
 
 @dataclass(frozen=True)
 class Mistake:
-    """An entry at `hours` [h] of a unit that was made wrongly, one of `KINDS`, and why it was wrong.
+    """A wrong entry of a unit at `hours` [h], one of `KINDS`, and the reason why it is wrong.
 
     `which` names a recording (its file, or eight or more characters of its SHA-256) or a finding's component;
-    it is needed where there are several at these hours.
+    it is needed if there are several entries at these hours.
 
     Raises
     ------
     HistoryError
-        The kind is unknown, hours are no number of 0 or more, or the reason is empty or too long.
+        The kind is unknown, hours are not a number of 0 or more, or the reason is empty or too long.
     """
 
     kind: str
@@ -218,10 +218,10 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Withdrawal:
-    """What was withdrawn: one of `KINDS` at `hours` [h], when (UTC, ISO 8601) and why.
+    """A withdrawn entry: one of `KINDS` at `hours` [h], with time `at` (UTC, ISO 8601) and reason.
 
-    `subject` is a recording's name, a removal's reason or a finding's component; `entry` has all that the
-    history held of it, its diagnoses among it.
+    `subject` is a recording's name, a removal's reason or a finding's component; `entry` has all stored
+    values of the entry, including its diagnoses.
     """
 
     kind: str
@@ -233,7 +233,7 @@ class Withdrawal:
 
 
 def check_name(name: str, what: str) -> None:
-    """Refuse a name that a table or a database cannot hold, `HistoryError`."""
+    """Refuse a name that a table or a database cannot store, `HistoryError`."""
     if not name.strip() or not name.isprintable():
         raise HistoryError(f"{what} {name!r} is no name; give printable characters")
     if len(name) > LONGEST_NAME:
@@ -241,13 +241,13 @@ def check_name(name: str, what: str) -> None:
 
 
 def check_note(note: str) -> None:
-    """Refuse a note that a database cannot hold, `HistoryError`."""
+    """Refuse a note that a database cannot store, `HistoryError`."""
     if len(note) > LONGEST_NOTE or not note.replace("\n", " ").isprintable():
         raise HistoryError(f"a note has up to {LONGEST_NOTE} printable characters; shorten it")
 
 
 def check_hours(hours: float) -> None:
-    """Refuse hours that no unit has, `HistoryError`: what is in a history stays there."""
+    """Refuse hours outside the possible range, `HistoryError`: entries of a history are permanent."""
     if not 0 <= hours <= MOST_HOURS:
         raise HistoryError(
             f"hours {hours:.9g}: give a number from 0 to {MOST_HOURS:,.0f}, the unit's since it was new"

@@ -1,4 +1,4 @@
-"""The time as a history keeps it."""
+"""Format of times in a history."""
 
 from datetime import UTC, datetime
 

@@ -1,4 +1,4 @@
-"""One unit of a history."""
+"""Unit of a history."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Unit:
-    """A unit: its numbers, and what the history holds of it, which is read when asked for.
+    """A unit: its numbers, and methods that read its entries from the history.
 
-    Each method raises `HistoryError` where the database fails.
+    Each method raises `HistoryError` if the database fails.
     """
 
     database: Database
@@ -42,15 +42,15 @@ class Unit:
         return self.row.part_number
 
     def flights(self) -> tuple[Flight, ...]:
-        """Return the flights of which there is a recording, by hours."""
+        """Return the flights with a recording, by hours."""
         with self.database.reading() as connection:
             return reading.flights(connection, self.row.id)
 
     def diagnoses(self, latest: int | None = None, earlier: int = 0) -> tuple[KeptDiagnosis, ...]:
-        """Return the last diagnosis of each recording, by hours, those that explain nothing among them.
+        """Return the last diagnosis of each recording, by hours, including unexplained ones.
 
-        `latest` is how many of them at most, those of most hours, and `earlier` how many of those before,
-        evenly spread.
+        `latest` limits their number to the latest ones; `earlier` of the diagnoses before are added, evenly
+        spread.
         """
         with self.database.reading() as connection:
             return reading.diagnoses(connection, self.row.id, latest, earlier)
@@ -61,35 +61,37 @@ class Unit:
             return reading.removals(connection, self.row.id)
 
     def findings(self) -> tuple[Finding, ...]:
-        """Return what shops found, by hours."""
+        """Return the shop findings, by hours."""
         with self.database.reading() as connection:
             return reading.findings(connection, self.row.id)
 
     def withdrawals(self) -> tuple[Withdrawal, ...]:
-        """Return what was entered wrongly under its serial number and withdrawn since, in that order."""
+        """Return the withdrawals of entries of its serial number, in their order."""
         with self.database.reading() as connection:
             return read_withdrawals(connection, self.serial_number)
 
     def replacements(self) -> tuple[Replacement, ...]:
-        """Return what shops replaced, by hours; the component "unit" stands for all of them."""
-        return tuple(Replacement(one.hours, one.component) for one in self.findings() if one.replaced)
+        """Return the replacements, by hours; the component "unit" means all components."""
+        return tuple(
+            Replacement(finding.hours, finding.component) for finding in self.findings() if finding.replaced
+        )
 
     def lives(self, component: str | None = None) -> tuple[Life, ...]:
         """Return the lives of the unit between its removals, or of one component between its replacements.
 
-        See `emaphm.history.lives.lives` for what ends one, and what censors it.
+        `emaphm.history.lives.lives` defines the end of a life, and censoring.
         """
         with self.database.reading() as connection:
             return UnitEntries.read(connection, self.row.id, self.serial_number).lives(component)
 
     def description_notes(self) -> tuple[str, ...]:
-        """Return a note where its description is unlike those of other units of the part number, or none."""
+        """Return a note if its description differs from those of other units of the part number, or none."""
         with self.database.reading() as connection:
             return description_notes(connection, self.row)
 
     @cached_property
     def actuator(self) -> "Actuator":
-        """The description that its last diagnosis was made with."""
+        """The description of its last diagnosis."""
         import tomllib
 
         from emaphm.actuator import Actuator
@@ -102,18 +104,18 @@ class Unit:
         )
 
     def described_by(self, given: "Actuator | None") -> "Actuator":
-        """Return the description to take: the `given` one if any, else that of the last diagnosis.
+        """Return the `given` description if any, otherwise that of the last diagnosis.
 
         Raises
         ------
         HistoryError
-            The one given has another name than the unit's part number and the description of its last
-            diagnosis have: its requirements are those of another actuator.
+            The name of the given description is neither the unit's part number nor the name of the
+            description of its last diagnosis: its requirements are those of another actuator.
         """
         if given is None or given.name in (self.part_number, self.actuator.name):
             return self.actuator if given is None else given
         raise HistoryError(
             f"unit '{self.serial_number}' has the part number '{self.part_number}', the description is of "
-            f"'{given.name}'; check --unit and --actuator (of --all, --part chooses the units), or, where "
+            f"'{given.name}'; check --unit and --actuator (with --all, --part selects the units), or, if "
             f'only its name is new, state name = "{self.actuator.name}" in it'
         )

@@ -1,6 +1,6 @@
-"""Taking out of a history what was entered wrongly; what it was, and why it went, stays on record.
+"""Withdrawal of wrong entries from a history; their content and the reason are kept on record.
 
-An entry that is withdrawn leaves the tables that everything else reads, so that it counts nowhere.
+A withdrawn entry is deleted from the tables of entries, so that it is not used anywhere.
 """
 
 import json
@@ -29,21 +29,22 @@ from emaphm.history.timestamp import timestamp
 from emaphm.strict_json import finite
 
 SHORTEST_HASH = 8
-"""Characters by which a recording's SHA-256 may be named."""
+"""Least number of characters of a recording's SHA-256 that may name it."""
 
 
 def withdraw(connection: sa.Connection, unit: UnitRow, mistake: Mistake) -> Withdrawal:
-    """Take an entry out, and put it on record with the reason.
+    """Withdraw an entry, and put it on record with the reason.
 
-    A flight goes with its last recording, and a unit with its last flight. The curves of the unit's last
-    prognosis go too: they and their earlier forecasts may follow from the entry.
+    A flight is deleted with its last recording, and a unit with its last flight. The curves of the unit's
+    last prognosis are deleted too, because they and their earlier forecasts may depend on the entry.
 
     Raises
     ------
     HistoryError
-        There is no such entry, there are several, or removals and findings of the unit would be left alone.
+        There is no such entry, there are several, or removals and findings of the unit would be left without
+        a recording.
     """
-    row = _found(connection, unit, mistake)
+    row = _row_of(connection, unit, mistake)
     entry = _values(row)
     connection.execute(PROGNOSIS_CURVES.delete().where(PROGNOSIS_CURVES.c.unit_id == unit.id))
     if mistake.kind == "recording":
@@ -53,25 +54,25 @@ def withdraw(connection: sa.Connection, unit: UnitRow, mistake: Mistake) -> With
     else:
         table = REMOVALS if mistake.kind == "removal" else FINDINGS
         connection.execute(table.delete().where(table.c.id == row["id"]))
-    made = Withdrawal(
+    withdrawal = Withdrawal(
         mistake.kind, mistake.hours, _subject(row), mistake.reason, timestamp(), dict(finite(entry))
     )
     connection.execute(
         WITHDRAWALS.insert().values(
             serial_number=unit.serial_number,
-            kind=made.kind,
-            hours=made.hours,
-            subject=made.subject,
-            reason=made.reason,
-            document=json.dumps(made.entry),
-            at=made.at,
+            kind=withdrawal.kind,
+            hours=withdrawal.hours,
+            subject=withdrawal.subject,
+            reason=withdrawal.reason,
+            document=json.dumps(withdrawal.entry),
+            at=withdrawal.at,
         )
     )
-    return made
+    return withdrawal
 
 
 def read_withdrawals(connection: sa.Connection, serial_number: str) -> tuple[Withdrawal, ...]:
-    """Return what was withdrawn of a serial number, in that order, also before its unit was added again."""
+    """Return the withdrawals of a serial number in their order, also from before its unit was added again."""
     query = (
         sa.select(WITHDRAWALS).where(WITHDRAWALS.c.serial_number == serial_number).order_by(WITHDRAWALS.c.id)
     )
@@ -81,23 +82,25 @@ def read_withdrawals(connection: sa.Connection, serial_number: str) -> tuple[Wit
     )
 
 
-def _found(connection: sa.Connection, unit: UnitRow, mistake: Mistake) -> sa.RowMapping:
-    """Return the row of the entry that is meant."""
+def _row_of(connection: sa.Connection, unit: UnitRow, mistake: Mistake) -> sa.RowMapping:
+    """Return the row of the entry that `mistake` names."""
     rows = connection.execute(_entries(mistake.kind, unit)).mappings().all()
-    there = [row for row in rows if row["hours"] == mistake.hours]
-    where = f"unit '{unit.serial_number}' at {mistake.hours:.9g} h"
-    if not there:
-        hours = sorted({row["hours"] for row in rows}, key=lambda one: abs(one - mistake.hours))[:3]
-        known = ", ".join(f"{one:.9g} h" for one in hours)
+    at_hours = [row for row in rows if row["hours"] == mistake.hours]
+    place = f"unit '{unit.serial_number}' at {mistake.hours:.9g} h"
+    if not at_hours:
+        hours = sorted(
+            {row["hours"] for row in rows}, key=lambda hours_of_entry: abs(hours_of_entry - mistake.hours)
+        )[:3]
+        known = ", ".join(f"{hours_of_entry:.9g} h" for hours_of_entry in hours)
         hint = f"; the nearest are at {known}" if hours else ", nor at other hours"
-        raise HistoryError(f"{where}: no {mistake.kind} there{hint}")
-    names = ", ".join(_title(row) for row in there)
-    meant = [row for row in there if mistake.which is None or _is_called(row, mistake.which)]
-    if not meant:
-        raise HistoryError(f"{where}: no {mistake.kind} '{mistake.which}' there, but {names}")
-    if len(meant) > 1:
-        raise HistoryError(f"{where}: there are {names}; say by --which which of them")
-    return meant[0]
+        raise HistoryError(f"{place}: no {mistake.kind} there{hint}")
+    names = ", ".join(_title(row) for row in at_hours)
+    matching = [row for row in at_hours if mistake.which is None or _is_called(row, mistake.which)]
+    if not matching:
+        raise HistoryError(f"{place}: no {mistake.kind} '{mistake.which}' there, but {names}")
+    if len(matching) > 1:
+        raise HistoryError(f"{place}: there are {names}; name the entry with --which")
+    return matching[0]
 
 
 def _entries(kind: str, unit: UnitRow) -> sa.Select[Any]:
@@ -115,39 +118,40 @@ def _entries(kind: str, unit: UnitRow) -> sa.Select[Any]:
 
 
 def _subject(row: sa.RowMapping) -> str:
-    """Return what an entry is called among others of its hours."""
+    """Return the name of an entry among entries at the same hours."""
     return str(row.get("name") or row.get("component") or row["reason"])
 
 
 def _title(row: sa.RowMapping) -> str:
-    """Return how to name an entry so that no other is meant."""
+    """Return an unambiguous title of an entry."""
     return f"'{_subject(row)}'" + (f" ({row['hash'][:SHORTEST_HASH]})" if "hash" in row else "")
 
 
 def _is_called(row: sa.RowMapping, which: str) -> bool:
+    """Return whether `which` names an entry: by its subject, file name or the start of its hash."""
     by_hash = len(which) >= SHORTEST_HASH and str(row.get("hash", "")).startswith(which.lower())
     return which in (_subject(row), PurePath(_subject(row)).name) or by_hash
 
 
 def _check_last(connection: sa.Connection, unit: UnitRow, recording_id: int) -> None:
-    """Refuse to leave removals or findings of a unit that has no recording."""
-    others = (
+    """Refuse to delete the last recording of a unit with removals or findings."""
+    other_recordings = (
         sa.select(RECORDINGS.c.id)
         .join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
         .where(FLIGHTS.c.unit_id == unit.id, RECORDINGS.c.id != recording_id)
     )
-    if _any(connection, others):
+    if _any(connection, other_recordings):
         return
-    for table, what in ((REMOVALS, "removals"), (FINDINGS, "findings")):
+    for table, kind in ((REMOVALS, "removals"), (FINDINGS, "findings")):
         if _any(connection, sa.select(table.c.id).where(table.c.unit_id == unit.id)):
             raise HistoryError(
-                f"this is the only recording of unit '{unit.serial_number}', which has {what} too; withdraw "
-                "these first, then it, and the unit goes with it"
+                f"this is the only recording of unit '{unit.serial_number}', which has {kind}; withdraw "
+                "these first, then the recording, which also deletes the unit"
             )
 
 
 def _delete_recording(connection: sa.Connection, unit: UnitRow, row: sa.RowMapping) -> None:
-    """Delete a recording with its diagnoses, and a flight or a unit that has no other."""
+    """Delete a recording with its diagnoses, and a flight or a unit without another recording."""
     connection.execute(DIAGNOSES.delete().where(DIAGNOSES.c.recording_id == row["id"]))
     connection.execute(RECORDINGS.delete().where(RECORDINGS.c.id == row["id"]))
     if _any(connection, sa.select(RECORDINGS.c.id).where(RECORDINGS.c.flight_id == row["flight_id"])):
@@ -164,19 +168,22 @@ def _any(connection: sa.Connection, query: sa.Select[Any]) -> bool:
 
 
 def _diagnoses(connection: sa.Connection, recording_id: int) -> list[dict[str, Any]]:
-    """Return all diagnoses of a recording as they are kept, with the hash of their description."""
+    """Return all stored diagnoses of a recording, with the hash of their description."""
     query = (
         sa.select(DIAGNOSES, DESCRIPTIONS.c.hash.label("description"))
         .join(DESCRIPTIONS, DESCRIPTIONS.c.id == DIAGNOSES.c.description_id)
         .where(DIAGNOSES.c.recording_id == recording_id)
         .order_by(DIAGNOSES.c.id)
     )
-    held = [_values(row) for row in connection.execute(query).mappings()]
-    return [one | {name: json.loads(one[name]) for name in ("coordinates", "document")} for one in held]
+    diagnoses = [_values(row) for row in connection.execute(query).mappings()]
+    return [
+        diagnosis | {name: json.loads(diagnosis[name]) for name in ("coordinates", "document")}
+        for diagnosis in diagnoses
+    ]
 
 
 def _values(row: sa.RowMapping) -> dict[str, Any]:
-    """Return what a row holds, for JSON; numbers of rows say nothing once they are gone."""
+    """Return the values of a row for JSON, without ids, which have no meaning after the deletion."""
     return {
         str(name): unpacked(value).tolist() if isinstance(value, bytes) else value
         for name, value in row.items()

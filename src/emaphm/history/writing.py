@@ -1,6 +1,6 @@
-"""What is written to a history, and what is refused because it contradicts what is there.
+"""Writing of entries to a history, with checks against the existing entries.
 
-Every function is called with a connection that alone may write, so that what it has checked stays true.
+Every function needs a connection with the exclusive right to write, so that its checks stay valid.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -29,33 +29,33 @@ if TYPE_CHECKING:
 
 
 def check_entry(connection: sa.Connection, entry: Entry, recording_hash: str) -> None:
-    """Refuse an entry that contradicts the history, `HistoryError`; reading alone."""
-    found = _unit_of(connection, entry)
-    is_there = _is_there(connection, entry, recording_hash)
-    if found is not None:
-        _check_flight(connection, found, entry, has_new_recording=not is_there)
+    """Refuse an entry that contradicts the history, `HistoryError`; nothing is written."""
+    unit = _unit_of(connection, entry)
+    is_known = _has_recording(connection, entry, recording_hash)
+    if unit is not None:
+        _check_flight(connection, unit, entry, has_new_recording=not is_known)
 
 
 def check_statement(connection: sa.Connection, entry: Entry) -> None:
-    """Refuse an entry that contradicts the history whatever its recording is; errors as `check_entry`."""
-    found = _unit_of(connection, entry)
-    if found is None:
+    """Refuse an entry that contradicts the history for any recording; errors as `check_entry`."""
+    unit = _unit_of(connection, entry)
+    if unit is None:
         return
-    of_flight = sa.select(FLIGHTS.c.id).where(FLIGHTS.c.unit_id == found.id, FLIGHTS.c.hours == entry.hours)
-    # Where there is a flight, the recording may be the one that is there already.
+    of_flight = sa.select(FLIGHTS.c.id).where(FLIGHTS.c.unit_id == unit.id, FLIGHTS.c.hours == entry.hours)
+    # If the flight exists, the recording may be one that it already has.
     is_new = connection.execute(of_flight).first() is None
-    _check_flight(connection, found, entry, has_new_recording=is_new)
+    _check_flight(connection, unit, entry, has_new_recording=is_new)
 
 
 def _unit_of(connection: sa.Connection, entry: Entry) -> UnitRow | None:
-    """Return the unit of an entry, None for a new one; one of another part number is refused."""
-    found = unit_or_none(connection, entry.unit)
-    if found is not None and found.part_number != entry.part_number:
+    """Return the unit of an entry, None for a new unit; a unit with another part number is refused."""
+    unit = unit_or_none(connection, entry.unit)
+    if unit is not None and unit.part_number != entry.part_number:
         raise HistoryError(
-            f"unit '{entry.unit}' has the part number '{found.part_number}', the diagnosis is of "
+            f"unit '{entry.unit}' has the part number '{unit.part_number}', the diagnosis is of "
             f"'{entry.part_number}'; check --unit and --actuator, or give --part"
         )
-    return found
+    return unit
 
 
 def _check_flight(connection: sa.Connection, unit: UnitRow, entry: Entry, *, has_new_recording: bool) -> None:
@@ -66,8 +66,8 @@ def _check_flight(connection: sa.Connection, unit: UnitRow, entry: Entry, *, has
     _check_stress(connection, unit, entry)
 
 
-def _is_there(connection: sa.Connection, entry: Entry, recording_hash: str) -> bool:
-    """Return whether the recording is in the history, in the same place; elsewhere it is refused."""
+def _has_recording(connection: sa.Connection, entry: Entry, recording_hash: str) -> bool:
+    """Return whether the entry's flight has the recording; a recording of another flight is refused."""
     row = connection.execute(
         sa.select(UNITS.c.serial_number, FLIGHTS.c.hours, FLIGHTS.c.cycles, RECORDINGS.c.name)
         .join(FLIGHTS, FLIGHTS.c.id == RECORDINGS.c.flight_id)
@@ -79,12 +79,14 @@ def _is_there(connection: sa.Connection, entry: Entry, recording_hash: str) -> b
     if row.serial_number != entry.unit:
         raise HistoryError(
             f"this recording is in the history already, as '{row.name}' of unit '{row.serial_number}'; it "
-            f"cannot be of '{entry.unit}' too, check --unit; 'emaphm history withdraw' takes out a mistake"
+            f"cannot be of '{entry.unit}' too, check --unit; withdraw a wrong entry with 'emaphm history "
+            "withdraw'"
         )
     if row.hours != entry.hours:
         raise HistoryError(
             f"this recording is in the history already, as '{row.name}' at {row.hours:.9g} h; it cannot be "
-            f"of {entry.hours:.9g} h too, check --hours; 'emaphm history withdraw' takes out a mistake"
+            f"of {entry.hours:.9g} h too, check --hours; withdraw a wrong entry with 'emaphm history "
+            "withdraw'"
         )
     if None not in (row.cycles, entry.cycles) and row.cycles != entry.cycles:
         raise HistoryError(
@@ -95,13 +97,13 @@ def _is_there(connection: sa.Connection, entry: Entry, recording_hash: str) -> b
 
 
 def _check_hours(connection: sa.Connection, unit: UnitRow, entry: Entry) -> None:
-    """Refuse hours below what the unit has flown, unless it was said that they are."""
-    latest, what = latest_entry(connection, unit.id)
+    """Refuse hours below the unit's latest entry, unless the entry is `late`."""
+    latest, kind = latest_entry(connection, unit.id)
     if entry.hours < latest and not entry.late:
         raise HistoryError(
-            f"unit '{entry.unit}' has {latest:.9g} h already, by a {what} ('emaphm history withdraw' takes "
-            f"out a mistake), {entry.hours:.9g} h would be going backwards; check --hours, or give --late "
-            "for an old recording that is added late"
+            f"unit '{entry.unit}' has {latest:.9g} h already, from a {kind} (withdraw a wrong entry with "
+            f"'emaphm history withdraw'), {entry.hours:.9g} h would be going backwards; check --hours, or "
+            "give --late for an old recording that is added late"
         )
 
 
@@ -126,7 +128,7 @@ def _check_cycles(connection: sa.Connection, unit: UnitRow, entry: Entry) -> Non
 
 
 def _check_stress(connection: sa.Connection, unit: UnitRow, entry: Entry) -> None:
-    """Refuse another load or temperature than another recording of the flight has given."""
+    """Refuse a load or temperature that differs from that of another recording of the flight."""
     row = connection.execute(
         sa.select(FLIGHTS.c.load, FLIGHTS.c.temperature).where(
             FLIGHTS.c.unit_id == unit.id, FLIGHTS.c.hours == entry.hours
@@ -154,7 +156,7 @@ def add_diagnosis(
     settings: "KeptSettings",
     toml: str,
 ) -> bool:
-    """Add a diagnosis with all that it belongs to; return False where it is there already."""
+    """Add a diagnosis with its unit, flight and recording; return False if it already exists."""
     check_entry(connection, entry, recording_hash)
     if has_diagnosis(connection, recording_hash, settings):
         return False
@@ -177,7 +179,7 @@ def add_diagnosis(
         {"unit_id": unit_id, "hours": entry.hours},
         stated,
     )
-    # What an earlier recording of the flight left open.
+    # Values that an earlier recording of the flight did not give.
     given = {name: value for name, value in stated.items() if value is not None}
     if given:
         connection.execute(FLIGHTS.update().where(FLIGHTS.c.id == flight_id).values(given))
@@ -200,7 +202,7 @@ def add_diagnosis(
 
 
 def add_removal(connection: sa.Connection, unit: UnitRow, removal: Removal) -> bool:
-    """Add a removal; return False where it is there already, and refuse another of the same hours."""
+    """Add a removal; return False if it already exists, and refuse another removal at the same hours."""
     key = {"unit_id": unit.id, "hours": removal.hours}
     values = {"reason": removal.reason, "note": removal.note}
     return _added(
@@ -209,7 +211,7 @@ def add_removal(connection: sa.Connection, unit: UnitRow, removal: Removal) -> b
 
 
 def add_finding(connection: sa.Connection, unit: UnitRow, finding: Finding) -> bool:
-    """Add a shop's finding; return False where it is there already, and refuse another in its place."""
+    """Add a shop's finding; return False if it already exists, and refuse one with the same key."""
     key = {"unit_id": unit.id, "hours": finding.hours, "component": finding.component}
     values = {
         "condition": finding.condition,
@@ -217,40 +219,42 @@ def add_finding(connection: sa.Connection, unit: UnitRow, finding: Finding) -> b
         "replaced": finding.replaced,
         "note": finding.note,
     }
-    what = f"unit '{unit.serial_number}' at {finding.hours:.9g} h: a finding on {finding.component}"
-    return _added(connection, FINDINGS, key, values, what)
+    title = f"unit '{unit.serial_number}' at {finding.hours:.9g} h: a finding on {finding.component}"
+    return _added(connection, FINDINGS, key, values, title)
 
 
 def storable(text: str) -> str:
-    """Return text as every database can hold it: a file's name may be no valid Unicode."""
+    """Return text that every database can store: a file name may be invalid Unicode."""
     return text.encode("utf-8", "backslashreplace").decode().replace("\0", "")
 
 
 def _added(
-    connection: sa.Connection, table: sa.Table, key: dict[str, Any], values: dict[str, Any], what: str
+    connection: sa.Connection, table: sa.Table, key: dict[str, Any], values: dict[str, Any], title: str
 ) -> bool:
-    found = connection.execute(sa.select(table).where(*_equal(table, key))).one_or_none()
-    if found is None:
+    """Add a row with a unique `key`; return False if it exists, and refuse other values."""
+    row = connection.execute(sa.select(table).where(*_equal(table, key))).one_or_none()
+    if row is None:
         connection.execute(table.insert().values(key | values | {"added_at": timestamp()}))
         return True
-    held = {name: getattr(found, name) for name in values}
-    if held != values:
-        differing = ", ".join(f"{name} {value!r}" for name, value in held.items() if values[name] != value)
+    stored = {name: getattr(row, name) for name in values}
+    if stored != values:
+        differing = ", ".join(f"{name} {value!r}" for name, value in stored.items() if values[name] != value)
         raise HistoryError(
-            f"{what} is in the history already, with {differing}; nothing was changed; 'emaphm history "
-            "withdraw' takes out a mistake"
+            f"{title} is in the history already, with {differing}; nothing was changed; withdraw a wrong "
+            "entry with 'emaphm history withdraw'"
         )
     return False
 
 
 def _id_of(connection: sa.Connection, table: sa.Table, key: dict[str, Any], values: dict[str, Any]) -> int:
-    """Return the id of the row with the unique `key`, which is added with `values` where it is missing."""
-    found = connection.execute(sa.select(table.c.id).where(*_equal(table, key))).scalar()
-    if found is None:
+    """Return the id of the row with the unique `key`; a missing row is added with `values`."""
+    row_id = connection.execute(sa.select(table.c.id).where(*_equal(table, key))).scalar()
+    if row_id is None:
         added = table.insert().values(key | values).returning(table.c.id)
-        found = connection.execute(added).scalar_one()
-    return int(found)
+        row_id = connection.execute(added).scalar_one()
+    return int(row_id)
 
 
 def _equal(table: sa.Table, key: dict[str, Any]) -> list[sa.ColumnElement[bool]]:
+    """Return the conditions that a row has the `key`."""
     return [table.c[name] == value for name, value in key.items()]

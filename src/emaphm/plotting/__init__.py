@@ -1,1 +1,1 @@
-"""Figures of results, drawn when asked for: by `result.plot()`, or for a report."""
+"""Figures of results, for `result.plot()` and reports."""

@@ -1,4 +1,4 @@
-"""The figure of a test design: commands, and the interval half-widths that they are predicted to give."""
+"""Figure of a test design: commands, and the predicted half-widths of the intervals."""
 
 from typing import TYPE_CHECKING
 
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 GIVEN, FOUND = "given", "found"
 
 LOOKS: "Mapping[str, tuple[str, str, Dashes]]" = {GIVEN: (BLUE, "o", "--"), FOUND: (VERMILION, "s", "-")}
-"""Colour, marker and line; the last two differ in grey print, too."""
+"""Colour, marker and line; marker and line are distinguishable in grey print."""
 
 POINTS = 2000
-"""Of a command's line."""
+"""Number of points of a command's line."""
 
 
 def draw_design(design: "Design") -> "Figure":
-    """Draw the given excitation and the one found, if any, above their half-widths by component."""
+    """Return the figure of the given and the found excitation (if any), above half-widths by component."""
     plans = {GIVEN: design.given} | ({FOUND: design.found} if design.better else {})
     actuator = design.setup.actuator
     figure = new_figure(PAGE_WIDTH, 6.4)
@@ -61,18 +61,20 @@ def _commands(axis: "Axes", plans: "Mapping[str, PlannedTest]", coordinates: str
 
 
 def _widths(axis: "Axes", plans: "Mapping[str, PlannedTest]") -> None:
-    """Draw a row for each component: predicted as open markers, simulated as filled ones, a line between."""
+    """Draw a row per component: predicted (open marker) and simulated half-width (filled), and a line."""
     names = list(plans[GIVEN].predicted.half_widths)
     rows = np.arange(len(names))
     shifts = np.linspace(-0.15, 0.15, len(plans)) if len(plans) > 1 else [0.0]
     for shift, (label, plan) in zip(shifts, plans.items(), strict=True):
         colour, marker, _ = LOOKS[label]
-        before = [plan.predicted.half_widths[name] for name in names]
-        axis.plot(before, rows + shift, marker, color=colour, fillstyle="none", label=f"{label}, predicted")
+        predicted = [plan.predicted.half_widths[name] for name in names]
+        axis.plot(
+            predicted, rows + shift, marker, color=colour, fillstyle="none", label=f"{label}, predicted"
+        )
         if plan.simulated is not None:
-            after = [plan.simulated.precision.half_widths[name] for name in names]
-            axis.plot(after, rows + shift, marker, color=colour, label=f"{label}, simulated")
-            axis.hlines(rows + shift, before, after, color=colour, linewidth=1.2)
+            simulated = [plan.simulated.precision.half_widths[name] for name in names]
+            axis.plot(simulated, rows + shift, marker, color=colour, label=f"{label}, simulated")
+            axis.hlines(rows + shift, predicted, simulated, color=colour, linewidth=1.2)
     limit = f"identifiable below {VERDICT.longest_interval / 2:g}"
     axis.axvline(VERDICT.longest_interval / 2, color=FAINT, linestyle="--", linewidth=1, label=limit)
     axis.set_yticks(rows, names)

@@ -1,4 +1,4 @@
-"""Figures of the detector: T² and Q against their thresholds, and where they come from."""
+"""Figures of the detector: T² and Q relative to their thresholds, and their contributions."""
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
@@ -30,17 +30,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LONGEST_NAME = 60
-"""Letters of a recording's name in a title."""
+"""Largest number of characters of a recording's name in a title."""
 
 MOST_SEGMENTS = 30
-"""Segments along the axis that are named; of more, every second, third and so on"""
+"""Largest number of labelled segments on the axis; of more, every second, third, … is labelled."""
 
 LOWEST_RATIO = 0.3
-"""Ratio to the threshold down to which the axis goes at least, so that the threshold is inside of it."""
+"""Ratio to the threshold down to which the axis extends at least, so that it contains the threshold."""
 
 
 def draw_detection(result: DetectorResult) -> "Figure":
-    """Draw T² and Q relative to their thresholds, and the contributions by channel and segment."""
+    """Return the figure of T² and Q over their thresholds, and contributions by channel and segment."""
     channels = list(result.by_channel)
     figure = new_figure(PAGE_WIDTH, 2.0 + 0.16 * min(len(result.by_segment), MOST_SEGMENTS))
     ratios, map_axis = figure.subplots(1, 2, width_ratios=(1, 3))
@@ -55,19 +55,21 @@ def draw_detection(result: DetectorResult) -> "Figure":
 
 
 def draw_detected_sets(sets: Mapping[str, Sequence[DetectorResult]]) -> "Figure":
-    """Draw T² over Q of the results of each set, both relative to their thresholds, a mark each.
+    """Return the figure of T² over Q, relative to their thresholds, with one marker per result of each set.
 
-    A ratio of zero, which a logarithmic axis lacks, is drawn below all others, and the axis says so.
+    A ratio of zero is drawn below all other ratios, because the axes are logarithmic; the label states this.
     """
     figure = new_figure(PAGE_WIDTH, 4.6)
     axis = figure.subplots()
-    pairs = [(one.q / one.q_threshold, one.t2 / one.t2_threshold) for one in chain(*sets.values())]
+    pairs = [
+        (result.q / result.q_threshold, result.t2 / result.t2_threshold) for result in chain(*sets.values())
+    ]
     floors = [_floor([pair[i] for pair in pairs]) for i in (0, 1)]
     handles = []
     for k, (name, results) in enumerate(sets.items()):
         (line,) = axis.plot(
-            [max(one.q / one.q_threshold, floors[0]) for one in results],
-            [max(one.t2 / one.t2_threshold, floors[1]) for one in results],
+            [max(result.q / result.q_threshold, floors[0]) for result in results],
+            [max(result.t2 / result.t2_threshold, floors[1]) for result in results],
             linestyle="none",
             marker=MARKERS[k % len(MARKERS)],
             color=SERIES[k % len(SERIES)],
@@ -88,12 +90,12 @@ def draw_detected_sets(sets: Mapping[str, Sequence[DetectorResult]]) -> "Figure"
 
 
 def _floor(ratios: Sequence[float]) -> float:
-    """Return where a ratio of zero is drawn: a tenth of the least other one."""
+    """Return the value at which a ratio of zero is drawn: a tenth of the smallest positive ratio."""
     return min((ratio for ratio in ratios if ratio > 0), default=1.0) / 10
 
 
 def _ratios(axis: "Axes", result: DetectorResult) -> None:
-    """Draw each ratio by its distance from the threshold, on a scale where both are visible however far."""
+    """Draw each ratio as a bar from the threshold, on a logarithmic axis that contains both."""
     ratios = {"T²": result.t2 / result.t2_threshold, "Q": result.q / result.q_threshold}
     floor = min([LOWEST_RATIO, *(ratio / 2 for ratio in ratios.values() if ratio > 0)])
     for place, ratio in enumerate(ratios.values()):
@@ -121,12 +123,14 @@ def _ratios(axis: "Axes", result: DetectorResult) -> None:
 
 
 def _contributions(axis: "Axes", result: DetectorResult, channels: Sequence[str]) -> None:
-    """Draw the shares in the statistic that exceeds its threshold most: a map, or bars of one channel."""
+    """Draw contributions to the statistic with the larger ratio: a map, or bars for a single channel."""
     segments = list(result.by_segment)
     by_q = result.q / result.q_threshold >= result.t2 / result.t2_threshold
     shares = np.zeros((len(segments), len(channels)))
-    for one in result.contributions:
-        shares[segments.index(one.segment), channels.index(one.channel)] += one.q if by_q else one.t2
+    for contribution in result.contributions:
+        shares[segments.index(contribution.segment), channels.index(contribution.channel)] += (
+            contribution.q if by_q else contribution.t2
+        )
     shares *= 100 / (shares.sum() or 1.0)
     label = f"share of {'Q' if by_q else 'T²'} [%]"
     if len(channels) == 1:

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: the current and its model, the residual, and both with the faults on one page."""
+"""Figures of a diagnosis: recorded and modelled current, residual, and a page with both and the faults."""
 
 from typing import TYPE_CHECKING
 
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
     from emaphm.diagnosis.result import Diagnosis
 
 ZOOM_SHARE = 0.1
-"""Part of the recording that the zoom shows."""
+"""Share of the recording in the zoom."""
 
 SEGMENT = 4096
 """Rows in each segment of the spectrum (Welch's method), or half the recording if that is shorter."""
 
 
 def draw_diagnosis(diagnosis: "Diagnosis", truth: Faults | None = None) -> "Figure":
-    """Draw current, residual, zoom, spectrum and faults on one page, and a load that varies.
+    """Return the page of current, residual, zoom, spectrum, faults and, if estimated, the varying load.
 
     Parameters
     ----------
     truth
-        The true faults, drawn as open markers, where they are known.
+        The true faults, if known, drawn as open markers.
     """
     load = diagnosis.load
     figure = new_figure(PAGE_WIDTH, 10 if load is None else 11.6)
@@ -62,17 +62,17 @@ def draw_diagnosis(diagnosis: "Diagnosis", truth: Faults | None = None) -> "Figu
 
 
 def draw_fit(diagnosis: "Diagnosis") -> "Figure":
-    """Draw recorded and modelled current, and enlarged where they differ most."""
+    """Return the figure of recorded and modelled current, and a zoom at the largest residual."""
     figure = new_figure(PHONE_WIDTH, 4.4)
-    whole, zoom = figure.subplots(2, 1)
-    _current(whole, diagnosis)
+    full, zoom = figure.subplots(2, 1)
+    _current(full, diagnosis)
     _zoom(zoom, diagnosis)
     figure.align_ylabels()
     return figure
 
 
 def draw_residual(diagnosis: "Diagnosis") -> "Figure":
-    """Draw the residual over time, and its spectrum with that of the current."""
+    """Return the figure of the residual over time, and of its spectrum with that of the current."""
     figure = new_figure(PHONE_WIDTH, 4.2)
     residual, spectrum = figure.subplots(2, 1)
     _residual(residual, diagnosis)
@@ -83,8 +83,8 @@ def draw_residual(diagnosis: "Diagnosis") -> "Figure":
 
 def _current(axis: "Axes", diagnosis: "Diagnosis") -> None:
     draw_recorded_and_model(axis, diagnosis.time_s, diagnosis.recorded, diagnosis.modelled)
-    shown = diagnosis.time_s[_worst_rows(diagnosis)]
-    axis.axvspan(shown[0], shown[-1], color=FAINT, alpha=0.25, linewidth=0)
+    shaded = diagnosis.time_s[_worst_rows(diagnosis)]
+    axis.axvspan(shaded[0], shaded[-1], color=FAINT, alpha=0.25, linewidth=0)
     style_axis(axis, "Current", "time [s]", "equivalent current [A]")
     legend_beside_title(axis)
 
@@ -96,7 +96,7 @@ def _zoom(axis: "Axes", diagnosis: "Diagnosis") -> None:
 
 
 def _worst_rows(diagnosis: "Diagnosis") -> slice:
-    """Return the rows of the part in which the residual is largest."""
+    """Return the rows of the share `ZOOM_SHARE` with the largest rms residual."""
     squares = (diagnosis.recorded - diagnosis.modelled) ** 2
     length = max(round(ZOOM_SHARE * squares.size), 2)
     sums = np.concatenate([[0.0], np.cumsum(squares)])
@@ -111,7 +111,7 @@ def _residual(axis: "Axes", diagnosis: "Diagnosis") -> None:
 
 
 def _spectrum(axis: "Axes", diagnosis: "Diagnosis") -> None:
-    """Draw the amplitude densities of current and residual: at which frequencies the model errs."""
+    """Draw the amplitude densities of current and residual, i.e. the frequencies of model errors."""
     from scipy.signal import welch
 
     time = diagnosis.time_s

@@ -1,4 +1,4 @@
-"""The figure of a load that varies over a recording."""
+"""Figure of a load that varies over a recording."""
 
 from typing import TYPE_CHECKING
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 
 def draw_external_load(diagnosis: "Diagnosis") -> "Figure":
-    """Draw the load over time that `diagnosis` has estimated as one that varies."""
+    """Return the figure of the varying load over time that `diagnosis` has estimated; it must have one."""
     load = diagnosis.load
-    assert load is not None  # noqa: S101 - whoever draws it has it
+    assert load is not None  # noqa: S101 - required by the docstring
     figure = new_figure(PHONE_WIDTH, 2.4)
     draw_load_axis(figure.subplots(), diagnosis, load)
     return figure
 
 
 def draw_load_axis(axis: "Axes", diagnosis: "Diagnosis", load: "LoadEstimate") -> None:
-    """Draw the load over time with its band, on `axis`."""
+    """Draw the load over time with its 95 % band on `axis`."""
     half, time = Z95 * load.standard_error, diagnosis.time_s
     low, high = load.value - half, load.value + half
     axis.fill_between(time, low, high, color=MODEL, alpha=0.2, linewidth=0, label="95 %")

@@ -1,4 +1,4 @@
-"""The fault components on their scale from 0 to 1, the friction also below, with their 95 % intervals."""
+"""Figure of the fault components on their scale from 0 to 1 (friction also below) with 95 % intervals."""
 
 from typing import TYPE_CHECKING
 
@@ -32,22 +32,22 @@ VERDICTS = {"healthy": (BLUE, "o"), "degraded": (VERMILION, "s")}
 """Colour and marker of a verdict."""
 
 INCONCLUSIVE = (FAINT, "d")
-"""Colour and marker where the recording does not decide."""
+"""Colour and marker of the verdict "cannot tell"."""
 
 MARGIN = 0.03
-"""Of the axis, beyond the values that a component may have."""
+"""Margin of the axis beyond the range of the components."""
 
 TRUE_VALUE, HEALTHY_VALUE = "D", "|"
-"""Markers."""
+"""Markers of true and healthy values."""
 
 
 def draw_faults(diagnosis: "Diagnosis", truth: Faults | None = None) -> "Figure":
-    """Draw the eight components with their intervals and healthy values, the truth as open markers."""
+    """Return the figure of the eight components with intervals, healthy values and true values (open)."""
     return draw_components(diagnosis.components, truth)
 
 
 def draw_components(components: "Mapping[str, Estimate]", truth: Faults | None = None) -> "Figure":
-    """Draw the components of a diagnosis of which nothing else is known."""
+    """Return the figure of the components without their diagnosis."""
     figure = new_figure(PHONE_WIDTH, 3.2)
     draw_fault_intervals(figure, components, truth)
     return figure
@@ -56,11 +56,11 @@ def draw_components(components: "Mapping[str, Estimate]", truth: Faults | None =
 def draw_fault_intervals(
     figure: "FigureBase", components: "Mapping[str, Estimate]", truth: Faults | None
 ) -> None:
-    """Draw the components on `figure`, which may be part of another."""
+    """Draw the components on `figure`, which may be a subfigure."""
     axis = figure.subplots()
     for row, (name, estimate) in enumerate(components.items()):
         _component(axis, row, estimate)
-        is_phase = name == "eccentricity_phase"  # no direction is healthy, nor true without eccentricity
+        is_phase = name == "eccentricity_phase"  # no direction is healthy, or true without eccentricity
         if not is_phase:
             axis.plot(getattr(HEALTHY, name), row, HEALTHY_VALUE, color=BLACK, markersize=12)
         if truth and not (is_phase and truth.eccentricity == 0):
@@ -76,10 +76,10 @@ def draw_fault_intervals(
 
 
 def _component(axis: "Axes", row: int, estimate: "Estimate") -> None:
-    """Draw one component's interval and value, and write them at the right of the axis."""
+    """Draw a component's interval and value, and write them to the right of the axis."""
     colour, marker = VERDICTS.get(estimate.verdict, INCONCLUSIVE)
     low, high = estimate.interval95
-    # A direction's interval may run past 0 or 1, where the circle closes: it comes in at the other end.
+    # A direction's interval may extend past 0 or 1, where the circle closes: it continues at the other end.
     least, most = estimate.limits
     for turn in (-1, 0, 1) if low < least or high > most else (0,):
         ends = np.clip([low + turn, high + turn], least, most)

@@ -1,4 +1,4 @@
-"""The figure of the fitness study: the fitness along each fault's scan, its minimum and the true value."""
+"""Figure of the fitness study: fitness over each fault's scan, its minimum and the true value."""
 
 from typing import TYPE_CHECKING
 
@@ -23,29 +23,29 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = {"torque": BLUE, "magnitude": VERMILION}
-"""By the form of equivalent current."""
+"""Colours by the form of equivalent current."""
 
 LEVELS: dict[str, Dashes] = {"low": "-", "high": "--"}
-"""By the size of the fault."""
+"""Dashes by the size of the fault."""
 
 TRUTH = RECORDED
 """Colour of the line at the true value."""
 
 
 def draw_scans(study: pl.DataFrame, model: str = "averaged") -> "Figure":
-    """Draw the mean squared difference along the scans of a `fitness_study`: a panel for each fault.
+    """Return the figure of the mean squared difference over the scans of a `fitness_study`, by fault.
 
-    For the low and the high state, and the torque and the magnitude current; a dot at the minimum, a
-    vertical line at the true value.
+    Each panel has the low and the high state with the torque and the magnitude current, a dot at the minimum
+    and a vertical line at the true value.
 
     Raises
     ------
     MethodError
-        There is no such model in the study.
+        The study does not have this model.
     """
     if model not in MODELS:
         raise MethodError(f"unknown model '{model}'{nearest(model, MODELS)}")
-    shown = study.filter(
+    rows_of_model = study.filter(
         pl.col("fitness") == "least_squares",
         pl.col("model") == model,
         pl.col("equivalent").is_in(list(COLOURS)),
@@ -53,7 +53,9 @@ def draw_scans(study: pl.DataFrame, model: str = "averaged") -> "Figure":
     )
     figure = new_figure(PAGE_WIDTH, 7.5)
     axes = figure.subplots(3, 2, sharey=True)
-    for axis, ((fault,), rows) in zip(axes.flat, shown.group_by("fault", maintain_order=True), strict=True):
+    for axis, ((fault,), rows) in zip(
+        axes.flat, rows_of_model.group_by("fault", maintain_order=True), strict=True
+    ):
         _scans(axis, rows)
         style_axis(axis, str(fault))
     for axis in axes[-1]:

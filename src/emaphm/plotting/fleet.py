@@ -44,28 +44,28 @@ COLOURS = dict(
 )
 
 ACTED = {LIVES if way == MEAN else way: colour for way, colour in COLOURS.items()}
-"""Colours of the ways that units are removed by: the lives of the fleet in place of their mean."""
+"""Colours of the ways of predicting for removals, which use the fleet's lives instead of their mean."""
 
 MARKS = dict(zip(ACTED, MARKERS, strict=False)) | dict(zip(SHOWN, MARKERS, strict=False))
-"""Markers of the ways: in grey print, and for colour-blind readers, colour is not enough."""
+"""Markers of the ways, for grey print and colour-blind readers."""
 
 MOST_TRACKS = 6
-"""Units whose predictions over life are drawn."""
+"""Largest number of units whose predictions over life are drawn."""
 
 BINS = 10
-"""Of the probability integral transform."""
+"""Bins of the histogram of the probability integral transform."""
 
 
 def draw_scores(units: Sequence[Mapping[str, Any]]) -> "Figure":
-    """Draw alpha-lambda with its 90 % interval, and CRPS, at each share of life, by way of predicting."""
+    """Return the figure of alpha-lambda with its 90 % interval, and of CRPS, by way and share of life."""
     figure = new_figure(PAGE_WIDTH, 3.4)
     good, error = figure.subplots(1, 2)
     places = np.arange(len(SHARES), dtype=float)
     for i, way in enumerate(SHOWN):
-        found = [scores(units, way, share) for share in SHARES]
+        scores_by_share = [scores(units, way, share) for share in SHARES]
         shift = 0.06 * (i - (len(SHOWN) - 1) / 2)
-        value = np.array([one.alpha_lambda for one in found])
-        ends = np.array([alpha_lambda_interval(one) for one in found]).T
+        value = np.array([score.alpha_lambda for score in scores_by_share])
+        ends = np.array([alpha_lambda_interval(score) for score in scores_by_share]).T
         good.errorbar(
             places + shift,
             value,
@@ -78,7 +78,7 @@ def draw_scores(units: Sequence[Mapping[str, Any]]) -> "Figure":
         )
         error.plot(
             places,
-            [one.crps for one in found],
+            [score.crps for score in scores_by_share],
             f"{MARKS[way]}-",
             color=COLOURS[way],
             markersize=4,
@@ -96,20 +96,19 @@ def draw_scores(units: Sequence[Mapping[str, Any]]) -> "Figure":
 
 
 def draw_tracks(units: Sequence[Mapping[str, Any]]) -> "Figure":
-    """Draw the RUL as predicted over the life of some units, with the fleet's prior, against the true one."""
-    tracked = [one for one in units if one["tracks"]]
-    chosen = [
-        tracked[i] for i in np.linspace(0, len(tracked) - 1, min(MOST_TRACKS, len(tracked))).astype(int)
-    ]
+    """Return the figure of the RUL predicted with the fleet's prior over some units' lives, and true RUL."""
+    tracked = [unit for unit in units if unit["tracks"]]
+    drawn = [tracked[i] for i in np.linspace(0, len(tracked) - 1, min(MOST_TRACKS, len(tracked))).astype(int)]
     figure = new_figure(PAGE_WIDTH, 4.6)
-    for axis, one in zip(figure.subplots(2, 3).ravel(), chosen, strict=False):
-        _track(axis, one)
+    for axis, unit in zip(figure.subplots(2, 3).ravel(), drawn, strict=False):
+        _track(axis, unit)
     return figure
 
 
-def _track(axis: "Axes", one: Mapping[str, Any]) -> None:
-    hours, low, median, high, _ = np.array(one["tracks"][WITH_FLEET]["track"]).T
-    failure = one["failure"]
+def _track(axis: "Axes", unit: Mapping[str, Any]) -> None:
+    """Draw the predicted and the true RUL over the life of a unit."""
+    hours, low, median, high, _ = np.array(unit["tracks"][WITH_FLEET]["track"]).T
+    failure = unit["failure"]
     true = failure - hours
     axis.fill_between(hours, low, high, color=BLUE, alpha=0.2, linewidth=0, label="90 %")
     axis.plot(hours, median, "o-", color=BLUE, markersize=2.5, linewidth=0.8, label="median")
@@ -117,19 +116,19 @@ def _track(axis: "Axes", one: Mapping[str, Any]) -> None:
     for side in (1 - ALPHA, 1 + ALPHA):
         axis.plot(hours, side * true, ":", color=FAINT, linewidth=1)
     axis.set_ylim(0, 1.6 * failure)
-    style_axis(axis, f"{one['failed']}: {one['law']}", "flight hours [h]", "RUL [h]")
+    style_axis(axis, f"{unit['failed']}: {unit['law']}", "flight hours [h]", "RUL [h]")
 
 
 def draw_acting(units: Sequence[Mapping[str, Any]]) -> "Figure":
-    """Draw how many units fail in service and how much life is wasted, by way of predicting and rule."""
+    """Return the figure of failures in service and wasted life, by way of predicting and rule."""
     figure = new_figure(PAGE_WIDTH, 3.4)
     panels = {BY_RISK: "removed by the risk", BY_COSTS: "removed by the costs"}
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
     for axis, (rule, title) in zip(axes, panels.items(), strict=True):
         for way, colour in ACTED.items():
-            found = acted(units, way, rule)
+            rates = acted(units, way, rule)
             axis.plot(
-                100 * found.failed, 100 * found.wasted, MARKS[way], color=colour, markersize=6, label=way
+                100 * rates.failed, 100 * rates.wasted, MARKS[way], color=colour, markersize=6, label=way
             )
         style_axis(axis, title, "fail in service [%]", "life wasted [%]" if rule == BY_RISK else "")
     handles, labels = axes[0].get_legend_handles_labels()
@@ -138,12 +137,12 @@ def draw_acting(units: Sequence[Mapping[str, Any]]) -> "Figure":
 
 
 def draw_calibration(units: Sequence[Mapping[str, Any]]) -> "Figure":
-    """Draw the probability integral transform of our two ways at each share of life; even if calibrated."""
+    """Return histograms of the probability integral transform by share of life; uniform if calibrated."""
     figure = new_figure(PAGE_WIDTH, 2.4)
     edges = np.linspace(0, 1, BINS + 1)
     for axis, share in zip(figure.subplots(1, len(SHARES), sharey=True), SHARES, strict=True):
         for way, style in ((WITH_FLEET, "-"), (ALONE, ":")):
-            values = [one["ways"][way][str(share)]["transform"] for one in units]
+            values = [unit["ways"][way][str(share)]["transform"] for unit in units]
             counts, _ = np.histogram(values, edges)
             axis.stairs(counts / len(values), edges, color=COLOURS[way], linestyle=style, linewidth=1.5)
         axis.axhline(1 / BINS, color=FAINT, linewidth=0.8)

@@ -1,4 +1,4 @@
-"""The figure of a sampled posterior: the distribution of each component and its normal approximation."""
+"""Figure of a sampled posterior: distribution of each component and its normal approximation."""
 
 from typing import TYPE_CHECKING
 
@@ -30,16 +30,16 @@ SAMPLED, NORMAL = RESIDUAL, MODEL
 BINS = 40
 
 MOST_STEPS = 2
-"""Between the ticks of an axis: more numbers of four digits would overlap."""
+"""Largest number of intervals between the ticks of an axis: more numbers of four digits would overlap."""
 
 REACH = 1.5
-"""Width of an axis, as a multiple of what the intervals cover."""
+"""Width of an axis relative to the range of the intervals."""
 
 
 def draw_posterior(diagnosis: "Diagnosis") -> "Figure":
-    """Draw the distribution of each component in the posterior of `diagnosis`, which it must have."""
+    """Return the figure of the posterior of each component; `diagnosis` must have a posterior."""
     posterior = diagnosis.posterior
-    assert posterior is not None  # noqa: S101 - whoever draws it has it
+    assert posterior is not None  # noqa: S101 - required by the docstring
     figure = new_figure(PHONE_WIDTH, 3.5)
     axes = figure.subplots(2, 4).ravel()
     for axis, name, values in zip(axes, NAMES, posterior.components.T, strict=True):
@@ -72,31 +72,31 @@ def _legend(figure: "Figure") -> None:
 
 def _distribution(axis: "Axes", values: Array, estimate: "Estimate", interval: tuple[float, float]) -> None:
     """Draw a histogram of `values` (n,), its 95 % `interval` below, and the estimate as a normal curve."""
-    # On the circle of a direction, an arc that runs past 1 is drawn whole, the estimate in the same turn.
+    # The arc of a direction that extends past 1 is drawn unbroken, with the estimate in the same turn.
     lower, upper = estimate.limits
-    past = interval[1] > upper or estimate.interval95[0] < lower or estimate.interval95[1] > upper
-    around = np.concatenate([values - 1, values, values + 1]) if past else values
-    turn = float(np.rint(sum(interval) / 2 - estimate.value)) if past else 0.0
+    wraps = interval[1] > upper or estimate.interval95[0] < lower or estimate.interval95[1] > upper
+    unwrapped = np.concatenate([values - 1, values, values + 1]) if wraps else values
+    turn = float(np.rint(sum(interval) / 2 - estimate.value)) if wraps else 0.0
     normal = (estimate.interval95[0] + turn, estimate.interval95[1] + turn)
     low, high = interval
     if estimate.identifiable:
         low, high = min(low, normal[0]), max(high, normal[1])
     margin = (REACH - 1) / 2 * (high - low)
-    if past:  # no more than once around
+    if wraps:  # at most one turn
         margin = min(margin, (1 - min(high - low, 1)) / 2)
     first, last = low - margin, high + margin
-    if not past:
+    if not wraps:
         first, last = max(first, lower), min(last, upper)
     edges = np.linspace(first, last, BINS + 1)
-    heights = np.histogram(around, edges)[0] / (values.size * (edges[1] - edges[0]))
+    heights = np.histogram(unwrapped, edges)[0] / (values.size * (edges[1] - edges[0]))
     axis.stairs(heights, edges, fill=True, color=SAMPLED, alpha=0.4, linewidth=0)
-    most = float(np.max(heights))
+    highest = float(np.max(heights))
     if estimate.identifiable:
         x = np.linspace(first, last, 200)
         z = (x - estimate.value - turn) / estimate.standard_error
         density = np.exp(-(z**2) / 2) / (estimate.standard_error * (2 * np.pi) ** 0.5)
         axis.plot(x, density, color=NORMAL, linewidth=1)
-        most = max(most, float(np.max(density)))
-    axis.plot(interval, [-0.06 * most] * 2, color=SAMPLED, linewidth=3, solid_capstyle="butt")
+        highest = max(highest, float(np.max(density)))
+    axis.plot(interval, [-0.06 * highest] * 2, color=SAMPLED, linewidth=3, solid_capstyle="butt")
     axis.set_xlim(first, last)
-    axis.set_ylim(-0.12 * most, 1.05 * most)
+    axis.set_ylim(-0.12 * highest, 1.05 * highest)

@@ -1,4 +1,4 @@
-"""Figures of a prognosis: health over time with its limits, the fan chart of the RUL, the RUL over time."""
+"""Figures of a prognosis: levels over time with limits, probability of failure, fan chart of the RUL."""
 
 from typing import TYPE_CHECKING
 
@@ -34,27 +34,27 @@ if TYPE_CHECKING:
     from emaphm.prognosis.result import Prognosis
 
 BANDS = ((0, 4, 0.18), (1, 3, 0.35))
-"""Places in `PROBABILITIES` of the ends of each band, and its opacity."""
+"""Indices in `PROBABILITIES` of the ends of each band, and its opacity."""
 
 MEDIAN = PROBABILITIES.index(0.5)
 
 BAR = 8.0
-"""Width [pt] of an interval where there is one forecast only."""
+"""Line width [pt] of an interval if there is only one forecast."""
 
 LOW = 0.2
-"""Share of the largest RUL in a fan below which a median could hardly be read along an even axis."""
+"""Share of the largest RUL in a fan below which a median is hardly readable on a linear axis."""
 
 SHORT = 10.0
-"""RUL [h] down to which its axis is logarithmic in that case; for shorter ones it is even below, to 0."""
+"""RUL [h] down to which the axis is then logarithmic; below, down to 0, it is linear if needed."""
 
 LONGEST_NAME = 40
 
 NARROW_WIDTH = 4.0
-"""Of a figure for a phone, whose text then has the size of the page's [in]."""
+"""Width [in] of a figure for a phone, whose text then has the size of the page's text."""
 
 
 def draw_prognosis(prognosis: "Prognosis") -> "Figure":
-    """Draw the health of all components over time, and the distribution of the RUL."""
+    """Return the figure of the levels of all components over time and of the probability of failure."""
     curves = Curves.of(prognosis)
     figure = new_figure(PAGE_WIDTH, 7.5)
     parts = figure.subfigures(2, 1, squeeze=False, height_ratios=(3, 1.3)).ravel()
@@ -67,9 +67,9 @@ def draw_prognosis(prognosis: "Prognosis") -> "Figure":
 
 
 def draw_health(curves: Curves, *, narrow: bool = False) -> "Figure":
-    """Draw the level of each component: diagnoses with 90 % intervals, filtered, forecast, and its limits.
+    """Return the figure of the levels: diagnoses with 90 % intervals, forecast and limits of each component.
 
-    `narrow` is for a phone: the components stand one below the other.
+    `narrow` is for a phone: the components are in one column.
     """
     figure = new_figure(NARROW_WIDTH, 11.0) if narrow else new_figure(PAGE_WIDTH, 6.0)
     _healths(figure, curves, columns=1 if narrow else 2)
@@ -77,7 +77,7 @@ def draw_health(curves: Curves, *, narrow: bool = False) -> "Figure":
 
 
 def draw_life(curves: Curves, *, narrow: bool = False) -> "Figure":
-    """Draw the probability of failure over the hours to come; `narrow` is for a phone."""
+    """Return the figure of the probability of failure over future hours; `narrow` is for a phone."""
     figure = new_figure(NARROW_WIDTH if narrow else PAGE_WIDTH, 2.6)
     axis = figure.subplots()
     _distribution(axis, curves)
@@ -86,17 +86,17 @@ def draw_life(curves: Curves, *, narrow: bool = False) -> "Figure":
 
 
 def draw_fan(curves: Curves, *, narrow: bool = False) -> "Figure":
-    """Draw the fan chart of the RUL: its quantiles as forecast at earlier hours, and now.
+    """Return the fan chart of the RUL: its quantiles forecast at earlier hours and now.
 
     `narrow` is for a phone.
     """
     figure = new_figure(NARROW_WIDTH if narrow else PAGE_WIDTH, 3.0)
     axis = figure.subplots()
-    replaced = sorted({hours for hours, _ in curves.replacements if hours > curves.fan[0][0]})
-    # Life begins anew there: no line from the old part's to the new one's.
-    breaks = [(hours, *[np.nan] * len(PROBABILITIES)) for hours in replaced]
+    replacement_hours = sorted({hours for hours, _ in curves.replacements if hours > curves.fan[0][0]})
+    # A new life starts at a replacement: gaps separate the lines of the old and the new part.
+    breaks = [(hours, *[np.nan] * len(PROBABILITIES)) for hours in replacement_hours]
     hours, *quantiles = np.array(sorted([*map(tuple, curves.fan), *breaks], key=lambda row: row[0])).T
-    _replacements(axis, replaced, in_legend=bool(replaced))
+    _replacements(axis, replacement_hours, in_legend=bool(replacement_hours))
     for low, high, opacity in BANDS:
         ends, label = (quantiles[low], quantiles[high]), _band(low, high)
         if len(hours) > 1:
@@ -112,7 +112,7 @@ def draw_fan(curves: Curves, *, narrow: bool = False) -> "Figure":
 
 
 def _rul_axis(axis: "Axes", quantiles: Array) -> None:
-    """Scale the axis of the RUL so that the shortest median of `quantiles` (5, n) can be read along it."""
+    """Scale the axis of the RUL so that the smallest median of `quantiles` (5, n) is readable."""
     if np.nanmin(quantiles[MEDIAN]) >= LOW * np.nanmax(quantiles):
         axis.set_ylim(bottom=0)
         return
@@ -124,8 +124,9 @@ def _rul_axis(axis: "Axes", quantiles: Array) -> None:
 
 
 def _replacements(axis: "Axes", hours: "Sequence[float]", *, in_legend: bool) -> None:
-    for one in hours:
-        axis.axvline(one, color="0.4", linewidth=0.8, linestyle="-.")
+    """Draw a line at the `hours` of each replacement."""
+    for at in hours:
+        axis.axvline(at, color="0.4", linewidth=0.8, linestyle="-.")
     if in_legend:
         axis.plot([], [], color="0.4", linewidth=0.8, linestyle="-.", label="replaced")
 
@@ -138,6 +139,7 @@ def _legend(figure: "Figure", axis: "Axes", *, narrow: bool) -> None:
 
 
 def _healths(figure: "Figure | SubFigure", curves: Curves, columns: int = 2) -> None:
+    """Draw the levels of all components, with one legend."""
     count = len(COMPONENTS)
     axes = figure.subplots(-(-count // columns), columns, sharex=True).ravel()
     for axis, name in zip(axes, COMPONENTS, strict=False):
@@ -147,7 +149,7 @@ def _healths(figure: "Figure | SubFigure", curves: Curves, columns: int = 2) -> 
     for axis in axes[count - columns : count]:
         axis.set_xlabel("flight hours [h]")
         axis.tick_params(labelbottom=True)
-    plain_numbers(axes[0])  # of all: they share the axis
+    plain_numbers(axes[0])  # for all axes, which share this one
     handles, labels = axes[0].get_legend_handles_labels()
     if count % columns:
         figure.legend(handles, labels, loc="lower right", frameon=False, fontsize=8)
@@ -156,14 +158,14 @@ def _healths(figure: "Figure | SubFigure", curves: Curves, columns: int = 2) -> 
 
 
 def _health(axis: "Axes", name: str, curves: Curves) -> None:
-    """Draw one component."""
+    """Draw diagnoses, forecast and limits of one component."""
     for explained, colour, label in ((True, "0.2", "diagnosis"), (False, FAINT, "diagnosis, not explained")):
-        chosen = [one for one in curves.seen if one.explained is explained]
-        if chosen:
+        diagnoses = [diagnosis for diagnosis in curves.seen if diagnosis.explained is explained]
+        if diagnoses:
             axis.errorbar(
-                [one.hours for one in chosen],
-                [one.levels[name] for one in chosen],
-                [one.halves[name] for one in chosen],
+                [diagnosis.hours for diagnosis in diagnoses],
+                [diagnosis.levels[name] for diagnosis in diagnoses],
+                [diagnosis.halves[name] for diagnosis in diagnoses],
                 fmt="." if explained else "x",
                 color=colour,
                 markersize=4,
@@ -178,21 +180,21 @@ def _health(axis: "Axes", name: str, curves: Curves) -> None:
         )
     axis.plot(curves.times, levels[MEDIAN], color=BLUE, linewidth=1, label="forecast, median")
     axis.axvline(curves.now, color=FAINT, linewidth=0.8, linestyle=":", label="now")
-    own = [hours for hours, part in curves.replacements if part in {name, "unit"}]
-    _replacements(axis, own, in_legend=bool(curves.replacements))
+    replacement_hours = [hours for hours, part in curves.replacements if part in {name, "unit"}]
+    _replacements(axis, replacement_hours, in_legend=bool(curves.replacements))
     for component, bound in curves.limits:
         if component == name:
             axis.axhline(bound, color=VERMILION, linewidth=1, linestyle="--")
     axis.plot([], [], color=VERMILION, linewidth=1, linestyle="--", label="limit")
-    # A friction may be below healthy, and fall.
-    shown = [one.levels[name] - one.halves[name] for one in curves.seen]
-    shown += [bound for component, bound in curves.limits if component == name]
-    axis.set_ylim(min(0.0, *shown, *(min(row) for row in levels)) - 0.03, 1.03)
+    # Friction may be below healthy.
+    lowest = [diagnosis.levels[name] - diagnosis.halves[name] for diagnosis in curves.seen]
+    lowest += [bound for component, bound in curves.limits if component == name]
+    axis.set_ylim(min(0.0, *lowest, *(min(row) for row in levels)) - 0.03, 1.03)
     style_axis(axis, name)
 
 
 def _distribution(axis: "Axes", curves: Curves) -> None:
-    """Draw the probability of failure over the hours to come, with the horizon and the advice."""
+    """Draw the probability of failure over future hours, with the horizon."""
     axis.plot(curves.risk_times, curves.risk, color=BLUE, label="any requirement")
     if curves.first_label:
         label = no_formula(shortened(curves.first_label, LONGEST_NAME))

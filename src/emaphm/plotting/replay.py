@@ -1,4 +1,4 @@
-"""The figure of a replay: each recorded channel against the model's, with the residual below."""
+"""Figure of a replay: each recorded and modelled channel, with the residual below."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -24,14 +24,14 @@ def draw_replay(
     actuator: Actuator,
     relative_error: Mapping[str, float],
 ) -> "Figure":
-    """Draw recorded against modelled for each channel of `relative_error`, the residual below each.
+    """Return the figure of recorded and modelled signals by channel of `relative_error`, with residuals.
 
     Parameters
     ----------
     recording, signals
-        What was recorded, and the model's channels by the same names, each of shape (samples,).
+        The recording, and the model's channels with the same names, each of shape (samples,).
     actuator
-        Its coordinates give the units.
+        Actuator whose coordinates give the units.
     relative_error
         rms(recorded - model) / rms(recorded) by channel, as a fraction.
     """
@@ -47,7 +47,7 @@ def draw_replay(
         style_axis(above, f"{meaning.capitalize()}: relative error {size}", "", f"{meaning} [{unit}]")
         legend_beside_title(above)
         residual = recording[name] - signals[name]
-        # The model's angle may run on where the sensor's starts again.
+        # The model's angle may continue where the sensor's angle wraps around.
         draw_line(below, time, wrap(residual) if name == "angle_rad" else residual, RESIDUAL)
         style_axis(below, "", "time [s]", f"residual [{unit}]")
         below.tick_params(labelbottom=True)

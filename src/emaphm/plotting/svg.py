@@ -1,4 +1,4 @@
-"""Figures as SVG, the same bytes on every machine and whatever the user's matplotlib settings."""
+"""SVG of figures, with the same bytes on every machine and for any matplotlib settings of the user."""
 
 import base64
 import io
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def plain_style() -> Iterator[None]:
-    """Draw dark on white whatever the user's own matplotlib settings, and the same bytes each time."""
+    """Set the default style, independent of the user's matplotlib settings, with reproducible bytes."""
     from matplotlib import style
 
     with style.context(["default", {"svg.hashsalt": "emaphm", "svg.fonttype": "path"}]):
@@ -21,15 +21,15 @@ def plain_style() -> Iterator[None]:
 
 
 def svg(figure: "Figure") -> bytes:
-    """Return `figure` as SVG, which is sharp at any size and has no date in it."""
+    """Return `figure` as SVG without a date."""
     buffer = io.BytesIO()
     with warnings.catch_warnings():
-        # A name may hold letters that the font lacks: they show as boxes, and nobody can do more about it.
+        # A name may contain characters that the font does not have; they are drawn as boxes.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font", category=UserWarning)
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     return buffer.getvalue()
 
 
 def svg_uri(picture: bytes) -> str:
-    """Return an SVG as a data URI, as an HTML page can hold it."""
+    """Return an SVG as a data URI for an HTML page."""
     return "data:image/svg+xml;base64," + base64.b64encode(picture).decode("ascii")

@@ -1,4 +1,4 @@
-"""Signals over time: recorded against modelled, thinned to what a page can show."""
+"""Signals over time: recorded and modelled, with the number of points limited to the width of a page."""
 
 from pathlib import PurePath
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_BINS = 700
-"""Pairs of points in a line: about one a pixel at the width of a page."""
+"""Largest number of point pairs in a line: about one per pixel at the width of a page."""
 
 LONGEST_NAME = 60
 
@@ -31,20 +31,20 @@ def draw_line(
 
 def draw_recorded_and_model(axis: "Axes", time: Array, recorded: Array, modelled: Array) -> None:
     """Draw a recorded signal and the model's, (n,) each."""
-    # The recorded line is the wider one: it shows on both sides of a model that is right.
+    # The recorded line is wider: it is visible on both sides of a matching model.
     draw_line(axis, time, recorded, RECORDED, "recorded", width=2.5)
     draw_line(axis, time, modelled, MODEL, "model")
 
 
 def title_with_recording(figure: "Figure", source: str, actuator: Actuator) -> None:
-    """Write the recording's name and the actuator's above the figure; a long name loses its beginning."""
+    """Write the names of recording and actuator above the figure; a long name is cut at its start."""
     name = PurePath(source).name
     short = name if len(name) <= LONGEST_NAME else f"…{name[1 - LONGEST_NAME :]}"
     figure_title(figure, f"{short}, actuator {actuator.name}")
 
 
 def _extremes(values: Array) -> NDArray[np.intp]:
-    """Return the rows that a line must pass through to look like all of `values` (n,)."""
+    """Return the rows of the smallest and largest of `values` (n,) in each bin, and of the ends."""
     if values.size <= 2 * MOST_BINS:
         return np.arange(values.size)
     bins = np.array_split(np.arange(values.size), MOST_BINS)

@@ -1,4 +1,4 @@
-"""How long a unit will last: requirements, degradation, remaining useful life, metrics, advice."""
+"""Prognosis of a unit: requirements, degradation, remaining useful life, metrics, advice."""
 
 from emaphm.prognosis.advice import Advice, Costs
 from emaphm.prognosis.evidence import Evidence, Observation

@@ -1,4 +1,4 @@
-"""What to do with a unit, given the distribution of its remaining useful life, and the risk of it."""
+"""Maintenance advice for a unit from the distribution of its remaining useful life, with its risk."""
 
 import math
 from collections.abc import Mapping
@@ -11,17 +11,17 @@ from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 
 WIDE = 3.0
-"""Ratio of the RUL's median to the hours that the risk allows, from which an inspection is worth more than a
-replacement: most of the life would be thrown away for want of knowledge."""
+"""Ratio of the median RUL to the allowed hours above which the advice is an inspection and not a replacement:
+a replacement would waste most of the life because of the uncertainty alone."""
 
 UNRESOLVED = 3
-"""Failures of the sample until the cheapest end, up to which the paths do not resolve it: the probability of
-failure until the k-th one is known to 1/sqrt(k), one standard error."""
+"""Number of failures of the sample up to the cheapest time, up to which the sample does not resolve this
+time: the relative standard error of the probability of failure until the k-th failure is 1/sqrt(k)."""
 
 
 @dataclass(frozen=True)
 class Costs:
-    """Of a failure with its consequences, and of a planned replacement; any currency, above 0.
+    """Costs of a failure with its consequences and of a planned replacement; any currency, above 0.
 
     Raises
     ------
@@ -35,19 +35,21 @@ class Costs:
     def __post_init__(self) -> None:
         for name, cost in (("failure", self.failure), ("replacement", self.replacement)):
             if not 0 < cost < math.inf:
-                raise PrognosisError(f"the cost of a {name}, {cost:g}, is no cost; give a number above 0")
+                raise PrognosisError(f"the cost of a {name}, {cost:g}, is not a cost; give a number above 0")
         if self.failure <= self.replacement:
             raise PrognosisError(
-                f"a failure for {self.failure:g} is no dearer than a replacement for {self.replacement:g}: "
-                "nothing is gained by replacing before it; give the cost of a failure with its consequences"
+                f"a failure costs {self.failure:g}, not more than a replacement at {self.replacement:g}: "
+                "replacing before the failure has no advantage; give the cost of a failure with its "
+                "consequences"
             )
 
 
 @dataclass(frozen=True)
 class Advice:
-    """One of "fly on", "inspect by", "replace before", in how many hours [h], and the risk until then.
+    """Action ("fly on", "inspect by" or "replace before"), its hours from now on [h], risk and reason.
 
-    `risk` is the probability of failure before that, of having failed already where it is now.
+    `risk` is the probability of failure until then; for 0 h, the probability that the unit has already
+    failed.
     """
 
     action: str
@@ -56,7 +58,7 @@ class Advice:
     reason: str
 
     def to_dict(self, now: float) -> dict[str, Any]:
-        """Return the advice as JSON, `now` being the unit's flight hours [h]."""
+        """Return the advice as JSON; `now` are the unit's current flight hours [h]."""
         return {
             "action": self.action,
             "in_hours": self.hours,
@@ -67,7 +69,7 @@ class Advice:
 
 
 def advice_in_words(given: Mapping[str, Any]) -> str:
-    """Return what to do and when, of advice as `Advice.to_dict`: hours from now on, and the flight hours."""
+    """Return action, hours from now on and flight hours as text, from advice as in `Advice.to_dict`."""
     span, until = f"{given['in_hours']:,.0f} h", f"{given['at_hours']:,.0f} h"
     if given["action"] == "fly on":
         return f"fly on for {span} more, until {until}"
@@ -78,27 +80,27 @@ def advice_in_words(given: Mapping[str, Any]) -> str:
 def advice(
     sample: Array, horizon: float, *, risk: float, age: float = 0.0, costs: Costs | None = None
 ) -> Advice:
-    """Return what to do.
+    """Return the advice for a sample of the RUL.
 
-    Without costs, a unit flies as long as its probability of failure is at most `risk`. With costs it flies
-    as long as that is cheapest by the hour (age replacement [1]): until the t that minimises
+    Without costs, the allowed hours are those until which the probability of failure is at most `risk`. With
+    costs, they minimise the cost per hour (age replacement [1]): they are the t that minimises
 
         (c_r (1 - F(t)) + c_f F(t)) / (a + E[min(RUL, t)]).
 
-    At the k-th of n failures, F is a random number, Beta(k, n + 1 - k) whatever the distribution of the RUL
-    [2]. With costs its mean k / (n + 1) is taken and stated as the risk: never 0, which the k - 1 failures
-    before would make of the first. The reason says where the sample does not resolve the risk or the costs.
+    At the k-th of n failures, F has the distribution Beta(k, n + 1 - k) for any distribution of the RUL [2].
+    With costs, its mean k / (n + 1) is used and stated as the risk; the share (k - 1) / n would be 0 for the
+    first failure. The reason states if the sample does not resolve the risk or the costs.
 
     Parameters
     ----------
     sample
-        Of the RUL [h], (n,), `inf` for no failure in sight.
+        Sample of the RUL [h], (n,), `inf` without a failure in sight.
     horizon
-        How far is planned [h].
+        Planned flight hours from now on [h].
     risk
         Largest accepted probability of failure.
     age
-        a, hours that the unit has flown for its last replacement [h].
+        a, hours that the unit has flown since its last replacement [h].
 
     References
     ----------
@@ -120,13 +122,13 @@ def advice(
             "inspect by",
             limit,
             until,
-            f"{why} then, though the unit may well last longer: another diagnosis will tell",
+            f"{why} then, although the unit may well last longer: diagnose again",
         )
     return Advice("replace before", limit, until, f"{why} then")
 
 
 def _until_risk(ordered: Array, risk: float) -> tuple[float, str]:
-    """Return how long to fly [h] with a risk of at most `risk`, and what happens then."""
+    """Return the hours until which the risk is at most `risk` [h], and the reason as text."""
     allowed = math.floor(risk * ordered.size + 1e-9)
     why = f"the risk exceeds {100 * risk:g} %"
     if not allowed:
@@ -135,55 +137,55 @@ def _until_risk(ordered: Array, risk: float) -> tuple[float, str]:
 
 
 def _until_costs(ordered: Array, age: float, costs: Costs) -> tuple[float, str]:
-    """Return how long it is cheapest to fly [h], and what happens then."""
+    """Return the hours with the lowest cost per hour [h], and the reason as text."""
     why = "a replacement is cheaper"
     finite = ordered[np.isfinite(ordered)]
     if not finite.size:
         return math.inf, why
-    # Just before a failure of the sample: between two of them, flying on only adds hours.
-    ends = np.unique(finite)
-    failed = (np.searchsorted(ordered, ends, "left") + 1) / (ordered.size + 1)
-    flown = np.array([np.minimum(ordered, end).mean() for end in ends])
+    # Candidates are the times just before a failure of the sample: between failures, the cost per hour falls.
+    candidates = np.unique(finite)
+    failed = (np.searchsorted(ordered, candidates, "left") + 1) / (ordered.size + 1)
+    flown = np.array([np.minimum(ordered, candidate).mean() for candidate in candidates])
     rates = (costs.replacement * (1 - failed) + costs.failure * failed) / (age + flown + 1e-9)
     best = int(np.argmin(rates))
     never = costs.failure * (finite.size + 1) / (ordered.size + 1) / (age + flown[-1] + 1e-9)
-    # From n paths a cost is known to 1/sqrt(n). Where the hazard does not grow, the cheapest hours are those
-    # of the last failures of the sample, by less than that.
+    # The relative standard error of a cost from n paths is 1/sqrt(n). If the hazard does not increase, the
+    # minimum is at the last failures of the sample, and lower by less than this error.
     if rates[best] >= never * (1 - 1 / math.sqrt(ordered.size)):
         return math.inf, why
-    until = int(np.searchsorted(ordered, ends[best], "right"))
-    if until <= UNRESOLVED:
-        first = "first" if until == 1 else f"first {until}"
+    failures_until = int(np.searchsorted(ordered, candidates[best], "right"))
+    if failures_until <= UNRESOLVED:
+        first = "first" if failures_until == 1 else f"first {failures_until}"
         why = f"by the {first} of {ordered.size} paths, too few for so small a risk, {why}"
-    return float(ends[best]), why
+    return float(candidates[best]), why
 
 
 def without_new_diagnoses(given: Advice, unexplained: tuple[float, float], failed: float) -> Advice:
-    """Return the advice where the newest recordings are not explained: to inspect now.
+    """Return the advice for a unit whose newest recordings are not explained: inspect now.
 
-    A forecast from older diagnoses does not know what has changed the unit's recordings meanwhile, so that a
-    replacement later on, which they advise, may come too late: the reason says it for the case that nothing
-    else is found. One that they advise at once stays.
+    A forecast from older diagnoses does not include the cause that has changed the unit's recordings, so that
+    a later replacement, which the forecast advises, may be too late. The reason states this replacement, for
+    the case that the inspection finds nothing. Advice to replace now is not changed.
 
     Parameters
     ----------
     given
-        The advice by the older diagnoses.
+        The advice from the older diagnoses.
     unexplained
         Flight hours [h] of the first and of the last recording that are not explained.
     failed
-        The forecast's probability that the unit has failed already.
+        The probability, according to the forecast, that the unit has already failed.
     """
     if given.action == "replace before" and given.hours == 0:
         return given
     first, last = unexplained
-    which = f"recording, of {last:.9g} h, is"
+    recordings = f"recording, of {last:.9g} h, is"
     if first < last:
-        which = f"recordings, of {first:.9g} h to {last:.9g} h, are"
-    why = (
-        f"the newest {which} not explained: the forecast, from the diagnoses before, does not know what has "
-        "changed; record again, and look for the cause where that is not explained either"
+        recordings = f"recordings, of {first:.9g} h to {last:.9g} h, are"
+    reason = (
+        f"the newest {recordings} not explained: the forecast, from the earlier diagnoses, does not include "
+        "what has changed; record again, and look for the cause if the new recording is not explained either"
     )
     if given.action == "replace before":
-        why += f"; else replace within {given.hours:,.0f} h, as the diagnoses before advise"
-    return Advice("inspect by", 0.0, failed, why)
+        reason += f"; otherwise replace within {given.hours:,.0f} h, as the earlier diagnoses advise"
+    return Advice("inspect by", 0.0, failed, reason)

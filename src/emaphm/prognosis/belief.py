@@ -1,4 +1,4 @@
-"""What is believed of the degradation of a unit: particles, each with a Kalman filter."""
+"""State of the degradation filter of a unit: particles, each with a Kalman filter."""
 
 from dataclasses import dataclass
 
@@ -12,19 +12,18 @@ from emaphm.prognosis.settings import FILTER, LAWS, FilterSettings
 from emaphm.random_streams import stream
 
 LEAST_VARIANCE = 1e-12
-"""Of a level: what rounding may leave of it is no smaller, nor negative."""
+"""Smallest variance of a level: rounding may make a computed variance smaller, or negative."""
 
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What is believed of a unit at flight `hours` [h]: n particles of 8 components (`CARTESIAN_NAMES`).
+    """State of the filter at flight `hours` [h] of a unit: n particles of 8 components (`CARTESIAN_NAMES`).
 
-    Of an indicator, there is one component in place of the 8.
+    An indicator has one component instead of 8.
 
-    Levels are those that diagnoses show. Where the unit's parameters are not those of its description, all
-    diagnoses are off by the same, for which no number of them makes up: a level itself is farther off than
-    the filters' covariances say, by the covariance `shared`. What a new unit shows, and what an unchanged one
-    goes on to show, is off by as much.
+    The levels are those that diagnoses measure. If the unit's parameters differ from its description, all
+    diagnoses have the same error, which more diagnoses do not reduce: the covariance of a true level is that
+    of the filters plus `shared`. The diagnoses of a new unit and of an unchanged unit have the same error.
 
     Attributes
     ----------
@@ -33,9 +32,9 @@ class Belief:
     aged
         Hours [h] at the reference stress that each component has aged since it was new, (n, 8).
     law, life_scale, shape, roughness, unevenness
-        Of each particle and component, (n, 8): as in `Hypotheses`.
+        Hypothesis of each particle and component, (n, 8), as in `Hypotheses`.
     exponents
-        Of the stress, (n, 8, 3): as in `Hypotheses`.
+        Exponents of the stress, (n, 8, 3), as in `Hypotheses`.
     level, rate
         Means of the Kalman filters, (n, 8); [-], [1/h].
     levels, mixed, rates
@@ -46,13 +45,14 @@ class Belief:
         Natural logarithms of the particles' weights for each component, (n, 8); the exponentials of a column
         sum to 1.
     log_likelihood
-        Of all diagnoses so far, for each component, (8,), but for a constant that all priors share.
+        Log-likelihood of all diagnoses so far, for each component, (8,), except for a constant that is the
+        same for all priors.
     surprise
         Probability that the last diagnosis of each component was an outlier or followed a jump, (8,).
     shared
         Covariance of the error that all diagnoses of the unit have in common, (8, 8).
     seed, steps
-        Source of all randomness, and how many steps have drawn from it.
+        Seed of the random streams; number of steps that have drawn from them.
     """
 
     hours: float
@@ -88,7 +88,7 @@ class Belief:
         components: int = COORDINATES,
         shared: Array | float = 0.0,
     ) -> "Belief":
-        """Return what is believed of the first `components` of a new unit, at 0 h."""
+        """Return the filter state of the first `components` of a new unit, at 0 h."""
         n = settings.particles
         shared = np.zeros((components, components)) + shared
         drawn = prior.draw(n, stream(seed, "degradation", "new"), components)

@@ -1,4 +1,4 @@
-"""Within which bounds the levels of components are."""
+"""Bounds of the levels of the components."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,27 +9,27 @@ from emaphm.arrays import Array
 from emaphm.prognosis.columns import ECCENTRICITY
 
 COORDINATES = len(CARTESIAN_NAMES)
-"""Of the fault vector as estimators see it; an indicator has one."""
+"""Number of coordinates of the fault vector in an estimate; an indicator has one."""
 
 LOWEST = np.array([LOWEST_FRICTION, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0])
 HIGHEST = np.ones(COORDINATES)
-"""Bounds of the levels, in the order of `CARTESIAN_NAMES`; an eccentricity is within its circle. A friction
-may be below that of a new unit, by as much as its actuator allows."""
+"""Bounds of the levels, in the order of `CARTESIAN_NAMES`; an eccentricity is limited by its circle. Friction
+may be below that of a new unit, down to the limit of the actuator."""
 
 HEALTHY_AT_LOWEST = (1, 2, 3, 4)
-"""Components whose lowest level is the healthy one, not an end of the scale where they are at their worst."""
+"""Columns of the components whose lowest level is the healthy level and not a fault."""
 
 
 BEYOND = 0.1
-"""How far beyond the end of its scale a level may be now. A diagnosis looks no farther than to the end, but a
-component that it finds there may be worse; what is known of no diagnosis is not taken to be far beyond."""
+"""Largest distance of a current level beyond the end of its scale. A diagnosis searches up to the end only,
+and a component found there may be worse. No diagnosis supports a larger distance."""
 
 
 def bounds(count: int, beyond: float = 0.0, least_friction: float = LOWEST_FRICTION) -> tuple[Array, Array]:
-    """Return the bounds (count,) of all components, or of an indicator, which is 0 where it is healthy.
+    """Return the lower and upper bounds (count,) of all components, or of an indicator (0 when healthy).
 
-    Ends of scales at which a component is at its worst are farther off by `beyond`. `least_friction` is that
-    of the actuator (`emaphm.actuator.faults.lower_bounds`).
+    Ends of scales at which a component is at its worst are moved outwards by `beyond`. `least_friction` is
+    the lower bound of the actuator's friction (`emaphm.actuator.faults.lower_bounds`).
     """
     low, high = (LOWEST.copy(), HIGHEST) if count == COORDINATES else (np.zeros(count), np.ones(count))
     if count == COORDINATES:
@@ -38,7 +38,7 @@ def bounds(count: int, beyond: float = 0.0, least_friction: float = LOWEST_FRICT
 
 
 def within_bounds(level: Array, beyond: float = 0.0, least_friction: float = LOWEST_FRICTION) -> Array:
-    """Return levels (…, 8) put within their `bounds`, an eccentricity within its circle."""
+    """Return levels (…, 8) clipped to their `bounds`, an eccentricity to its circle."""
     clipped = np.clip(level, *bounds(level.shape[-1], beyond, least_friction))
     if level.shape[-1] < COORDINATES:
         return clipped
@@ -50,22 +50,22 @@ def within_bounds(level: Array, beyond: float = 0.0, least_friction: float = LOW
 
 
 def to_the_end(level: Array, least_friction: float = LOWEST_FRICTION) -> Array:
-    """Return how far levels (…, 8) are from the end of the scale, 0 where they are at it or beyond.
+    """Return the distances (…, 8) of levels from the end of their scales, 0 at or beyond the end.
 
-    The nearer end, where both are at a fault; of an eccentricity, its circle.
+    If both ends are faults, the distance is to the nearer end; for an eccentricity, to its circle.
     """
     count = level.shape[-1]
     low, high = bounds(count, least_friction=least_friction)
-    far = high - level
+    distance = high - level
     if count == COORDINATES:
-        far = np.where(_worst_at_lowest(count), np.minimum(far, level - low), far)
+        distance = np.where(_worst_at_lowest(count), np.minimum(distance, level - low), distance)
         x, y = ECCENTRICITY
-        far[..., x] = far[..., y] = 1.0 - np.hypot(level[..., x], level[..., y])
-    return np.maximum(far, 0.0)
+        distance[..., x] = distance[..., y] = 1.0 - np.hypot(level[..., x], level[..., y])
+    return np.maximum(distance, 0.0)
 
 
 def _worst_at_lowest(count: int) -> NDArray[np.bool_]:
-    """Return of which of `count` levels the lower end is a fault too, not the healthy one."""
+    """Return a mask (count,): True if the lower end of the level is a fault and not the healthy level."""
     result = np.full(count, count == COORDINATES)
     if count == COORDINATES:
         result[list(HEALTHY_AT_LOWEST)] = False

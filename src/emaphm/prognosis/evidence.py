@@ -1,4 +1,4 @@
-"""What a history says of a unit's degradation: its diagnoses, replacements, failures and stress."""
+"""Evidence on a unit's degradation from its history: diagnoses, replacements, failures and stress."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """A diagnosis at flight `hours` [h]: levels (8,), covariance (8, 8), which components it saw (8,).
+    """A diagnosis at flight `hours` [h]: levels (8,), covariance (8, 8), mask of estimated components (8,).
 
-    In the coordinates `CARTESIAN_NAMES`. One that is not `explained` is shown and not used. `shared` is the
-    part of the covariance that all diagnoses of the unit have in common, (8, 8), or 0; `load` what the
-    diagnosis estimated with the faults, None where it did not.
+    The coordinates are `CARTESIAN_NAMES`. An observation that is not `explained` is plotted and not used.
+    `shared` is the part of the covariance that all diagnoses of the unit have in common, (8, 8), or 0. `load`
+    is the load that was estimated with the faults, None if it was not estimated.
     """
 
     hours: float
@@ -39,15 +39,16 @@ class Observation:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What is known of a unit: its flight hours now [h], its observations by hours, its replacements.
+    """Evidence on a unit: its current flight hours [h], its observations by hours, its replacements.
 
-    `replacements` are pairs of hours [h] and component, "unit" standing for all of them; `stresses` what the
-    unit was subject to, by hours. Observations are of the first `components`: all 8, or one for an indicator.
-    `failures` are the hours [h] at which failures ended lives of the unit, rising; `unrepaired` is the one
-    for which it is out of service now, None where it is in service. `not_replaced` are failures of components
-    of which no replacement is known, and `open_removal` is one as failed of which a shop has named only what
-    has not failed: the unit counts as in service all the same. `contradictions` are notes on findings that
-    its diagnoses contradict, `description_notes` on a description unlike other units'.
+    `replacements` are pairs of hours [h] and component, where "unit" means all components. `stresses` are the
+    recorded stresses by hours. Observations have the first `components`: all 8, or one for an indicator.
+    `failures` are the hours [h] at which failures ended lives of the unit, increasing. `unrepaired` is the
+    failure that has put the unit out of service, None if the unit is in service. `not_replaced` are failures
+    of components without a known replacement. `open_removal` is a removal as failed for which the shop has
+    named only components that have not failed; with either, the unit counts as in service. `contradictions`
+    are notes on findings that the diagnoses contradict, `description_notes` on a description that differs
+    from those of other units.
     """
 
     unit: str
@@ -66,30 +67,30 @@ class Evidence:
 
     @classmethod
     def of(cls, unit: "Unit", most: int | None = None) -> "Evidence":
-        """Return what a history says of `unit`; `HistoryError` where its database fails.
+        """Return the evidence on `unit` from its history; `HistoryError` if the database fails.
 
-        `most` is how many of its diagnoses are taken at most: half of them the latest, half from the hours
-        before, evenly spread, which show how it has come to where it is.
+        At most `most` diagnoses are used: half of them the latest, half evenly spread over the earlier hours,
+        which contain the course of the degradation.
         """
         earlier = 0 if most is None else most // 2
         diagnoses = unit.diagnoses(None if most is None else most - earlier, earlier)
         observations = tuple(
             Observation(
-                one.hours,
-                one.cartesian,
-                one.cartesian_covariance,
-                np.array([name in one.coordinates for name in CARTESIAN_NAMES]),
-                one.explained,
-                one.cartesian_shared_covariance,
-                one.estimated_load,
+                diagnosis.hours,
+                diagnosis.cartesian,
+                diagnosis.cartesian_covariance,
+                np.array([name in diagnosis.coordinates for name in CARTESIAN_NAMES]),
+                diagnosis.explained,
+                diagnosis.cartesian_shared_covariance,
+                diagnosis.estimated_load,
             )
-            for one in diagnoses
+            for diagnosis in diagnoses
         )
         from emaphm.history.lives import latest_hours, lives, not_replaced, open_removal, unrepaired
         from emaphm.history.notes.contradictions import contradictions
 
         flights, removals, findings = unit.flights(), unit.removals(), unit.findings()
-        replacements = tuple((one.hours, one.component) for one in findings if one.replaced)
+        replacements = tuple((finding.hours, finding.component) for finding in findings if finding.replaced)
         failure = unrepaired(flights, removals, findings)
         return cls(
             unit.serial_number,
@@ -98,7 +99,7 @@ class Evidence:
             observations,
             replacements,
             stress_pieces(flights),
-            failures=tuple(one.end_hours for one in lives(flights, removals, findings) if one.failed),
+            failures=tuple(life.end_hours for life in lives(flights, removals, findings) if life.failed),
             unrepaired=failure,
             not_replaced=() if failure else not_replaced(findings),
             open_removal=None if failure else open_removal(flights, removals, findings),
@@ -108,55 +109,59 @@ class Evidence:
 
     @property
     def unexplained(self) -> tuple[float, float] | None:
-        """Hours [h] of the first and the last of the newest diagnoses, none of which is explained.
+        """Hours [h] of the first and the last diagnosis after the last explained one.
 
-        None where one of the newest hours is explained, or a part is newer.
+        None if there is no such diagnosis, or if a component was replaced at the last of these hours or
+        later.
         """
-        explained = max((one.hours for one in self.used), default=-np.inf)
-        hours = [one.hours for one in self.observations if one.hours > explained]
+        explained = max((observation.hours for observation in self.used), default=-np.inf)
+        hours = [observation.hours for observation in self.observations if observation.hours > explained]
         if not hours or any(at >= max(hours) for at, _ in self.replacements):
             return None
         return min(hours), max(hours)
 
     @property
     def used(self) -> tuple[Observation, ...]:
-        """The observations that the model explains."""
-        return tuple(one for one in self.observations if one.explained)
+        """The explained observations, which the filter uses."""
+        return tuple(observation for observation in self.observations if observation.explained)
 
     @property
     def seen(self) -> Mask:
-        """Which components any used observation has seen, (8,) of True and False."""
+        """Mask (8,) of the components that at least one used observation has estimated."""
         if not self.used:
             return np.ones(self.components, bool)
-        return np.asarray(np.any([one.seen for one in self.used], axis=0))
+        return np.asarray(np.any([observation.seen for observation in self.used], axis=0))
 
     @property
     def shared(self) -> Array:
-        """Covariance of the error that all observations have in common, (8, 8): the mean of those used."""
-        none = np.zeros((self.components, self.components))
-        return np.mean([none + one.shared for one in self.used], axis=0) if self.used else none
+        """Shared covariance (8, 8) of all observations: the mean of that of the used observations."""
+        zero = np.zeros((self.components, self.components))
+        return (
+            np.mean([zero + observation.shared for observation in self.used], axis=0) if self.used else zero
+        )
 
     @property
     def failed_lives(self) -> tuple[tuple[float, float], ...]:
-        """From which flight hours on [h] the unit worked as it was until it failed, and when: each failure.
+        """Start and end [h] of each life of the unit that ended by a failure.
 
-        A life begins when anything of the unit was replaced: what was to fail before may have been that.
+        A life starts at the last failure, or at the last replacement of any component: the replaced component
+        may have been the next to fail.
         """
         renewed = {*self.failures, *(hours for hours, _ in self.replacements)}
         return tuple(
-            (max((one for one in renewed if one < end), default=-np.inf), end) for end in self.failures
+            (max((start for start in renewed if start < end), default=-np.inf), end) for end in self.failures
         )
 
     def lives(self, column: int) -> tuple[tuple[float, float], ...]:
-        """Return from when to when [h] each component of a `column` was in the unit, the last to `inf`."""
-        ends = sorted({hours for hours, what in self.replacements if column in columns_of(what)})
+        """Return start and end [h] of the lives of a `column`'s component; the last life ends at `inf`."""
+        ends = sorted({hours for hours, component in self.replacements if column in columns_of(component)})
         return tuple(zip([0.0, *ends], [*ends, np.inf], strict=True))
 
 
 def stress_pieces(flights: "Sequence[Flight]") -> tuple[StressPiece, ...]:
-    """Return the stress between one of a unit's flights and the next, as the later one says.
+    """Return the stress between successive flights of a unit, as recorded with the later flight.
 
-    Loads and temperatures are what was recorded; cycles per hour follow from cycles and hours.
+    Loads and temperatures are the recorded values; cycles per hour follow from cycles and hours.
     """
     pieces: list[StressPiece] = []
     start = 0.0
@@ -169,14 +174,14 @@ def stress_pieces(flights: "Sequence[Flight]") -> tuple[StressPiece, ...]:
 
 
 def _cycles_per_hour(flights: "Sequence[Flight]") -> list[float | None]:
-    """Return the cycles per hour before each of a unit's flights: since those that were last stated."""
+    """Return the cycles per hour before each flight of a unit, since the last flight with a cycle count."""
     rates: list[float | None] = [None] * len(flights)
-    first, then, start = 0, 0, 0.0
+    first, count, start = 0, 0, 0.0
     for i, flight in enumerate(flights):
         if flight.cycles is None:
             continue
         if flight.hours > start:
-            rate = (flight.cycles - then) / (flight.hours - start)
+            rate = (flight.cycles - count) / (flight.hours - start)
             rates[first : i + 1] = [rate] * (i + 1 - first)
-        first, then, start = i + 1, flight.cycles, flight.hours
+        first, count, start = i + 1, flight.cycles, flight.hours
     return rates

@@ -1,4 +1,4 @@
-"""From what is believed of a unit to paths of its levels, and to when they first cross a limit."""
+"""Forecast of a unit: states drawn from the filter, and paths of its levels from now on."""
 
 from dataclasses import dataclass, replace
 
@@ -15,14 +15,14 @@ from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
 from emaphm.random_streams import stream
 
 SINGULAR = (1e-9, 1e-6, 1e-3)
-"""Added to the diagonals of correlation matrices: the first that makes them positive definite is taken."""
+"""Values added to the diagonals of correlation matrices, tried in turn until these are positive definite."""
 
 
 @dataclass(frozen=True, eq=False)
 class UnitDraws:
-    """Possible states of a unit: hypotheses as in `Hypotheses`, level [-], rate [1/h], (n, 8) each.
+    """Sampled states of a unit: hypotheses as in `Hypotheses`, level [-], rate [1/h], (n, 8) each.
 
-    `aged` [h] are the hours at the reference stress since each component was new; `exponents` (n, 8, 3).
+    `aged` are the hours [h] at the reference stress since each component was new; `exponents` (n, 8, 3).
     """
 
     aged: Array
@@ -38,7 +38,7 @@ class UnitDraws:
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Levels of n units over the time from now on: `hours` (m,) [h], the first 0; `level` (m, n, 8).
+    """Levels on n paths from now on: `hours` (m,) [h], the first 0; `level` (m, n, 8).
 
     `noise` is the standard deviation of each level's Wiener process in each step [1/√h], (m - 1, n, 8).
     """
@@ -49,13 +49,14 @@ class Paths:
 
 
 def drawn_states(belief: Belief, count: int) -> UnitDraws:
-    """Return `count` units as likely as each other, drawn from the belief given that levels are in bounds.
+    """Return `count` equally weighted states, drawn from the filter state given that levels are in bounds.
 
-    Levels differ from those that diagnoses show by what these share.
-    The filters know no bounds: a constraint that was fed at each update would count again and again. Here it
-    is applied once, exactly: each level is drawn within its bounds given those before it, and the unit is
-    weighted with the probabilities of these bounds (Geweke, Hajivassiliou, Keane); then the rates given the
-    levels. A level now may be `BEYOND` the end of its scale; where that end is a limit, it has failed.
+    The shared covariance of the diagnoses is added to that of the levels.
+    The filter has no bounds, because a constraint applied at each update would be counted repeatedly. Bounds
+    are applied once, exactly: each level is drawn within its bounds given the levels before it, and the state
+    is weighted by the probabilities of these bounds (Geweke, Hajivassiliou, Keane); the rates are then drawn
+    given the levels. A current level may be `BEYOND` the end of its scale; a limit at that end has then
+    failed.
     """
     random = stream(belief.seed, "forecast", belief.steps, "states")
     units = recombined(belief, drawn_rows(belief, 2 * count, random))
@@ -84,14 +85,14 @@ def paths(
     pace: Array | float = 1.0,
     settings: ForecastSettings = FORECAST,
 ) -> Paths:
-    """Return what becomes of the units in `state`.
+    """Return the paths of the levels, starting from `state`.
 
-    Onsets, breaks and changes of law happen as in the filter; levels stay within their bounds.
+    Onsets, breaks and changes of law are modelled as in the filter; levels stay within their bounds.
 
     Parameters
     ----------
     pace
-        Hours by which a component ages in an hour under the stress that is to come, (n, 8) or one number.
+        Hours by which a component ages in an hour under the future stress, (n, 8) or one number.
     """
     random = stream(seed, "forecast", "paths")
     hours = _grid(settings)
@@ -101,28 +102,34 @@ def paths(
     levels[0] = state.level
     s = prior.settings
     for i, flown in enumerate(np.diff(hours)):
-        state = _changed(state, flown, prior, random)
+        state = _with_law_changes(state, flown, prior, random)
         step = _uneven(state, pace * flown, random)
         state = replace(state, rate=state.rate * breaks(state.law, state.life_scale, step, s, random))
         sets_in = is_waiting(state.law) & (
             in_common(random.random(state.law.shape)) < -np.expm1(-step / state.life_scale)
         )
-        part = np.where(sets_in, in_common(random.random(state.law.shape)), 1.0)
+        remaining_share = np.where(sets_in, in_common(random.random(state.law.shape)), 1.0)
         if sets_in.any():
             rows = np.flatnonzero(sets_in.any(axis=1))
             new = prior.after_onset((rows.size, state.law.shape[1]), random)
             shock = random.standard_normal(new.rate.shape)
             rate = with_rows(state.rate, rows, sets_in[rows], new.rate + new.rate_deviation * shock)
             state = replace(state, **replace_law_fields(state, rows, sets_in[rows], new), rate=rate)
-        reach, growth = transition(
-            state.law, state.life_scale, state.shape, state.aged, part * step, s, prior.trajectories
+        rate_gain, growth = transition(
+            state.law,
+            state.life_scale,
+            state.shape,
+            state.aged,
+            remaining_share * step,
+            s,
+            prior.trajectories,
         )
-        reach = np.where(is_waiting(state.law), 0.0, reach)
+        rate_gain = np.where(is_waiting(state.law), 0.0, rate_gain)
         of_level, of_rate = noise_rates(state.law, state.life_scale, state.roughness, s)
         noise[i] = np.sqrt(of_level * pace)
         shock = np.sqrt(of_rate * step) * random.standard_normal(state.law.shape)
-        # The mean rate of the step has half of the shock: the integral of a Wiener process, to first order.
-        level = state.level + reach * state.rate + 0.5 * step * shock
+        # The mean rate of the step contains half of the shock: integral of a Wiener process, to first order.
+        level = state.level + rate_gain * state.rate + 0.5 * step * shock
         level += noise[i] * np.sqrt(flown) * random.standard_normal(state.law.shape)
         levels[i + 1] = level
         state = replace(
@@ -135,19 +142,20 @@ def paths(
 
 
 def _uneven(state: UnitDraws, hours: Array, random: np.random.Generator) -> Array:
-    """Return by how many hours [h] components age in `hours` (n, 8) of even ageing: log-normal."""
+    """Return the log-normal hours [h] of uneven ageing (n, 8) during `hours` (n, 8) of even ageing."""
     variance = np.log1p(state.unevenness**2 * state.life_scale / hours)
     shock = np.sqrt(variance) * in_common(random.standard_normal(hours.shape))
     return np.asarray(hours * np.exp(shock - variance / 2))
 
 
 def _grid(settings: ForecastSettings) -> Array:
-    """Return the times of the forecast [h], their steps growing geometrically from the first one."""
+    """Return the times of the forecast [h], with steps that grow geometrically from the first step."""
     ratio = np.geomspace(1.0, settings.longest_hours / settings.first_step, settings.steps)
     return np.concatenate([[0.0], settings.first_step * ratio])
 
 
-def _changed(state: UnitDraws, step: float, prior: Prior, random: np.random.Generator) -> UnitDraws:
+def _with_law_changes(state: UnitDraws, step: float, prior: Prior, random: np.random.Generator) -> UnitDraws:
+    """Return `state` with the laws that change within `step` [h] drawn anew from the general prior."""
     changes = in_common(random.random(state.law.shape)) < -np.expm1(-step / prior.settings.change_hours)
     rows = np.flatnonzero(changes.any(axis=1))
     if not rows.size:
@@ -155,17 +163,17 @@ def _changed(state: UnitDraws, step: float, prior: Prior, random: np.random.Gene
     changes, law = changes[rows], state.law[rows]
     drawn = prior.general(state.aged[rows], random)
     rate = drawn.rate + drawn.rate_deviation * random.standard_normal(law.shape)
-    goes_on = is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
-    rate = with_rows(state.rate, rows, changes & ~goes_on, rate)
+    keeps_rate = is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
+    rate = with_rows(state.rate, rows, changes & ~keeps_rate, rate)
     return replace(state, **replace_law_fields(state, rows, changes, drawn), rate=rate)
 
 
 def _within_bounds(
     mean: Array, covariance: Array, random: np.random.Generator, least_friction: float
 ) -> tuple[Array, Array]:
-    """Return normal levels (n, 8) drawn within their bounds, and the weights (n,) that make them exact.
+    """Return normal levels (n, 8) drawn within their bounds, and their importance weights (n,).
 
-    The bounds are wider by `BEYOND`.
+    The bounds are extended by `BEYOND`.
     """
     from scipy.special import ndtr, ndtri
 
@@ -175,15 +183,15 @@ def _within_bounds(
     for c in range(mean.shape[1]):
         centre = mean[:, c] + np.einsum("nj,nj->n", root[:, c, :c], drawn[:, :c])
         low, high = (ndtr((bound[c] - centre) / root[:, c, c]) for bound in ends)
-        inside = np.maximum(high - low, 1e-12)
-        weights *= inside
-        drawn[:, c] = ndtri(np.clip(low + inside * random.random(len(mean)), 1e-12, 1 - 1e-12))
+        probability = np.maximum(high - low, 1e-12)
+        weights *= probability
+        drawn[:, c] = ndtri(np.clip(low + probability * random.random(len(mean)), 1e-12, 1 - 1e-12))
     level = mean + np.einsum("nij,nj->ni", root, drawn)
     return np.clip(level, *ends), weights
 
 
 def _rates_given_levels(belief: Belief, level: Array, random: np.random.Generator) -> Array:
-    """Return rates (n, 8) [1/h] of the particles, drawn given their levels (n, 8)."""
+    """Return rates (n, 8) [1/h] of the particles, drawn given the levels (n, 8)."""
     gain = np.swapaxes(np.linalg.solve(belief.levels, belief.mixed), 1, 2)
     mean = belief.rate + np.einsum("nij,nj->ni", gain, level - belief.level)
     covariance = belief.rates - gain @ belief.mixed
@@ -192,17 +200,17 @@ def _rates_given_levels(belief: Belief, level: Array, random: np.random.Generato
 
 
 def _root(covariance: Array) -> Array:
-    """Return lower triangular roots of covariances (n, 8, 8), which may be singular.
+    """Return lower triangular roots (n, 8, 8) of covariances, which may be singular.
 
-    Those that rounding has spoilt lose their correlations.
+    A covariance that rounding has made indefinite loses its correlations.
     """
     deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
     scale = np.where(deviation > 0, deviation, 1.0)
     correlation = covariance / scale[:, :, np.newaxis] / scale[:, np.newaxis, :]
-    for added in SINGULAR:
+    for regularisation in SINGULAR:
         try:
             return np.asarray(
-                np.linalg.cholesky(correlation + added * np.eye(covariance.shape[1]))
+                np.linalg.cholesky(correlation + regularisation * np.eye(covariance.shape[1]))
                 * deviation[:, :, np.newaxis]
             )
         except np.linalg.LinAlgError:

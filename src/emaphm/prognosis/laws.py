@@ -1,4 +1,4 @@
-"""Laws of degradation: how level and rate of a component go on, given the law."""
+"""Laws of degradation: transition of the level and rate of a component, given its law."""
 
 from typing import Any, TypeVar
 
@@ -20,17 +20,17 @@ from emaphm.prognosis.settings import (
 )
 
 LARGEST_EXPONENT = 7.0
-"""Of the exponential law's growth in one step: a thousandfold takes a level out of its bounds."""
+"""Largest exponent of the exponential law in one step: growth by 1,000 takes any level out of its bounds."""
 
 LEAST_LEFT = 1e-3
-"""Share of its life scale that a growing crack has left at least: at the end it leaves its bounds at once."""
+"""Smallest remaining share of a growing crack's life scale: from there, it leaves its bounds in one step."""
 
 Numbers = NDArray[np.int8]
 
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 Mask = NDArray[np.bool_]
-"""True and False, any shape; a docstring gives it."""
+"""Boolean array; its shape is given where it is used."""
 
 
 def has_plane(components: int) -> bool:
@@ -39,7 +39,7 @@ def has_plane(components: int) -> bool:
 
 
 def in_common(values: AnyArray) -> AnyArray:
-    """Return `values` (n, components, …) with the eccentricity's first coordinate's for its second too."""
+    """Return `values` (n, components, …) with those of the eccentricity's x coordinate copied to its y."""
     if not has_plane(values.shape[1]):
         return values
     result = values.copy()
@@ -56,9 +56,9 @@ def transition(
     settings: DegradationSettings,
     trajectories: ReferenceTrajectories | None = None,
 ) -> tuple[Array, Array]:
-    """Return reach and growth of the rate over `hours`, each of the shape of `law`.
+    """Return the coefficients d [h] and g [-] of the transition over `hours`, each of the shape of `law`.
 
-    Level x [-] and rate v = dx/dt [1/h] go on linearly, given the law:
+    Given the law, the transition of level x [-] and rate v = dx/dt [1/h] is linear:
 
         x⁺ = x + d v,    v⁺ = g v
 
@@ -69,10 +69,10 @@ def transition(
         crack growth, infinite at a = T            d = r/q ((r/(r-h))^q - 1)    g = (r/(r-h))^(q+1)
         as another unit, whose level moved by L    d = T (L((a+h)/T) - L(a/T))  g = 1
 
-    A negative v falls. A crack grows by dx/dt ∝ (x - x_c)^m, its unknown beginning being x_c: q is 1/(m - 1),
-    and r = T - a the hours that are left until it is infinite. L is a function of the share of the other
-    unit's span, so that T is the time in which this one follows the same trajectory; v = 1/T follows it to
-    the same level. Before its onset, a component of sudden onset has v = 0.
+    With a negative v the level falls. A crack grows by dx/dt ∝ (x - x_c)^m with an unknown initial level x_c:
+    q = 1/(m - 1), and r = T - a is the time until it is infinite. L is a function of the share of the other
+    unit's span, so that T is the time in which this unit follows the same trajectory; v = 1/T follows it to
+    the same level. A component of sudden onset has v = 0 before its onset.
 
     Parameters
     ----------
@@ -81,44 +81,46 @@ def transition(
     life_scale
         T [h].
     shape
-        s of the exponential law, p of the power law, q of crack growth, number of the other unit; no meaning
-        for the others.
+        s of the exponential law, p of the power law, q of crack growth, number of the other unit; unused by
+        the remaining laws.
     age
         a, hours since the component was new [h].
     hours
         h, the step [h].
     trajectories
-        Of other units, where the law of any component is `AS_ANOTHER`; the shape is then (…, 8).
+        Trajectories of other units, needed if any law is `AS_ANOTHER`; the shape is then (…, 8).
 
     Returns
     -------
     d [h], g [-].
     """
     h, age = np.broadcast_to(hours, law.shape), np.broadcast_to(age, law.shape)
-    flat = law.ravel(), h.ravel(), age.ravel(), life_scale.ravel(), shape.ravel()
+    arguments = law.ravel(), h.ravel(), age.ravel(), life_scale.ravel(), shape.ravel()
     reach, growth = np.where(law == CONSTANT, 0.0, h).ravel(), np.ones(law.size)
 
-    def of_law(wanted: int) -> tuple[NDArray[np.intp], list[Array]]:
-        rows = np.flatnonzero(flat[0] == wanted)
-        return rows, [values[rows] for values in flat[1:]]
+    def rows_and_arguments(number_of_law: int) -> tuple[NDArray[np.intp], list[Array]]:
+        rows = np.flatnonzero(arguments[0] == number_of_law)
+        return rows, [values[rows] for values in arguments[1:]]
 
-    rows, (step, _, scale, s) = of_law(EXPONENTIAL)
+    rows, (step, _, scale, s) = rows_and_arguments(EXPONENTIAL)
     if rows.size:
         tau = s * scale
         exponent = np.minimum(step / tau, LARGEST_EXPONENT)
         reach[rows], growth[rows] = tau * np.expm1(exponent), np.exp(exponent)
-    rows, (step, a, _, p) = of_law(POWER_LAW)
+    rows, (step, a, _, p) = rows_and_arguments(POWER_LAW)
     if rows.size:
         a = np.maximum(a, settings.first_hours)
         ratio = (a + step) / a
         reach[rows], growth[rows] = a / p * (ratio**p - 1), ratio ** (p - 1)
-    rows, (step, a, scale, q) = of_law(CRACK_GROWTH)
+    rows, (step, a, scale, q) = rows_and_arguments(CRACK_GROWTH)
     if rows.size:
-        left = np.maximum(scale - a, LEAST_LEFT * scale)
-        ratio = np.minimum(left / np.maximum(left - step, 1e-300), np.exp(LARGEST_EXPONENT / (q + 1)))
-        reach[rows], growth[rows] = left / q * (ratio**q - 1), ratio ** (q + 1)
+        remaining = np.maximum(scale - a, LEAST_LEFT * scale)
+        ratio = np.minimum(
+            remaining / np.maximum(remaining - step, 1e-300), np.exp(LARGEST_EXPONENT / (q + 1))
+        )
+        reach[rows], growth[rows] = remaining / q * (ratio**q - 1), ratio ** (q + 1)
     if trajectories is not None:
-        rows, (step, a, scale, number) = of_law(AS_ANOTHER)
+        rows, (step, a, scale, number) = rows_and_arguments(AS_ANOTHER)
         column, unit = rows % law.shape[-1], number.astype(int)
         end = trajectories.change_at(unit, (a + step) / scale, column)
         reach[rows] = scale * (end - trajectories.change_at(unit, a / scale, column))
@@ -126,17 +128,17 @@ def transition(
 
 
 def is_moving(law: Numbers) -> Mask:
-    """Return whether a component of that law has a rate."""
+    """Return a mask of the components whose law has a rate, of the shape of `law`."""
     return np.asarray((law != CONSTANT) & (law != SUDDEN_ONSET))
 
 
 def rate_scale(
     law: Numbers, life_scale: Array, shape: Array, age: Array, settings: DegradationSettings
 ) -> Array:
-    """Return the standard deviation of an unknown rate [1/h]: that which changes the level by 1 within T.
+    """Return the standard deviation of an unknown rate [1/h]: the rate that changes the level by 1 within T.
 
-    0 for the laws under which nothing moves yet: constant, and sudden onset before its onset. Parameters and
-    shapes as in `transition`.
+    It is 0 for the laws without a rate: constant, and sudden onset before its onset. Parameters
+    and shapes as in `transition`.
     """
     reach, _ = transition(law, life_scale, shape, age, life_scale, settings)
     return np.where(is_moving(law), 1 / np.maximum(reach, life_scale * 1e-3), 0.0)
@@ -149,34 +151,34 @@ def breaks(
     settings: DegradationSettings,
     random: np.random.Generator,
 ) -> Array:
-    """Return by what each rate is multiplied within `hours` [h], (n, components): 1 where it does not break.
+    """Return the factors of the rates for breaks within `hours` [h], (n, components): 1 without a break.
 
-    A rate breaks with probability 1 - exp(-b h/T), where something moves, by a log-normal factor. What
-    follows the trajectory of another unit breaks where that unit did. Parameters and shapes are those of
+    A nonzero rate breaks with probability 1 - exp(-b h/T), by a log-normal factor. The trajectory of another
+    unit contains the breaks of that unit, and gets no others. Parameters and shapes are those of
     `transition`.
     """
-    of_its_own = is_moving(law) & (law != AS_ANOTHER)
+    has_own_rate = is_moving(law) & (law != AS_ANOTHER)
     happens = in_common(random.random(law.shape)) < -np.expm1(-settings.breaks * hours / life_scale)
     rows = np.flatnonzero(happens.any(axis=1))
     factor = np.ones(law.shape)
     shock = in_common(random.standard_normal((rows.size, law.shape[1])))
-    factor[rows] = np.where((of_its_own & happens)[rows], np.exp(settings.break_factor * shock), 1.0)
+    factor[rows] = np.where((has_own_rate & happens)[rows], np.exp(settings.break_factor * shock), 1.0)
     return factor
 
 
 def noises(
     law: Numbers, life_scale: Array, roughness: Array, hours: Array | float, settings: DegradationSettings
 ) -> tuple[Array, Array, Array]:
-    """Return the variances that process noise adds over `hours`: of the level, of both, of the rate.
+    """Return the process noise over `hours`: variance of the level, covariance, variance of the rate.
 
-    The level deviates from its law by a Wiener process of variance q² = ρ²/T an hour, a law under which
-    nothing moves by one of `quiet`² times that; the rate of a law that
-    moves by one of r² = (ϱ/T)²/T an hour, which the level integrates:
+    The level deviates from its law by a Wiener process with variance q² = ρ²/T per hour, multiplied by
+    `quiet`² for laws without a rate. The rate of the law "changing rate" has a Wiener process with variance
+    r² = (ϱ/T)²/T per hour, which the level integrates:
 
         Q = [[q² h + r² h³/3, r² h²/2], [., r² h]]
 
-    Both ρ and ϱ are those of the settings times the component's `roughness` [-]. Other parameters and shapes
-    as in `transition`.
+    ρ and ϱ are `noise` and `rate_noise` of the settings times the component's `roughness` [-]. Other
+    parameters and shapes are those of `transition`.
 
     Returns
     -------
@@ -190,7 +192,7 @@ def noises(
 def noise_rates(
     law: Numbers, life_scale: Array, roughness: Array, settings: DegradationSettings
 ) -> tuple[Array, Array]:
-    """Return q² [1/h] and r² [1/h³] of `noises`, the variances an hour of level and rate by themselves."""
+    """Return q² [1/h] and r² [1/h³] of `noises`, the variances of level and rate per hour."""
     q = np.where(is_moving(law), 1.0, settings.quiet**2) * (roughness * settings.noise) ** 2 / life_scale
     wanders = law == CHANGING_RATE
     r = np.where(wanders, (roughness * settings.rate_noise / life_scale) ** 2 / life_scale, 0.0)

@@ -1,12 +1,12 @@
-"""Metrics of predictions of remaining useful life (RUL) against the time at which the unit really failed.
+"""Metrics of predictions of remaining useful life (RUL) against the time at which the unit failed.
 
-All times are flight hours [h]; a prediction is a sample of the RUL, in which `inf` stands for no failure in
-sight. The true RUL at hours t is failure - t. λ is a time as a share of the way from the first prediction to
+All times are flight hours [h]; a prediction is a sample of the RUL, in which `inf` means no failure in sight.
+The true RUL at hours t is failure - t. λ is a time as a share of the interval from the first prediction to
 the failure: t_λ = t_1 + λ (failure - t_1).
 
-`progpy` computes relative accuracy on the time of the event and not on the RUL, which makes every prediction
-look better the older the unit is, and takes back no horizon. Convert before comparing: see
-`relative_accuracy` and `PrognosticHorizon`.
+`progpy` computes relative accuracy from the time of the event instead of the RUL, so that the accuracy of any
+prediction increases with the age of the unit, and it does not withdraw a horizon that is lost later. Convert
+its values before comparing: see `relative_accuracy` and `PrognosticHorizon`.
 
 References
 ----------
@@ -30,17 +30,17 @@ from emaphm.errors import PrognosisError
 from emaphm.quantiles import sample_quantile
 
 ROUNDING = 1e-9
-"""Share of a life by which hours that are computed in different ways may differ."""
+"""Rounding tolerance of hours that are computed in different ways, as a share of a life."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A predicted RUL at flight `hours` [h]: a sample [h], shape (n,), of equal weights, at least one value.
+    """A predicted RUL at flight `hours` [h]: an equally weighted sample [h], shape (n,), n ≥ 1.
 
     Raises
     ------
     PrognosisError
-        The sample is empty, or a value is negative or no number.
+        The sample is empty, or a value is negative or not a number.
     """
 
     hours: float
@@ -57,11 +57,11 @@ class Prediction:
 
     @property
     def median(self) -> float:
-        """Median of the RUL [h]; `inf` where no failure is in sight."""
+        """Median of the RUL [h]; `inf` if no failure is in sight."""
         return self.quantile(0.5)
 
     def quantile(self, probability: float) -> float:
-        """Return the quantile of the RUL [h]: the least value that is not below that share of the sample."""
+        """Return the quantile of the RUL [h]: the smallest value not below that share of the sample."""
         return sample_quantile(self.sample, probability)
 
     def share_within(self, low: float, high: float) -> float:
@@ -72,12 +72,13 @@ class Prediction:
 
 @dataclass(frozen=True)
 class PrognosticHorizon:
-    """How long before the failure the predictions were good [h], 0 where they never were.
+    """Time before the failure at which the predictions became good [h], 0 if they never were.
 
     first
-        From the first good prediction on (the definition of [1] as `progpy` computes it).
+        Time from the first good prediction to the failure (the definition of [1] as `progpy` computes it).
     lasting
-        From the first good prediction on after which all were good: a horizon that is later lost is none.
+        Time from the first good prediction after which all predictions were good: a horizon that is lost
+        later does not count.
     """
 
     first: float
@@ -87,17 +88,20 @@ class PrognosticHorizon:
 def prognostic_horizon(
     predictions: Sequence[Prediction], failure: float, *, alpha: float = 0.2, beta: float = 0.5
 ) -> PrognosticHorizon:
-    """Return how long before `failure` the predictions were good: P(|RUL - RUL*| ≤ α L) ≥ β.
+    """Return the time before `failure` at which predictions became good: P(|RUL - RUL*| ≤ α L) ≥ β.
 
-    Here L is the whole life `failure`, so that the band has the same width at all times [1, 3.1]; in
-    `alpha_lambda` it narrows with the RUL. A prediction after the failure counts for none.
+    L is the full life `failure`, so that the band has the same width at all times [1, 3.1]; in `alpha_lambda`
+    it narrows with the RUL. Predictions after the failure are ignored.
     """
-    before = [one for one in predictions if one.hours < failure]
+    before = [prediction for prediction in predictions if prediction.hours < failure]
     good = [
-        one.share_within(failure - one.hours - alpha * failure, failure - one.hours + alpha * failure) >= beta
-        for one in before
+        prediction.share_within(
+            failure - prediction.hours - alpha * failure, failure - prediction.hours + alpha * failure
+        )
+        >= beta
+        for prediction in before
     ]
-    hours = [one.hours for one in before]
+    hours = [prediction.hours for prediction in before]
     first = next((failure - t for t, is_good in zip(hours, good, strict=True) if is_good), 0.0)
     lasting = 0.0
     for t, is_good in zip(reversed(hours), reversed(good), strict=True):
@@ -108,9 +112,9 @@ def prognostic_horizon(
 
 
 def at_share_of_life(hours: Sequence[float], failure: float, share: float) -> int:
-    """Return the number of the last prediction at or before t_λ; one at t_λ but for rounding counts.
+    """Return the index of the last prediction at or before t_λ, within rounding.
 
-    `hours` are those of all predictions of a unit [h], rising; λ is the `share`.
+    `hours` are those of all predictions of a unit [h], increasing; λ is the `share`.
 
     Raises
     ------
@@ -119,11 +123,11 @@ def at_share_of_life(hours: Sequence[float], failure: float, share: float) -> in
     """
     if not 0 <= share <= 1:
         raise PrognosisError(f"λ = {share:g} is no share of life; give a value from 0 to 1")
-    before = [one for one in hours if one < failure]
+    before = [time for time in hours if time < failure]
     if not before:
         raise PrognosisError(f"no prediction before the failure at {failure:.9g} h; predict earlier")
     reached = before[0] + share * (failure - before[0])
-    return sum(one <= reached + ROUNDING * failure for one in before) - 1
+    return sum(time <= reached + ROUNDING * failure for time in before) - 1
 
 
 def alpha_lambda(
@@ -134,22 +138,23 @@ def alpha_lambda(
     Parameters
     ----------
     predictions, failure, share
-        Of a unit, by rising hours; its true end [h]; λ. Errors as in `at_share_of_life`.
+        Predictions of a unit by increasing hours; time of its failure [h]; λ. Errors as in
+        `at_share_of_life`.
     alpha
-        α, half the width of the band, as a share of the true RUL RUL*.
+        α, half-width of the band as a share of the true RUL, RUL*.
     beta
         β, the least probability within the band.
     """
-    one = predictions[at_share_of_life([each.hours for each in predictions], failure, share)]
-    true = failure - one.hours
-    return one.share_within((1 - alpha) * true, (1 + alpha) * true) >= beta
+    prediction = predictions[at_share_of_life([item.hours for item in predictions], failure, share)]
+    true = failure - prediction.hours
+    return prediction.share_within((1 - alpha) * true, (1 + alpha) * true) >= beta
 
 
 def relative_accuracy(prediction: Prediction, failure: float) -> float:
-    """Return 1 - |median RUL - RUL*| / RUL* [1, 3.3]; -∞ where no failure is in sight.
+    """Return the relative accuracy 1 - |median RUL - RUL*| / RUL* [1, 3.3]; -∞ if no failure is in sight.
 
-    `progpy` has 1 - |mean end of life - failure| / failure: with the mean in place of the median here, that
-    is 1 - (RUL* / failure) (1 - this one).
+    `progpy` has 1 - |mean end of life - failure| / failure. With the mean in place of the median, this is
+    1 - (RUL* / failure) (1 - a), where a is the value returned here.
     """
     true = failure - prediction.hours
     if not true > 0:
@@ -161,10 +166,10 @@ def relative_accuracy(prediction: Prediction, failure: float) -> float:
 
 def cumulative_relative_accuracy(predictions: Sequence[Prediction], failure: float) -> float:
     """Return the mean relative accuracy of all predictions before the failure, equally weighted [1, 3.4]."""
-    before = [one for one in predictions if one.hours < failure]
+    before = [prediction for prediction in predictions if prediction.hours < failure]
     if not before:
         raise PrognosisError(f"no prediction before the failure at {failure:.9g} h; predict earlier")
-    return float(np.mean([relative_accuracy(one, failure) for one in before]))
+    return float(np.mean([relative_accuracy(prediction, failure) for prediction in before]))
 
 
 def probability_integral_transform(prediction: Prediction, true: float) -> float:
@@ -175,7 +180,7 @@ def probability_integral_transform(prediction: Prediction, true: float) -> float
 
 
 def coverage(transforms: ArrayLike, share: float = 0.9) -> float:
-    """Return how many of the probability integral transforms (n,) lie in the central interval of `share`."""
+    """Return the share of the probability integral transforms (n,) in the central interval of `share`."""
     values = np.asarray(transforms, float)
     return float(np.mean(np.abs(values - 0.5) <= share / 2))
 
@@ -185,8 +190,8 @@ def crps(sample: ArrayLike, true: float, *, longest: float = np.inf) -> float:
 
     CRPS = ∫ (F(x) - 1[x ≥ true])² dx = E|X - true| - ½ E|X - X'|            [2, eq. 20, 21]
 
-    Values above `longest` [h] count as `longest`, the true one too: a sample that holds `inf`, no failure
-    in sight, has a finite score only up to a time that is looked at.
+    Values above `longest` [h], including the true RUL, are set to `longest`: a sample that contains `inf` (no
+    failure in sight) has a finite score only up to a finite time.
     """
     x = np.minimum(np.sort(np.asarray(sample, float)), longest)
     n = x.size
@@ -208,17 +213,17 @@ def brier(probabilities: ArrayLike, happened: ArrayLike) -> float:
 def late_prediction_rate(predictions: Sequence[tuple[Prediction, float]], margin: float = 0.0) -> float:
     """Return the share of predictions, each with its true RUL [h], whose median exceeds the true RUL.
 
-    Only those count that exceed it by more than `margin`, a share of the true RUL.
+    A prediction counts if its median exceeds the true RUL by more than `margin`, a share of the true RUL.
     """
     if not predictions:
         raise PrognosisError("no predictions; give one or more")
-    return float(np.mean([one.median > (1 + margin) * true for one, true in predictions]))
+    return float(np.mean([prediction.median > (1 + margin) * true for prediction, true in predictions]))
 
 
 def wasted_life(removals: ArrayLike, failures: ArrayLike) -> float:
-    """Return the mean share of life that was left when units were removed at hours (n,), failures at (n,).
+    """Return the mean unused share of life of units with hours of removal (n,) and of failure (n,).
 
-    A unit that failed before its removal wasted nothing.
+    The unused share of a unit that failed before its removal is 0.
     """
     at, end = np.asarray(removals, float), np.asarray(failures, float)
     if at.shape != end.shape or not np.all(end > 0):
@@ -227,9 +232,10 @@ def wasted_life(removals: ArrayLike, failures: ArrayLike) -> float:
 
 
 def false_alarms_per_1000_hours(alarms: Sequence[tuple[float, float]], flown: float, within: float) -> float:
-    """Return how many alarms, pairs of hours [h] and true RUL [h] there, had a true RUL above `within`.
+    """Return the number of alarms with a true RUL above `within`, per 1,000 of the `flown` hours.
 
-    Per 1,000 of the `flown` hours, which are those of all units; a true RUL that is not known is `inf`.
+    `alarms` are pairs of hours [h] and true RUL [h] at that time (`inf` if unknown); `flown` are the hours of
+    all units.
     """
     if not flown > 0:
         raise PrognosisError(f"{flown:.9g} flown hours; give those of all units, above 0")

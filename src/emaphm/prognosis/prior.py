@@ -1,4 +1,4 @@
-"""What is believed of a component's degradation before it is seen: in general, or learnt from a fleet."""
+"""Prior of the degradation of a component: general, or learnt from a fleet."""
 
 import math
 from dataclasses import dataclass, replace
@@ -34,37 +34,37 @@ NEW = to_cartesian(HEALTHY.vector)
 
 
 Rows = NDArray[np.intp] | slice
-"""Of arrays whose first axis is that of the particles."""
+"""Index of rows, in arrays whose first axis is that of the particles."""
 
 EVERY_ROW = slice(None)
 
 
 def with_rows(before: AnyArray, rows: Rows, where: Mask, new: AnyArray) -> AnyArray:
-    """Return `before` (n, …) with `new` (k, …) in its `rows` (k,), `where` (k, …) is True."""
+    """Return `before` (n, …) with its `rows` (k,) replaced by `new` (k, …) where `where` (k, …) is True."""
     result = before.copy()
     result[rows] = np.where(where, new, before[rows])
     return result
 
 
 TRAJECTORY_SHARE = 0.5
-"""Share of a fleet's hypotheses that are trajectories of its units; the others are parameters of laws."""
+"""Share of a fleet's hypotheses that are trajectories of its units; the rest are parameters of laws."""
 
 
 class Hypotheses(NamedTuple):
-    """Laws with their parameters, and what is known of the rate under each; any one shape.
+    """Laws with their parameters and the prior of the rate under each law; all arrays have the same shape.
 
     law
         Numbers of `LAWS`.
     life_scale, shape
         T [h]; time constant as a share of T, exponent, or number of another unit.
     roughness
-        Of the process noise, relative to the settings' [-].
+        Process noise relative to that of the settings [-].
     unevenness
         Standard deviation of the ageing within T, as a share of T [-].
     rate, rate_deviation
         Mean and standard deviation of the rate [1/h] when the component is new, or at an onset or change.
     exponents
-        Of the stress covariates, one axis more, of 3: `STRESSES`.
+        Exponents of the stress covariates, with an additional last axis of length 3 (`STRESSES`).
     """
 
     law: Numbers
@@ -79,14 +79,15 @@ class Hypotheses(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """The prior of the degradation: `settings`, and where a fleet was seen, its hypotheses.
+    """The prior of the degradation: `settings` and, if a fleet is given, its hypotheses.
 
-    A component's hypothesis is one of the fleet's, `fleet` of shape (k, 8), with probability `fleet_share`,
-    else drawn by the settings: a fleet of few units has shown few ways to degrade. A share of the fleet's
-    hypotheses are the `trajectories` of its units. `reference` is the stress that hours and rates are at;
-    None where no stress was recorded, and an hour is an hour. `recalibration` is how the fleet's own
-    predictions turned out, `fleet_pace` the pace of its units. `units` is how many count in any of that.
-    `least_friction` is that of the actuator.
+    With probability `fleet_share`, a component's hypothesis is drawn from those of the fleet, `fleet` of
+    shape (k, 8); otherwise it is drawn from the settings, because a fleet of few units covers few courses of
+    degradation. A share of the fleet's hypotheses are the `trajectories` of its units. `reference` is the
+    stress to which hours and rates refer; if it is None, no stress was recorded and hours are not converted.
+    `recalibration` contains the errors of predictions of the fleet's own failures, `fleet_pace` the pace of
+    its units, `units` the number of units used for any of these. `least_friction` is the lower bound of the
+    actuator's friction.
     """
 
     settings: DegradationSettings = DEGRADATION
@@ -104,7 +105,7 @@ class Prior:
         return replace(self, least_friction=float(lower_bounds(actuator)[0]))
 
     def draw(self, particles: int, random: np.random.Generator, components: int = COORDINATES) -> Hypotheses:
-        """Return hypotheses of the first `components` of a new unit, each array (particles, components)."""
+        """Return hypotheses for the first `components` of a new unit, arrays (particles, components)."""
         own = self.general(np.zeros((particles, components)), random)
         if self.fleet is None:
             return own
@@ -112,17 +113,17 @@ class Prior:
         is_fleets = in_common(random.random(own.law.shape)) < self.fleet_share
         columns = np.arange(components)
 
-        def chosen(theirs: Array, mine: Array) -> Array:
-            return np.asarray(np.where(is_fleets, theirs[rows, columns], mine))
+        def selected(of_fleet: Array, of_settings: Array) -> Array:
+            return np.asarray(np.where(is_fleets, of_fleet[rows, columns], of_settings))
 
         drawn = Hypotheses(
             law=np.where(is_fleets, self.fleet.law[rows, columns], own.law),
-            life_scale=chosen(self.fleet.life_scale, own.life_scale),
-            shape=chosen(self.fleet.shape, own.shape),
-            roughness=chosen(self.fleet.roughness, own.roughness),
-            unevenness=chosen(self.fleet.unevenness, own.unevenness),
-            rate=chosen(self.fleet.rate, own.rate),
-            rate_deviation=chosen(self.fleet.rate_deviation, own.rate_deviation),
+            life_scale=selected(self.fleet.life_scale, own.life_scale),
+            shape=selected(self.fleet.shape, own.shape),
+            roughness=selected(self.fleet.roughness, own.roughness),
+            unevenness=selected(self.fleet.unevenness, own.unevenness),
+            rate=selected(self.fleet.rate, own.rate),
+            rate_deviation=selected(self.fleet.rate_deviation, own.rate_deviation),
             exponents=np.where(
                 is_fleets[..., np.newaxis], self.fleet.exponents[rows, columns], own.exponents
             ),
@@ -131,10 +132,10 @@ class Prior:
         return self._as_others(drawn, is_fleets & as_trajectory, random)
 
     def _as_others(self, drawn: Hypotheses, where: Mask, random: np.random.Generator) -> Hypotheses:
-        """Return the hypotheses (n, 8); `where` True, that the component follows another unit's trajectory.
+        """Return the hypotheses (n, 8), following another unit's trajectory where `where` (n, 8) is True.
 
-        Its time and amplitude differ from the other unit's by one of the settings' `spreads`; the
-        coordinates of an eccentricity have any amplitude up to about its own.
+        Time and amplitude differ from those of the other unit by one of the settings' `spreads`; the
+        coordinates of an eccentricity have any amplitude up to about that of the other unit.
         """
         if self.trajectories is None:
             return drawn
@@ -158,31 +159,35 @@ class Prior:
         )
 
     def general(self, age: Array, random: np.random.Generator) -> Hypotheses:
-        """Return hypotheses by the settings alone, of components of that `age` (n, c) [h], each (n, c)."""
+        """Return hypotheses (n, c) drawn from the settings alone, for components of `age` (n, c) [h]."""
         s = self.settings
         law = random.choice(len(s.laws), size=age.shape, p=s.laws).astype(np.int8)
         life_scale = _log_uniform(s.life_scale, random, age.shape)
         uniform = random.random(age.shape)
-        form = np.ones(age.shape)
-        for one, (low, high) in ((POWER_LAW, s.exponent), (EXPONENTIAL, s.growth), (CRACK_GROWTH, s.crack)):
-            form = np.where(law == one, np.exp(np.log(low) + uniform * np.log(high / low)), form)
-        # A crack that has not become infinite until now does so later.
+        shape = np.ones(age.shape)
+        for number, (low, high) in (
+            (POWER_LAW, s.exponent),
+            (EXPONENTIAL, s.growth),
+            (CRACK_GROWTH, s.crack),
+        ):
+            shape = np.where(law == number, np.exp(np.log(low) + uniform * np.log(high / low)), shape)
+        # A crack that is not infinite yet becomes infinite later.
         life_scale = np.where(law == CRACK_GROWTH, age + life_scale, life_scale)
-        deviation = rate_scale(law, life_scale, form, age, s)
+        deviation = rate_scale(law, life_scale, shape, age, s)
         roughness = _log_uniform(s.roughness, random, age.shape)
         unevenness = _log_uniform(s.unevenness, random, age.shape)
         rate, exponents = np.zeros(age.shape), self._exponents(age.shape, random)
         drawn = Hypotheses(
             law=law,
             life_scale=life_scale,
-            shape=form,
+            shape=shape,
             roughness=roughness,
             unevenness=unevenness,
             rate=rate,
             rate_deviation=deviation,
             exponents=exponents,
         )
-        return Hypotheses._make(in_common(one) for one in drawn)
+        return Hypotheses._make(in_common(values) for values in drawn)
 
     def _exponents(self, shape: tuple[int, ...], random: np.random.Generator) -> Array:
         if self.reference is None:
@@ -191,26 +196,26 @@ class Prior:
         return np.asarray(random.uniform(low, high, (*shape, len(STRESSES))))
 
     def after_onset(self, shape: tuple[int, ...], random: np.random.Generator) -> Hypotheses:
-        """Return linear hypotheses for components whose degradation has just set in, each of `shape`."""
+        """Return linear hypotheses of `shape` for components whose degradation has just started."""
         drawn = self.general(np.zeros(shape), random)
         law = np.full_like(drawn.law, LINEAR)
         return drawn._replace(law=law, rate_deviation=1 / drawn.life_scale)
 
 
 def _log_uniform(ends: tuple[float, float], random: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Return numbers of `shape` between `ends`, whose logarithms are uniform."""
+    """Return random numbers of `shape` between `ends`, uniform in the logarithm."""
     low, high = ends
     return np.asarray(np.exp(random.uniform(math.log(low), math.log(high), shape)))
 
 
 def replace_law_fields(before: Any, rows: Rows, where: Mask, drawn: Hypotheses) -> dict[str, Any]:
-    """Return the fields of a belief or state that say its laws, those of `drawn` as in `with_rows`."""
+    """Return the law fields of a filter state or `UnitDraws`, replaced by `drawn` as in `with_rows`."""
     names = ("law", "life_scale", "shape", "roughness", "unevenness")
     return {name: with_rows(getattr(before, name), rows, where, getattr(drawn, name)) for name in names}
 
 
 def rate_when_new(hypotheses: Hypotheses, age: Array, settings: DegradationSettings) -> Array:
-    """Return by what to divide the rate at `age` [h] to get that of the new component, any one shape."""
+    """Return the ratio of the rate at `age` [h] to the rate of the new component, in the shape of `age`."""
     start = np.full_like(age, settings.first_hours)
     _, growth = transition(
         hypotheses.law,
@@ -224,5 +229,5 @@ def rate_when_new(hypotheses: Hypotheses, age: Array, settings: DegradationSetti
 
 
 def is_waiting(law: Numbers) -> Mask:
-    """Return whether a component is of sudden onset, before it."""
+    """Return a mask of the components with a sudden onset that has not occurred yet."""
     return np.asarray(law == SUDDEN_ONSET)

@@ -1,4 +1,4 @@
-"""Prognosis of a unit: from its diagnoses to the distribution of its remaining useful life, and advice."""
+"""Prognosis of a unit: distribution of the remaining useful life from its diagnoses, and advice."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from emaphm.history import Failure
 
 MOST_PAST, PAST_PATHS = 12, 250
-"""Most earlier forecasts in a figure of the RUL against time, and paths of each where measures end them."""
+"""Largest number of earlier forecasts in a figure of the RUL against time; paths of each of them if a
+requirement is a measure."""
 
 LONGEST_HORIZON = 1e6
 """Longest horizon of a forecast [h]."""
@@ -37,21 +38,21 @@ LONGEST_HORIZON = 1e6
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of a prognosis: how far is planned, and what a failure may cost.
+    """Inputs of a prognosis apart from the evidence: horizon, accepted risk, costs and future stress.
 
     Parameters
     ----------
     horizon
-        Flight hours from now on, within which the probability of failure is asked [h].
+        Flight hours from now on, for which the probability of failure is computed [h].
     risk
         Largest accepted probability of failure, for the advice without costs.
     ahead
-        The stress that is to come. What it leaves out stays as in the past, as far as that was recorded.
+        The future stress. A value that is left out continues as in the recorded past.
 
     Raises
     ------
     PrognosisError
-        The horizon is not above 0, or the risk is no probability.
+        The horizon is not above 0, or the risk is not a probability.
     """
 
     horizon: float = 1000.0
@@ -65,7 +66,9 @@ class Question:
                 f"a horizon of {self.horizon:.9g} h: give hours above 0, {LONGEST_HORIZON:g} at most"
             )
         if not 0 < self.risk < 1:
-            raise PrognosisError(f"a risk of {self.risk:g} is no probability: give one between 0 and 1")
+            raise PrognosisError(
+                f"a risk of {self.risk:g} is not a probability: give a number between 0 and 1"
+            )
 
 
 DEFAULT_QUESTION = Question()
@@ -88,42 +91,43 @@ def prognose(
     evidence
         The unit's diagnoses and replacements.
     actuator
-        Its requirements define a failure. Without any, it is a level of 1 of a component other than the gain.
+        Its requirements define a failure. Without requirements, a failure is a level of 1 of a component
+        other than the gain.
     question
-        The horizon [h], the accepted risk, costs and the stress to come.
+        The horizon [h], the accepted risk, costs and the future stress.
     prior
-        Prior of the degradation: the general one where left out; `fleet_prior` learns one of other units.
+        Prior of the degradation: by default the general prior; `fleet_prior` learns a prior from other units.
     seed, settings
-        Source of all randomness; how many paths are forecast, and how far, `FORECAST` where left out.
+        Seed of the random streams; number and duration of the forecast paths, by default `FORECAST`.
     keep_past
-        Whether the beliefs at up to `MOST_PAST` earlier diagnoses are kept, 2 MB each, for a figure of the
-        RUL against time.
+        Whether the filter states at up to `MOST_PAST` earlier diagnoses are kept, 2 MB each, for a figure of
+        the RUL against time.
 
     Raises
     ------
     PrognosisError
-        A diagnosis cannot be used, or a new actuator violates a requirement: a life would begin with its end.
+        A diagnosis cannot be used, or a new actuator violates a requirement, so that its life would be 0.
     MethodError
         The averaged model did not stay finite.
     """
     prior, settings = (prior or Prior()).of(actuator), _reaching(settings or FORECAST, question.horizon)
     requirements = Requirements(actuator)
     requirements.check_new()
-    kept = _shown(evidence) if keep_past else {len(evidence.used) - 1}
+    kept = _plotted_diagnoses(evidence) if keep_past else {len(evidence.used) - 1}
     filtering = FILTER.for_updates(len(evidence.used))
     followed = follow(evidence, prior, seed=seed, settings=filtering, past=kept)
-    made, forecast = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
-    times = by_fleet(forecast, made.level[0], followed.belief, evidence, question.ahead)
+    forecast_paths, forecast = _forecast(followed.belief, evidence, requirements, settings, question.ahead)
+    times = by_fleet(forecast, forecast_paths.level[0], followed.belief, evidence, question.ahead)
     limit = times.commonest
-    component = None if limit is None else responsible(made, forecast, limit, requirements)
+    component = None if limit is None else responsible(forecast_paths, forecast, limit, requirements)
     new_at = followed.belief.new_at[columns_of(component)[0]] if component else 0.0
     result = Prognosis(
         evidence=evidence,
         actuator=actuator,
         horizon=question.horizon,
-        values=requirements.values(vectors_of(made.level[0], actuator)),
+        values=requirements.values(vectors_of(forecast_paths.level[0], actuator)),
         times=times,
-        paths=made,
+        paths=forecast_paths,
         component=component,
         limit=None if limit is None else times.limits[limit],
         advice=_advice(evidence, times.first, question, age=evidence.hours - float(new_at)),
@@ -134,7 +138,7 @@ def prognose(
         notes=notes_on(
             evidence,
             followed,
-            made.level[0],
+            forecast_paths.level[0],
             times,
             requirements,
             prior,
@@ -146,23 +150,27 @@ def prognose(
 
 
 def _advice(evidence: Evidence, rul: Array, question: Question, *, age: float) -> Advice:
-    """Return the advice for a sample of the RUL [h], which follows from explained diagnoses alone."""
+    """Return the advice for a sample of the RUL [h], which uses explained diagnoses alone."""
     given = advice(rul, question.horizon, risk=question.risk, age=age, costs=question.costs)
     newest = evidence.unexplained
     return given if newest is None else without_new_diagnoses(given, newest, float(np.mean(rul == 0)))
 
 
 def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
-    """Return the prognosis of a unit that has failed: no life left, by what a shop found, if it did.
+    """Return the prognosis of a failed unit: RUL 0, and the failed component that a shop found, if any.
 
-    Levels and other requirements stay as forecast.
+    Levels and other requirements are kept from the forecast.
     """
     times, component, limit = found_failed(forecast.times, failure.components)
     since = f"failed at {failure.hours:,.9g} h and was neither repaired nor flown since"
     note = f"the unit {since}: it has no remaining useful life"
     if component is None:
-        likeliest = f"; the likeliest by its diagnoses: {forecast.cause}" if forecast.cause else ""
-        note += f"; by what, no finding in the history says{likeliest}"
+        most_likely = (
+            f"; the most likely component according to the diagnoses: {forecast.cause}"
+            if forecast.cause
+            else ""
+        )
+        note += f"; no finding in the history states the cause{most_likely}"
     return replace(
         forecast,
         times=times,
@@ -174,9 +182,9 @@ def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
 
 
 def past_lives(prognosis: Prognosis) -> list[tuple[float, np.ndarray]]:
-    """Return the RUL as forecast at the diagnoses whose beliefs were kept: pairs of hours and samples [h].
+    """Return the RUL forecast at the diagnoses whose filter states were kept: pairs of hours, samples [h].
 
-    By fewer paths where a requirement is a measure, of which each value takes a run of the model.
+    If a requirement is a measure, fewer paths are used, because each value needs a run of the model.
     """
     settings = _reaching(FORECAST, prognosis.horizon)
     if any(limit.component is None for limit in prognosis.times.limits):
@@ -185,12 +193,12 @@ def past_lives(prognosis: Prognosis) -> list[tuple[float, np.ndarray]]:
 
 
 def _reaching(settings: ForecastSettings, horizon: float) -> ForecastSettings:
-    """Return the settings of a forecast that goes beyond the horizon [h]."""
+    """Return settings of a forecast over at least twice the horizon [h]."""
     return replace(settings, longest_hours=max(settings.longest_hours, 2 * horizon))
 
 
-def _shown(evidence: Evidence) -> set[int]:
-    """Return the numbers of up to `MOST_PAST` used diagnoses, evenly from the first to the last."""
+def _plotted_diagnoses(evidence: Evidence) -> set[int]:
+    """Return indices of up to `MOST_PAST` used diagnoses, evenly spaced from the first to the last."""
     count = len(evidence.used)
     return set(np.linspace(0, count - 1, min(MOST_PAST, count)).astype(int).tolist())
 
@@ -202,24 +210,26 @@ def lives(
     ahead: Stress | None = None,
     settings: ForecastSettings | None = None,
 ) -> list[tuple[float, np.ndarray]]:
-    """Return the RUL as forecast from each of the `beliefs` of a unit: pairs of hours and samples [h].
+    """Return the RUL forecast from each of the filter states `beliefs`: pairs of hours, samples [h].
 
-    `ahead` is the stress to come and `settings` are how it is forecast, as in `prognose`.
+    `ahead` is the future stress and `settings` are those of the forecast, as in `prognose`.
     """
     requirements, settings = Requirements(actuator), settings or FORECAST
-    found = []
+    forecasts = []
     for belief in beliefs:
-        made, times = _forecast(belief, evidence, requirements, settings, ahead)
-        found.append((belief.hours, by_fleet(times, made.level[0], belief, evidence, ahead).first))
-    return found
+        forecast_paths, times = _forecast(belief, evidence, requirements, settings, ahead)
+        forecasts.append(
+            (belief.hours, by_fleet(times, forecast_paths.level[0], belief, evidence, ahead).first)
+        )
+    return forecasts
 
 
 def uncorrected(
     beliefs: Sequence[Belief], evidence: Evidence, actuator: Actuator, settings: ForecastSettings
 ) -> list[FailureTimes]:
-    """Return when the paths from each of the `beliefs` of a unit, one or more, fail its requirements.
+    """Return the failure times of the paths from each of one or more filter states `beliefs` of a unit.
 
-    The corrections that the fleet's record suggests are left out. The paths of all are followed together.
+    Recalibration and pace of the fleet are not applied. The paths of all filter states are computed together.
     """
     states = [_state(belief, evidence, settings) for belief in beliefs]
     paces = [
@@ -228,10 +238,10 @@ def uncorrected(
     ]
     fields = {name: np.concatenate([getattr(state, name) for state in states]) for name in vars(states[0])}
     seed = beliefs[0].seed
-    made = _paths(UnitDraws(**fields), beliefs[0], evidence, np.concatenate(paces), settings)
-    times = failure_times(made, Requirements(actuator), seed=seed)
-    parts = np.split(times.hours, len(beliefs), axis=1)
-    return [FailureTimes(times.limits, part) for part in parts]
+    forecast_paths = _paths(UnitDraws(**fields), beliefs[0], evidence, np.concatenate(paces), settings)
+    times = failure_times(forecast_paths, Requirements(actuator), seed=seed)
+    hours_by_state = np.split(times.hours, len(beliefs), axis=1)
+    return [FailureTimes(times.limits, part) for part in hours_by_state]
 
 
 def _forecast(
@@ -241,36 +251,41 @@ def _forecast(
     settings: ForecastSettings,
     ahead: Stress | None,
 ) -> tuple[Paths, FailureTimes]:
+    """Return the paths from a filter state and the times at which they fail the requirements."""
     state = _state(belief, evidence, settings)
     pace = pace_ahead(state, belief, evidence, ahead)
-    made = _paths(state, belief, evidence, pace, settings)
-    return made, failure_times(made, requirements, seed=belief.seed)
+    forecast_paths = _paths(state, belief, evidence, pace, settings)
+    return forecast_paths, failure_times(forecast_paths, requirements, seed=belief.seed)
 
 
 def _state(belief: Belief, evidence: Evidence, settings: ForecastSettings) -> UnitDraws:
-    """Return possible states of the unit, drawn from a belief; components never diagnosed are healthy."""
-    state, hidden = drawn_states(belief, settings.paths), ~evidence.seen
+    """Return states of the unit drawn from the filter; components never diagnosed are assumed healthy."""
+    state, undiagnosed = drawn_states(belief, settings.paths), ~evidence.seen
     return replace(
         state,
-        law=np.where(hidden, CONSTANT, state.law).astype(np.int8),
-        level=np.where(hidden, NEW, state.level),
-        rate=np.where(hidden, 0.0, state.rate),
+        law=np.where(undiagnosed, CONSTANT, state.law).astype(np.int8),
+        level=np.where(undiagnosed, NEW, state.level),
+        rate=np.where(undiagnosed, 0.0, state.rate),
     )
 
 
 def _paths(
     state: UnitDraws, belief: Belief, evidence: Evidence, pace: Array | float, settings: ForecastSettings
 ) -> Paths:
-    made, hidden = paths(state, belief.prior, seed=belief.seed, pace=pace, settings=settings), ~evidence.seen
-    if hidden.any():
-        made.level[:, :, hidden] = NEW[hidden]
-        made.noise[:, :, hidden] = 0.0
-    return made
+    """Return the paths from `state`; levels of components never diagnosed stay healthy."""
+    forecast_paths, undiagnosed = (
+        paths(state, belief.prior, seed=belief.seed, pace=pace, settings=settings),
+        ~evidence.seen,
+    )
+    if undiagnosed.any():
+        forecast_paths.level[:, :, undiagnosed] = NEW[undiagnosed]
+        forecast_paths.noise[:, :, undiagnosed] = 0.0
+    return forecast_paths
 
 
 def pace_ahead(state: UnitDraws, belief: Belief, evidence: Evidence, ahead: Stress | None) -> Array | float:
-    """Return by how many hours the components of `state` age in an hour to come, (n, 8) or one number.
+    """Return the hours by which the components of `state` age in a future hour, (n, 8) or one number.
 
-    Under the stress `ahead`, and what it leaves out as recorded up to the belief.
+    The stress is `ahead`; a value that it leaves out continues as recorded up to the filter state.
     """
     return ageing_ahead(evidence.stresses, belief.prior.reference, belief.hours, state.exponents, ahead)

@@ -1,4 +1,4 @@
-"""The prognosis of a unit: what was found, as text and as JSON."""
+"""Result of a prognosis of a unit, with its text and its JSON."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -30,25 +30,25 @@ INTERVAL90 = (0.05, 0.95)
 
 
 class RemainingLife:
-    """What a `sample` (n,) of the RUL [h] says; `horizon` [h] as in `probability_of_failure`."""
+    """Statistics of a `sample` (n,) of the RUL [h]; `horizon` [h] is used by `probability_of_failure`."""
 
     horizon: float
     sample: Array
 
     @property
     def median(self) -> float:
-        """Median of the RUL [h], `inf` where no failure is in sight."""
+        """Median of the RUL [h], `inf` if no failure is in sight."""
         return sample_quantile(self.sample, 0.5)
 
     @property
     def interval90(self) -> tuple[float, float]:
-        """5 to 95 % of the RUL [h]; `inf` where no failure is in sight."""
+        """5 % and 95 % quantiles of the RUL [h]; `inf` if no failure is in sight."""
         low, high = (sample_quantile(self.sample, p) for p in INTERVAL90)
         return low, high
 
     @property
     def probability_of_failure(self) -> float:
-        """Probability of a failure within the horizon: a requirement or the indicator's limit is reached."""
+        """Probability that a requirement fails, or the indicator reaches its limit, within the horizon."""
         return float(np.mean(self.sample <= self.horizon))
 
 
@@ -61,26 +61,26 @@ class Prognosis(RemainingLife):
     horizon
         Flight hours from now on for which `probability_of_failure` holds [h].
     values
-        The quantity that each limit is on, now, of each path, (limits, n), in the limit's unit.
+        Present value of the limited quantity, for each limit and path, (limits, n), in the limit's unit.
     times
-        When each of n forecast paths fails each limit: `times.hours` (limits, n), flight hours from now
-        on [h], `inf` where it does not.
+        Failure times of n forecast paths for each limit: `times.hours` (limits, n), flight hours from now
+        on [h], `inf` without a failure.
     paths
         The forecast levels [-]: `paths.level` (m, n, 8), at `paths.hours` (m,) from now on [h].
     component, limit
-        What most likely fails first, None where no path fails; of a unit that has failed, what a shop found.
+        Component and limit that most likely fail first, None if no path fails; for a failed unit, those that
+        a shop found.
     advice
-        What to do, in how many flight hours from now on [h], and the risk until then.
+        Action, its flight hours from now on [h], and the risk until then.
     belief, past
-        Degradation as it is believed to be now, and as it was at the earlier diagnoses of which that was
-        kept: weighted particles of the 8 components, levels [-] and rates [1/h], each at the unit's flight
-        `hours` [h].
+        Filter states: the present one, and those kept at earlier diagnoses. Each has weighted particles of
+        the 8 components, with levels [-] and rates [1/h], at the unit's flight `hours` [h].
     seed
-        Source of all randomness.
+        Seed of the random streams.
     ahead
-        The stress to come, as the question gave it; None where it was left out.
+        The future stress as given in the question; None if it was left out.
     sample
-        The RUL of each path [h], (n,): `inf` where no failure is in sight, 0 where the unit has failed.
+        The RUL of each path [h], (n,): `inf` without a failure in sight, 0 if the unit has failed.
     """
 
     evidence: Evidence
@@ -105,20 +105,20 @@ class Prognosis(RemainingLife):
         object.__setattr__(self, "sample", sample)
 
     def probabilities(self) -> dict[str, float]:
-        """Return by requirement the probability that it fails within the horizon, whatever the others do."""
+        """Return for each requirement the probability that it fails within the horizon, by itself."""
         return {
             limit.label: float(np.mean(row <= self.horizon))
             for limit, row in zip(self.times.limits, self.times.hours, strict=True)
         }
 
     def requirements(self) -> dict[str, dict[str, Any]]:
-        """Return of each requirement its value now, median and 90 % interval, and when it may fail."""
+        """Return for each requirement its present value, 90 % interval and probability of failure."""
         probabilities = self.probabilities()
         result: dict[str, dict[str, Any]] = {}
         for limit, row in zip(self.times.limits, self.values, strict=True):
-            low, middle, high = (sample_quantile(row, p) for p in (INTERVAL90[0], 0.5, INTERVAL90[1]))
+            low, median, high = (sample_quantile(row, p) for p in (INTERVAL90[0], 0.5, INTERVAL90[1]))
             result[limit.label] = {
-                "value": finite(middle),
+                "value": finite(median),
                 "interval90": [finite(low), finite(high)],
                 "unit": limit.unit,
                 "probability_of_failure": probabilities[limit.label],
@@ -126,22 +126,22 @@ class Prognosis(RemainingLife):
         return result
 
     def levels(self) -> dict[str, dict[str, Any]]:
-        """Return of each component its level now, median and 90 % interval, and its laws' probabilities."""
+        """Return for each component the median and 90 % interval of its level, and law probabilities."""
         vectors = vectors_of(self.paths.level[0], self.actuator)
         laws = self.belief.law_probabilities()
         result = {}
         for name in COMPONENTS:
             column = NAMES.index(name)
-            low, middle, high = np.quantile(vectors[:, column], (INTERVAL90[0], 0.5, INTERVAL90[1]))
+            low, median, high = np.quantile(vectors[:, column], (INTERVAL90[0], 0.5, INTERVAL90[1]))
             result[name] = {
-                "median": float(middle),
+                "median": float(median),
                 "interval90": [float(low), float(high)],
                 "laws": {law: float(p) for law, p in zip(LAWS, laws[column], strict=True)},
             }
         return result
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the prognosis as JSON; null where no failure is in sight."""
+        """Return the prognosis as JSON; a RUL without a failure in sight is null."""
         evidence = self.evidence
         return {
             "unit": evidence.unit,
@@ -190,20 +190,20 @@ class Prognosis(RemainingLife):
     def rul_text(self) -> str:
         """Return the RUL as text, with its 90 % interval."""
         if self.evidence.unrepaired is not None:
-            found = "" if self.cause else ", cause not found"
-            return f"none, failed at {self.evidence.unrepaired.hours:,.9g} h{found}"
+            cause_text = "" if self.cause else ", cause not found"
+            return f"none, failed at {self.evidence.unrepaired.hours:,.9g} h{cause_text}"
         low, high = (hours_text(x) for x in self.interval90)
-        known = without_rate(len(self.evidence.used))
-        return f"{hours_text(self.median)} (90 %: {low} to {high}{known})"
+        evidence_text = without_rate(len(self.evidence.used))
+        return f"{hours_text(self.median)} (90 %: {low} to {high}{evidence_text})"
 
     @property
     def cause(self) -> str:
-        """What fails first, or has failed as far as a shop found it, in words; empty for nothing."""
+        """Component and requirement that fail first, or that a shop found failed, as text; may be empty."""
         label = self.limit.label if self.limit else ""
         return f"{self.component} ({label})" if self.component and label else self.component or label
 
     def plot(self) -> "Figure":
-        """Return the figure of health over time and of the RUL; the drawing is `plotting.prognosis`'s."""
+        """Return the figure of the levels and of the RUL over time (`plotting.prognosis`)."""
         from emaphm.plotting.prognosis import draw_prognosis
 
         return draw_prognosis(self)

@@ -1,4 +1,4 @@
-"""How hard a unit works: load, temperature and cycles make its components age faster or slower."""
+"""Stress of a unit: load, temperature and cycles, which change the rate of ageing of its components."""
 
 import math
 from collections.abc import Sequence
@@ -15,13 +15,14 @@ STRESSES = ("load", "temperature", "cycles")
 """Stress covariates, in the order of all arrays of them."""
 
 STRESS_KEYS = ("load", "temperature_K", "cycles_per_hour")
-"""Their names in JSON."""
+"""JSON keys of the stress covariates."""
 
 LARGEST_RATIO = 10.0
-"""Of a load or of cycles per hour to their reference, and its inverse: beyond, no exponent would hold."""
+"""Largest ratio of a load or of cycles per hour to the reference, and its inverse: the model is not used
+beyond."""
 
 LARGEST_KELVINS = 50.0
-"""Of a temperature's distance from its reference."""
+"""Largest distance of a temperature from its reference [K]."""
 
 TEN_KELVINS = 10.0
 """Unit of the temperature covariate [K]."""
@@ -29,7 +30,7 @@ TEN_KELVINS = 10.0
 
 @dataclass(frozen=True)
 class Stress:
-    """What a unit was subject to on the mean of some hours; None what is not known.
+    """Mean stress of a unit over some hours; unknown values are None.
 
     Parameters
     ----------
@@ -38,12 +39,12 @@ class Stress:
     temperature
         Mean temperature [K].
     cycles_per_hour
-        [1/h].
+        Cycles per flight hour [1/h].
 
     Raises
     ------
     PrognosisError
-        A load or cycles are no number of 0 or more, or a temperature is none that an actuator has.
+        A load or cycles are not a number of 0 or more, or a temperature is outside the range of actuators.
     """
 
     load: float | None = None
@@ -61,7 +62,7 @@ class Stress:
 
     @property
     def values(self) -> tuple[float | None, float | None, float | None]:
-        """The three, in the order of `STRESSES`."""
+        """The three values, in the order of `STRESSES`."""
         return self.load, self.temperature, self.cycles_per_hour
 
 
@@ -75,14 +76,14 @@ class StressPiece(NamedTuple):
 
 @dataclass(frozen=True)
 class StressReference:
-    """The stress at which an hour ages a component by an hour; None for what nobody recorded.
+    """The stress at which a component ages by an hour per hour; None for values that nobody recorded.
 
-    With load L, temperature θ and cycles per hour c, it ages by
+    With load L, temperature θ and cycles per hour c, a component ages by
 
         a = (L / L_0)^p · exp(b (θ - θ_0) / 10 K) · (c / c_0)^γ
 
-    hours an hour: an accelerated life, whose exponents p, b, γ each component has its own of [1]. What was
-    not recorded is taken to be the reference.
+    hours per hour (accelerated life [1]); each component has its own exponents p, b, γ. Values that were not
+    recorded are assumed to be at the reference.
 
     References
     ----------
@@ -95,23 +96,24 @@ class StressReference:
 
     @property
     def values(self) -> tuple[float | None, float | None, float | None]:
-        """The three, in the order of `STRESSES`."""
+        """The three values, in the order of `STRESSES`."""
         return self.load, self.temperature, self.cycles_per_hour
 
     @classmethod
     def of(cls, pieces: Sequence[StressPiece]) -> Self | None:
-        """Return the medians of what was recorded; None where nothing was."""
+        """Return the medians of the recorded values; None if nothing was recorded."""
         rows = [piece.stress.values for piece in pieces]
         known = [[x for x in column if x is not None] for column in zip(*rows, strict=True)]
         medians = [float(np.median(column)) if column else None for column in known]
-        # A median of 0 is no scale: most flights were without load, and the covariate says nothing.
+        # A median of 0 cannot be a scale: most flights had no load, and the covariate is not informative.
         medians = [x or None for x in medians]
         return cls(*medians) if any(x is not None for x in medians) else None
 
     def rounded(self) -> "StressReference":
-        """Return the reference with two digits, the temperature with three: any scale close to it will do.
+        """Return the reference with two digits, the temperature with three; its exact value does not matter.
 
-        Medians change a little with each flight, and with the reference the whole prior from the fleet.
+        Medians change slightly with each flight, and a changed reference would change the prior from the
+        fleet.
         """
         digits = (2, 3, 2)
         return StressReference(
@@ -119,60 +121,60 @@ class StressReference:
         )
 
     def beyond(self, stress: Stress) -> list[str]:
-        """Return what of a stress is farther from the reference than it is used, a clause each."""
-        found = []
-        for name, value, middle in zip(STRESSES, stress.values, self.values, strict=True):
-            if value is None or middle is None:
+        """Return a clause for each value of `stress` that is clipped as too far from the reference."""
+        clauses = []
+        for name, value, reference in zip(STRESSES, stress.values, self.values, strict=True):
+            if value is None or reference is None:
                 continue
-            if name == "temperature" and abs(value - middle) > LARGEST_KELVINS:
-                found.append(f"{name} is taken as {LARGEST_KELVINS:g} K from {middle:.4g} K")
-            elif name != "temperature" and not 1 / LARGEST_RATIO <= value / middle <= LARGEST_RATIO:
-                factor = LARGEST_RATIO if value > middle else 1 / LARGEST_RATIO
-                found.append(f"{name} is taken as {factor:g} × {middle:.3g}")
-        return found
+            if name == "temperature" and abs(value - reference) > LARGEST_KELVINS:
+                clauses.append(f"{name} is taken as {LARGEST_KELVINS:g} K from {reference:.4g} K")
+            elif name != "temperature" and not 1 / LARGEST_RATIO <= value / reference <= LARGEST_RATIO:
+                factor = LARGEST_RATIO if value > reference else 1 / LARGEST_RATIO
+                clauses.append(f"{name} is taken as {factor:g} × {reference:.3g}")
+        return clauses
 
     def covariates(self, stress: Stress) -> Array:
         """Return ln(L / L_0), (θ - θ_0) / 10 K and ln(c / c_0), shape (3,)."""
         result = np.zeros(len(STRESSES))
-        for i, (value, middle) in enumerate(zip(stress.values, self.values, strict=True)):
-            if value is None or middle is None:
+        for i, (value, reference) in enumerate(zip(stress.values, self.values, strict=True)):
+            if value is None or reference is None:
                 continue
             if STRESSES[i] == "temperature":
-                kelvins = min(max(value - middle, -LARGEST_KELVINS), LARGEST_KELVINS)
-                result[i] = kelvins / TEN_KELVINS
+                difference = min(max(value - reference, -LARGEST_KELVINS), LARGEST_KELVINS)
+                result[i] = difference / TEN_KELVINS
             else:
-                result[i] = math.log(min(max(value / middle, 1 / LARGEST_RATIO), LARGEST_RATIO))
+                result[i] = math.log(min(max(value / reference, 1 / LARGEST_RATIO), LARGEST_RATIO))
         return result
 
 
 class Exposure(NamedTuple):
-    """Hours (m,) [h] and the covariates that they were flown at, (m, 3)."""
+    """Flight hours (m,) [h] and their stress covariates (m, 3)."""
 
     hours: Array
     covariates: Array
 
     def aged(self, exponents: Array) -> Array:
-        """Return the hours [h] by which components age, (…), given their exponents (…, 3): Σ h exp(β·z)."""
+        """Return the hours [h] of ageing (…) for exponents β (…, 3) of components: Σ h exp(β·z)."""
         return np.asarray(np.exp(exponents @ self.covariates.T) @ self.hours)
 
 
 AT_REFERENCE = Exposure(np.ones(1), np.zeros((1, len(STRESSES))))
-"""An hour at the reference: of a unit that has not flown."""
+"""One hour at the reference: exposure of a unit that has not flown."""
 
 
 def exposure(
     pieces: Sequence[StressPiece], reference: StressReference | None, start: float, end: float
 ) -> Exposure:
-    """Return the exposure from `start` to `end` [h]; hours of no piece are at the reference."""
-    hours, covariates, rest = [], [], end - start
+    """Return the exposure from `start` to `end` [h]; hours without a piece are at the reference."""
+    hours, covariates, unrecorded = [], [], end - start
     for piece in pieces if reference is not None else ():
-        within = min(piece.end, end) - max(piece.start, start)
-        if within > 0 and reference is not None:
-            hours.append(within)
+        overlap = min(piece.end, end) - max(piece.start, start)
+        if overlap > 0 and reference is not None:
+            hours.append(overlap)
             covariates.append(reference.covariates(piece.stress))
-            rest -= within
-    # Rounding may leave a little of the other sign.
-    hours.append(max(rest, 0.0))
+            unrecorded -= overlap
+    # Rounding may make the remainder slightly negative.
+    hours.append(max(unrecorded, 0.0))
     covariates.append(np.zeros(len(STRESSES)))
     return Exposure(np.array(hours), np.array(covariates))
 
@@ -184,13 +186,13 @@ def ageing_ahead(
     exponents: Array,
     ahead: Stress | None = None,
 ) -> Array | float:
-    """Return by how many hours components of `exponents` (…, 3) age in an hour to come, (…).
+    """Return the hours (…) by which components with `exponents` (…, 3) age in a future hour.
 
-    As in the mean of the past, up to `hours` [h], but for the covariates y that `ahead` states:
+    The ageing is the mean over the past, up to `hours` [h], with the covariates y that `ahead` gives:
 
-        a = Σ h exp(β_x·x + β_y·y) / Σ h,   x: covariates of the h hours that were flown
+        a = Σ h exp(β_x·x + β_y·y) / Σ h,   x: other covariates of the h flown hours
 
-    A covariate stays as in the past where `ahead` leaves it out, or nobody recorded it.
+    A covariate continues as in the past if `ahead` leaves it out, or if it was never recorded.
     """
     if reference is None:
         return 1.0
@@ -202,7 +204,7 @@ def ageing_ahead(
 
 
 def stress_dict(reference: StressReference | None, ahead: Stress | None) -> dict[str, Any]:
-    """Return as JSON the stress that hours are at, and the one to come that was asked for."""
+    """Return as JSON the reference stress of the hours, and the future stress that was given."""
     return {
         "reference": None if reference is None else dict(zip(STRESS_KEYS, reference.values, strict=True)),
         "ahead": None if ahead is None else dict(zip(STRESS_KEYS, ahead.values, strict=True)),

@@ -1,1 +1,1 @@
-"""Notes on entries of a unit that do not agree with each other."""
+"""Notes on entries of a unit that contradict each other."""

@@ -1,4 +1,4 @@
-"""Notes on a unit whose description is unlike those of the other units of its part number."""
+"""Note on a unit whose description differs from those of the other units of its part number."""
 
 import tomllib
 from collections.abc import Sequence
@@ -12,22 +12,23 @@ from emaphm.actuator.unit.baseline import LUMPED_PARAMETERS, SIGNED
 from emaphm.history import reading
 
 FACTOR = 2.0
-"""Ratio to the nearest of the other units from which on a parameter is noted.
+"""Ratio of a parameter to the nearest of the other units from which on there is a note.
 
-Data sheets state tolerances of some tens of percent; another type of actuator differs by more, in several.
+Data sheets state tolerances of some tens of percent; another type of actuator differs by more, in several
+parameters.
 """
 
 MOST_COMPARED = 20
-"""Other units that a unit is compared with: enough to show what is usual, and as quick in any fleet."""
+"""Largest number of other units for the comparison: enough for the usual range, and quick for any fleet."""
 
 MOST_NAMED = 4
-"""Parameters that a note names."""
+"""Largest number of parameters that a note names."""
 
 
 def description_notes(connection: sa.Connection, unit: reading.UnitRow) -> tuple[str, ...]:
-    """Return a note where the description of a unit's last diagnosis is unlike those of other units, or none.
+    """Return a note if the description of a unit's last diagnosis differs from those of other units, or none.
 
-    A description of another actuator under the right part number gives diagnoses that look like others.
+    Diagnoses with the description of another actuator under the right part number look plausible.
     """
     toml = reading.description(connection, unit.id)
     others = reading.other_descriptions(connection, unit, MOST_COMPARED)
@@ -35,27 +36,27 @@ def description_notes(connection: sa.Connection, unit: reading.UnitRow) -> tuple
 
 
 def unlike_others(toml: str, others: Sequence[str]) -> tuple[str, ...]:
-    """Return a note on a description (TOML) that is unlike those of `others`, or none.
+    """Return a note if a description (TOML) differs from those of `others`, or none.
 
-    Compared are the parameters that cannot be below 0, where this unit and another have them.
+    The comparison uses the nonnegative parameters that this unit and another unit have.
     """
-    distinct = {one for one in others if one != toml}
+    distinct = {other for other in others if other != toml}
     if not distinct or toml in others:
         return ()
-    own, known = _parameters(toml), [_parameters(one) for one in distinct]
-    found = []
+    own, known = _parameters(toml), [_parameters(other) for other in distinct]
+    differences = []
     for name, value in own.items():
-        values = [one[name] for one in known if name in one]
+        values = [parameters[name] for parameters in known if name in parameters]
         if values and not min(values) / FACTOR <= value <= max(values) * FACTOR:
             unit = LUMPED_PARAMETERS[name].replace("-", "")
-            found.append(f"{name} {value:.3g} instead of {_range(values)} {unit}".rstrip())
-    if not found:
+            differences.append(f"{name} {value:.3g} instead of {_range(values)} {unit}".rstrip())
+    if not differences:
         return ()
-    more = f", and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+    more = f", and {len(differences) - MOST_NAMED} more" if len(differences) > MOST_NAMED else ""
     note = (
-        "its description is unlike those of other units of the part number: "
-        f"{', '.join(found[:MOST_NAMED])}{more}; check whose description that is (--actuator); if it is "
-        "another actuator's, 'emaphm history withdraw' takes the recordings out"
+        "its description differs from those of other units of the part number: "
+        f"{', '.join(differences[:MOST_NAMED])}{more}; check the description (--actuator); if it is that of "
+        "another actuator, withdraw the recordings with 'emaphm history withdraw'"
     )
     return (note,)
 

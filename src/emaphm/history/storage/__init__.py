@@ -1,1 +1,1 @@
-"""The database of a history: where it is, its tables, and the steps from one form of it to the next."""
+"""Database of a history: its address, its tables, and the migrations of its schema."""

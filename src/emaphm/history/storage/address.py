@@ -1,4 +1,4 @@
-"""Where a history is: a SQLite file, or a PostgreSQL database by its URL."""
+"""Address of a history: a SQLite file, or the URL of a PostgreSQL database."""
 
 import shlex
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ POSTGRESQL = ("postgresql", "postgres", "postgresql+psycopg")
 
 @dataclass(frozen=True)
 class Address:
-    """A file or a URL, one of the two; `shown` is what messages say, without a password."""
+    """A file or a URL; `shown` is its text in messages, without a password."""
 
     shown: str
     file: Path | None = None
@@ -23,7 +23,7 @@ class Address:
 
     @classmethod
     def of(cls, where: str | Path) -> Self:
-        """Return the address that a user gives: the path of a file, sqlite:///PATH or postgresql://….
+        """Return the address given by a user: the path of a file, sqlite:///PATH or postgresql://….
 
         Raises
         ------
@@ -38,7 +38,7 @@ class Address:
         try:
             url = sa.make_url(text)
         except (ArgumentError, ValueError):
-            # Its text is not repeated: what cannot be read may still hold a password.
+            # The message does not contain the URL, which may contain a password.
             raise HistoryError(
                 "the database's URL cannot be read; give postgresql://USER@HOST:PORT/DATABASE, or a file"
             ) from None
@@ -53,7 +53,7 @@ class Address:
             )
         if "@" in (url.host or ""):
             raise HistoryError("the database's URL has an '@' too many; write one in a password as %40")
-        # Without its query, which may hold a password too.
+        # Shown without its query, which may also contain a password.
         return cls(
             url.set(query={}).render_as_string(hide_password=True),
             url=url.set(drivername="postgresql+psycopg"),
@@ -61,7 +61,7 @@ class Address:
 
     @property
     def remedy(self) -> str:
-        """What to do where there is no history yet."""
+        """Remedy for a missing history."""
         return (
             "begin one by its first recording: emaphm history add RECORDING --unit SERIAL --hours HOURS "
             f"--db {shlex.quote(self.shown)}; or give another --db"
@@ -69,7 +69,7 @@ class Address:
 
     @property
     def where(self) -> str:
-        """What `of` makes this address of, which may hold a password."""
+        """The text from which `of` makes this address; it may contain a password."""
         if self.url is None:
             assert self.file is not None  # noqa: S101 - it is one of the two
             return str(self.file.absolute())

@@ -1,8 +1,8 @@
-"""Connections and transactions: SQLite in write-ahead mode and PostgreSQL, with the same promises.
+"""Connections and transactions: SQLite in write-ahead mode and PostgreSQL, with the same guarantees.
 
-One transaction writes at a time, on both: on SQLite it begins with the write lock (BEGIN IMMEDIATE), on
-PostgreSQL it locks the table of units. So a check and the rows that it is for are one step, whoever else is
-writing. Readers see one state of the whole history, and wait for nobody.
+One transaction writes at a time: on SQLite it begins with the write lock (BEGIN IMMEDIATE), on PostgreSQL it
+locks the table of units. A check and the rows it protects are therefore atomic with several writers. Readers
+read one consistent state of the history, and do not wait.
 """
 
 import sqlite3
@@ -23,14 +23,13 @@ from emaphm.history.storage.address import Address
 
 @dataclass(frozen=True)
 class DatabaseSettings:
-    """Times [s] after which another program, a server or a network is no longer waited for.
+    """Timeouts [s] for other programs, servers and networks.
 
-    `answer_s`: of the first connection; below the ten seconds in which a user must learn that there is none.
-    `file_s`: for a file that another program holds when it is opened, before `answer_s` is over.
-    `host_s`: of each address of a host name, of which there are often two. `writer_s`: for others who are
-    writing; eight writers at once, of twelve recordings each, are done in about 5 s
-    (`python -m tests.history.faults`).
-    `silence_s`: of a server that stops answering in the middle.
+    `answer_s`: for the first connection, below the ten seconds in which a user must learn of a failure.
+    `file_s`: for a file that another program has locked when it is opened, within `answer_s`.
+    `host_s`: for each address of a host name, which often has two. `writer_s`: for other writers; eight
+    simultaneous writers, of twelve recordings each, need about 5 s (`python -m tests.history.faults`).
+    `silence_s`: for a server that stops answering during a connection.
     """
 
     answer_s: float = 8.0
@@ -43,29 +42,29 @@ class DatabaseSettings:
 SETTINGS = DatabaseSettings()
 
 LONGEST_REASON = 300
-"""Characters of a database's own words in a message."""
+"""Largest number of characters of a database's own message in an error."""
 
 
 @dataclass(frozen=True)
 class Database:
-    """An open database; `close` gives its connections back."""
+    """An open database; `close` releases its connections."""
 
     address: Address
     engine: sa.Engine
 
     @classmethod
     def open(cls, address: Address, *, create: bool) -> Self:
-        """Return the database at `address`, once it has answered; `create` makes a file that is missing.
+        """Return the database at `address`, after it has answered; `create` allows creating a missing file.
 
         Raises
         ------
         HistoryError
-            There is none, or it does not answer in time.
+            There is no database, or it does not answer in time.
         """
         engine = _of_file(address, create=create) if address.file is not None else _of_server(address)
         database = cls(address, engine)
         try:
-            _in_time(database._answer, address)
+            _answer_in_time(database._answer, address)
         except BaseException:
             engine.dispose()
             raise
@@ -73,11 +72,11 @@ class Database:
 
     @property
     def is_file(self) -> bool:
-        """Whether it is SQLite's."""
+        """Whether the database is a SQLite file."""
         return self.address.file is not None
 
     def close(self) -> None:
-        """Give back the connections; SQLite then leaves one file."""
+        """Release the connections; SQLite then leaves one file."""
         self.engine.dispose()
 
     @contextmanager
@@ -87,7 +86,7 @@ class Database:
         Raises
         ------
         HistoryError
-            The database fails, in its own words.
+            The database fails; the error contains its message.
         """
         with self._errors(), self.engine.connect() as connection:
             if not self.is_file:
@@ -97,14 +96,14 @@ class Database:
 
     @contextmanager
     def writing(self, lock: str = "LOCK TABLE units IN SHARE ROW EXCLUSIVE MODE") -> Iterator[sa.Connection]:
-        """Yield a connection that alone may write; what it wrote stays if the body ends, all or nothing.
+        """Yield a connection with the exclusive right to write; commit its transaction if the body ends.
 
-        `lock` is the statement that keeps other writers out on PostgreSQL.
+        `lock` is the statement that excludes other writers on PostgreSQL.
 
         Raises
         ------
         HistoryError
-            The database fails, in its own words.
+            The database fails; the error contains its message.
         """
         with self._errors(), self.engine.connect() as connection:
             connection.execution_options(writing=True)
@@ -123,9 +122,9 @@ class Database:
     def _errors(self) -> Iterator[None]:
         try:
             yield
-        except (DataError, IntegrityError) as error:  # of the values: no later attempt would succeed
+        except (DataError, IntegrityError) as error:  # caused by the values: no later attempt would succeed
             raise HistoryError(
-                f"{self.address.shown}: the database refuses a value ({_words(error.orig or error)}); "
+                f"{self.address.shown}: the database refuses a value ({_message(error.orig or error)}); "
                 "correct it, or report it as a defect of emaphm"
             ) from None
         except DBAPIError as error:
@@ -135,16 +134,17 @@ class Database:
 
 
 def _of_file(address: Address, *, create: bool) -> sa.Engine:
+    """Return the engine of a SQLite file."""
     path = address.file
     assert path is not None  # noqa: S101 - for the type checker
     try:
-        found = path.exists()
-        if found and not path.is_file():
+        exists = path.exists()
+        if exists and not path.is_file():
             raise HistoryError(f"{path}: is no file; give the name of a file for the history")
-        if not found and not create:
-            # It may be on a disk that is away for now.
+        if not exists and not create:
+            # It may be on a disk that is temporarily unavailable.
             raise HistoryUnavailableError(f"{path}: no such history; {address.remedy}")
-        if not found and not path.absolute().parent.is_dir():
+        if not exists and not path.absolute().parent.is_dir():
             raise HistoryError(
                 f"{path}: there is no folder '{path.parent}'; create it, or give another place"
             )
@@ -160,7 +160,7 @@ def _of_file(address: Address, *, create: bool) -> sa.Engine:
             uri, timeout=SETTINGS.file_s, isolation_level=None, uri=True, check_same_thread=False
         )
         connection.execute("PRAGMA foreign_keys = ON")
-        # What was acknowledged also survives a loss of power, not only the end of a process.
+        # Committed data also survive a loss of power, not only the end of a process.
         connection.execute("PRAGMA synchronous = FULL")
         return connection
 
@@ -177,6 +177,7 @@ def _of_file(address: Address, *, create: bool) -> sa.Engine:
 
 
 def _of_server(address: Address) -> sa.Engine:
+    """Return the engine of a PostgreSQL database."""
     if find_spec("psycopg") is None:
         raise HistoryError(
             "a history on PostgreSQL needs the library 'psycopg'; install it with: "
@@ -188,12 +189,12 @@ def _of_server(address: Address) -> sa.Engine:
         "tcp_user_timeout": 1000 * SETTINGS.silence_s,
         "application_name": "emaphm",
     }
-    # A connection that the server has ended meanwhile is made anew.
+    # A connection that the server has closed is opened again.
     return sa.create_engine(address.url, connect_args=arguments, pool_pre_ping=True)
 
 
-def _in_time(answer: Callable[[], None], address: Address) -> None:
-    """Call `answer`, and wait no longer for it than a user would: a name server alone may take a minute."""
+def _answer_in_time(answer: Callable[[], None], address: Address) -> None:
+    """Call `answer` with a timeout of `answer_s`: a name server alone may take a minute."""
     failures: list[BaseException] = []
 
     def call() -> None:
@@ -202,7 +203,7 @@ def _in_time(answer: Callable[[], None], address: Address) -> None:
         except BaseException as error:  # noqa: BLE001 - raised below
             failures.append(error)
 
-    # A daemon: one that still hangs does not keep the process from ending.
+    # A daemon thread: it does not keep the process from ending if it hangs.
     thread = threading.Thread(target=call, daemon=True)
     thread.start()
     thread.join(SETTINGS.answer_s)
@@ -230,19 +231,20 @@ REMEDIES = {
     "password": "check the user and the password",
     "does not exist": "create it, or give another one",
 }
-"""What to do, by what a database says in its own words."""
+"""Remedies, by parts of the databases' own messages."""
 
 
 def _complaint(address: Address, error: BaseException) -> HistoryError:
-    said = _words(error)
-    lower = said.lower()
+    """Return the error for a failed database, with its message and a remedy."""
+    message = _message(error)
+    lower = message.lower()
     remedy = next(
         (remedy for words, remedy in REMEDIES.items() if words in lower),
         "check the address, and that the database runs there",
     )
-    return HistoryUnavailableError(f"{address.shown}: the database cannot be used ({said}); {remedy}")
+    return HistoryUnavailableError(f"{address.shown}: the database cannot be used ({message}); {remedy}")
 
 
-def _words(error: BaseException) -> str:
-    """Return what a database says, on one line."""
+def _message(error: BaseException) -> str:
+    """Return the message of a database on one line."""
     return " ".join(str(error).split())[:LONGEST_REASON] or type(error).__name__

@@ -1,6 +1,6 @@
-"""Bringing a database to the form that this version knows, in place, when it is opened.
+"""Upgrade of a database to the schema of this version, in place, when it is opened.
 
-All steps and the mark of the newest are one transaction: an interrupted one leaves the form that was there.
+All migrations and the version mark are one transaction: an interrupted upgrade leaves the old schema.
 """
 
 import sqlite3
@@ -14,27 +14,27 @@ from emaphm.history.storage.database import SETTINGS, Database
 from emaphm.history.storage.tables import METADATA
 
 NEWEST = "0007"
-"""The last of `KNOWN`, which this version reads and writes."""
+"""The last schema of `KNOWN`, which this version reads and writes."""
 
 KNOWN = ("0001", "0002", "0003", "0004", "0005", "0006", "0007")
-"""The steps in `migrations/versions`, in order."""
+"""The migrations in `migrations/versions`, in order."""
 
 VERSION = sa.Table("history_version", sa.MetaData(), sa.Column("version_num", sa.Text))
 
 ADVISORY_LOCK = "SELECT pg_advisory_xact_lock(hashtext('emaphm history'))"
-"""Lets one process at a time make or change the tables, where there is no table yet that could be locked."""
+"""Lock for creating or changing tables by one process at a time, as there may be no table to lock yet."""
 
 PAUSE_S = 0.01
-"""Between attempts to switch a new file to write-ahead logging, which SQLite does not wait for by itself."""
+"""Pause between attempts to set a new file to write-ahead logging, for which SQLite does not wait [s]."""
 
 
 def bring_up_to_date(database: Database, *, create: bool) -> None:
-    """Make the tables of a new history where `create` allows, or take those of an older one to `NEWEST`.
+    """Create the tables of a new history if `create` allows, or upgrade those of an older one to `NEWEST`.
 
     Raises
     ------
     HistoryError
-        The database is no history, or a newer version of emaphm has changed it.
+        The database is not a history, or a newer version of emaphm has changed it.
     """
     if _revision(database, create=create) == NEWEST:
         return
@@ -45,14 +45,14 @@ def bring_up_to_date(database: Database, *, create: bool) -> None:
 
 
 def check_revision(connection: sa.Connection, shown: str) -> None:
-    """Refuse to write what has been given another form since it was opened, `HistoryError`."""
-    found = connection.execute(sa.select(VERSION.c.version_num)).scalar_one()
-    if found != NEWEST:
-        raise _newer(shown, found)
+    """Refuse to write if the schema has been changed since the history was opened, `HistoryError`."""
+    revision = connection.execute(sa.select(VERSION.c.version_num)).scalar_one()
+    if revision != NEWEST:
+        raise _newer(shown, revision)
 
 
 def upgrade(connection: sa.Connection, revision: str) -> None:
-    """Take the steps up to `revision`, in the transaction of `connection`; none where it is there already."""
+    """Apply the migrations up to `revision`, in the transaction of `connection`, if any are missing."""
     from alembic import command
     from alembic.config import Config
 
@@ -63,7 +63,7 @@ def upgrade(connection: sa.Connection, revision: str) -> None:
 
 
 def _revision(database: Database, *, create: bool) -> str | None:
-    """Return the last step that the database has seen, None where it is empty."""
+    """Return the last applied migration of the database, None for an empty database."""
     shown = database.address.shown
     with database.reading() as connection:
         inspected = sa.inspect(connection)
@@ -74,12 +74,15 @@ def _revision(database: Database, *, create: bool) -> str | None:
             else []
         )
     if not marks:
-        # Besides a history a server may hold what it likes; a file with other tables is somebody else's.
-        others = tables - {VERSION.name} if database.is_file else tables & set(METADATA.tables)
-        if others:
-            new = "a new name" if database.is_file else "a database or a schema (search_path) of its own"
+        # A server may contain other tables; a file with other tables belongs to another program.
+        foreign_tables = tables - {VERSION.name} if database.is_file else tables & set(METADATA.tables)
+        if foreign_tables:
+            alternative = (
+                "a new name" if database.is_file else "a database or a schema (search_path) of its own"
+            )
             raise HistoryError(
-                f"{shown}: is no history, it has a table '{min(others)}'; give a history, or {new}"
+                f"{shown}: is no history, it has a table '{min(foreign_tables)}'; give a history, or "
+                f"{alternative}"
             )
         if not create:
             raise HistoryError(f"{shown}: holds no history; {database.address.remedy}")
@@ -89,15 +92,15 @@ def _revision(database: Database, *, create: bool) -> str | None:
     return str(marks[0])
 
 
-def _newer(shown: str, found: str) -> HistoryFormError:
+def _newer(shown: str, revision: str) -> HistoryFormError:
     return HistoryFormError(
-        f"{shown}: a newer version of emaphm wrote this history (form {found}; this version knows up to "
+        f"{shown}: a newer version of emaphm wrote this history (form {revision}; this version knows up to "
         f"{NEWEST}); update emaphm, or give another history"
     )
 
 
 def _log_ahead(database: Database) -> None:
-    """Switch a SQLite file to write-ahead logging, for good: readers then do not wait for a writer."""
+    """Set a SQLite file permanently to write-ahead logging, so that readers do not wait for a writer."""
     deadline = time.monotonic() + SETTINGS.answer_s
     connection = database.engine.raw_connection()
     try:

@@ -1,7 +1,7 @@
-"""The tables of a history, as the newest migration leaves them.
+"""Tables of a history, after the newest migration.
 
-A recording belongs to a flight, and a flight to a unit: the hours stand once. Arrays are little-endian double
-precision, row by row; documents are JSON.
+A recording belongs to a flight, and a flight to a unit: the hours are stored once. Arrays are little-endian
+double precision, row by row; documents are JSON.
 """
 
 import sqlalchemy as sa
@@ -108,7 +108,7 @@ WITHDRAWALS = sa.Table(
     "withdrawals",
     METADATA,
     sa.Column("id", sa.Integer, primary_key=True),
-    # Not the unit's id: a unit goes with the last of its recordings.
+    # Not the unit's id: a unit is deleted with its last recording.
     sa.Column("serial_number", sa.Text, nullable=False, index=True),
     sa.Column("kind", sa.Text, nullable=False),
     sa.Column("hours", sa.Double, nullable=False),

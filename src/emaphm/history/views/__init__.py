@@ -1,4 +1,4 @@
-"""What pages and the HTTP API read of a history: many units at once, one page of diagnoses, curves."""
+"""Queries of a history for pages and the HTTP API: states of many units, pages of diagnoses, curves."""
 
 from emaphm.history.views.curves import read_curves
 from emaphm.history.views.diagnoses import DiagnosisLine, diagnosis, diagnosis_lines, last_diagnosis

@@ -1,4 +1,4 @@
-"""Diagnoses of all units as lines, newest first, and one of them as a whole."""
+"""Diagnoses of all units as summary lines, newest first, and a single full diagnosis."""
 
 import json
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from emaphm.history.storage.tables import DESCRIPTIONS, DIAGNOSES, FLIGHTS, RECO
 
 @dataclass(frozen=True)
 class DiagnosisLine:
-    """A diagnosis in short, with its recording; `degraded` has the components that are called so.
+    """Summary of a diagnosis with its recording; `degraded` has the components with this verdict.
 
     `health` is one of `emaphm.actuator.faults.HEALTHS`; `samples`, `sample_rate_hz` [Hz] are the recording's;
     `sensor_faults` and `reasons` are sentences.
@@ -48,26 +48,28 @@ def diagnosis_lines(
     offset: int = 0,
     limit: int = 100,
 ) -> tuple[DiagnosisLine, ...]:
-    """Return the last diagnosis of each recording that all conditions hold for, the newest first.
+    """Return the last diagnosis of each recording that meets all conditions, newest first.
 
     Parameters
     ----------
     connection
-        That reads the history.
+        Connection that reads the history.
     unit_id
-        Of this unit only.
+        Id of the unit; by default all units.
     explained
-        Only those that a model explains, or only the others; all where left out.
+        True for explained diagnoses only, False for unexplained ones only; by default all.
     before
-        The id of a diagnosis; only older ones.
+        Id of a diagnosis; only older diagnoses are returned.
     offset
-        How many are left out, the newest ones.
+        Number of the newest diagnoses that are left out.
     limit
-        How many at most.
+        Largest number of diagnoses.
     """
-    other = DIAGNOSES.alias()
+    diagnoses_of_recording = DIAGNOSES.alias()
     newest = (
-        sa.select(sa.func.max(other.c.id)).where(other.c.recording_id == RECORDINGS.c.id).scalar_subquery()
+        sa.select(sa.func.max(diagnoses_of_recording.c.id))
+        .where(diagnoses_of_recording.c.recording_id == RECORDINGS.c.id)
+        .scalar_subquery()
     )
     query = _joined(
         DIAGNOSES.c.id,
@@ -95,9 +97,9 @@ def diagnosis_lines(
 
 
 def diagnosis(connection: sa.Connection, diagnosis_id: int) -> tuple[UnitRow, KeptDiagnosis, str] | None:
-    """Return the diagnosis of id `diagnosis_id`, its unit, and the TOML of the description it was made with.
+    """Return unit, diagnosis and TOML of its description for `diagnosis_id`, None for an unknown id.
 
-    `connection` reads the history. None where there is none of that number.
+    `connection` reads the history.
     """
     query = _joined(
         DIAGNOSES,
@@ -113,13 +115,13 @@ def diagnosis(connection: sa.Connection, diagnosis_id: int) -> tuple[UnitRow, Ke
     row = connection.execute(query.where(DIAGNOSES.c.id == diagnosis_id)).one_or_none()
     if row is None:
         return None
-    flight = next(one for one in flights(connection, row.unit_id) if one.hours == row.hours)
+    flight = next(flight for flight in flights(connection, row.unit_id) if flight.hours == row.hours)
     unit = UnitRow(row.unit_id, row.serial_number, row.part_number)
     return unit, diagnosis_of(row, flight), row.toml
 
 
 def last_diagnosis(connection: sa.Connection, recording_hash: str) -> int | None:
-    """Return the id of the last diagnosis of the recording with that hash, None where it has none.
+    """Return the id of the last diagnosis of the recording with this hash, None without any.
 
     `connection` reads the history; the hash is `DiagnosisLine.recording_hash`.
     """
@@ -132,6 +134,7 @@ def last_diagnosis(connection: sa.Connection, recording_hash: str) -> int | None
 
 
 def _joined(*columns: Any) -> sa.Select[Any]:
+    """Return the query of `columns` of diagnoses with their recordings, flights and units."""
     return (
         sa.select(*columns)
         .select_from(DIAGNOSES)
@@ -142,6 +145,7 @@ def _joined(*columns: Any) -> sa.Select[Any]:
 
 
 def _line(row: "sa.Row[Any]") -> DiagnosisLine:
+    """Return the summary line of a row."""
     document = json.loads(row.document)
     return DiagnosisLine(
         id=row.id,
@@ -158,6 +162,6 @@ def _line(row: "sa.Row[Any]") -> DiagnosisLine:
         health=health_in(document),
         degraded=degraded_in(document),
         reasons=tuple(document.get("reasons", ())),
-        sensor_faults=tuple(one["sentence"] for one in document.get("sensor_faults", ())),
+        sensor_faults=tuple(fault["sentence"] for fault in document.get("sensor_faults", ())),
         added_at=row.added_at,
     )

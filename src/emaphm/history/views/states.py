@@ -1,4 +1,4 @@
-"""The state of units: what a page of a fleet shows of each, read for all of them or for some."""
+"""States of units for the page of a fleet, read for all units or for some."""
 
 import json
 from collections.abc import Collection
@@ -22,11 +22,11 @@ from emaphm.history.storage.tables import (
 )
 
 MOST_ASKED = 500
-"""Units asked for in one query: databases take no more than some thousand parameters."""
+"""Largest number of units in one query: databases accept no more than some thousand parameters."""
 
 
 class Marks(NamedTuple):
-    """The newest rows of each kind: where they are the same, nothing was added meanwhile."""
+    """Ids of the newest rows of each kind: if they are equal, nothing was added in between."""
 
     diagnosis: int
     removal: int
@@ -37,26 +37,26 @@ class Marks(NamedTuple):
 
 
 NO_PROGNOSES = (0, 0, 0.0, "", 0)
-"""Of `Marks.prognoses`."""
+"""Value of `Marks.prognoses` without any prognosis."""
 
 
 @dataclass(frozen=True)
 class UnitState:
-    """A unit as it is now.
+    """Present state of a unit.
 
     Attributes
     ----------
     hours, cycles, position
-        Flight hours at its latest entry, be it a flight, a removal or a finding [h]; the cycles that are
-        known last, which rise with the hours; its place on the aircraft. None where not known.
+        Flight hours at its latest entry (flight, removal or finding) [h]; last known cycles, which rise with
+        the hours; position on the aircraft. None if unknown.
     last_at
-        When its newest recording was added, UTC, ISO 8601.
+        Time at which its newest recording was added, UTC, ISO 8601.
     recordings, explained
-        How many recordings it has, and how many of them the last diagnosis explains.
+        Number of its recordings, and of those that the last diagnosis explains.
     diagnosis_id, text
-        Of the last diagnosis of its last flight: its number and its JSON.
+        Id and JSON of the last diagnosis of its last flight.
     basis
-        What a prognosis that begins now is made from.
+        Basis of a prognosis that starts now.
     """
 
     id: int
@@ -74,7 +74,7 @@ class UnitState:
 
     @cached_property
     def document(self) -> dict[str, Any]:
-        """The last diagnosis of its last flight, as `emaphm diagnose --json` printed it."""
+        """The last diagnosis of its last flight, as printed by `emaphm diagnose --json`."""
         return dict(json.loads(self.text))
 
 
@@ -85,7 +85,7 @@ def marks(connection: sa.Connection) -> Marks:
         for table in (DIAGNOSES, REMOVALS, FINDINGS, WITHDRAWALS, EVENTS)
     )
     without = Marks(diagnosis, removal, finding, withdrawal, event, NO_PROGNOSES)
-    at = PROGNOSES.c.at  # of two that were made at once, the one that was begun first may be kept last
+    at = PROGNOSES.c.at  # of two simultaneous prognoses, the one started first may be stored last
     minute, second = (sa.cast(sa.func.substr(at, place, 2), sa.Integer) for place in (15, 18))
     count, diagnoses, hours, last, stamps = connection.execute(
         sa.select(
@@ -104,7 +104,7 @@ def marks(connection: sa.Connection) -> Marks:
 def changed_units(connection: sa.Connection, since: Marks) -> set[int]:
     """Return the ids of units that have a diagnosis, removal or finding newer than the marks `since`.
 
-    A withdrawal, which is not looked at, may concern any. `connection` reads the history.
+    Withdrawals are not checked; they may concern any unit. `connection` reads the history.
     """
     of_diagnoses = (
         sa.select(FLIGHTS.c.unit_id)
@@ -121,30 +121,31 @@ def changed_units(connection: sa.Connection, since: Marks) -> set[int]:
 
 
 def states(connection: sa.Connection, units: Collection[int] | None = None) -> dict[int, UnitState]:
-    """Return the state of each of `units`, which are ids, by its id, or of all.
+    """Return the states, by id, of the units with the ids `units`, or of all units.
 
-    `connection` reads the history. A unit that is not in it is left out.
+    `connection` reads the history. Unknown units are left out.
     """
     if units is None:
         return _states(connection, sa.true())
-    asked = sorted(units)
+    ids = sorted(units)
     result: dict[int, UnitState] = {}
-    for start in range(0, len(asked), MOST_ASKED):
-        result |= _states(connection, UNITS.c.id.in_(asked[start : start + MOST_ASKED]))
+    for start in range(0, len(ids), MOST_ASKED):
+        result |= _states(connection, UNITS.c.id.in_(ids[start : start + MOST_ASKED]))
     return result
 
 
 def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, UnitState]:
+    """Return the states of the units that meet the condition `chosen`, by id."""
     counted = {row.unit_id: row for row in connection.execute(_counts(chosen))}
     positions = _positions(connection, chosen)
     basis = bases(connection, chosen)
-    later = _latest_without_flight(connection, chosen)
+    without_flight = _latest_without_flight(connection, chosen)
     return {
         row.id: UnitState(
             id=row.id,
             serial_number=row.serial_number,
             part_number=row.part_number,
-            hours=max(row.hours, later.get(row.id, 0.0)),
+            hours=max(row.hours, without_flight.get(row.id, 0.0)),
             cycles=row.cycles,
             position=positions.get(row.id),
             last_at=counted[row.id].last_at,
@@ -159,11 +160,11 @@ def _states(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[i
 
 
 def _last(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
-    """Return the query of each unit's last hours and cycles, with the last diagnosis of its last flight."""
-    other = FLIGHTS.alias()
+    """Return the query of each unit's last hours and cycles, and the last diagnosis of its last flight."""
+    flights_of_unit = FLIGHTS.alias()
     last_hours, last_cycles = (
-        sa.select(sa.func.max(column)).where(other.c.unit_id == UNITS.c.id).scalar_subquery()
-        for column in (other.c.hours, other.c.cycles)
+        sa.select(sa.func.max(column)).where(flights_of_unit.c.unit_id == UNITS.c.id).scalar_subquery()
+        for column in (flights_of_unit.c.hours, flights_of_unit.c.cycles)
     )
     of_flight = DIAGNOSES.alias()
     newest = (
@@ -191,10 +192,12 @@ def _last(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
 
 
 def _counts(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
-    """Return the query of how many recordings units have, and how many of them are explained."""
-    other = DIAGNOSES.alias()
+    """Return the query of the numbers of recordings of units, and of explained recordings."""
+    diagnoses_of_recording = DIAGNOSES.alias()
     newest = (
-        sa.select(sa.func.max(other.c.id)).where(other.c.recording_id == RECORDINGS.c.id).scalar_subquery()
+        sa.select(sa.func.max(diagnoses_of_recording.c.id))
+        .where(diagnoses_of_recording.c.recording_id == RECORDINGS.c.id)
+        .scalar_subquery()
     )
     return (
         sa.select(
@@ -213,8 +216,8 @@ def _counts(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
 
 
 def _latest_without_flight(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, float]:
-    """Return by unit the latest hours [h] of its removals and findings, of units that have any."""
-    found: dict[int, float] = {}
+    """Return by unit the latest hours [h] of its removals and findings, for units that have any."""
+    latest_hours: dict[int, float] = {}
     for table in (REMOVALS, FINDINGS):
         latest = (
             sa.select(table.c.unit_id, sa.func.max(table.c.hours))
@@ -223,12 +226,12 @@ def _latest_without_flight(connection: sa.Connection, chosen: sa.ColumnElement[b
             .group_by(table.c.unit_id)
         )
         for unit_id, hours in connection.execute(latest):
-            found[unit_id] = max(hours, found.get(unit_id, 0.0))
-    return found
+            latest_hours[unit_id] = max(hours, latest_hours.get(unit_id, 0.0))
+    return latest_hours
 
 
 def _positions(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dict[int, str]:
-    """Return by unit the position that was given last, but of units that were removed since."""
+    """Return by unit the position that was given last, except for units removed since."""
     given = (
         sa.select(FLIGHTS.c.unit_id, FLIGHTS.c.hours, FLIGHTS.c.position)
         .join(UNITS, UNITS.c.id == FLIGHTS.c.unit_id)
@@ -242,5 +245,7 @@ def _positions(connection: sa.Connection, chosen: sa.ColumnElement[bool]) -> dic
         .where(chosen)
         .group_by(REMOVALS.c.unit_id)
     )
-    gone: dict[int, float] = {row[0]: row[1] for row in connection.execute(removed)}
-    return {unit_id: row.position for unit_id, row in last.items() if gone.get(unit_id, -1.0) < row.hours}
+    removed_at: dict[int, float] = {row[0]: row[1] for row in connection.execute(removed)}
+    return {
+        unit_id: row.position for unit_id, row in last.items() if removed_at.get(unit_id, -1.0) < row.hours
+    }

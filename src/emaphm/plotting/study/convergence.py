@@ -1,4 +1,4 @@
-"""Best error and fitness so far against evaluations."""
+"""Figure of the best error and fitness so far over evaluations."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 def draw_convergence(runs: pl.DataFrame, fitness_unit: str) -> "Figure | None":
-    """Draw the best error and fitness so far against evaluations: median and quartiles of a variant's runs.
+    """Return the figure of the best error and fitness over evaluations: median and quartiles of the runs.
 
-    A method without populations is a marker at its evaluations and its final median. One column for each kind
-    of case, over the `comparable` runs; None where there are none.
+    A method without populations has a marker at its evaluations and its final median. There is one column per
+    kind of case, with the `comparable` runs; None without any.
 
     Parameters
     ----------
@@ -50,32 +50,37 @@ def draw_convergence(runs: pl.DataFrame, fitness_unit: str) -> "Figure | None":
     return figure
 
 
-def _converge(axis: "Axes", runs: pl.DataFrame, what: str, styles: Mapping[str, Look], floor: float) -> None:
-    curves = convergence(runs, f"curve_{what}")
+def _converge(
+    axis: "Axes", runs: pl.DataFrame, quantity: str, styles: Mapping[str, Look], floor: float
+) -> None:
+    """Draw the curves of `quantity` ("error_percent" or "fitness"), and markers of methods without curves."""
+    curves = convergence(runs, f"curve_{quantity}")
     for method, (evaluations, spread) in curves.items():
         style = styles[method]
         lower, median, upper = _drawable(spread, floor)
         axis.fill_between(evaluations, lower, upper, color=style.colour, alpha=0.12, linewidth=0)
         axis.plot(evaluations, median, style.dashes, color=style.colour, linewidth=1.3)
         axis.plot(evaluations[-1], median[-1], style.marker, color=style.colour, markersize=5)
-    final = "error_percent" if what == "error_percent" else "fitness_value"
+    final = "error_percent" if quantity == "error_percent" else "fitness_value"
     for (name,), group in runs.group_by("method", maintain_order=True):
         method = str(name)
         if method in curves:
             continue
         lower, median, upper = _drawable(quartiles(group[final].to_numpy()), floor)
-        style, at = styles[method], float(group["evaluations"].to_numpy().mean())
-        axis.plot([at, at], [lower, upper], color=style.colour, linewidth=1.5, alpha=0.6)
-        axis.plot(at, median, style.marker, color=style.colour, markersize=6)
+        style, evaluations_mean = styles[method], float(group["evaluations"].to_numpy().mean())
+        axis.plot(
+            [evaluations_mean, evaluations_mean], [lower, upper], color=style.colour, linewidth=1.5, alpha=0.6
+        )
+        axis.plot(evaluations_mean, median, style.marker, color=style.colour, markersize=6)
     log_axis(axis, "xy")
 
 
 def _drawable(values: Array, floor: float) -> Array:
-    """Return `values`, at least `floor`; what is infinite becomes a gap."""
+    """Return `values`, at least `floor`; infinite values become gaps."""
     return np.where(np.isfinite(values), np.maximum(values, floor), np.nan)
 
 
 def _least_positive(values: pl.Series) -> float:
-    """Return where a fitness of zero, which a logarithmic axis lacks, is drawn: below all others."""
+    """Return the value at which a fitness of zero is drawn on a logarithmic axis, below all others."""
     positive = values.filter((values > 0) & values.is_finite())
     return float(positive.to_numpy().min()) / 10 if len(positive) else 1.0

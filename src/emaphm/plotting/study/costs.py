@@ -1,4 +1,4 @@
-"""Mean error against time and evaluations."""
+"""Figure of the mean error over time and evaluations."""
 
 from typing import TYPE_CHECKING
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 def draw_costs(runs: pl.DataFrame) -> "Figure | None":
-    """Draw each method's mean error against its time and its evaluations, the thesis's as hollow markers.
+    """Return the figure of each method's mean error over time and evaluations; thesis values are hollow.
 
-    One row for each kind of case; None where no run is one of every method.
+    There is one row per kind of case; None if no run is common to all methods.
     """
     table = by_method(runs)
     kinds = table["kind"].unique(maintain_order=True).to_list()

@@ -1,4 +1,4 @@
-"""Each method's error in each case."""
+"""Figure of each method's error in each case."""
 
 from collections.abc import Collection
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def draw_errors(runs: pl.DataFrame) -> "Figure":
-    """Draw each method's median error and quartiles in each case of one variant, and the thesis's means."""
+    """Return the figure of each method's median error and quartiles by case, with the means of the thesis."""
     table = by_case(runs)
     cases = table["case"].unique(maintain_order=True).to_list()[:MOST_CASES]
     styles = looks(methods_of(runs))
@@ -42,6 +42,6 @@ def draw_errors(runs: pl.DataFrame) -> "Figure":
 
 
 def _offsets(methods: Collection[str]) -> dict[str, float]:
-    """Return where in a case's row, of height 1, each method stands."""
+    """Return the offset of each method in a case's row of height 1."""
     places = (np.arange(len(methods)) + 0.5) / len(methods) - 0.5
     return dict(zip(methods, (0.84 * places).tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""How methods and their errors are drawn, alike in every figure of a study."""
+"""Common style of methods and their errors in all figures of a study."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FLOOR = 1e-3
-"""Least error [%] that is drawn: a logarithmic axis has no zero, and less error is of no use to anyone."""
+"""Smallest drawn error [%]: a logarithmic axis has no zero, and smaller errors have no practical meaning."""
 
 LONGEST_NAME = 24
 
 
 @dataclass(frozen=True)
 class Look:
-    """How one method is drawn in every figure."""
+    """Style of a method in all figures."""
 
     colour: str
     marker: str
     dashes: Dashes
 
     def hollow(self, size: float) -> dict[str, Any]:
-        """Return how a value from the thesis is marked."""
+        """Return the style of the hollow marker of a value from the thesis."""
         return {
             "color": self.colour,
             "markersize": size,
@@ -39,7 +39,7 @@ class Look:
 
 
 def looks(methods: Sequence[str]) -> dict[str, Look]:
-    """Return a look for each method; it follows from the place in the list alone."""
+    """Return a style for each method, which depends only on its position in the list."""
     return {
         method: Look(
             SERIES[i % len(SERIES)],
@@ -51,12 +51,12 @@ def looks(methods: Sequence[str]) -> dict[str, Look]:
 
 
 def label_of(name: str) -> str:
-    """Return a name that fits next to an axis and is no formula."""
+    """Return a name shortened for an axis, and not parsed as a formula."""
     return no_formula(shortened(name, LONGEST_NAME))
 
 
 def method_legend(figure: "Figure", styles: Mapping[str, Look], *, thesis: bool = False) -> None:
-    """Name the methods above the figure, and the thesis's hollow markers if there are any."""
+    """Draw a legend of the methods above the figure, with the hollow markers of `thesis` values if any."""
     from matplotlib.lines import Line2D
 
     handles = [
@@ -73,15 +73,15 @@ def method_legend(figure: "Figure", styles: Mapping[str, Look], *, thesis: bool 
 
 
 def has_thesis(table: pl.DataFrame) -> bool:
-    """Return whether the thesis prints a value for any row."""
+    """Return whether any row has a value from the thesis."""
     return table["thesis"].null_count() < table.height
 
 
 def floored(values: ArrayLike) -> Array:
-    """Return errors [%] as they are drawn, `FLOOR` or more."""
+    """Return errors [%] for drawing, at least `FLOOR`."""
     return np.asarray(np.maximum(np.asarray(values, float), FLOOR))
 
 
 def error_label(drawn: pl.Series, label: str) -> str:
-    """Return `label`, with a remark where some of the errors `drawn` are less than `FLOOR`."""
+    """Return `label`, with a remark if some of the `drawn` errors are below `FLOOR`."""
     return f"{label}, {FLOOR:g} or less at {FLOOR:g}" if (drawn < FLOOR).any() else label

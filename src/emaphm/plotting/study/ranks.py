@@ -1,4 +1,4 @@
-"""Mean rank of each method, and which methods do not differ significantly."""
+"""Figure of the mean rank of each method, and of groups without a significant difference."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 def draw_ranks(runs: pl.DataFrame) -> "Figure | None":
-    """Draw each method's mean rank, best first; a bar at the right joins methods that no test distinguishes.
+    """Return the figure of the methods' mean ranks, best first; bars join methods without a difference.
 
-    None where no block is complete.
+    It is None if no block is complete.
     """
     table = mean_ranks(runs).drop_nulls().sort("mean_rank", maintain_order=True)
     if table.is_empty():
@@ -32,7 +32,7 @@ def draw_ranks(runs: pl.DataFrame) -> "Figure | None":
         axis.annotate(
             f"{rank:.2f}", (rank, row), (7, 0), textcoords="offset points", va="center", fontsize=TEXT
         )
-    for i, (first, last) in enumerate(stretches_without_difference(methods, pairs(runs))):
+    for i, (first, last) in enumerate(indistinct_ranges(methods, pairs(runs))):
         place = len(methods) + 0.7 + 0.15 * i
         axis.plot([place, place], [first - 0.25, last + 0.25], color=BLACK, linewidth=2.5)
     axis.set_yticks(range(len(methods)), [label_of(method) for method in methods])
@@ -43,10 +43,10 @@ def draw_ranks(runs: pl.DataFrame) -> "Figure | None":
     return figure
 
 
-def stretches_without_difference(methods: Sequence[str], tests: pl.DataFrame) -> list[tuple[int, int]]:
-    """Return first and last place of each longest stretch of `methods` in which no pair differs.
+def indistinct_ranges(methods: Sequence[str], tests: pl.DataFrame) -> list[tuple[int, int]]:
+    """Return first and last index of the longest ranges of `methods` without a significant difference.
 
-    Empty where nothing was tested.
+    The list is empty without tests.
     """
     if tests["p"].null_count() == tests.height:
         return []
@@ -56,13 +56,13 @@ def stretches_without_difference(methods: Sequence[str], tests: pl.DataFrame) ->
             named=True
         )
     }
-    stretches: list[tuple[int, int]] = []
+    ranges: list[tuple[int, int]] = []
     for first in range(len(methods)):
         last = first
         while last + 1 < len(methods) and not any(
             frozenset((methods[last + 1], method)) in differ for method in methods[first : last + 1]
         ):
             last += 1
-        if last > first and not (stretches and stretches[-1][1] >= last):
-            stretches.append((first, last))
-    return stretches
+        if last > first and not (ranges and ranges[-1][1] >= last):
+            ranges.append((first, last))
+    return ranges

@@ -1,4 +1,4 @@
-"""How often each method succeeds."""
+"""Figure of the success rates of the methods."""
 
 from typing import TYPE_CHECKING
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHADES = ("#a6cee9", "#4a9bd1", "#084a7d")
-"""Colours of the bars, the widest limit first: one hue, so that lightness orders them in grey print too."""
+"""Colours of the bars, widest limit first: one hue, with lightness as the order also in grey print."""
 
 
 def draw_success(runs: pl.DataFrame) -> "Figure | None":
-    """Draw the share of runs within 1, 2 and 5 % of error, by method and kind of case.
+    """Return the figure of the shares of runs with an error within 1, 2 and 5 %, by method and kind of case.
 
-    None where no run is one of every method.
+    It is None if no run is common to all methods.
     """
     table = by_method(runs)
     kinds = table["kind"].unique(maintain_order=True).to_list()
@@ -31,7 +31,7 @@ def draw_success(runs: pl.DataFrame) -> "Figure | None":
     for axis, kind in zip(axes, kinds, strict=True):
         of_kind = table.filter(pl.col("kind") == kind)
         rows = [methods.index(method) for method in of_kind["method"]]
-        # The widest first: the narrower limit's bar is never longer and stands before it.
+        # Widest limit first: the bar of a narrower limit is not longer, and is drawn in front.
         for limit, shade in zip(reversed(LIMITS_PERCENT), SHADES, strict=True):
             share = 100 * of_kind[f"within_{limit}"].to_numpy()
             axis.barh(rows, share, color=shade, height=0.7, label=f"error at most {limit} %")

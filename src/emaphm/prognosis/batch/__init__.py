@@ -1,4 +1,4 @@
-"""Prognoses of all units of a history, on many workers."""
+"""Prognoses of all units of a history, on several workers."""
 
 from emaphm.prognosis.batch.all_units import UnitOutcome, prognose_all
 

@@ -1,4 +1,4 @@
-"""The prognosis of each unit of a history: the hypotheses of its fleet are made once, then unit by unit."""
+"""Prognoses of all units of a history: hypotheses of the fleet once, then one prognosis per unit."""
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
@@ -20,15 +20,16 @@ if TYPE_CHECKING:
     from emaphm.history.basis import Basis
 
 AT_ONCE = 5
-"""Units of a task: the hypotheses of a fleet, some megabytes, go to a worker once for all of them, and the
-last worker does not keep the others waiting for long."""
+"""Units per task: the hypotheses of a fleet, some megabytes, are sent to a worker once per task, and the
+other workers do not wait long for the last task."""
 
 
 @dataclass(frozen=True)
 class UnitOutcome:
-    """A unit's prognosis as `emaphm prognose --json` prints it, or the text of the error that it ended in.
+    """A unit's prognosis as printed by `emaphm prognose --json`, or the text of its error.
 
-    `basis` is what it was made from, `curves` are those of its figures, without forecasts from earlier.
+    `basis` identifies the entries it was computed from, `curves` are those of its figures, without earlier
+    forecasts.
     """
 
     unit: str
@@ -38,10 +39,10 @@ class UnitOutcome:
     curves: Curves | None = None
 
     def kept(self) -> "KeptPrognosis":
-        """Return the prognosis as a history keeps it."""
+        """Return the prognosis in the form stored in a history."""
         from emaphm.history import KeptPrognosis
 
-        assert self.basis is not None  # noqa: S101 - one that has failed is not kept
+        assert self.basis is not None  # noqa: S101 - an outcome with an error is not kept
         return KeptPrognosis.of(self.basis, self.values)
 
 
@@ -57,34 +58,35 @@ def prognose_all(
     scheduler: str | None = None,
     on_unit: OnTask | None = None,
 ) -> Generator[UnitOutcome]:
-    """Yield the prognosis of each unit, by part and serial number, as tasks on many workers finish.
+    """Yield the prognosis of each unit, by part and serial number, as tasks on several workers finish.
 
-    Each is what `prognose` gives with the unit's `learnt_prior`, whatever the number of workers. A unit that
-    cannot be prognosed has an outcome with an error.
+    Each prognosis is that of `prognose` with the unit's `learnt_prior`, for any number of workers. A unit
+    that cannot be prognosed has an outcome with an error.
 
     Parameters
     ----------
     where
-        Of the history: a file, or postgresql://…; each worker opens it.
+        Address of the history: a file, or postgresql://…; each worker opens it.
     question
-        The same of all: the horizon [h], the accepted risk, costs and the stress to come.
+        Horizon [h], accepted risk, costs and future stress, the same for all units.
     part_number
-        Only its units.
+        Part number of the units; by default all units.
     actuator
-        With the requirements; that of each unit's last diagnosis where left out.
+        Actuator with the requirements; by default that of each unit's last diagnosis.
     fleet
-        Whether each learns from the others of its part number; else all have the general prior.
+        Whether priors are learnt from other units of the part number; otherwise all have the general prior.
     seed
-        Source of all randomness.
+        Seed of the random streams.
     workers, scheduler
-        Processes on this machine, one a core where left out; or the address of a Dask scheduler.
+        Number of processes on this machine, by default one per core; or the address of a Dask scheduler.
     on_unit
-        Called as units are done: how many, of how many.
+        Called as units are finished, with the number of finished units and of all units.
 
     Raises
     ------
     HistoryError
-        The history cannot be read, has no unit of the part number, or one that `actuator` does not describe.
+        The history cannot be read, has no unit of the part number, or a unit that `actuator` does not
+        describe.
     ExecutionError
         The workers or the scheduler cannot be used.
     """
@@ -96,30 +98,30 @@ def prognose_all(
     with History.open(where) as history:
         history.check_part_number(part_number)
         lines = history.states(part_number)
-        parts = sorted({one.part_number for one in lines})
+        parts = sorted({unit_state.part_number for unit_state in lines})
         if actuator is not None:
-            for one in lines:
-                history.unit(one.serial_number).described_by(actuator)
+            for unit_state in lines:
+                history.unit(unit_state.serial_number).described_by(actuator)
         for part in parts if fleet else ():
-            of_part = [one for one in lines if one.part_number == part]
+            of_part = [unit_state for unit_state in lines if unit_state.part_number == part]
             fleets[part] = Fleet.read(history, of_part, seed)
-    fleets = {part: _with_hypotheses(one, workers, scheduler) for part, one in fleets.items()}
+    fleets = {part: _with_hypotheses(part_fleet, workers, scheduler) for part, part_fleet in fleets.items()}
     tasks: list[Task] = []
     for part in parts:
-        names = [one.serial_number for one in lines if one.part_number == part]
+        names = [unit_state.serial_number for unit_state in lines if unit_state.part_number == part]
         for i in range(0, len(names), AT_ONCE):
             chosen = tuple(names[i : i + AT_ONCE])
             arguments = (place, chosen, question, actuator, fleets.get(part), seed)
             tasks.append(Task(len(tasks), _prognoses, arguments, name=f"units '{chosen[0]}' and following"))
-    done = 0
+    finished = 0
     if on_unit:
         on_unit(0, len(lines))
     with closing(outcomes(tasks, workers=workers, scheduler=scheduler)) as arriving:
         for task, outcome in in_order(tasks, arriving):
             names = task.arguments[1]
-            done += len(names)
+            finished += len(names)
             if on_unit:
-                on_unit(done, len(lines))
+                on_unit(finished, len(lines))
             if outcome.failure:
                 yield from (UnitOutcome(name, {}, error=outcome.failure) for name in names)
             else:
@@ -129,19 +131,19 @@ def prognose_all(
 def _with_hypotheses(fleet: Fleet, workers: int | None, scheduler: str | None) -> Fleet:
     """Return a fleet with the hypotheses of its units, computed by the workers."""
     tasks = [
-        Task(i, hypotheses_of_unit, (one, fleet.general, fleet.seed), name=one.unit)
-        for i, one in enumerate(fleet.followed)
+        Task(i, hypotheses_of_unit, (unit, fleet.general, fleet.seed), name=unit.unit)
+        for i, unit in enumerate(fleet.followed)
     ]
-    found: dict[str, UnitHypotheses] = {}
+    hypotheses: dict[str, UnitHypotheses] = {}
     with closing(outcomes(tasks, workers=workers, scheduler=scheduler)) as arriving:
         for task, outcome in in_order(tasks, arriving):
             if outcome.failure:
                 raise ExecutionError(
-                    f"the prior from the fleet cannot be computed: {outcome.failure}; give --no-fleet for "
-                    "each unit alone"
+                    f"the prior from the fleet cannot be computed: {outcome.failure}; give --no-fleet to "
+                    "use the general prior"
                 )
-            found[task.name] = outcome.result
-    return replace(fleet, hypotheses=found)
+            hypotheses[task.name] = outcome.result
+    return replace(fleet, hypotheses=hypotheses)
 
 
 def _prognoses(
@@ -152,7 +154,7 @@ def _prognoses(
     fleet: Fleet | None,
     seed: int,
 ) -> list[UnitOutcome]:
-    """Return the prognoses of some units; a task."""
+    """Return the prognoses of some units, as one task."""
     from emaphm.errors import EmaphmError
     from emaphm.history import History
 
@@ -164,9 +166,9 @@ def _prognoses(
                 evidence = Evidence.of(unit)
                 described = unit.described_by(actuator)
                 prior = None if fleet is None else fleet.prior_of(name, described)
-                made = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=False)
+                prognosis = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=False)
             except EmaphmError as error:
                 results.append(UnitOutcome(name, {}, error=str(error)))
             else:
-                results.append(UnitOutcome(name, made.to_dict(), basis, curves=Curves.of(made)))
+                results.append(UnitOutcome(name, prognosis.to_dict(), basis, curves=Curves.of(prognosis)))
     return results

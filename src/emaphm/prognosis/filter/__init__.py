@@ -1,1 +1,1 @@
-"""The particle filter of the degradation: prediction, update, resampling."""
+"""Particle filter of the degradation: prediction, update, resampling."""

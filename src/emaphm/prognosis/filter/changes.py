@@ -1,6 +1,6 @@
-"""What changes about the degradation of particles: their laws, a rate that breaks, an onset, a scale.
+"""Changes of the particles in a filter state: laws, breaks of rates, onsets, scaling, hypotheses.
 
-Each takes a belief and returns another; what does not change is not computed.
+Each function takes a filter state and returns another; particles without a change are not computed.
 """
 
 from dataclasses import replace
@@ -16,9 +16,9 @@ from emaphm.random_streams import stream
 
 
 def with_changed_laws(belief: Belief, step: float) -> Belief:
-    """Return the belief with the laws that change within `step` [h] drawn anew.
+    """Return the filter state with the laws that change within `step` [h] drawn anew.
 
-    What moves on keeps its rate, since only the law is another; what begins to move has a new one.
+    A component with a rate before and after the change keeps its rate; otherwise the rate is drawn anew.
     """
     random = stream(belief.seed, "degradation", belief.steps, "change")
     s = belief.prior.settings
@@ -28,36 +28,36 @@ def with_changed_laws(belief: Belief, step: float) -> Belief:
     rows = np.flatnonzero(changes.any(axis=1))
     drawn = belief.prior.general(belief.aged[rows], random)
     changes, law = changes[rows], belief.law[rows]
-    goes_on = changes & is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
-    after = with_hypotheses(belief, rows, changes & ~goes_on, _of_same_stress(drawn, belief, rows))
-    return replace(after, **replace_law_fields(after, rows, goes_on, drawn))
+    keeps_rate = changes & is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
+    after = with_hypotheses(belief, rows, changes & ~keeps_rate, _of_same_stress(drawn, belief, rows))
+    return replace(after, **replace_law_fields(after, rows, keeps_rate, drawn))
 
 
 def after_onset(belief: Belief, sets_in: Mask, random: np.random.Generator) -> Belief:
-    """Return the belief with new rates where degradation `sets_in`, (n, 8) of True and False."""
+    """Return the filter state with new rates where degradation starts: `sets_in` (n, 8) is True."""
     rows = np.flatnonzero(sets_in.any(axis=1))
     drawn = belief.prior.after_onset((rows.size, belief.law.shape[1]), random)
     return with_hypotheses(belief, rows, sets_in[rows], _of_same_stress(drawn, belief, rows))
 
 
 def _of_same_stress(drawn: Hypotheses, belief: Belief, rows: Rows) -> Hypotheses:
-    """Return the hypotheses with the exponents that the `rows` of the belief have."""
+    """Return the hypotheses with the stress exponents of the `rows` of the filter state."""
     return drawn._replace(exponents=belief.exponents[rows])
 
 
 def with_broken_rates(belief: Belief, step: Array) -> Belief:
-    """Return the belief with the rates that break within `step` (n, 8) [h] multiplied by their factors."""
+    """Return the filter state with rates that break within `step` (n, 8) [h] multiplied by their factors."""
     random = stream(belief.seed, "degradation", belief.steps, "breaks")
     factor = breaks(belief.law, belief.life_scale, step, belief.prior.settings, random)
     rows = np.flatnonzero((factor != 1.0).any(axis=1))
     if not rows.size:
         return belief
-    one = np.ones((rows.size, factor.shape[1]))
-    return replace(scaled(belief, rows, one, factor[rows]), rate=belief.rate * factor)
+    unity = np.ones((rows.size, factor.shape[1]))
+    return replace(scaled(belief, rows, unity, factor[rows]), rate=belief.rate * factor)
 
 
 def scaled(belief: Belief, rows: Rows, of_level: Array, of_rate: Array) -> Belief:
-    """Return the belief with levels and rates of `rows` (k,) scaled in their covariances, (k, 8) both."""
+    """Return the filter state with covariances of `rows` (k,) scaled by factors (k, 8) of level and rate."""
     levels, mixed, rates = belief.levels.copy(), belief.mixed.copy(), belief.rates.copy()
     for part, left, right in (
         (levels, of_level, of_level),
@@ -69,11 +69,11 @@ def scaled(belief: Belief, rows: Rows, of_level: Array, of_rate: Array) -> Belie
 
 
 def with_hypotheses(belief: Belief, rows: Rows, where: Mask, drawn: Hypotheses) -> Belief:
-    """Return the belief with other hypotheses and rates in `rows` (k,) `where` (k, 8) is True."""
+    """Return the filter state with new hypotheses and rates in `rows` (k,) where `where` (k, 8) is True."""
     mixed, rates = belief.mixed.copy(), belief.rates.copy()
     rate, exponents = belief.rate.copy(), belief.exponents.copy()
-    chosen, column = np.nonzero(where)
-    row = np.arange(len(rate))[rows][chosen]
+    place, column = np.nonzero(where)
+    row = np.arange(len(rate))[rows][place]
     mixed[row, :, column] = 0.0
     rates[row, :, column] = rates[row, column, :] = 0.0
     rates[row, column, column] = drawn.rate_deviation[where] ** 2

@@ -1,15 +1,15 @@
 """Degradation of a unit's components from its diagnoses: a Rao-Blackwellised particle filter.
 
-A particle holds a law with its parameters for each component, and one Kalman filter for the levels and rates
-of all components together: given the laws they are linear-Gaussian, and so is a diagnosis, whose full
-covariance is taken. All particles' filters advance together, as arrays.
+A particle has a law with its parameters for each component, and one Kalman filter for the levels and rates of
+all components together: given the laws, levels and rates are linear-Gaussian, as is a diagnosis, whose full
+covariance is used. The filters of all particles are computed together, as arrays.
 
-Each component has weights of its own, from the likelihood of its own estimate, and is resampled on its own: a
-block particle filter [3]. A whole unit's particle would have to be right in eight laws at once, which needs
-many times as many. This is exact where the estimates of a diagnosis are uncorrelated. Where they are
-correlated, levels and rates take all of the covariance, and only the choice between laws does without what
-the others' errors say. The two coordinates of an eccentricity are one growth: they have law, parameters,
-ageing and weights in common, the latter from the likelihood of both.
+Each component has its own weights, from the likelihood of its own estimate, and is resampled separately: a
+block particle filter [3]. A particle for the full unit would need eight correct laws at once, and many more
+particles. The block filter is exact if the estimates of a diagnosis are uncorrelated. If they are correlated,
+levels and rates use the full covariance, but the weights of the laws do not use the correlation with the
+errors of other components. The two coordinates of an eccentricity share law, parameters, ageing and weights,
+the latter from the likelihood of both.
 
 References
 ----------
@@ -53,24 +53,23 @@ from emaphm.prognosis.stress import Exposure
 from emaphm.random_streams import stream
 
 LARGEST_LEVEL = 3.0
-"""Mean and standard deviation of a level that are distinguished from larger ones: levels are in [-1, 1]."""
+"""Largest mean and standard deviation of a level; levels are in [-1, 1]."""
 
 LEAST_SURPRISE = 0.01
-"""Probability of an outlier or a jump, of all particles, below which a diagnosis is taken as stated."""
+"""Probability of an outlier or a jump, over all particles, below which a diagnosis is used as stated."""
 
 LARGEST_RATE = 0.05
-"""Of a rate [1/h]: a component that is worn out within a day."""
+"""Largest rate [1/h]: a component that is worn out within a day."""
 
 
 def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> Belief:
-    """Return the belief at later flight `hours` [h]: onsets and changes of law are drawn, the rest follows.
+    """Return the filter state predicted to later flight `hours` [h], with drawn onsets and changes of law.
 
-    A component of sudden onset sets in with probability 1 - exp(-h/T) in h hours, at a moment of which each
-    is equally likely; a rate breaks as in `breaks`, when the step begins; any component takes up another law
-    with probability 1 - exp(-h/`change_hours`). The hours h of a law, of its noise and of an onset are those
-    by which the component ages under the stress that it was `exposed` to; flight hours where that is left
-    out. Ageing is uneven: its variance in h hours is u² T h, u being the `unevenness`, and moves level and
-    rate along the law.
+    A sudden onset occurs with probability 1 - exp(-h/T) in h hours, at a uniformly distributed time; a rate
+    breaks as in `breaks`, at the start of the step; a component changes its law with probability 1 -
+    exp(-h/`change_hours`). The hours h of a law, of its noise and of an onset are the hours of ageing under
+    the stress in `exposed`; without it, they are flight hours. Ageing is uneven: its variance in h hours is
+    u² T h, where u is the `unevenness`, and it moves level and rate along the law.
     """
     flown = hours - belief.hours
     if flown <= 0:
@@ -101,14 +100,14 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
     by_level, by_rate = reach / step, (growth - 1) / step
     uneven = of_age * (belief.rate**2 + own)
     wiener = noises(belief.law, belief.life_scale, belief.roughness, step, s)
-    for part, variance, more in zip(
+    for part, variance, factor in zip(
         (levels, mixed, rates), wiener, (by_level**2, by_level * by_rate, by_rate**2), strict=True
     ):
-        np.einsum("nii->ni", part)[...] += variance + more * uneven
+        np.einsum("nii->ni", part)[...] += variance + factor * uneven
         if has_plane(step.shape[1]):
             x, y = ECCENTRICITY
-            both = belief.rate[:, x] * belief.rate[:, y] + belief.rates[:, x, y]
-            common = (more * of_age)[:, x] * both
+            expected_product = belief.rate[:, x] * belief.rate[:, y] + belief.rates[:, x, y]
+            common = (factor * of_age)[:, x] * expected_product
             part[:, x, y] += common
             part[:, y, x] += common
     after = replace(
@@ -127,20 +126,20 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
 
 
 def updated(belief: Belief, estimate: Array, covariance: Array, settings: FilterSettings = FILTER) -> Belief:
-    """Return the belief after a diagnosis at its hours; a component that few particles carry is resampled.
+    """Return the filter state updated by a diagnosis; components with few effective particles are resampled.
 
     Parameters
     ----------
     estimate, covariance
-        Of the levels, (8,) and (8, 8), in the coordinates `CARTESIAN_NAMES`. A component that was not seen
-        has a very large variance.
+        Estimate (8,) of the levels and its covariance (8, 8), in the coordinates `CARTESIAN_NAMES`. A
+        component that was not estimated has a very large variance.
     """
     innovation = estimate - belief.level
-    belief, total, log_likelihood = _taken(belief, innovation, covariance, settings)
-    log_likelihood = log_likelihood + _cracked_through(belief, estimate, covariance)
+    belief, total, log_likelihood = _interpretation(belief, innovation, covariance, settings)
+    log_likelihood = log_likelihood + _finished_crack_likelihood(belief, estimate, covariance)
     # With S = L Lᵀ, A = L⁻¹ P and B = L⁻¹ M: P⁺ = P - Aᵀ A, M⁺ = M - Aᵀ B, V⁺ = V - Bᵀ B.
     inverse = _inverse_root(total)
-    seen = inverse @ innovation[:, :, np.newaxis]
+    whitened = inverse @ innovation[:, :, np.newaxis]
     of_levels, of_mixed = inverse @ belief.levels, inverse @ belief.mixed
     to_levels, to_rates = np.swapaxes(of_levels, 1, 2), np.swapaxes(of_mixed, 1, 2)
     levels = belief.levels - to_levels @ of_levels
@@ -155,13 +154,15 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
     log_weights -= likelihood
     after = replace(
         belief,
-        level=belief.level + (to_levels @ seen)[:, :, 0],
-        rate=belief.rate + (to_rates @ seen)[:, :, 0],
-        # Kept symmetric: what rounding leaves would grow with the rates of an exponential law.
+        level=belief.level + (to_levels @ whitened)[:, :, 0],
+        rate=belief.rate + (to_rates @ whitened)[:, :, 0],
+        # Symmetrised: rounding errors would grow with the rates of an exponential law.
         levels=(levels + np.swapaxes(levels, 1, 2)) / 2,
         mixed=belief.mixed - to_levels @ of_mixed,
         rates=(rates + np.swapaxes(rates, 1, 2)) / 2,
-        aged=np.maximum(belief.aged + _age_seen(belief.age_and_level, innovation, total), belief.aged / 2),
+        aged=np.maximum(
+            belief.aged + _ageing_correction(belief.age_and_level, innovation, total), belief.aged / 2
+        ),
         age_and_level=np.zeros_like(belief.aged),
         log_weights=log_weights,
         log_likelihood=belief.log_likelihood + shift + likelihood,
@@ -174,7 +175,8 @@ def updated(belief: Belief, estimate: Array, covariance: Array, settings: Filter
 def _inverse_root(covariances: Array) -> Array:
     """Return L⁻¹ (n, 8, 8) of positive definite `covariances` L Lᵀ, L lower triangular.
 
-    Row by row, for all particles at once: a call of LAPACK for each takes several times as long.
+    The rows are computed for all particles at once: a LAPACK call for each particle takes several times as
+    long.
     """
     root = np.ascontiguousarray(np.moveaxis(np.linalg.cholesky(covariances), 0, -1))
     inverse = np.zeros_like(root)
@@ -184,11 +186,11 @@ def _inverse_root(covariances: Array) -> Array:
     return np.ascontiguousarray(np.moveaxis(inverse, -1, 0))
 
 
-class _Taken(NamedTuple):
-    """How the particles take a diagnosis.
+class _Interpretation(NamedTuple):
+    """Interpretation of a diagnosis by the particles: as stated, as an outlier, or after a jump.
 
-    The belief before it, the innovations' covariances (n, 8, 8), each component's own logarithm of the
-    likelihood (n, 8).
+    It has the filter state before the update, the covariances of the innovations (n, 8, 8), and the
+    log-likelihood of each component (n, 8).
     """
 
     before: Belief
@@ -196,32 +198,35 @@ class _Taken(NamedTuple):
     log_likelihood: Array
 
 
-def _taken(belief: Belief, innovation: Array, covariance: Array, settings: FilterSettings) -> _Taken:
-    """Return how particles take a diagnosis of each component: as stated, as an outlier, or after a jump.
+def _interpretation(
+    belief: Belief, innovation: Array, covariance: Array, settings: FilterSettings
+) -> _Interpretation:
+    """Return a drawn interpretation of a diagnosis of each component by each particle.
 
-    Which of them is drawn with its probability given the innovation, and the particle's likelihood is their
-    sum: the optimal proposal of a particle filter [4]. An outlier adds the variance `surprise`² to the
-    diagnosis, a jump adds it to the level; with a jump, degradation sets in as after a sudden onset.
+    Each of the three cases is drawn with its probability given the innovation, and the particle's likelihood
+    is the sum over the cases: the optimal proposal of a particle filter [4]. An outlier adds the variance
+    `surprise`² to the diagnosis, a jump adds it to the level; after a jump, degradation starts as after a
+    sudden onset.
     """
     total = belief.levels + covariance
     stated = _own_likelihood(innovation, total)
     odd = settings.outliers + settings.jumps
     belief = replace(belief, surprise=np.zeros(len(stated.T)))
     if not odd:
-        return _Taken(belief, total, stated)
+        return _Interpretation(belief, total, stated)
     more = settings.surprise**2
     widened = _own_likelihood(innovation, total, more) + np.log(odd)
     likelihood = np.logaddexp(stated + np.log1p(-odd), widened)
     probability = np.exp(widened - likelihood)
     weights = np.exp(belief.log_weights + settings.trust * (likelihood - likelihood.max(axis=0)))
     share = (weights * probability).sum(axis=0) / weights.sum(axis=0)
-    # What is known no better than by a surprise cannot surprise.
+    # A diagnosis with an error of the size of a surprise cannot be a surprise.
     surprising = (share > LEAST_SURPRISE) & (np.diag(covariance) < more)
     if has_plane(surprising.size):
         plane = list(ECCENTRICITY)
         surprising[plane] = surprising[plane].all()
     if not surprising.any():
-        return _Taken(belief, total, stated)
+        return _Interpretation(belief, total, stated)
     likelihood = np.where(surprising, likelihood, stated)
     belief = replace(belief, surprise=np.where(surprising, share, 0.0))
     random = stream(belief.seed, "degradation", belief.steps, "surprises")
@@ -233,13 +238,13 @@ def _taken(belief: Belief, innovation: Array, covariance: Array, settings: Filte
         levels = belief.levels.copy()
         np.einsum("nii->ni", levels)[jumps] += more
         belief = replace(belief, levels=levels)
-    return _Taken(belief, total, likelihood)
+    return _Interpretation(belief, total, likelihood)
 
 
 def _own_likelihood(innovation: Array, total: Array, more: float = 0.0) -> Array:
-    """Return the logarithm of each component's own likelihood, (n, 8), of the innovations' covariances.
+    """Return the log-likelihood of each component, (n, 8), from innovations and their covariances.
 
-    `more` is a further variance of each.
+    `more` is an additional variance of each component.
     """
     variance = np.einsum("nii->ni", total) + more
     result = np.asarray(-0.5 * (innovation**2 / variance + np.log(variance)))
@@ -252,31 +257,32 @@ def _own_likelihood(innovation: Array, total: Array, more: float = 0.0) -> Array
     return result
 
 
-def _cracked_through(belief: Belief, estimate: Array, covariance: Array) -> Array:
-    """Return the logarithm of how likely an estimate is where a crack has become infinite before, (n, 8).
+def _finished_crack_likelihood(belief: Belief, estimate: Array, covariance: Array) -> Array:
+    """Return the log-likelihood (n, 8) of an estimate for cracks that have become infinite before.
 
-    Such a component is at the end of its scale, whatever the level that its Kalman filter goes on with: an
-    estimate (8,) below that is off by its distance from there. 0 for all others.
+    Such a component is at the end of its scale, independent of the level of its Kalman filter: the error of
+    an estimate (8,) is its distance from the end. The result is 0 for all other components.
     """
-    far = -0.5 * to_the_end(estimate, belief.prior.least_friction) ** 2 / np.diag(covariance)
-    return np.where((belief.law == CRACK_GROWTH) & (belief.life_scale <= belief.aged), far, 0.0)
+    log_likelihood = -0.5 * to_the_end(estimate, belief.prior.least_friction) ** 2 / np.diag(covariance)
+    return np.where((belief.law == CRACK_GROWTH) & (belief.life_scale <= belief.aged), log_likelihood, 0.0)
 
 
-def _age_seen(age_and_level: Array, innovation: Array, total: Array) -> Array:
-    """Return by how many hours [h] components have aged more than expected, (n, 8), as their levels say."""
+def _ageing_correction(age_and_level: Array, innovation: Array, total: Array) -> Array:
+    """Return the corrections (n, 8) of the ageing [h] of components, from the innovations of their levels."""
     result = np.asarray(age_and_level * innovation / np.einsum("nii->ni", total))
     if has_plane(innovation.shape[1]):
         plane = np.ix_(range(len(total)), ECCENTRICITY, ECCENTRICITY)
         inverse = _inverse_root(total[plane])
         by_age, by_level = (
-            np.einsum("nij,nj->in", inverse, one[:, ECCENTRICITY]) for one in (age_and_level, innovation)
+            np.einsum("nij,nj->in", inverse, values[:, ECCENTRICITY])
+            for values in (age_and_level, innovation)
         )
         result[:, ECCENTRICITY] = np.sum(by_age * by_level, axis=0)[:, np.newaxis]
     return result
 
 
 def replaced(belief: Belief, components: Mask) -> Belief:
-    """Return the belief after the replacement of `components`, (8,) of True and False, at its hours."""
+    """Return the filter state after the replacement of the components for which `components` (8,) is True."""
     n, count = belief.law.shape
     random = stream(belief.seed, "degradation", belief.steps, "replacement")
     where = np.broadcast_to(components, (n, count))
@@ -300,10 +306,10 @@ def replaced(belief: Belief, components: Mask) -> Belief:
 
 
 def _limited(belief: Belief) -> Belief:
-    """Return the belief with no standard deviation above `LARGEST_LEVEL` or `LARGEST_RATE`.
+    """Return the filter state with standard deviations of at most `LARGEST_LEVEL` and `LARGEST_RATE`.
 
-    What grows exponentially over a long gap between diagnoses would else leave the range in which the next
-    update is computed without loss of digits.
+    Otherwise, variances that grow exponentially over a long gap between diagnoses would leave the range in
+    which the next update is computed without loss of digits.
     """
     of_level = np.sqrt(np.einsum("nii->ni", belief.levels))
     of_rate = np.sqrt(np.einsum("nii->ni", belief.rates))
@@ -319,14 +325,14 @@ def _limited(belief: Belief) -> Belief:
 
 
 def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
-    """Return a belief whose components `few` (8,) are resampled, and their copies differ a little."""
+    """Return the filter state with the components `few` (8,) resampled, and their copies jittered."""
     random = stream(belief.seed, "degradation", belief.steps, "resampling")
     n = len(belief.law)
     rows = drawn_rows(belief, n, random)
     rows[:, ~few] = np.arange(n)[:, np.newaxis]
     after = recombined(belief, rows)
     s = belief.prior.settings
-    # Of the same law, and of the same other unit where that is it.
+    # Groups have the same law and, for the trajectory of another unit, the same unit.
     groups = after.law * (1 + after.shape.max()) + np.where(after.law == AS_ANOTHER, after.shape, 0.0)
     kinds = kinds_of(groups, few)
 
@@ -338,12 +344,12 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
     for law, ends in ranges.items():
         shape = np.where(after.law == law, np.clip(shape, *ends), shape)
     scale = apart(after.life_scale)
-    # A kernel must not end a crack: where it would, the copy stays as it is.
+    # The kernel must not end a crack: such a copy keeps its life scale.
     ends = (after.law == CRACK_GROWTH) & (scale <= after.aged)
     scale = np.where(ends, after.life_scale, scale)
     return replace(
         after,
-        # The time of another unit's way is about what that unit took, however short.
+        # The life scale of another unit's trajectory is about the span of that unit, which may be short.
         life_scale=np.where(after.law == AS_ANOTHER, scale, np.clip(scale, *s.life_scale)),
         shape=shape,
         roughness=np.clip(apart(after.roughness), *s.roughness),
@@ -354,7 +360,7 @@ def _resampled(belief: Belief, few: Mask, settings: FilterSettings) -> Belief:
 
 
 def _jittered(belief: Belief, few: Mask, settings: FilterSettings, random: np.random.Generator) -> Array:
-    """Return the exponents of the stress (n, 8, 3), those of the components `few` (8,) a little apart."""
+    """Return the exponents of the stress (n, 8, 3), jittered for the components `few` (8,)."""
     if belief.prior.reference is None:
         return belief.exponents
     low, high = np.array(belief.prior.settings.exponents).T

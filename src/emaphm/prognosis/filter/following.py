@@ -1,4 +1,4 @@
-"""The filter's way through what a history says of a unit: one observation or replacement after the other."""
+"""Filtering of the evidence on a unit: its observations and replacements in the order of hours."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
@@ -17,15 +17,15 @@ from emaphm.prognosis.settings import FILTER, FilterSettings
 from emaphm.prognosis.stress import StressReference, exposure
 
 UNSEEN_VARIANCE = 1e6
-"""Of a level that a diagnosis could not see: such an observation says nothing."""
+"""Variance of a level that a diagnosis did not estimate: such an observation has no information."""
 
 LEAST_ERROR = 1e-3
-"""Standard error that a level has at least: a diagnosis without noise would leave its covariance singular."""
+"""Least standard error of a level: without it, the covariance of a noise-free diagnosis would be singular."""
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """The belief now, and those at the hours of the observations of which they were to be kept."""
+    """The present filter state, and the filter states after selected observations."""
 
     belief: Belief
     past: tuple[Belief, ...] = field(repr=False)
@@ -33,9 +33,9 @@ class Followed:
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What is believed after an observation, before components are replaced, or now.
+    """Filter state after an observation, before a replacement, or now.
 
-    `ends` says which components are replaced then, (8,); `observed` whether there was an observation.
+    `ends` (8,) is True for components that are replaced then; `observed` is True after an observation.
     """
 
     belief: Belief
@@ -51,28 +51,28 @@ def follow(
     settings: FilterSettings = FILTER,
     past: Collection[int] | None = None,
 ) -> Followed:
-    """Return what is believed of a unit after its observations and replacements, by hours.
+    """Return the filter states of a unit after its observations and replacements, by hours.
 
-    `past` are the numbers of the used observations after which the belief is kept, 2 MB each; all where left
-    out. Errors as in `moments`.
+    `past` are the indices of the used observations after which the filter state is kept, 2 MB each; by
+    default all. Errors as in `moments`.
     """
     kept: list[Belief] = []
-    number = 0
+    index = 0
     for moment in moments(evidence, prior, seed=seed, settings=settings):
         belief = moment.belief
         if moment.observed:
-            if past is None or number in past:
+            if past is None or index in past:
                 kept.append(belief)
-            number += 1
+            index += 1
     return Followed(belief, tuple(kept))
 
 
 def moments(
     evidence: Evidence, prior: Prior, *, seed: int = 0, settings: FilterSettings = FILTER
 ) -> Iterator[Moment]:
-    """Yield what is believed of a unit at its observations and replacements, by hours, and at last now.
+    """Yield the filter states of a unit at its observations and replacements, by hours, and the present one.
 
-    A replacement at the hours of an observation comes after it.
+    A replacement at the hours of an observation is applied after it.
 
     Raises
     ------
@@ -84,38 +84,38 @@ def moments(
     belief = Belief.new(
         prior, seed=seed, settings=settings, components=evidence.components, shared=evidence.shared
     )
-    none = np.zeros(evidence.components, bool)
+    no_component = np.zeros(evidence.components, bool)
 
-    def later(belief: Belief, hours: float) -> Belief:
+    def predicted_to(belief: Belief, hours: float) -> Belief:
         if prior.reference is None:
             return predicted(belief, hours)
         exposed = exposure(evidence.stresses, prior.reference, belief.hours, hours)
         return predicted(belief, hours, exposed)
 
     events: list[tuple[float, int, Observation | str]] = [
-        *((one.hours, 0, one) for one in evidence.used),
+        *((observation.hours, 0, observation) for observation in evidence.used),
         *((hours, 1, component) for hours, component in evidence.replacements),
     ]
-    for hours, _, event in sorted(events, key=lambda one: one[:2]):
-        belief = later(belief, hours)
+    for hours, _, event in sorted(events, key=lambda event: event[:2]):
+        belief = predicted_to(belief, hours)
         if isinstance(event, str):
             ends = np.isin(np.arange(evidence.components), columns_of(event))
             yield Moment(belief, ends)
             belief = replaced(belief, ends)
             continue
         try:
-            belief = updated(belief, event.level, _usable(evidence.unit, event), settings)
+            belief = updated(belief, event.level, _update_covariance(evidence.unit, event), settings)
         except np.linalg.LinAlgError:
             raise PrognosisError(
                 f"unit '{evidence.unit}': the covariance of the diagnosis at {hours:.9g} h is not positive "
                 "definite; diagnose its recording again"
             ) from None
-        yield Moment(belief, none, observed=True)
-    yield Moment(later(belief, evidence.hours), none)
+        yield Moment(belief, no_component, observed=True)
+    yield Moment(predicted_to(belief, evidence.hours), no_component)
 
 
-def _usable(unit: str, observation: Observation) -> Array:
-    """Return the covariance to update with, (8, 8)."""
+def _update_covariance(unit: str, observation: Observation) -> Array:
+    """Return the covariance (8, 8) of an observation for the update, without the shared part."""
     if not (
         observation.hours >= 0
         and np.all(np.isfinite(observation.level))
@@ -125,9 +125,9 @@ def _usable(unit: str, observation: Observation) -> Array:
             f"unit '{unit}': the diagnosis at {observation.hours:.9g} h is not finite; "
             "diagnose its recording again"
         )
-    own = observation.covariance - observation.shared
-    covariance = own + LEAST_ERROR**2 * np.eye(len(observation.seen))
-    hidden = ~observation.seen
-    covariance[hidden, :] = covariance[:, hidden] = 0.0
-    covariance[hidden, hidden] = UNSEEN_VARIANCE
+    unshared = observation.covariance - observation.shared
+    covariance = unshared + LEAST_ERROR**2 * np.eye(len(observation.seen))
+    not_estimated = ~observation.seen
+    covariance[not_estimated, :] = covariance[:, not_estimated] = 0.0
+    covariance[not_estimated, not_estimated] = UNSEEN_VARIANCE
     return covariance

@@ -1,4 +1,4 @@
-"""Particles drawn by their weights, each component on its own."""
+"""Resampling of particles according to their weights, separately for each component."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,23 +13,24 @@ from emaphm.prognosis.laws import Mask, in_common
 from emaphm.prognosis.settings import FilterSettings
 
 ROUNDING = 1e-9
-"""Share of a rate's variance below which what the level leaves of it is a rounding error."""
+"""Conditional variance of a rate given the level, relative to its variance, below which it is rounding
+error."""
 
 
 def drawn_rows(belief: Belief, count: int, random: np.random.Generator) -> NDArray[np.intp]:
-    """Return rows of the particles for each component, (count, 8), drawn by its weights, in any order."""
-    columns = [random.permutation(systematic(one, count, random)) for one in belief.weights.T]
+    """Return rows (count, 8) of the particles, drawn for each component by its weights, in random order."""
+    columns = [random.permutation(systematic(weights, count, random)) for weights in belief.weights.T]
     return in_common(np.stack(columns, axis=1))
 
 
 def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
-    """Return the belief with component c of particle i taken from particle `rows`[i, c], equally weighted.
+    """Return the filter state with component c of particle i taken from particle `rows`[i, c], equal weights.
 
-    A component brings the means and the covariance of its level and rate. How components are correlated is
-    that of all particles, by their weights: covariances are averaged between x/σ_x and the part of v that x
-    does not say, (v - k x)/σ_v|x, k = cov(v, x)/σ_x², so that the new ones are positive definite too.
+    A component keeps the means and the covariance of its level and rate. The correlations between components
+    are the weighted means over all particles, computed for x/σ_x and for the part of v that is independent of
+    x, (v - k x)/σ_v|x with k = cov(v, x)/σ_x², so that the new covariances are positive definite too.
     """
-    a, k, s = _own(belief)
+    a, k, s = _level_and_rate_deviations(belief)
     inverse_a, inverse_s = 1 / a, np.divide(1.0, s, out=np.zeros_like(s), where=s > 0)
     w = belief.weights.mean(axis=1)
     given_level = belief.mixed - belief.levels * k[:, np.newaxis, :]
@@ -67,13 +68,13 @@ def recombined(belief: Belief, rows: NDArray[np.intp]) -> Belief:
     )
 
 
-def _own(belief: Belief) -> tuple[Array, Array, Array]:
-    """Return σ_x, k and σ_v|x of each particle's components, (n, 8) each, as in `recombined`."""
+def _level_and_rate_deviations(belief: Belief) -> tuple[Array, Array, Array]:
+    """Return σ_x, k and σ_v|x (n, 8) of each particle's components, as in `recombined`."""
     variance = np.maximum(np.einsum("nii->ni", belief.levels), LEAST_VARIANCE)
     k = np.einsum("nii->ni", belief.mixed) / variance
     of_rate = np.einsum("nii->ni", belief.rates)
-    rest = of_rate - k**2 * variance
-    return np.sqrt(variance), k, np.sqrt(np.where(rest > ROUNDING * of_rate, rest, 0.0))
+    conditional = of_rate - k**2 * variance
+    return np.sqrt(variance), k, np.sqrt(np.where(conditional > ROUNDING * of_rate, conditional, 0.0))
 
 
 def _mean_product(weights: Array, values: Array, left: Array, right: Array) -> Array:
@@ -83,14 +84,14 @@ def _mean_product(weights: Array, values: Array, left: Array, right: Array) -> A
 
 
 class Kinds(NamedTuple):
-    """Kinds of particles, of one component: the number of each particle's (n,), and how many are of each."""
+    """Groups of particles for one component: group number of each particle (n,), and sizes of the groups."""
 
     number: NDArray[np.intp]
     size: NDArray[np.intp]
 
 
 def kinds_of(groups: Array, components: Mask) -> tuple[Kinds | None, ...]:
-    """Return the kinds of particles that `groups` (n, c) number, None but for the `components` (c,)."""
+    """Return the particles' groups of equal values in `groups` (n, c); None outside `components` (c,)."""
     kinds: list[Kinds | None] = [None] * groups.shape[1]
     for c in np.flatnonzero(components):
         _, number, count = np.unique(groups[:, c], return_inverse=True, return_counts=True)
@@ -101,14 +102,15 @@ def kinds_of(groups: Array, components: Mask) -> tuple[Kinds | None, ...]:
 def apart_again(
     values: Array, kinds: Sequence[Kinds | None], settings: FilterSettings, random: np.random.Generator
 ) -> Array:
-    """Return positive `values` (n, c) of resampled particles, copies of which differ again.
+    """Return positive `values` (n, c) of resampled particles, with copies jittered by a kernel.
 
-    By a kernel that widens nothing: among particles of one of the `kinds` of each component, the logarithm is
-    drawn towards the mean by as much as its scatter adds [2]:
+    The kernel preserves the variance within each of the `kinds` of a component: the logarithm is shrunk
+    towards the mean to compensate the added scatter [2]:
 
         y⁺ = a y + (1 - a) mean(y) + √(1 - a²) max(sd(y), least) z
 
-    a being `shrinkage`, least `least_spread`, z standard normal. Components without kinds stay as they are.
+    where a is `shrinkage`, least is `least_spread`, and z is standard normal. Components without kinds are
+    not changed.
 
     References
     ----------
@@ -130,6 +132,6 @@ def apart_again(
 
 
 def systematic(weights: Array, count: int, random: np.random.Generator) -> NDArray[np.intp]:
-    """Return `count` indices of `weights` (n,), each as often as its weight asks, to one more or less."""
+    """Return `count` indices drawn by systematic resampling according to `weights` (n,)."""
     places = (np.arange(count) + random.random()) / count * np.sum(weights)
     return np.minimum(np.searchsorted(np.cumsum(weights), places), len(weights) - 1)

@@ -1,1 +1,1 @@
-"""The prior of a new unit from the other units of its part number."""
+"""Prior of a unit from the other units of its part number."""

@@ -1,4 +1,4 @@
-"""What failures of other units, by the requirements that they had, say of limits that are asked now."""
+"""Failure times of other units, which had their own requirements, for the present limits."""
 
 from typing import TYPE_CHECKING
 
@@ -13,28 +13,28 @@ if TYPE_CHECKING:
     from emaphm.prognosis.requirements.margins import Limit
 
 SIGNIFICANT = 3.0
-"""Standard errors by which a level is beyond a limit: a unit that failed there had a wider one."""
+"""Standard errors by which a last level must be beyond a limit: such a unit had a wider limit."""
 
 
 def passed_at(life: "Sequence[Observation]", limits: "Sequence[Limit]") -> float:
-    """Return the hours [h] at which a component was first beyond one of the `limits`; `inf` where none was.
+    """Return the first hours [h] at which a component was beyond one of the `limits`, or `inf`.
 
-    Of the limits of components alone that the last diagnosis of a `life` is significantly beyond. Diagnoses
-    err, wear does not heal: margins are replaced by the falling sequence nearest to them, straight between
-    diagnoses.
+    Only limits on components are used, if the last diagnosis of the `life` is significantly beyond them.
+    Because diagnoses have errors and wear does not heal, margins are replaced by the nearest decreasing
+    sequence (isotonic regression), interpolated linearly between diagnoses.
     """
     from scipy.optimize import isotonic_regression
 
     passages = [np.inf]
     for limit in limits:
         columns = columns_of(str(limit.component))
-        seen = [one for one in life if one.seen[columns].all()]
-        if not seen:
+        diagnoses = [diagnosis for diagnosis in life if diagnosis.seen[columns].all()]
+        if not diagnoses:
             continue
-        level = np.array([one.level for one in seen])
+        level = np.array([diagnosis.level for diagnosis in diagnoses])
         margin = limit.margin(level_of(level, str(limit.component)))
-        error = np.sqrt(np.diag(seen[-1].covariance)[columns].max())
+        error = np.sqrt(np.diag(diagnoses[-1].covariance)[columns].max())
         if margin[-1] < -SIGNIFICANT * error:
-            hours = [one.hours for one in seen]
+            hours = [diagnosis.hours for diagnosis in diagnoses]
             passages.append(float(np.interp(0.0, isotonic_regression(-margin).x, hours)))
     return min(passages)

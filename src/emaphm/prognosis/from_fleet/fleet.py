@@ -1,4 +1,4 @@
-"""The prior of a unit from the other units of its part number: which of them count, and how."""
+"""Prior of a unit from the other units of its part number: selection of the units and their use."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,30 +26,31 @@ if TYPE_CHECKING:
     from emaphm.history.views import UnitState
 
 MOST_UNITS = 30
-"""Units that are followed."""
+"""Largest number of units that are followed by the filter."""
 
 MOST_PACE_UNITS = 100
-"""Units whose pace is learnt, from their diagnoses alone: that costs less than to follow them, and more units
-give better forecasts (docs/fleet.md)."""
+"""Largest number of units whose pace is learnt from their diagnoses. This costs less than the filter, and
+more units give better forecasts (docs/fleet.md)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """The units of a part number that a prior is made from, chosen before any of them is left out.
+    """The units of a part number for a prior, selected before any unit is left out.
 
-    So all units use the same ones, at the same reference stress: a process that makes one prognosis after
-    the other follows each of them once, and learns their pace once for all units that are none of them.
+    All units therefore use the same selection and the same reference stress: a process that computes several
+    prognoses follows each selected unit once, and learns their pace once for all units outside the selection.
 
     Attributes
     ----------
     followed
-        Units that are followed by the filter, one more than a unit uses, as it may be one of them.
+        Units that are followed by the filter, one more than a prior uses, because the unit itself may be
+        among them.
     pace_units
-        Units whose pace is learnt, one more in the same way.
+        Units whose pace is learnt, one more for the same reason.
     seed
-        Source of all randomness.
+        Seed of the random streams.
     hypotheses
-        Hypotheses of units, by name, where known; those of the others are computed when needed.
+        Hypotheses by unit, if already computed; missing ones are computed when needed.
     """
 
     followed: tuple[Evidence, ...]
@@ -60,23 +61,23 @@ class Fleet:
     @classmethod
     def of(cls, units: Sequence[Evidence], seed: int) -> "Fleet":
         """Return the fleet of these `units`."""
-        evidence = {one.unit: one for one in units}
-        explained = {name: len(one.used) for name, one in evidence.items()}
-        return cls._chosen(explained, evidence.__getitem__, seed)
+        evidence = {unit.unit: unit for unit in units}
+        explained = {name: len(unit.used) for name, unit in evidence.items()}
+        return cls._selected(explained, evidence.__getitem__, seed)
 
     @classmethod
     def read(
         cls, history: "History", lines: "Sequence[UnitState]", seed: int, most: int | None = None
     ) -> "Fleet":
-        """Return the fleet of the units of a history that `lines` are of; only the chosen ones are read.
+        """Return the fleet of the units `lines` of a history; only the selected units are read.
 
-        At most `most` diagnoses of each are used, all where left out.
+        At most `most` diagnoses of each unit are used, by default all.
         """
-        explained = {one.serial_number: one.explained for one in lines}
-        return cls._chosen(explained, lambda name: Evidence.of(history.unit(name), most), seed)
+        explained = {unit.serial_number: unit.explained for unit in lines}
+        return cls._selected(explained, lambda name: Evidence.of(history.unit(name), most), seed)
 
     @classmethod
-    def _chosen(
+    def _selected(
         cls, explained: Mapping[str, int], evidence_of: Callable[[str], Evidence], seed: int
     ) -> "Fleet":
         followed, pace_units = _chosen_units(explained)
@@ -87,46 +88,46 @@ class Fleet:
 
     @cached_property
     def general(self) -> Prior:
-        """The prior without a fleet, at the stress that its units saw on the median, rounded."""
-        found = StressReference.of([piece for one in self.followed for piece in one.stresses])
-        return Prior(reference=None if found is None else found.rounded())
+        """The prior without a fleet, with the rounded median of its units' stress as reference."""
+        reference = StressReference.of([piece for unit in self.followed for piece in unit.stresses])
+        return Prior(reference=None if reference is None else reference.rounded())
 
     def prior_of(self, unit: str, actuator: "Actuator | None" = None) -> Prior:
-        """Return the prior of a unit from the others; the general one where none of them is usable.
+        """Return the prior of a unit from the other units; the general prior if none of them is usable.
 
         Errors as in `fleet_prior`.
 
         Parameters
         ----------
         unit
-            Its serial number, whether it is one of the fleet or not.
+            Serial number of the unit, which may be in the fleet or not.
         actuator
-            Its requirements say when a unit has failed. Forecasts are not corrected by those of failed units
-            where left out.
+            Actuator whose requirements define a failure. Without it, forecasts are not recalibrated by those
+            of failed units.
         """
-        others = [one for one in self._usable if one.unit != unit][:MOST_UNITS]
+        others = [other for other in self._usable if other.unit != unit][:MOST_UNITS]
         if not others:
             return self.general
-        pace_units = [one for one in self.pace_units if one.unit != unit][:MOST_PACE_UNITS]
-        prior = fleet_mixture([self._hypotheses_of(one) for one in others], self.general)
-        prior = with_fleet_pace(prior, [one.unit for one in others], pace_units)
+        pace_units = [other for other in self.pace_units if other.unit != unit][:MOST_PACE_UNITS]
+        prior = fleet_mixture([self._hypotheses_of(other) for other in others], self.general)
+        prior = with_fleet_pace(prior, [other.unit for other in others], pace_units)
         record = None if actuator is None else self._record(actuator)
         return prior if record is None else replace(prior, recalibration=record.without(unit))
 
     @property
     def _usable(self) -> list[Evidence]:
-        return [one for one in self.followed if len(one.used) >= FEWEST_DIAGNOSES]
+        return [unit for unit in self.followed if len(unit.used) >= FEWEST_DIAGNOSES]
 
     def _hypotheses_of(self, unit: Evidence) -> UnitHypotheses:
         return self.hypotheses.get(unit.unit) or hypotheses_of_unit(unit, self.general, self.seed)
 
     def _record(self, actuator: "Actuator") -> Recalibration | None:
-        """Return how predictions of those units turned out that failed, each from the others that failed.
+        """Return the outcomes of predictions of the failed units, each from the other failed units.
 
-        Units that still work say nothing here, so that their next diagnosis changes nothing of it.
+        Units that still work are not used, so that their next diagnosis does not change the outcomes.
         """
-        failed = [one for one in self._usable if one.failures]
-        parts = [self._hypotheses_of(one) for one in failed]
+        failed = [unit for unit in self._usable if unit.failures]
+        parts = [self._hypotheses_of(unit) for unit in failed]
 
         def by_others(i: int) -> Prior:
             return fleet_mixture([*parts[:i], *parts[i + 1 :]], self.general)
@@ -143,32 +144,32 @@ def fleet_prior(
     seed: int = 0,
     actuator: "Actuator | None" = None,
 ) -> Prior:
-    """Return the prior of a unit, given the others of its part number; the general one without any.
+    """Return the prior of a unit from the other units of its part number; the general prior without any.
 
-    Each of the others is followed from the general prior; draws from what is then believed of it, all units
-    alike, are what the new unit may be: its hypothesis is one of theirs with probability n / (n + 2), n being
-    their number, else of the general prior. A rate is taken back to the new component's by its law. This is
-    an empirical Bayes estimate of the distribution over units, which is wider than it by each unit's own
-    uncertainty.
+    Each of the other units is followed from the general prior, and contributes an equal number of draws from
+    its posterior. With probability n / (n + 2), n being the number of units, a hypothesis of the new unit is
+    one of these draws, otherwise it is drawn from the general prior. A rate is converted to that of the new
+    component according to its law. This is an empirical Bayes estimate of the distribution over units, wider
+    than this distribution by each unit's own uncertainty.
 
     Parameters
     ----------
     units
-        Diagnoses and replacements of each; one with fewer than `FEWEST_DIAGNOSES` explained ones is left out.
-        The unit itself may be among them, as it is in a history: it does not count, but the stress
-        that it saw counts for the reference.
+        Diagnoses and replacements of each unit; units with fewer than `FEWEST_DIAGNOSES` explained diagnoses
+        are left out. The unit itself may be among them, as in a history: only its stress is used, for the
+        reference.
     unit
-        Its serial number, where it is among them.
+        Serial number of the unit, if it is among them.
     seed
-        Source of all randomness.
+        Seed of the random streams.
     actuator
-        Its requirements say what a failure is: forecasts are corrected by how those of the failed units
-        turned out. They are not where left out.
+        Actuator whose requirements define a failure, for the recalibration of forecasts by the outcomes for
+        failed units. Without it, forecasts are not recalibrated.
 
     Raises
     ------
     PrognosisError
-        A diagnosis of one of the others cannot be used.
+        A diagnosis of one of the other units cannot be used.
     """
     return Fleet.of(units, seed).prior_of(unit, actuator)
 
@@ -181,23 +182,23 @@ def learnt_prior(
     most: int | None = None,
     actuator: "Actuator | None" = None,
 ) -> Prior:
-    """Return the `fleet_prior` of a unit, by the others of its part number in its history.
+    """Return the `fleet_prior` of a unit, from the other units of its part number in its history.
 
     Parameters
     ----------
     history, unit
         The open history, and a unit of it, `history.unit(serial_number)`.
     seed
-        Source of all randomness.
+        Seed of the random streams.
     most
-        Diagnoses of each of the others that are used at most; all where left out.
+        Largest number of diagnoses used of each other unit; by default all.
     actuator
-        Its requirements say when a unit has failed; that of the unit's last diagnosis where left out.
+        Actuator whose requirements define a failure; by default that of the unit's last diagnosis.
 
     Raises
     ------
     PrognosisError
-        A diagnosis of one of the others cannot be used.
+        A diagnosis of one of the other units cannot be used.
     HistoryError
         The database fails.
     """
@@ -206,9 +207,9 @@ def learnt_prior(
 
 
 def _chosen_units(explained: Mapping[str, int]) -> tuple[list[str], list[str]]:
-    """Return the units to follow and those whose pace is learnt, by their numbers of explained diagnoses.
+    """Return the units to follow and those whose pace is learnt, from the numbers of explained diagnoses.
 
-    One more of each than a unit uses, as it may be one of them.
+    Both have one more unit than a prior uses, because the unit itself may be among them.
     """
     usable = [name for name, count in explained.items() if count >= FEWEST_DIAGNOSES]
     ordered = sorted(usable, key=lambda name: (-explained[name], name))
@@ -216,9 +217,9 @@ def _chosen_units(explained: Mapping[str, int]) -> tuple[list[str], list[str]]:
 
 
 def _evenly(ordered: list[str], most: int) -> list[str]:
-    """Return at most `most` of what is ordered by its number of diagnoses, from all of its range.
+    """Return at most `most` units, evenly spaced in the order by number of diagnoses.
 
-    Those with most diagnoses alone would be those that live longest: a biased choice.
+    A selection of the units with most diagnoses would be biased to long lives.
     """
     if len(ordered) <= most:
         return ordered

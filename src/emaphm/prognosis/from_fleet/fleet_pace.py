@@ -1,4 +1,4 @@
-"""The pace of a fleet's units towards their limits: their paths, and the population that these show."""
+"""Pace of a fleet's units towards their limits: their paths, and the population estimated from them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,22 +22,22 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True)
 class FleetPaceSettings:
-    """When the pace of other units forecasts a unit, and how much it weighs against the filter.
+    """Conditions for the use of the pace of other units in a forecast, and its weight relative to the filter.
 
-    The pace is used from `fewest_units` units on; it was measured with 26 and 30. A limit's failure times
-    come from it if at least `fewest_passed` lives have passed each step that is ahead: from fewer, a step
-    that nobody has passed would be as long as the last one that somebody has.
+    The pace is used with at least `fewest_units` units; it was measured with 26 and 30. The failure times of
+    a limit use the pace if at least `fewest_passed` lives have passed each step that is ahead: a step that no
+    unit has passed would be assumed as long as the last step that a unit has passed.
 
-    The filter's forecast weighs as much as `filter_weight` units, because a fleet of 30 has not shown all
-    that may happen. With 2, the 90 % intervals contained the truth in 83 % of the cases late in life, of 109
-    synthetic units; with 8, in 86 % (`python -m emaphm.study.fleet FOLDER` makes such units).
+    The filter's forecast has the weight of `filter_weight` units, because 30 units do not cover all courses
+    of degradation. With 2, the 90 % intervals contained the true RUL in 83 % of the cases late in life, of
+    109 synthetic units; with 8, in 86 % (`python -m emaphm.study.fleet FOLDER` makes such units).
 
-    A diagnosis whose standard error is above `largest_error` of the full margin does not say which step a
-    component is in. A diagnosis that is an outlier or a jump with a probability above `largest_surprise` is
-    not used: the pace takes it as stated.
+    A diagnosis whose standard error is above `largest_error` of the full margin does not determine the step
+    of a component. A diagnosis that is an outlier or a jump with a probability above `largest_surprise` is
+    not used, because the pace takes diagnoses as stated.
 
-    A unit that has worked on since its last diagnosis follows another pace if the population gives that a
-    probability below `least_survival`, of `survival_draws` lives: right to 1 %, one standard error.
+    The pace is not used for a unit whose survival since its last diagnosis has a probability below
+    `least_survival` in the population, computed from `survival_draws` lives with a standard error of 1 %.
     """
 
     fewest_units: int = 8
@@ -52,14 +52,14 @@ class FleetPaceSettings:
 FLEET_PACE = FleetPaceSettings()
 
 NO_LIFE = Passages.of(np.zeros(0), np.zeros(0))
-"""Takes the place of a life that a component did not have, where another component had one."""
+"""Placeholder for a life that a component did not have, if another component had more lives."""
 
 DegradationPath = tuple[Array, Array]
-"""Ages (n,) [h] of a component at its diagnoses, and the consumed shares of its margin there (n,) [-]."""
+"""Ages (n,) [h] of a component at its diagnoses, and the consumed shares of its margin (n,) [-]."""
 
 
 class FleetPopulation(NamedTuple):
-    """The population of paces to some limits, and the least hours of a step to each limit [h]."""
+    """Population of paces towards some limits, and the least hours of a step for each limit [h]."""
 
     population: PopulationDraws
     least: tuple[float, ...]
@@ -83,20 +83,20 @@ class FleetPaceModel:
 
     @cached_property
     def shown_share(self) -> float:
-        """How far the pace is that of all units: as long as some work, the last steps are those of the fast.
+        """Weight √f of the pace, where f is the share of failed units.
 
-        √f, f being the share of the units that have failed. Of 200 made-up units with many laws and lives of
-        500 to 8,000 h, 30 of 100 failed, the 90 % intervals of 50 held 37 times without it, 46 times with it;
-        of 168 units of alike fleets, 159 and 163 times.
+        While some units still work, only the fast units have passed the last steps. Of 200 synthetic units
+        with many laws and lives of 500 to 8,000 h, 30 of 100 had failed; of 50 90 % intervals, 37 contained
+        the true value without this weight, and 46 with it; of 168 units of homogeneous fleets, 159 and 163.
         """
-        return float(np.sqrt(np.mean([bool(one.failures) for one in self.units])))
+        return float(np.sqrt(np.mean([bool(unit.failures) for unit in self.units])))
 
     @cached_property
     def _keys(self) -> list[str]:
-        return [fingerprint(one) for one in self.units]
+        return [fingerprint(unit) for unit in self.units]
 
     def is_known(self, diagnosis: Observation, limit: Limit) -> bool:
-        """Return whether a diagnosis knows a level well enough to say which step the component is in."""
+        """Return whether a diagnosis is accurate enough to determine the step of the limited component."""
         columns = columns_of_limit(limit)
         error = np.sqrt(np.diag(diagnosis.covariance)[columns].max())
         return bool(
@@ -104,58 +104,66 @@ class FleetPaceModel:
         )
 
     def population(self, limits: tuple[Limit, ...], seed: int) -> FleetPopulation | None:
-        """Return the population of paces to each of the `limits`; None if no unit has shown any pace."""
-        bounds = [(one.component, one.bound, one.upper) for one in limits]
+        """Return the population of paces towards each of the `limits`; None without any known step."""
+        bounds = [(limit.component, limit.bound, limit.upper) for limit in limits]
 
         def computed() -> FleetPopulation | None:
-            paths = [self.paths_of(one, limits) for one in self.units]
+            paths = [self.paths_of(unit, limits) for unit in self.units]
             lives = [[life for of_unit in paths for life in of_unit[i]] for i in range(len(limits))]
-            least = tuple(least_hours([float(age[-1]) for age, _ in each]) for each in lives)
+            least = tuple(least_hours([float(age[-1]) for age, _ in of_limit]) for of_limit in lives)
             passages = [
-                [Passages.of(*life, hours) for life in each] for each, hours in zip(lives, least, strict=True)
+                [Passages.of(*life, hours) for life in of_limit]
+                for of_limit, hours in zip(lives, least, strict=True)
             ]
             most = max(map(len, passages))
             if not any(life.precision.any() for of_limit in passages for life in of_limit):
                 return None
-            present = np.arange(most) < np.array([[len(one)] for one in passages])
-            padded = [[*one, *[NO_LIFE] * (most - len(one))] for one in passages]
-            fleet = Passages.stacked([Passages.stacked(one) for one in padded])
+            present = np.arange(most) < np.array([[len(of_limit)] for of_limit in passages])
+            padded = [[*of_limit, *[NO_LIFE] * (most - len(of_limit))] for of_limit in passages]
+            fleet = Passages.stacked([Passages.stacked(of_limit) for of_limit in padded])
             return FleetPopulation(sampled_population(fleet, stream(seed, "fellows' pace"), present), least)
 
         about = (self._keys, bounds, self.reference, self.exponents.tolist(), seed)
         return POPULATIONS.get(repr(about), computed)
 
     def paths_of(self, unit: Evidence, limits: tuple[Limit, ...]) -> list[list[DegradationPath]]:
-        """Return a unit's paths to each limit, one for each life of its component that has a diagnosis.
+        """Return a unit's paths towards each limit, one for each life of the component with a diagnosis.
 
-        A failure is assigned to the limit to which the unit was nearest, by extrapolated shares, of the
-        components that were not diagnosed later in that life.
+        A failure is assigned to the limit to which the unit was nearest according to extrapolated shares,
+        among the components that were not diagnosed later in that life.
         """
-        columns = [columns_of_limit(one)[0] for one in limits]
+        columns = [columns_of_limit(limit)[0] for limit in limits]
         lives = [unit.lives(column) for column in columns]
         paths = [
-            [self.path(unit, one, *life) for life in each] for one, each in zip(limits, lives, strict=True)
+            [self.path(unit, limit, *life) for life in of_limit]
+            for limit, of_limit in zip(limits, lives, strict=True)
         ]
         for failure in unit.failures:
             near = []
-            for i, each in enumerate(lives):
-                life = next(j for j, (_, until) in enumerate(each) if failure <= until)
-                end = self.ageing_hours(unit, columns[i], each[life][0], failure)
+            for i, of_limit in enumerate(lives):
+                life = next(j for j, (_, until) in enumerate(of_limit) if failure <= until)
+                end = self.ageing_hours(unit, columns[i], of_limit[life][0], failure)
                 age, share = paths[i][life]
                 if not age.size or age[-1] <= end:
                     near.append((_extrapolated_share(age, share, end), i, life, end))
             if near:
-                _, i, life, end = max(near, key=lambda one: one[0])
+                _, i, life, end = max(near, key=lambda candidate: candidate[0])
                 age, share = paths[i][life]
                 paths[i][life] = np.append(age, end), np.append(share, share[-1:].max(initial=1.0))
-        return [[path for path in each if path[0].size] for each in paths]
+        return [[path for path in of_limit if path[0].size] for of_limit in paths]
 
     def path(self, unit: Evidence, limit: Limit, new_at: float, until: float) -> DegradationPath:
-        """Return the path of a component from the flight hours `new_at`, when it was new, to `until` [h]."""
+        """Return the path of a component from `new_at`, when it was new, to `until` (flight hours [h])."""
         column = columns_of_limit(limit)[0]
-        seen = [one for one in unit.used if new_at < one.hours <= until and self.is_known(one, limit)]
-        level = np.array([one.level for one in seen]).reshape(len(seen), len(CARTESIAN_NAMES))
-        ages = np.array([self.ageing_hours(unit, column, new_at, one.hours) for one in seen])
+        diagnoses = [
+            diagnosis
+            for diagnosis in unit.used
+            if new_at < diagnosis.hours <= until and self.is_known(diagnosis, limit)
+        ]
+        level = np.array([diagnosis.level for diagnosis in diagnoses]).reshape(
+            len(diagnoses), len(CARTESIAN_NAMES)
+        )
+        ages = np.array([self.ageing_hours(unit, column, new_at, diagnosis.hours) for diagnosis in diagnoses])
         return ages, self.consumed_share(limit, level)
 
     def consumed_share(self, limit: Limit, level: Array) -> Array:
@@ -163,20 +171,20 @@ class FleetPaceModel:
         return np.asarray(1 - limit.margin(level_of(level, str(limit.component))) / self.full_margin(limit))
 
     def full_margin(self, limit: Limit) -> float:
-        """Return the margin that a new unit has."""
+        """Return the margin of a new unit."""
         return float(limit.margin(level_of(self.new, str(limit.component))))
 
     def ageing_hours(self, unit: Evidence, column: int, new_at: float, hours: float) -> float:
-        """Return the hours of ageing from the flight hours `new_at`, when a component was new, to `hours`."""
+        """Return the hours of ageing [h] from `new_at`, when the component was new, to flight `hours`."""
         return float(exposure(unit.stresses, self.reference, new_at, hours).aged(self.exponents[column]))
 
     def ageing_rate(self, unit: Evidence, column: int, hours: float, ahead: Stress | None) -> float:
-        """Return the hours of ageing per flight hour to come: see `ageing_ahead`."""
+        """Return the hours of ageing per future flight hour: see `ageing_ahead`."""
         return float(ageing_ahead(unit.stresses, self.reference, hours, self.exponents[column], ahead))
 
 
 def columns_of_limit(limit: Limit) -> list[int]:
-    """Return the columns of the levels that a limit is on."""
+    """Return the columns of the limited component's level."""
     return columns_of(str(limit.component))
 
 

@@ -1,4 +1,4 @@
-"""How a fleet changes a unit's forecast: by its past predictions, and by a mixture with its units' pace."""
+"""Changes of a unit's forecast by its fleet: recalibration, and a mixture with the pace of the units."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -21,11 +21,11 @@ from emaphm.random_streams import stream
 def by_fleet(
     times: FailureTimes, level: Array, belief: Belief, evidence: Evidence, ahead: Stress | None
 ) -> FailureTimes:
-    """Return the `times` of a forecast from `belief` as the fleet changes them.
+    """Return the failure `times` of a forecast from `belief`, changed by the fleet.
 
-    They are corrected by how its past predictions turned out, and are then a mixture with those by the pace
-    of its units (`mixed_with_pace`). `level` (n, 8) is where the paths begin, `evidence` is of the unit,
-    `ahead` the stress to come.
+    They are recalibrated by the outcomes of past predictions, and then mixed with the failure times from the
+    pace of the units (`mixed_with_pace`). `level` (n, 8) are the initial levels of the paths, `evidence` is
+    that of the unit, `ahead` the future stress.
     """
     recalibration, pace = belief.prior.recalibration, belief.prior.fleet_pace
     if recalibration is not None:
@@ -41,13 +41,13 @@ def mixed_with_pace(
     evidence: Evidence,
     ahead: Stress | None,
 ) -> FailureTimes:
-    """Return failure times of a forecast, with √f n / (n + 8) of the working paths by the fleet's pace.
+    """Return failure times of a forecast, with the share √f n / (n + 8) of the working paths from the pace.
 
-    n is the number of units, f the share of them that has failed. The forecast is returned unchanged if
+    n is the number of units, f the share of units that have failed. The forecast is returned unchanged if
 
     - a limit is on a measure, or a new unit is beyond it,
     - there are fewer than 8 units, or no unit has passed a step,
-    - the last diagnosis knows a level worse than to 5 % of its full margin, or is probably an outlier,
+    - the last diagnosis has a standard error above 5 % of a full margin, or is probably an outlier,
     - the unit has passed no step towards any limit,
     - the unit has worked longer since its last diagnosis than 95 % of the population would,
     - or most paths have failed.
@@ -59,31 +59,31 @@ def mixed_with_pace(
     times
         The filter's forecast.
     pace
-        That of the fleet's units.
+        Pace of the fleet's units.
     level
-        Where the paths begin, (n, 8): the believed levels, because the last diagnosis alone has an error.
+        Initial levels of the paths, (n, 8): filtered levels, because the last diagnosis has an error.
     belief
-        The belief that the forecast was made from; its hours and seed are used.
+        Filter state of the forecast; its hours and seed are used.
     evidence
-        Of the unit; diagnoses up to the hours of the belief count.
+        Evidence on the unit; diagnoses up to the hours of the filter state are used.
     ahead
-        The stress to come, as in `prognose`.
+        The future stress, as in `prognose`.
     """
     if len(pace.units) < FLEET_PACE.fewest_units or np.median(times.first) == 0:
         return times
     if not all(_is_usable(pace, limit, evidence, belief) for limit in times.limits):
         return times
-    found = pace.population(times.limits, belief.seed)
-    if found is None:
+    fleet_population = pace.population(times.limits, belief.seed)
+    if fleet_population is None:
         return times
-    population, least = found
+    population, least = fleet_population
     lives = [
         _PresentLife.of(pace, limit, hours, evidence, belief)
         for limit, hours in zip(times.limits, least, strict=True)
     ]
     if not any(life.passages.passed for life in lives):
         return times
-    # The name of the stream is kept, so that forecasts stay what they were.
+    # The name of the stream is kept, so that forecasts stay the same.
     random = stream(belief.seed, "fellows' pace", evidence.unit, belief.steps)
     chosen = _paths_by_pace(times, pace, random)
     hours = times.hours.copy()
@@ -139,7 +139,7 @@ def _paths_by_pace(
 
 
 def _is_usable(pace: FleetPaceModel, limit: Limit, unit: Evidence, belief: Belief) -> bool:
-    """Return whether a limit is on a level that a new unit holds and that the last diagnosis knows."""
+    """Return whether a new unit meets the limit, on a level that the last diagnosis determines."""
     if limit.component is None or pace.full_margin(limit) <= 0:
         return False
     if belief.surprise[columns_of_limit(limit)].max() > FLEET_PACE.largest_surprise:
@@ -151,21 +151,21 @@ def _is_usable(pace: FleetPaceModel, limit: Limit, unit: Evidence, belief: Belie
 def _survives_beyond_population(
     population: PopulationDraws, component: int, life: _PresentLife, random: np.random.Generator
 ) -> bool:
-    """Return whether a unit has worked for longer since its last diagnosis than the population would.
+    """Return whether a unit has worked longer since its last diagnosis than the population would.
 
-    The drawn lives begin below the diagnosed share, by as much as a usable diagnosis may err.
+    The drawn lives start below the diagnosed share by the largest error of a usable diagnosis.
     """
     if life.since <= 0:
         return False
     share = np.full(FLEET_PACE.survival_draws, life.passages.share - FLEET_PACE.largest_error)
-    left = remaining_hours(population, component, life.passages, share, random)
-    return bool(np.mean(left > life.since) < FLEET_PACE.least_survival)
+    remaining = remaining_hours(population, component, life.passages, share, random)
+    return bool(np.mean(remaining > life.since) < FLEET_PACE.least_survival)
 
 
 def _ordered_by_limit(hours: Array) -> Array:
-    """Return `hours` (k, n) of limits on one side of a level, the tightest first, as those of n paths.
+    """Return `hours` (k, n) of limits on one side of a level, the tightest first, ordered as on n paths.
 
-    A path that passes one limit early passes all of them early, and none before a tighter one.
+    A path that passes one limit early passes all limits early, and a wider limit after a tighter one.
     """
     rank = hours[0].argsort().argsort()
     return np.asarray(np.maximum.accumulate(np.sort(hours, axis=1)[:, rank], axis=0))

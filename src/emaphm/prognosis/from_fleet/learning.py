@@ -21,31 +21,31 @@ from emaphm.prognosis.settings import FILTER
 from emaphm.random_streams import stream
 
 FOLLOWED_BY = replace(FILTER, trust=1.0)
-"""Their filter: they have been followed for long, and what is kept of them is a sample, not a forecast."""
+"""Filter of the other units: their histories are long, and the result is a sample and not a forecast."""
 
 WEIGHT_OF_GENERAL = 2.0
-"""Units that the general prior counts as: with two of a fleet, half of what is expected is the fleet's."""
+"""Number of units that the general prior counts as: with two units of a fleet, its share is a half."""
 
 FEWEST_DIAGNOSES = 3
-"""Explained diagnoses of a unit below which it only repeats the general prior."""
+"""Explained diagnoses of a unit below which its posterior is about the general prior."""
 
 SPREAD = 0.3
-"""Standard deviation of a new unit's rate about that of another unit, as a share of it."""
+"""Standard deviation of a new unit's rate about that of another unit, as a share of the latter."""
 
 DRAWN = 500
-"""Hypotheses that each unit gives."""
+"""Number of hypotheses from each unit."""
 
 KEPT = 150
-"""Units whose hypotheses a process remembers, 0.4 MB each."""
+"""Number of units whose hypotheses a process caches, 0.4 MB each."""
 
 
 @dataclass(frozen=True, eq=False)
 class UnitHypotheses:
-    """Hypotheses about a new unit from one other unit, each array (DRAWN, 8), and its own trajectories.
+    """Hypotheses about a new unit from one other unit, arrays (DRAWN, 8), and the unit's own trajectories.
 
-    A component that was replaced had more than one life. Its hypotheses are, in equal numbers, from the
-    belief just before each replacement and from that of now. Each life has a trajectory; the first of the
-    `trajectories` is of the first lives.
+    A replaced component had more than one life. Its hypotheses are drawn, in equal numbers, from the filter
+    state just before each replacement and from the present one. Each life has a trajectory; the first of the
+    `trajectories` contains the first lives.
     """
 
     hypotheses: Hypotheses
@@ -56,16 +56,17 @@ HYPOTHESES: Memory[UnitHypotheses] = Memory(KEPT)
 
 
 def hypotheses_of_unit(evidence: Evidence, general: Prior, seed: int) -> UnitHypotheses:
-    """Return the hypotheses from a unit, followed from the `general` prior; errors as in `moments`."""
+    """Return the hypotheses from a unit, filtered from the `general` prior; errors as in `moments`."""
     return HYPOTHESES.get(
         fingerprint(evidence, general.settings, general.reference, seed),
-        lambda: _followed(evidence, general, seed),
+        lambda: _computed_hypotheses(evidence, general, seed),
     )
 
 
-def _followed(evidence: Evidence, general: Prior, seed: int) -> UnitHypotheses:
+def _computed_hypotheses(evidence: Evidence, general: Prior, seed: int) -> UnitHypotheses:
+    """Return hypotheses and trajectories of a unit from its filter states before replacements and now."""
     hours, age, level = [], [], []
-    ended: list[tuple[Hypotheses, Mask]] = []
+    ended_lives: list[tuple[Hypotheses, Mask]] = []
     name = ("fleet's prior", evidence.unit)
     for moment in moments(evidence, general, seed=seed, settings=FOLLOWED_BY):
         belief = moment.belief
@@ -74,65 +75,70 @@ def _followed(evidence: Evidence, general: Prior, seed: int) -> UnitHypotheses:
             age.append(np.sum(belief.weights * belief.aged, axis=0))
             level.append(belief.mean_level)
             continue
-        # A life of few diagnoses only repeats the general prior.
+        # The posterior of a life with few diagnoses is about the general prior.
         is_known = np.sum(np.array(hours)[:, np.newaxis] > belief.new_at, axis=0) >= FEWEST_DIAGNOSES
         if (moment.ends & is_known).any():
-            random = stream(seed, *name, len(ended))
-            ended.append((_hypotheses(belief, random), moment.ends & is_known))
-    has_ended = np.any([np.zeros_like(is_known), *(which for _, which in ended)], axis=0)
+            random = stream(seed, *name, len(ended_lives))
+            ended_lives.append((_hypotheses(belief, random), moment.ends & is_known))
+    has_ended = np.any([np.zeros_like(is_known), *(mask for _, mask in ended_lives)], axis=0)
     now = _hypotheses(belief, stream(seed, *name)), is_known | ~has_ended
     levels = np.array(hours), np.stack(age), np.stack(level)
-    return UnitHypotheses(_merged([*ended, now]), tuple(_trajectories(evidence, *levels)))
+    return UnitHypotheses(_merged([*ended_lives, now]), tuple(_trajectories(evidence, *levels)))
 
 
 def _merged(lives: Sequence[tuple[Hypotheses, Mask]]) -> Hypotheses:
-    """Return hypotheses of components, each evenly from the lives in which it is known."""
+    """Return hypotheses of components, in equal numbers from each life with enough diagnoses."""
     rows, columns = np.arange(DRAWN), np.arange(lives[0][0].law.shape[1])
-    known = np.stack([which for _, which in lives])
-    life = np.stack([np.resize(np.flatnonzero(which), DRAWN) for which in known.T], axis=1)
+    known = np.stack([mask for _, mask in lives])
+    life = np.stack([np.resize(np.flatnonzero(mask), DRAWN) for mask in known.T], axis=1)
     fields = zip(*(hypotheses for hypotheses, _ in lives), strict=True)
-    return Hypotheses(*(np.stack(one)[life, rows[:, np.newaxis], columns] for one in fields))
+    return Hypotheses(*(np.stack(values)[life, rows[:, np.newaxis], columns] for values in fields))
 
 
 def _trajectories(evidence: Evidence, hours: Array, age: Array, level: Array) -> Iterator[Trajectory]:
-    """Yield the trajectories of a unit, of first lives, then of second ones; `level` (n, 8) is filtered."""
+    """Yield the trajectories of first lives, of second lives, …; `level` (n, 8) is filtered."""
     lives = [evidence.lives(column) for column in range(evidence.components)]
     for i in range(max(map(len, lives))):
-        new_at, until = zip(*(one[i] if i < len(one) else (np.inf, np.inf) for one in lives), strict=True)
+        new_at, until = zip(
+            *(of_column[i] if i < len(of_column) else (np.inf, np.inf) for of_column in lives), strict=True
+        )
         yield Trajectory(hours, age, level, np.array(new_at), np.array(until), NEW)
 
 
 def fleet_mixture(parts: Sequence[UnitHypotheses], general: Prior) -> Prior:
-    """Return the mixture of the hypotheses of one or more units, and of the general prior."""
-    columns = zip(*(one.hypotheses for one in parts), strict=True)
+    """Return the prior that mixes the hypotheses of one or more units with the general prior."""
+    columns = zip(*(part.hypotheses for part in parts), strict=True)
     fleet = Hypotheses(*(np.concatenate(column) for column in columns))
     return replace(
         general,
         fleet=fleet,
         fleet_share=len(parts) / (len(parts) + WEIGHT_OF_GENERAL),
         units=len(parts),
-        trajectories=ReferenceTrajectories.of([each for one in parts for each in one.trajectories]),
+        trajectories=ReferenceTrajectories.of(
+            [trajectory for part in parts for trajectory in part.trajectories]
+        ),
     )
 
 
 def with_fleet_pace(prior: Prior, followed: Sequence[str], others: Sequence[Evidence]) -> Prior:
-    """Return a prior from the `followed` units with the pace of `others` added.
+    """Return a prior from the `followed` units, with the pace of the units `others`.
 
-    The pace is at the mean of the fleet's exponents. `units` counts those of either kind, each once.
+    The pace is at the mean of the fleet's exponents. `units` counts the units of either kind once.
     """
     assert prior.fleet is not None  # noqa: S101 - it is a mixture
     model = FleetPaceModel(others, NEW, prior.reference, prior.fleet.exponents.mean(axis=0))
-    return replace(prior, units=len({*followed, *(one.unit for one in others)}), fleet_pace=model)
+    return replace(prior, units=len({*followed, *(other.unit for other in others)}), fleet_pace=model)
 
 
 def _hypotheses(belief: Belief, random: np.random.Generator) -> Hypotheses:
+    """Return hypotheses (DRAWN, 8) about a new unit, drawn from the filter state of another unit."""
     rows = drawn_rows(belief, DRAWN, random)
     units = recombined(belief, rows)
-    held = units.hypotheses()
-    factor = rate_when_new(held, units.aged, belief.prior.settings)
-    rate = np.where(is_moving(held.law), held.rate / factor, 0.0)
-    deviation = np.hypot(held.rate_deviation / factor, SPREAD * np.abs(rate))
+    posterior = units.hypotheses()
+    factor = rate_when_new(posterior, units.aged, belief.prior.settings)
+    rate = np.where(is_moving(posterior.law), posterior.rate / factor, 0.0)
+    deviation = np.hypot(posterior.rate_deviation / factor, SPREAD * np.abs(rate))
     # The direction of an eccentricity differs from unit to unit.
     plane = np.sqrt(np.mean(rate[:, ECCENTRICITY] ** 2 + deviation[:, ECCENTRICITY] ** 2, axis=1))
     rate[:, ECCENTRICITY], deviation[:, ECCENTRICITY] = 0.0, plane[:, np.newaxis]
-    return held._replace(rate=rate, rate_deviation=np.where(is_moving(held.law), deviation, 0.0))
+    return posterior._replace(rate=rate, rate_deviation=np.where(is_moving(posterior.law), deviation, 0.0))

@@ -7,15 +7,15 @@ with the mean and covariance of the class, or it does not degrade:
     y ~ N(μ_k, Σ_k) with probability π_k, k = 1, 2;    no degradation with probability π_0
     μ_k ~ N(m, Σ_k / 0.5),    Σ_k ~ inverse Wishart around K,    π ~ Dirichlet(1, 1, ½)
 
-m is the mean of all components of the fleet. K is a general belief: units differ in pace, the pace changes
+m is the mean of all components of the fleet. K is a general prior: units differ in pace, the pace changes
 slowly along the path, and each step scatters. No law of degradation is assumed: whether a component
 accelerates, saturates, waits or changes its pace is learnt as mean and covariance.
 
-Units that were removed before their limit have shown the first steps only. The other steps are drawn, given
-the units that have passed them (data augmentation [1]). A component that has not passed its first step has
-waited for that long, or does not degrade. Given the steps that a unit has passed, the logarithms of the hours
-of the others are normal, weighted by how well each class and each draw of the population agrees with the
-unit: a growth model with random effects for each unit [2].
+Units that were removed before their limit have passed the first steps only. Their remaining steps are drawn,
+given the units that have passed them (data augmentation [1]). A component that has not passed its first step
+is waiting for its onset, or does not degrade. Given the passed steps of a unit, the logarithms of the hours
+of its remaining steps are normal, weighted by the likelihood of each class and each draw of the population: a
+growth model with random effects for each unit [2].
 
 References
 ----------
@@ -39,27 +39,28 @@ from emaphm.prognosis.laws import Mask
 
 CLASSES = 2
 ABSENT = CLASSES + 1
-"""In place of the class of a component that is not present; `CLASSES` is that of no degradation."""
+"""Class number of a component that is not present; `CLASSES` is the number for no degradation."""
 
 STEPS = SHARES.size
 
 
 @dataclass(frozen=True)
 class PacePopulationSettings:
-    """The general belief K about the pace of components, and how the population is drawn.
+    """The general prior K of the pace of components, and the sampling of the population.
 
     K has standard deviations, of the logarithm of a step's hours, of a unit's pace, `unit_deviation`; of its
     changes along the path, `change_deviation`, which persist over `correlation_steps` steps; and of each step
     alone, `step_deviation`. The first step has `first_step_deviation` in addition, as it contains the wait
     before the onset.
 
-    K counts as much as `covariance_units` units, m as much as `mean_units`. The consumed share of a component
+    K has the weight of `covariance_units` units, m that of `mean_units`. The consumed share of a component
     that does not degrade has the standard deviation `resting_deviation`, the error of a diagnosis.
 
-    Of `sweeps` draws by Gibbs sampling, the first `burn_in` are not used. A step whose logarithm of hours [h]
-    is above `longest_log_hours`, 137 years, is not distinguished from longer ones.
+    The first `burn_in` of the `sweeps` draws by Gibbs sampling are not used. Logarithms of the hours [h] of a
+    step are limited to `longest_log_hours`, 137 years.
 
-    No command measures these values alone; `python -m emaphm.study.fleet FOLDER` measures the forecasts.
+    No command measures the effect of these values alone; `python -m emaphm.study.fleet FOLDER` measures the
+    forecasts.
     """
 
     unit_deviation: float = 0.4
@@ -82,8 +83,8 @@ class PopulationDraws(NamedTuple):
     """S draws of the population of c components.
 
     `mean` (S, c, 2, D) and `precision` (S, c, 2, D, D) are those of the classes; `log_shares` (S, c, 3) are
-    of the units in the classes, and of those whose component does not degrade. `passed_counts` (c, D) is the
-    number of the fleet's lives that have passed each step.
+    the log shares of units in the classes, and of units whose component does not degrade. `passed_counts` (c,
+    D) is the number of the fleet's lives that have passed each step.
     """
 
     mean: Array
@@ -93,7 +94,7 @@ class PopulationDraws(NamedTuple):
 
 
 def general_covariance() -> Array:
-    """Return K, (D, D)."""
+    """Return the general covariance K, (D, D)."""
     s, i = PACE_POPULATION, np.arange(STEPS)
     correlation = np.exp(-np.abs(i[:, np.newaxis] - i) / s.correlation_steps)
     covariance = s.unit_deviation**2 + s.change_deviation**2 * correlation
@@ -106,8 +107,9 @@ def sampled_population(
 ) -> PopulationDraws:
     """Return draws of the population, by Gibbs sampling, given a `fleet` (c, n) of c components of n lives.
 
-    Some step of some component must have been seen. The first classes are those of a falling and of a rising
-    pace. If components have different numbers of lives, `present` (c, n) says which exist; all by default.
+    The passages must contain at least one known step. The initial classes are those with falling and with
+    rising hours along the path. If components have different numbers of lives, `present` (c, n) is True for
+    those that exist; by default all.
     """
     general, m = general_covariance(), _general_mean(fleet)
     count, units = fleet.waited.shape
@@ -116,15 +118,15 @@ def sampled_population(
     log_shares = np.full((count, CLASSES + 1), -np.log(CLASSES + 1))
     of_class = _initial_classes(fleet, m)
     absent = np.zeros((count, units), bool) if present is None else ~present
-    kept = []
+    draws_after_burn_in = []
     rows, columns = np.arange(count)[:, np.newaxis], np.arange(units)
     for sweep in range(PACE_POPULATION.sweeps):
         weights, given = _class_weights(mean, precision, log_shares, fleet)
         if sweep:
             of_class = (weights + random.gumbel(size=weights.shape)).argmax(axis=1)
         of_class = np.where(absent, ABSENT, of_class)
-        chosen = rows, np.minimum(of_class, CLASSES - 1), columns
-        log_hours = _drawn_steps(_Conditional(*(part[chosen] for part in given)), fleet.waited, random)
+        own_class = rows, np.minimum(of_class, CLASSES - 1), columns
+        log_hours = _drawn_steps(_Conditional(*(part[own_class] for part in given)), fleet.waited, random)
         member = (of_class[:, np.newaxis] == np.arange(CLASSES)[:, np.newaxis]).astype(float)
         number = member.sum(axis=-1)
         at_rest = (of_class == CLASSES).sum(axis=1)
@@ -132,9 +134,9 @@ def sampled_population(
         log_shares = np.log(np.maximum(gamma / gamma.sum(axis=1, keepdims=True), 1e-6))
         mean, precision = _drawn_classes(log_hours, member, m, general, random)
         if sweep >= PACE_POPULATION.burn_in:
-            kept.append((mean, precision, log_shares))
+            draws_after_burn_in.append((mean, precision, log_shares))
     passed_counts = np.sum(fleet.passed[..., np.newaxis] > np.arange(STEPS), axis=1)
-    means, precisions, shares = (np.stack(draws) for draws in zip(*kept, strict=True))
+    means, precisions, shares = (np.stack(draws) for draws in zip(*draws_after_burn_in, strict=True))
     return PopulationDraws(means, precisions, shares, passed_counts)
 
 
@@ -150,10 +152,10 @@ def remaining_hours(
     component
         Index of the component in the population.
     passages
-        Of this component.
+        Passages of this component of the unit.
     share
-        Draws of the share of the margin that is consumed now, (n,), below 1 [-]: diagnoses have errors, so
-        that `passages` alone does not give it.
+        Draws of the present consumed share of the margin, (n,), below 1 [-]: diagnoses have errors, so that
+        `passages` alone does not determine it.
     random
         Source of the draws.
     """
@@ -163,25 +165,25 @@ def remaining_hours(
     weights, given = _class_weights(mean, precision, log_shares, each)
     weights = weights[..., 0]
     if passed == 0:
-        # A wait says little about the population as a whole, and draws differ most where it is long.
+        # A wait has little information on the population, and draws differ most for long waits.
         weights = weights - np.logaddexp.reduce(weights, axis=1)[:, np.newaxis]
     weight = np.exp(weights - weights.max()).ravel()
     drawn = random.choice(weight.size, count, p=weight / weight.sum())
     draw, of_class = np.divmod(drawn, CLASSES + 1)
-    chosen = draw, np.minimum(of_class, CLASSES - 1), 0
-    of_chosen = _Conditional(*(part[chosen] for part in given))
+    own_class = draw, np.minimum(of_class, CLASSES - 1), 0
+    of_chosen = _Conditional(*(part[own_class] for part in given))
     log_hours = _drawn_steps(of_chosen, np.full(count, passages.waited), random)
     hours = np.exp(np.minimum(log_hours, PACE_POPULATION.longest_log_hours))
-    left = np.clip((SHARES - share[:, np.newaxis]) / np.diff(SHARES, prepend=0.0), 0.0, 1.0)
+    remaining = np.clip((SHARES - share[:, np.newaxis]) / np.diff(SHARES, prepend=0.0), 0.0, 1.0)
     if passed == 0:
-        # The first step may not have begun: the time says more about it than the share.
+        # Degradation may not have started: the time has more information on the first step than the share.
         hours[:, 0] -= np.exp(passages.waited)
-        left[:, 0] = share < SHARES[0]
-    return np.where(of_class == CLASSES, np.inf, np.sum(left * hours, axis=1))
+        remaining[:, 0] = share < SHARES[0]
+    return np.where(of_class == CLASSES, np.inf, np.sum(remaining * hours, axis=1))
 
 
 class _Conditional(NamedTuple):
-    """Distribution of y given what is known: mean (…, D), precision (…, D, D), covariance with y_1 (…, D)."""
+    """Distribution of y given the passages: mean (…, D), precision (…, D, D), covariance with y_1 (…, D)."""
 
     mean: Array
     precision: Array
@@ -189,7 +191,7 @@ class _Conditional(NamedTuple):
 
 
 def _general_mean(fleet: Passages) -> Array:
-    """Return m, the mean of y over all components, (D,); for steps that none has passed, the last known."""
+    """Return m, the mean of y over all components, (D,); that of the last known step for unknown steps."""
     known = fleet.precision > 0
     number = known.sum(axis=(0, 1))
     mean = np.sum(fleet.log_hours * known, axis=(0, 1)) / np.maximum(number, 1)
@@ -198,7 +200,7 @@ def _general_mean(fleet: Passages) -> Array:
 
 
 def _initial_classes(fleet: Passages, mean: Array) -> np.ndarray:
-    """Return first classes (c, n): by whether y grows along the path by more than the median."""
+    """Return initial classes (c, n): 1 for a trend of y above the median, else 0; `CLASSES` without y."""
     known = fleet.precision > 0
     number = known.sum(axis=-1)
     deviations = np.where(known, fleet.log_hours - mean, 0.0)
@@ -215,9 +217,10 @@ def _class_weights(
 ) -> tuple[Array, _Conditional]:
     """Return log weights (c, 3, n) of the classes and of no degradation, and y given each class.
 
-    For c components of n units, `known` (c, n), and c draws of classes: `mean` (c, 2, D) and so on. The
-    weight of a class is the density of the measured steps; before the first passage, it is the probability of
-    a wait of this length, against the density of the consumed share of a component that does not degrade.
+    The passages `known` (c, n) are those of c components of n units; `mean` (c, 2, D), `precision` and
+    `log_shares` are one draw of the classes. The weight of a class is the density of the known steps. Before
+    the first passage, it is the probability of a wait of this length; that of no degradation is then the
+    density of the consumed share.
     """
     each = Passages(*(part[:, np.newaxis] for part in known))
     own = precision[:, :, np.newaxis]
@@ -227,7 +230,7 @@ def _class_weights(
     first = np.broadcast_to(np.eye(STEPS)[0], pull.shape)
     solved = np.linalg.solve(total, np.stack([pull, first], axis=-1))
     given = _Conditional(solved[..., 0], total, solved[..., 1])
-    # The density of the measured steps, without factors that do not depend on the class.
+    # The density of the known steps, without factors that do not depend on the class.
     fit = np.sum(mean[:, :, np.newaxis] * prior, axis=-1) - np.sum(pull * given.mean, axis=-1)
     volume = np.linalg.slogdet(own)[1] - np.linalg.slogdet(total)[1]
     density = 0.5 * (volume - fit)
@@ -241,7 +244,7 @@ def _class_weights(
 
 
 def _drawn_steps(given: _Conditional, waited: Array, random: np.random.Generator) -> Array:
-    """Return y (…, D) drawn given what is known, its first step longer than was `waited` (…)."""
+    """Return draws of y (…, D) given the passages, with a first step longer than `waited` (…)."""
     root = np.linalg.cholesky(given.precision)
     normal = random.standard_normal(given.mean.shape)
     free = given.mean + np.linalg.solve(np.swapaxes(root, -1, -2), normal[..., np.newaxis])[..., 0]
@@ -250,9 +253,9 @@ def _drawn_steps(given: _Conditional, waited: Array, random: np.random.Generator
     uniform = np.clip(below + (1 - below) * random.random(below.shape), 1e-12, 1 - 1e-12)
     longer = np.maximum(given.mean[..., 0] + deviation * ndtri(uniform), waited)
     first = np.where(np.isfinite(waited), longer, free[..., 0])
-    # The other steps, given the first: the free draw, shifted by its covariance with the first.
-    along = given.with_first / given.with_first[..., :1]
-    return np.asarray(free + along * (first - free[..., 0])[..., np.newaxis])
+    # The remaining steps, given the first: the free draw, shifted according to the covariance with the first.
+    regression = given.with_first / given.with_first[..., :1]
+    return np.asarray(free + regression * (first - free[..., 0])[..., np.newaxis])
 
 
 def _drawn_classes(
@@ -260,17 +263,17 @@ def _drawn_classes(
 ) -> tuple[Array, Array]:
     """Return means (c, 2, D) and precisions (c, 2, D, D) of classes, drawn given their members.
 
-    Given y, `log_hours` (c, n, D), and `member` (c, 2, n) of 1 and 0: the normal inverse Wishart posterior,
-    its Wishart part by Bartlett's decomposition.
+    The draw is from the normal inverse Wishart posterior given y, `log_hours` (c, n, D), and `member` (c, 2,
+    n) of 1 and 0, with Bartlett's decomposition for the Wishart part.
     """
     number = member.sum(axis=-1)
     average = member @ log_hours / np.maximum(number, 1)[..., np.newaxis]
-    rest = (log_hours[:, np.newaxis] - average[:, :, np.newaxis]) * member[..., np.newaxis]
+    residual = (log_hours[:, np.newaxis] - average[:, :, np.newaxis]) * member[..., np.newaxis]
     weight = PACE_POPULATION.mean_units + number
-    deviation = average - m
+    difference = average - m
     centre = (PACE_POPULATION.mean_units * m + number[..., np.newaxis] * average) / weight[..., np.newaxis]
-    scatter = PACE_POPULATION.covariance_units * general + np.swapaxes(rest, -1, -2) @ rest
-    outer = deviation[..., np.newaxis] * deviation[..., np.newaxis, :]
+    scatter = PACE_POPULATION.covariance_units * general + np.swapaxes(residual, -1, -2) @ residual
+    outer = difference[..., np.newaxis] * difference[..., np.newaxis, :]
     scatter = scatter + (PACE_POPULATION.mean_units * number / weight)[..., np.newaxis, np.newaxis] * outer
     shape = scatter.shape
     factor = np.tril(random.standard_normal(shape), -1)

@@ -1,4 +1,4 @@
-"""How predictions of the fleet's past units turned out, each predicted from the others."""
+"""Outcomes of predictions of the fleet's failed units, each predicted from the others."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -25,13 +25,13 @@ from emaphm.prognosis.requirements.margins import Limit
 from emaphm.prognosis.settings import FILTER, FORECAST
 
 FEWEST_FAILED = 4
-"""Units that have failed below which nothing is corrected."""
+"""Least number of failed units for a recalibration."""
 
 AT = (0.1, 0.3, 0.5, 0.7, 0.85, 1.0)
-"""Shares of a past unit's diagnoses after which it is predicted."""
+"""Shares of a past unit's diagnoses after which its failure is predicted."""
 
 PATHS = replace(FORECAST, paths=300)
-"""Of such a prediction: its median and spread are right to some percent."""
+"""Forecast settings of these predictions; median and spread have errors of some percent."""
 
 RECORDS: Memory[Recalibration] = Memory(8)
 
@@ -43,45 +43,45 @@ def record_of(
     actuator: Actuator,
     seed: int,
 ) -> Recalibration | None:
-    """Return how predictions of `units` that failed turned out, each by the prior from the others.
+    """Return the recalibration from predictions of failed `units`, each with the prior from the others.
 
-    None where they are too few, or where a requirement is a measure: its failure times take too long.
-    Computed once by a process until a unit changes. Errors as in `uncorrected` and `follow`.
+    It is None if there are too few units, or if a requirement is a measure, whose failure times take too
+    long. A process computes it once until a unit changes. Errors as in `uncorrected` and `follow`.
 
     Parameters
     ----------
     prior_of
-        Returns the prior of a unit by its place in `units`: some megabytes, so one after the other.
+        Returns the prior of a unit, given its index in `units`; a prior has some megabytes, and is not kept.
     about
-        What these priors have in common, by its `repr`.
+        Common inputs of these priors, identified by their `repr`.
     """
-    if len(units) < FEWEST_FAILED or any(one.component is None for one in Requirements(actuator).limits):
+    if len(units) < FEWEST_FAILED or any(limit.component is None for limit in Requirements(actuator).limits):
         return None
-    keys = [fingerprint(one) for one in units]
-    requirements = [one.model_dump() for one in actuator.requirements]
+    keys = [fingerprint(unit) for unit in units]
+    requirements = [requirement.model_dump() for requirement in actuator.requirements]
 
     def record() -> Recalibration:
-        outcomes = (_outcome(one, prior_of(i), actuator, seed) for i, one in enumerate(units))
-        return Recalibration([one for one in outcomes if one is not None])
+        outcomes = (_outcome(unit, prior_of(i), actuator, seed) for i, unit in enumerate(units))
+        return Recalibration([outcome for outcome in outcomes if outcome is not None])
 
     return RECORDS.get(repr((keys, requirements, about, seed)), record)
 
 
 def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> PastForecasts | None:
-    """Return what became of the predictions of a unit; None where none before a failure had a median."""
-    failure_at = _chosen(evidence, Requirements(actuator).limits)
+    """Return past forecasts of a unit with their errors; None if none before a failure had a median."""
+    failure_at = _predicted_observations(evidence, Requirements(actuator).limits)
     settings = FILTER.for_updates(len(evidence.used))
-    chosen = follow(evidence, prior.of(actuator), seed=seed, settings=settings, past=failure_at).past
-    if not chosen:
+    states = follow(evidence, prior.of(actuator), seed=seed, settings=settings, past=failure_at).past
+    if not states:
         return None
-    forecasts = uncorrected(chosen, evidence, actuator, PATHS)
+    forecasts = uncorrected(states, evidence, actuator, PATHS)
     situations, error = [], []
-    for belief, times, failure in zip(chosen, forecasts, failure_at.values(), strict=True):
-        middle, spread = log_rul(times.first)
-        true = failure - belief.hours
-        if true > 0 and np.isfinite(middle):
+    for belief, times, failure in zip(states, forecasts, failure_at.values(), strict=True):
+        median, spread = log_rul(times.first)
+        true_rul = failure - belief.hours
+        if true_rul > 0 and np.isfinite(median):
             situations.append(situation_of(times.hours, belief.age))
-            error.append((np.log(true) - middle) / spread)
+            error.append((np.log(true_rul) - median) / spread)
     return (
         PastForecasts(evidence.unit, ForecastSituation.of(situations), np.array(error))
         if situations
@@ -89,16 +89,19 @@ def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) ->
     )
 
 
-def _chosen(evidence: Evidence, limits: Sequence[Limit]) -> dict[int, float]:
-    """Return numbers of used observations of a unit, rising, and when the unit failed after each [h].
+def _predicted_observations(evidence: Evidence, limits: Sequence[Limit]) -> dict[int, float]:
+    """Return the indices of the observations to predict from, increasing, each with the next failure [h].
 
-    A unit that went on beyond one of the `limits`, as its own were wider, failed when it passed that.
+    A unit with wider limits, which was flown beyond one of `limits`, counts as failed when it passed this
+    limit.
     """
     failure_at: dict[int, float] = {}
     for start, failure in evidence.failed_lives:
-        life = [one for one in evidence.used if start < one.hours <= failure]
+        life = [diagnosis for diagnosis in evidence.used if start < diagnosis.hours <= failure]
         end = min(failure, passed_at(life, limits))
-        lived = [i for i, one in enumerate(evidence.used) if start < one.hours <= end]
-        if lived:
-            failure_at |= {lived[i]: end for i in sorted({round(share * (len(lived) - 1)) for share in AT})}
+        indices = [i for i, diagnosis in enumerate(evidence.used) if start < diagnosis.hours <= end]
+        if indices:
+            failure_at |= {
+                indices[i]: end for i in sorted({round(share * (len(indices) - 1)) for share in AT})
+            }
     return failure_at

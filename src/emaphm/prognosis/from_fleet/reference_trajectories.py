@@ -1,4 +1,4 @@
-"""How components of other units have degraded, as a law that a unit may follow on its own time scale."""
+"""Degradation trajectories of other units, as a law that a unit may follow on its own time scale."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,19 +14,19 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 POINTS = 65
-"""Points of a trajectory, even over its span: units have ten to a hundred diagnoses."""
+"""Number of points of a trajectory, equally spaced over its span: units have ten to a hundred diagnoses."""
 
 FEWEST = 3
-"""Diagnoses that a trajectory needs."""
+"""Least number of diagnoses of a trajectory."""
 
 END = 0.2
-"""Last share of a span, whose slope is extrapolated."""
+"""Last share of a span, from which the slope is extrapolated."""
 
 EXPONENTS = 0.5, 3.0
 """Range of the exponent of an extrapolation, as of power laws in the general prior."""
 
 LEAST_CHANGE = 0.02
-"""Change of a level over its span below which its form does not give an exponent."""
+"""Least change of a level over its span for an estimate of the exponent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,18 +37,18 @@ class ReferenceTrajectories:
 
         L(s) = L(1) + L' (s^p - 1) / p,    p = L' s' / L(s'),
 
-    with equal probability. L' is the slope over the last fifth of its span, s' = 0.9 the middle of that. What
-    no unit has shown may be a wear that set in late and goes on evenly, or one that accelerates or slows down
-    as it did before. For a power law, p is its exponent.
+    with equal probability. L' is the slope over the last fifth of its span, and s' = 0.9 is the middle of
+    this fifth. Beyond the observed levels, wear may have started late and continue evenly, or accelerate or
+    slow down as before. For a power law, p is its exponent.
 
     Attributes
     ----------
     change
-        Change of each level since the component was new, (k, 8, m), at m even shares of the span,
-        from 0 to 1. Of both coordinates of an eccentricity it is that of its magnitude: its direction
-        differs from unit to unit.
+        Change of each level since the component was new, (k, 8, m), at m equally spaced shares of the span,
+        from 0 to 1. Both coordinates of an eccentricity have the change of the magnitude, because the
+        direction differs between units.
     span
-        Hours over which the component was followed [h], (k, 8); 0 where it was not.
+        Hours over which the component was followed [h], (k, 8); 0 if it was not.
     exponent
         p of the extrapolation, (k, 8); 1 is a straight line.
     """
@@ -59,11 +59,11 @@ class ReferenceTrajectories:
 
     @classmethod
     def of(cls, trajectories: "Sequence[Trajectory]") -> "ReferenceTrajectories":
-        """Return the trajectories of one or more units twice: extrapolated straight, then by powers."""
+        """Return the trajectories of one or more units twice: with linear, then with power extrapolation."""
         change, span = (
             np.stack(columns) for columns in zip(*map(_changes_and_spans, trajectories), strict=True)
         )
-        # dL/ds s/L over the last part of the span, of the means of s and L there.
+        # dL/ds s/L over the last part of the span, with the means of s and L there.
         before, last = _ends(change)
         level = (change[..., before] + change[..., last]) / 2
         has_form = np.abs(level) > LEAST_CHANGE
@@ -73,19 +73,19 @@ class ReferenceTrajectories:
         return cls(np.concatenate([change, change]), np.concatenate([span, span]), exponent)
 
     def drawn(self, shape: tuple[int, int], random: np.random.Generator) -> tuple[NDArray[np.intp], Array]:
-        """Return units (n, 8), drawn evenly from those that followed the component, and their spans [h].
+        """Return units (n, 8), drawn uniformly from those with a trajectory of the component, and spans [h].
 
-        A span is 0 where no unit did.
+        The span is 0 if no unit has a trajectory.
         """
-        seen = self.span > 0
-        order = np.argsort(~seen, axis=0, kind="stable")
-        place = (random.random(shape) * np.maximum(seen.sum(axis=0), 1)).astype(int)
+        is_followed = self.span > 0
+        order = np.argsort(~is_followed, axis=0, kind="stable")
+        place = (random.random(shape) * np.maximum(is_followed.sum(axis=0), 1)).astype(int)
         columns = np.broadcast_to(np.arange(shape[1]), shape)
         units = order[place, columns]
         return units, self.span[units, columns]
 
     def change_at(self, unit: NDArray[np.intp], share: Array, column: NDArray[np.intp]) -> Array:
-        """Return the change of the `unit`'s component `column` at a `share` of its span, any shape."""
+        """Return the change of the `unit`'s component `column` at a `share` of its span, in any shape."""
         last = self.change.shape[2] - 1
         place = np.clip(share, 0.0, 1.0) * last
         low = np.minimum(place.astype(int), last - 1)
@@ -100,13 +100,13 @@ class ReferenceTrajectories:
 
 
 def _last_slope(change: Array) -> Array:
-    """Return the slope (…) of trajectories (…, m) per span, over the last `END` of it."""
+    """Return the slope (…) of trajectories (…, m) per span, over the last share `END`."""
     before, last = _ends(change)
     return np.asarray((change[..., last] - change[..., before]) / (1 - before / last))
 
 
 def _ends(change: Array) -> tuple[int, int]:
-    """Return the indices at which the last `END` of trajectories (…, m) begins and ends."""
+    """Return the first and last index of the last share `END` of trajectories (…, m)."""
     last = change.shape[-1] - 1
     return round((1 - END) * last), last
 
@@ -115,9 +115,9 @@ def _ends(change: Array) -> tuple[int, int]:
 class Trajectory:
     """The filtered levels (n, 8) of a unit at flight `hours` (n,) [h], from `new_at` (8,) to `until` (8,).
 
-    These are the hours at which each component was new and at which it was replaced, `inf` where it was not.
-    `age` (n, 8) [h] is how far each has aged at `hours`, under its stress; `new` are levels of a new unit,
-    (8,).
+    Each component was new at the hours `new_at` and replaced at `until`, `inf` without a replacement. `age`
+    (n, 8) [h] is the ageing of each component at `hours`, under its stress; `new` are the levels (8,) of a
+    new unit.
     """
 
     hours: Array

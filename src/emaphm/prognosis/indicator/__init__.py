@@ -1,4 +1,4 @@
-"""The remaining useful life by a health indicator of one's own: any number with variance and limit."""
+"""Remaining useful life from a user-defined health indicator: any number with variance and limit."""
 
 from emaphm.prognosis.indicator.prognosis import IndicatorPrognosis, prognose_indicator
 from emaphm.prognosis.indicator.readings import Indicator, Reading

@@ -1,4 +1,4 @@
-"""From the readings of an indicator to the distribution of the remaining useful life, and advice."""
+"""Prognosis from the readings of an indicator: distribution of the remaining useful life, and advice."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -27,24 +27,24 @@ from emaphm.version import VERSION
 
 @dataclass(frozen=True, eq=False)
 class IndicatorPrognosis(RemainingLife):
-    """The remaining useful life (RUL) of a unit by one indicator.
+    """The remaining useful life (RUL) of a unit from one indicator.
 
     Attributes
     ----------
     horizon
         Flight hours from now on for which `probability_of_failure` holds [h].
     sample
-        Of the RUL, (n,) [h], `inf` for no failure in sight.
+        Sample of the RUL, (n,) [h], `inf` without a failure in sight.
     forecast_hours, forecast
-        Hours from now on, (m,) [h], and the paths of the value at them, (m, n), in its unit.
+        Hours from now on, (m,) [h], and the paths of the value at these hours, (m, n), in its unit.
     laws
         Probability of each law of degradation.
     reference
-        The stress that hours are at, None where none was recorded.
+        The stress to which hours refer, None if no stress was recorded.
     exponents
-        Of that stress, (n, 3), in the order of `STRESSES`: what is believed of them now.
+        Sample of the exponents of the stress, (n, 3), in the order of `STRESSES`, given all readings.
     ahead
-        The stress to come that was asked for.
+        The given future stress.
     """
 
     indicator: Indicator
@@ -62,29 +62,29 @@ class IndicatorPrognosis(RemainingLife):
 
     @property
     def value90(self) -> tuple[float, float, float]:
-        """5, 50 and 95 % of the indicator's value now, without the error of a reading."""
-        low, middle, high = np.quantile(self.forecast[0], (INTERVAL90[0], 0.5, INTERVAL90[1]))
-        return float(low), float(middle), float(high)
+        """5, 50 and 95 % quantiles of the indicator's present value, without the error of a reading."""
+        low, median, high = np.quantile(self.forecast[0], (INTERVAL90[0], 0.5, INTERVAL90[1]))
+        return float(low), float(median), float(high)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the prognosis as JSON; null where no failure is in sight."""
-        low, middle, high = self.value90
-        one = self.indicator
+        """Return the prognosis as JSON; a RUL without a failure in sight is null."""
+        low, median, high = self.value90
+        indicator = self.indicator
         return {
-            "unit": one.unit,
-            "hours": one.hours,
+            "unit": indicator.unit,
+            "hours": indicator.hours,
             "rul_hours": {"median": finite(self.median), "interval90": [finite(x) for x in self.interval90]},
             "horizon_hours": self.horizon,
             "probability_of_failure": self.probability_of_failure,
-            "advice": self.advice.to_dict(one.hours),
+            "advice": self.advice.to_dict(indicator.hours),
             "indicator": {
-                "measures": one.measures,
-                "value": middle,
+                "measures": indicator.measures,
+                "value": median,
                 "interval90": [low, high],
-                "healthy": one.healthy,
-                "fails_at": one.fails_at,
+                "healthy": indicator.healthy,
+                "fails_at": indicator.fails_at,
                 "laws": self.laws,
-                "readings": len(one.readings),
+                "readings": len(indicator.readings),
             },
             "stress": stress_dict(self.reference, self.ahead) | {"exponents": self._exponents()},
             "notes": list(self.notes),
@@ -97,23 +97,23 @@ class IndicatorPrognosis(RemainingLife):
         result = {}
         for i, value in enumerate(values):
             if value is not None:
-                low, middle, high = np.quantile(self.exponents[:, i], (INTERVAL90[0], 0.5, INTERVAL90[1]))
-                result[STRESSES[i]] = {"median": float(middle), "interval90": [float(low), float(high)]}
+                low, median, high = np.quantile(self.exponents[:, i], (INTERVAL90[0], 0.5, INTERVAL90[1]))
+                result[STRESSES[i]] = {"median": float(median), "interval90": [float(low), float(high)]}
         return result
 
     def __str__(self) -> str:
         low, high = (hours_text(x) for x in self.interval90)
         from_value, value, to_value = self.value90
-        one = self.indicator
+        indicator = self.indicator
         law = max(self.laws, key=self.laws.__getitem__)
         lines = [
-            f"{one.unit}, at {one.hours:.9g} h",
-            f"{one.measures}: {value:.4g} (90 %: {from_value:.4g} to {to_value:.4g})",
-            f"fails at {one.fails_at:.4g}",
-            f"likeliest law: {law} ({100 * self.laws[law]:.0f} %)",
+            f"{indicator.unit}, at {indicator.hours:.9g} h",
+            f"{indicator.measures}: {value:.4g} (90 %: {from_value:.4g} to {to_value:.4g})",
+            f"fails at {indicator.fails_at:.4g}",
+            f"most likely law: {law} ({100 * self.laws[law]:.0f} %)",
             f"remaining useful life: {hours_text(self.median)} (90 %: {low} to {high})",
             f"probability of failure within {self.horizon:.9g} h: {100 * self.probability_of_failure:.1f} %",
-            f"advice: {advice_text(self.advice, one.hours)}",
+            f"advice: {advice_text(self.advice, indicator.hours)}",
             *(f"note: {note}" for note in self.notes),
         ]
         return "\n".join(lines)
@@ -128,23 +128,23 @@ def prognose_indicator(
     filter_settings: FilterSettings = INDICATOR_FILTER,
     settings: ForecastSettings = FORECAST,
 ) -> IndicatorPrognosis:
-    """Return when an indicator reaches its limit, by the same filter and forecast as a unit's components.
+    """Return the prognosis of an indicator, with the filter and the forecast of a unit's components.
 
-    Level and rate follow one of the laws of degradation, and the time of failure is the first passage of the
-    limit. A value on the other side of healthy than the limit counts as healthy.
+    Level and rate follow one of the laws of degradation, and the time of failure is the first passage through
+    the limit. A value on the other side of the healthy value than the limit is taken as healthy.
 
     Parameters
     ----------
     indicator
         Its readings, its healthy value and its limit.
     question
-        The horizon [h], the accepted risk, costs and the stress to come.
+        The horizon [h], the accepted risk, costs and the future stress.
     prior
-        Of the degradation, in levels: 0 is healthy, 0.5 is the limit; the general one where left out.
+        Prior of the degradation, in levels: 0 is healthy, 0.5 is the limit; by default the general prior.
     seed
-        Source of all randomness.
+        Seed of the random streams.
     filter_settings, settings
-        Of the filter that follows the readings; how many paths are forecast, and how far.
+        Settings of the filter of the readings; number and duration of the forecast paths.
 
     Raises
     ------
@@ -157,22 +157,25 @@ def prognose_indicator(
     belief = follow(evidence, prior, seed=seed, settings=filter_settings, past=()).belief
     state = drawn_states(belief, settings.paths)
     pace = pace_ahead(state, belief, evidence, question.ahead)
-    made = paths(state, belief.prior, seed=seed, pace=pace, settings=settings)
-    level = made.level[:, :, 0]
+    forecast_paths = paths(state, belief.prior, seed=seed, pace=pace, settings=settings)
+    level = forecast_paths.level[:, :, 0]
     sample = first_passage(
-        made.hours, FAILING - level, made.noise[:, :, 0], stream(seed, "forecast", "first passage")
+        forecast_paths.hours,
+        FAILING - level,
+        forecast_paths.noise[:, :, 0],
+        stream(seed, "forecast", "first passage"),
     )
     notes = [*stress_notes(question.ahead, belief.prior.reference), *receding_notes(indicator)]
     if len(indicator.readings) < ENOUGH:
         notes.append(
-            f"readings: {len(indicator.readings)}; {ENOUGH} are needed to see a rate, until then the "
-            "prognosis is mostly what the prior says"
+            f"readings: {len(indicator.readings)}; {ENOUGH} are needed to estimate a rate, until then the "
+            "prognosis mostly follows from the prior"
         )
     return IndicatorPrognosis(
         indicator=indicator,
         horizon=question.horizon,
         sample=sample,
-        forecast_hours=made.hours,
+        forecast_hours=forecast_paths.hours,
         forecast=indicator.value(level),
         laws=dict(zip(LAWS, belief.law_probabilities()[0].tolist(), strict=True)),
         reference=belief.prior.reference,

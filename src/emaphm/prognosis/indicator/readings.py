@@ -1,4 +1,4 @@
-"""A health indicator over the hours of a unit, and as what the degradation filter sees it."""
+"""Readings of a health indicator over the hours of a unit, and their observations for the filter."""
 
 import math
 from dataclasses import dataclass
@@ -11,16 +11,16 @@ from emaphm.prognosis.evidence import Evidence, Observation
 from emaphm.prognosis.stress import StressPiece
 
 FAILING = 0.5
-"""Level of the filter at which the indicator fails, 0 being healthy: levels end at 1, and one beyond its
-limit must be seen to be so."""
+"""Level of the filter at which the indicator fails; 0 is healthy. Levels end at 1, so that a level beyond the
+limit can be represented."""
 
 
 @dataclass(frozen=True)
 class Reading:
     """The `value` of an indicator at flight `hours` [h], with the `variance` of its error.
 
-    The variance is that of all that makes two readings of the same health differ: noise, but also what
-    varies from one day to the next.
+    The variance includes all differences between readings at the same health: noise, and also variations
+    from day to day.
 
     Raises
     ------
@@ -50,25 +50,25 @@ class Indicator:
     Parameters
     ----------
     unit
-        Serial number, or what the unit is called.
+        Serial number or name of the unit.
     healthy
         Value of a new unit.
     fails_at
-        Value at which the unit no longer does its job; above or below the healthy one.
+        Value at which the unit fails; above or below the healthy value.
     readings
-        In any order.
+        Readings in any order.
     hours
-        Flight hours of the unit now [h], not below those of its readings.
+        Present flight hours of the unit [h], not below those of its readings.
     measures
-        What the value is, with its unit, for figures and text.
+        Name of the measured quantity, with its unit, for figures and text.
     stresses
-        What the unit was subject to, where that was recorded.
+        Recorded stress of the unit.
 
     Raises
     ------
     PrognosisError
-        `healthy` and `fails_at` are not finite, or no further apart than a reading's standard error; a
-        reading is later than `hours`; or these are below 0.
+        `healthy` and `fails_at` are not finite, or differ by no more than a reading's standard error; a
+        reading is later than `hours`; or `hours` are below 0.
     """
 
     unit: str
@@ -85,17 +85,17 @@ class Indicator:
                 f"unit '{self.unit}': healthy at {self.healthy:g}, failing at {self.fails_at:g}; "
                 "give finite numbers"
             )
-        error = math.sqrt(min((one.variance for one in self.readings), default=0.0))
+        error = math.sqrt(min((reading.variance for reading in self.readings), default=0.0))
         if abs(self.fails_at - self.healthy) <= error:
             raise PrognosisError(
-                f"unit '{self.unit}': healthy at {self.healthy:g} and failing at {self.fails_at:g} are no "
-                f"further apart than a reading's standard error, {error:.2g}; give another level to fail at"
+                f"unit '{self.unit}': healthy at {self.healthy:g} and failing at {self.fails_at:g} differ "
+                f"by no more than a reading's standard error, {error:.2g}; give another value to fail at"
             )
-        late = [one.hours for one in self.readings if one.hours > self.hours]
+        late = [reading.hours for reading in self.readings if reading.hours > self.hours]
         if late:
             raise PrognosisError(
                 f"unit '{self.unit}' has {self.hours:.9g} h, and a reading at {late[0]:.9g} h; give the "
-                "hours of now"
+                "present hours"
             )
         if not 0 <= self.hours < math.inf:
             raise PrognosisError(f"unit '{self.unit}' has {self.hours:.9g} h; give a number of 0 or more")
@@ -113,12 +113,12 @@ class Indicator:
         scale = FAILING / (self.fails_at - self.healthy)
         observations = tuple(
             Observation(
-                one.hours,
-                np.array([float(self.level(one.value))]),
-                np.array([[one.variance * scale**2]]),
+                reading.hours,
+                np.array([float(self.level(reading.value))]),
+                np.array([[reading.variance * scale**2]]),
                 np.ones(1, bool),
             )
-            for one in sorted(self.readings, key=lambda one: one.hours)
+            for reading in sorted(self.readings, key=lambda reading: reading.hours)
         )
         return Evidence(
             self.unit, self.measures, self.hours, observations, stresses=self.stresses, components=1

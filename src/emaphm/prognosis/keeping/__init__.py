@@ -1,4 +1,4 @@
-"""Prognoses that are kept in a history, with the curves that their figures are drawn from."""
+"""Storage of prognoses in a history, with the curves of their figures."""
 
 from emaphm.prognosis.keeping.curves import Curves
 from emaphm.prognosis.keeping.update import earlier_rows, keep_with_curves, update_prognosis

@@ -1,4 +1,4 @@
-"""What the figures of a prognosis show, as few numbers: a history keeps it, a page draws it."""
+"""Curves of the figures of a prognosis, in compact form for a history and a page."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -14,16 +14,16 @@ from emaphm.prognosis.result import Prognosis
 from emaphm.quantiles import sample_quantile
 
 PROBABILITIES = (0.05, 0.25, 0.5, 0.75, 0.95)
-"""Of the quantiles: bands of 90 and 50 %, and the median."""
+"""Probabilities of the quantiles: bands of 90 and 50 %, and the median."""
 
 MOST_SHOWN = 3.0
-"""The forecast is shown as far as this multiple of the horizon, or 1.2 times the median of the RUL."""
+"""The forecast is shown up to this multiple of the horizon, or up to 1.2 times the median RUL if later."""
 
 POINTS = 100
-"""Of the curve of the probability of failure."""
+"""Points of the curve of the probability of failure."""
 
 DIGITS = 4
-"""Digits of a number: a figure shows three."""
+"""Decimal digits of a stored number; a figure shows three."""
 
 Z90 = 1.645
 """Half-width of a normal 90 % interval, in standard errors."""
@@ -31,7 +31,7 @@ Z90 = 1.645
 
 @dataclass(frozen=True)
 class Seen:
-    """A diagnosis in a figure: at flight `hours` [h], the levels with the half-widths of 90 % intervals."""
+    """A diagnosis in a figure: flight `hours` [h], levels and half-widths of their 90 % intervals."""
 
     hours: float
     explained: bool
@@ -46,23 +46,23 @@ class Curves:
     Attributes
     ----------
     now, horizon, longest
-        Flight hours at the prognosis, hours from then on for which is planned, and longest RUL shown [h].
+        Flight hours at the prognosis, planned hours from then on, and longest RUL shown [h].
     seen
         The diagnoses.
     times, levels
-        Flight hours (m,) of the forecast, and of each component the quantiles `PROBABILITIES` of its level
-        then, each (m,).
+        Flight hours (m,) of the forecast, and for each component the quantiles `PROBABILITIES` of its level,
+        (m,) each.
     limits
-        Of each limit of a level, its component and bound.
+        Component and bound of each limit on a level.
     risk_times, risk, first_risk, first_label
-        Flight hours, and the probability that any requirement has failed by then; of the requirement that
-        most likely fails first alone, where there are others, and its name.
+        Flight hours, and the probability that any requirement has failed until then; if there are several
+        requirements, the same for the one that most likely fails first, and its name.
     fan
-        The RUL as forecast at flight hours: rows of these and of its quantiles `PROBABILITIES` [h].
+        Forecasts of the RUL: rows of flight hours and quantiles `PROBABILITIES` of the RUL [h].
     requirements
-        Labels of the limits that it is forecast against.
+        Labels of the limits in the forecast.
     replacements
-        Of each replacement, flight hours and component, "unit" standing for all.
+        Flight hours and component of each replacement, where "unit" means all components.
     """
 
     unit: str
@@ -83,28 +83,31 @@ class Curves:
 
     @classmethod
     def of(cls, prognosis: Prognosis, fan: Sequence[tuple[float, ...]] = ()) -> Self:
-        """Return the curves of `prognosis`; `fan` has the rows of earlier forecasts."""
-        made, now = prognosis.paths, prognosis.evidence.hours
-        reach = _reach(prognosis)
-        shown = made.hours <= reach
-        vectors = vectors_of(made.level[shown], prognosis.actuator)
-        risk_times = np.linspace(0, reach, POINTS)
-        first = _first_alone(prognosis)
+        """Return the curves of `prognosis`; `fan` are the rows of earlier forecasts."""
+        forecast_paths, now = prognosis.paths, prognosis.evidence.hours
+        duration = _reach(prognosis)
+        shown = forecast_paths.hours <= duration
+        vectors = vectors_of(forecast_paths.level[shown], prognosis.actuator)
+        risk_times = np.linspace(0, duration, POINTS)
+        first = _first_requirement_times(prognosis)
         return cls(
             unit=prognosis.evidence.unit,
             now=now,
             horizon=prognosis.horizon,
-            longest=float(made.hours[-1]),
+            longest=float(forecast_paths.hours[-1]),
             seen=tuple(
                 Seen(
-                    one.hours,
-                    one.explained,
-                    {name: _digits(level_of(one.level, name)) for name in COMPONENTS},
-                    {name: _digits(_half(one.covariance, one.level, name)) for name in COMPONENTS},
+                    diagnosis.hours,
+                    diagnosis.explained,
+                    {name: _digits(level_of(diagnosis.level, name)) for name in COMPONENTS},
+                    {
+                        name: _digits(_half(diagnosis.covariance, diagnosis.level, name))
+                        for name in COMPONENTS
+                    },
                 )
-                for one in prognosis.evidence.observations
+                for diagnosis in prognosis.evidence.observations
             ),
-            times=_row(now + made.hours[shown]),
+            times=_row(now + forecast_paths.hours[shown]),
             levels={
                 name: tuple(
                     _row(values)
@@ -121,7 +124,7 @@ class Curves:
             risk=_row(_share(prognosis.sample, risk_times)),
             first_risk=() if first is None else _row(_share(first, risk_times)),
             first_label=prognosis.limit.label if first is not None and prognosis.limit else "",
-            fan=(*fan, fan_row(now, prognosis.sample, float(made.hours[-1]))),
+            fan=(*fan, fan_row(now, prognosis.sample, float(forecast_paths.hours[-1]))),
             requirements=tuple(limit.label for limit in prognosis.times.limits),
             replacements=prognosis.evidence.replacements,
         )
@@ -132,9 +135,9 @@ class Curves:
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> Self:
-        """Return the curves that `to_dict` gave."""
+        """Return the curves from the JSON of `to_dict`."""
         values = {name: value for name, value in document.items() if name != "probabilities"}
-        return cls(**values | {"seen": tuple(Seen(**one) for one in values["seen"])})
+        return cls(**values | {"seen": tuple(Seen(**diagnosis) for diagnosis in values["seen"])})
 
 
 def fan_row(hours: float, sample: Array, longest: float) -> tuple[float, ...]:
@@ -143,14 +146,14 @@ def fan_row(hours: float, sample: Array, longest: float) -> tuple[float, ...]:
 
 
 def _reach(prognosis: Prognosis) -> float:
-    """Return how far into the future is shown [h]."""
+    """Return the duration of the forecast that is shown [h]."""
     median = prognosis.median if np.isfinite(prognosis.median) else 0.0
     longest = float(prognosis.paths.hours[-1])
     return min(max(MOST_SHOWN * prognosis.horizon, 1.2 * median), longest)
 
 
-def _first_alone(prognosis: Prognosis) -> Array | None:
-    """Return when paths fail the requirement that most fail first; None where it is the only one."""
+def _first_requirement_times(prognosis: Prognosis) -> Array | None:
+    """Return the failure times of the requirement that most paths fail first; None if it is the only one."""
     if prognosis.limit is None or len(prognosis.times.limits) < 2:
         return None
     return np.asarray(prognosis.times.hours[prognosis.times.limits.index(prognosis.limit)])
@@ -161,12 +164,12 @@ def _share(sample: Array, times: Array) -> Array:
 
 
 def _half(covariance: Array, level: Array, name: str) -> float:
-    """Return the half-width of a component's 90 % interval, of the covariance (8, 8) and level (8,)."""
+    """Return the half-width of a component's 90 % interval from covariance (8, 8) and level (8,)."""
     columns = columns_of(name)
-    along = np.ones(1)
+    direction = np.ones(1)
     if len(columns) > 1:
-        along = level[columns] / max(float(level_of(level, name)), 1e-12)
-    variance = float(along @ covariance[np.ix_(columns, columns)] @ along)
+        direction = level[columns] / max(float(level_of(level, name)), 1e-12)
+    variance = float(direction @ covariance[np.ix_(columns, columns)] @ direction)
     return min(Z90 * float(np.sqrt(max(variance, 0.0))), 1.0)
 
 

@@ -1,4 +1,4 @@
-"""Making the prognosis of a unit and keeping it, so that a page shows it without waiting."""
+"""Computation and storage of the prognosis of a unit, so that a page can show it without delay."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from emaphm.prognosis.result import Prognosis
 
 ENOUGH = 2
-"""Rows of a fan from which on earlier forecasts are not made again: they were kept as they were made."""
+"""Number of stored rows of a fan from which on earlier forecasts are not recomputed."""
 
 
 @dataclass(frozen=True)
 class Updated:
-    """A prognosis that was made and kept."""
+    """A computed and stored prognosis."""
 
     prognosis: "Prognosis"
     curves: Curves
@@ -39,24 +39,23 @@ def update_prognosis(
     most: int | None = None,
     events: "Callable[[Prognosis], Sequence[Event]]" = lambda _: (),
 ) -> Updated:
-    """Return the prognosis of `unit`, learning from the others of its part number, and keep it.
+    """Compute, store and return the prognosis of `unit`, with a prior from other units of its part number.
 
-    It takes about one second for the unit, and 0.5 s for each other unit that is learnt from and that this
-    process has not followed yet, with 100 diagnoses each; 1 s more for each that has failed, until another
-    fails.
+    With 100 diagnoses for each unit, it takes about one second for the unit, and 0.5 s for each other unit of
+    the prior that this process has not filtered yet; 1 s more for each failed unit, until another unit fails.
 
     Parameters
     ----------
     history, unit
         The open history, and a unit of it, `history.unit(serial_number)`.
     question
-        The horizon [h], the accepted risk, costs and the stress to come.
+        The horizon [h], the accepted risk, costs and the future stress.
     seed
-        Source of all randomness.
+        Seed of the random streams.
     most
-        Diagnoses that are used at most, of this unit and of each that it learns from, as by `Evidence.of`.
+        Largest number of diagnoses used, of this unit and of each other unit, as in `Evidence.of`.
     events
-        Returns the events that follow from the prognosis; they are added in the step in which it is kept.
+        Returns the events that follow from the prognosis; they are added in the same transaction.
 
     Raises
     ------
@@ -83,15 +82,15 @@ def keep_with_curves(
     earlier: "Callable[[], list[tuple[float, ...]]]" = list,
     events: "Sequence[Event]" = (),
 ) -> Curves:
-    """Keep a prognosis of `unit` with its curves, and add events, in one step; return the curves as kept.
+    """Store a prognosis of `unit` with curves and events in one transaction; return the stored curves.
 
     Parameters
     ----------
     curves
-        Of the prognosis, with its own row of the fan alone.
+        Curves of the prognosis, with only its own row of the fan.
     earlier
-        Returns rows of the fan before it, as `earlier_rows`; it is asked only where too few were kept with
-        the prognoses before. Rows that were kept against other requirements are of another life.
+        Returns earlier rows of the fan, as `earlier_rows`; it is called only if too few rows were stored with
+        earlier prognoses. Stored rows for other requirements are not used.
 
     Raises
     ------
@@ -99,20 +98,20 @@ def keep_with_curves(
         The database fails.
     """
     with history.database.reading() as connection:
-        before = read_curves(connection, unit.row.id) or {"fan": []}
-    rows = [tuple(row) for row in before["fan"] if row[0] < curves.now]
+        stored = read_curves(connection, unit.row.id) or {"fan": []}
+    rows = [tuple(row) for row in stored["fan"] if row[0] < curves.now]
     # Older versions did not keep the labels.
-    is_same_life = before.get("requirements", list(curves.requirements)) == list(curves.requirements)
+    is_same_life = stored.get("requirements", list(curves.requirements)) == list(curves.requirements)
     if len(rows) < ENOUGH or not is_same_life:
         rows = earlier()
-    whole = replace(curves, fan=(*rows, *curves.fan))
+    curves_with_fan = replace(curves, fan=(*rows, *curves.fan))
     with history.writing() as connection:
-        keep_prognosis(connection, unit.row, prognosis, whole.to_dict())
+        keep_prognosis(connection, unit.row, prognosis, curves_with_fan.to_dict())
         add_events(connection, events)
-    return whole
+    return curves_with_fan
 
 
 def earlier_rows(prognosis: "Prognosis") -> list[tuple[float, ...]]:
-    """Return rows of a fan before a prognosis: forecasts made again from less, where beliefs were kept."""
+    """Return earlier rows of a fan: forecasts recomputed from the kept earlier filter states."""
     now, longest = prognosis.evidence.hours, float(prognosis.paths.hours[-1])
     return [fan_row(hours, sample, longest) for hours, sample in past_lives(prognosis) if hours < now]

@@ -1,1 +1,1 @@
-"""Notes on what makes a forecast of a unit worth less than it looks."""
+"""Notes on limitations of the forecast of a unit."""

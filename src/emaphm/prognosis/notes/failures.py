@@ -1,4 +1,4 @@
-"""A note on failures of the fleet at levels far below the limits: by other requirements, or another cause."""
+"""Note on failures of the fleet at levels far below the limits: other requirements, or another cause."""
 
 from typing import TYPE_CHECKING
 
@@ -14,37 +14,37 @@ if TYPE_CHECKING:
     from emaphm.prognosis.requirements.margins import Limit
 
 NEAR = 0.6
-"""Consumed share of the margin to a limit, below which at the last diagnosis a failure was not near it."""
+"""Consumed share of the margin at the last diagnosis, below which a failure was not near the limit."""
 
 COMMON = 0.2
-"""Share of the failures from which on a note says so: wear that is fast at last, or a jump, makes some."""
+"""Share of such failures from which on there is a note: fast wear at the end, or a jump, causes some."""
 
 
 def failure_notes(fleet: "Sequence[Evidence]", limits: "Sequence[Limit]") -> list[str]:
-    """Return a note where many failures of a `fleet` came near none of the `limits`.
+    """Return a note if many failures of a `fleet` occurred near none of the `limits`.
 
-    None where a limit is of a measure, about which failures say nothing.
+    There is no note if a limit is on a measure, because the levels then do not indicate how near it was.
     """
-    if any(one.component is None for one in limits):
+    if any(limit.component is None for limit in limits):
         return []
     shares = []
     for unit in fleet:
         for start, failure in unit.failed_lives:
-            life = [one for one in unit.used if start < one.hours <= failure]
-            shares += [max(_consumed_share(life[-1], one) for one in limits)] if life else []
-    far = sum(share < NEAR for share in shares)
-    if not far or far < COMMON * len(shares):
+            life = [diagnosis for diagnosis in unit.used if start < diagnosis.hours <= failure]
+            shares += [max(_consumed_share(life[-1], limit) for limit in limits)] if life else []
+    far_count = sum(share < NEAR for share in shares)
+    if not far_count or far_count < COMMON * len(shares):
         return []
     note = (
-        f"of {len(shares)} failures of other units {far} came with no level beyond {100 * NEAR:.0f} % of the "
-        "way to a limit: by narrower requirements, or by something else; they count as failures by these "
-        "limits all the same, so that the forecast may be early"
+        f"of {len(shares)} failures of other units {far_count} came with no level beyond {100 * NEAR:.0f} % "
+        "of the way to a limit: because of narrower requirements, or of another cause; they are still "
+        "counted as failures by these limits, so that the forecast may be too early"
     )
     return [note]
 
 
-def _consumed_share(seen: "Observation", limit: "Limit") -> float:
-    """Return the consumed share of the margin to a limit, 0 where a new unit has none."""
-    full = float(limit.margin(level_of(NEW, str(limit.component))))
-    left = float(limit.margin(level_of(np.asarray(seen.level), str(limit.component))))
-    return 1 - left / full if full > 0 else 0.0
+def _consumed_share(diagnosis: "Observation", limit: "Limit") -> float:
+    """Return the consumed share of the margin to a limit; 0 if a new unit has no margin."""
+    full_margin = float(limit.margin(level_of(NEW, str(limit.component))))
+    margin = float(limit.margin(level_of(np.asarray(diagnosis.level), str(limit.component))))
+    return 1 - margin / full_margin if full_margin > 0 else 0.0

@@ -1,4 +1,4 @@
-"""All notes of a prognosis, in the order in which they are said."""
+"""All notes of a prognosis, in the order of output."""
 
 from typing import TYPE_CHECKING
 
@@ -37,12 +37,12 @@ def notes_on(
 ) -> tuple[str, ...]:
     """Return the notes of a prognosis.
 
-    `level` are the levels (n, 8) that may be now, `component` what most likely fails first, and `followed`
-    has the belief after the last used diagnosis as its last one.
+    `level` are samples (n, 8) of the present levels, `component` is the component that most likely fails
+    first. The last past filter state of `followed` is that after the last used diagnosis.
     """
     newest = followed.past[-1] if followed.past else followed.belief
-    # Where nothing came after it, the levels now are those drawn from the same belief.
-    then = level if newest is followed.belief else drawn_states(newest, len(level)).level
+    # If nothing came after it, the present levels are drawn from the same filter state.
+    newest_level = level if newest is followed.belief else drawn_states(newest, len(level)).level
     return (
         *evidence.description_notes,
         *repair_notes(evidence),
@@ -50,7 +50,7 @@ def notes_on(
         *stress_notes(ahead, followed.belief.prior.reference),
         *shared_error_notes(followed.belief, component),
         *level_notes(evidence, level, prior.least_friction),
-        *newest_notes(evidence, then),
+        *newest_notes(evidence, newest_level),
         *load_notes(evidence),
         *rate_notes(evidence),
         *hours_notes(evidence),

@@ -1,4 +1,4 @@
-"""A note on a newest diagnosis that the forecast hardly follows."""
+"""Note on a newest diagnosis that the filter mostly treats as an outlier."""
 
 from typing import TYPE_CHECKING
 
@@ -13,49 +13,49 @@ if TYPE_CHECKING:
     from emaphm.prognosis.evidence import Evidence
 
 SIGNIFICANT = 4.0
-"""Standard errors that the newest diagnosis is off the believed level, from which on a note says so."""
+"""Deviation of the newest diagnosis from the filtered level, in standard errors, for a note."""
 
 WORTH_SAYING = 0.05
-"""And its distance at least."""
+"""Least deviation for a note."""
 
 
 def newest_notes(evidence: "Evidence", level: Array) -> list[str]:
-    """Return a note where the newest explained diagnosis is far from what is believed of its own hours.
+    """Return a note if the newest explained diagnosis is far from the filtered level at its hours.
 
-    `level` are the levels (n, 8) that may have been then, given that diagnosis and those before: the filter
-    takes it mostly for an outlier until another one confirms it. Wear that came after its hours does not
-    count, nor does a component that was replaced since.
+    `level` are samples (n, 8) of the levels at these hours, given this diagnosis and the earlier ones: the
+    filter mostly treats it as an outlier until another diagnosis confirms it. Later wear is not included, and
+    components replaced since are ignored.
     """
     newest = evidence.used[-1] if evidence.used else None
     if newest is None:
         return []
-    believed = np.median(level, axis=0)
-    deviations = np.abs(newest.level - believed)
+    filtered = np.median(level, axis=0)
+    deviation = np.abs(newest.level - filtered)
     far = (
         newest.seen
-        & (deviations > SIGNIFICANT * np.sqrt(np.diag(newest.covariance)))
-        & (deviations > WORTH_SAYING)
+        & (deviation > SIGNIFICANT * np.sqrt(np.diag(newest.covariance)))
+        & (deviation > WORTH_SAYING)
     )
     for hours, part in evidence.replacements:
         if hours >= newest.hours:
             far[columns_of(part)] = False
     if not far.any():
         return []
-    which = "newest" if evidence.unexplained is None else "newest explained"
-    shown = zip(_in_words(newest.level, far), _in_words(believed, far), strict=True)
-    each = ", ".join(f"{name} {seen} ({taken})" for (name, seen), (_, taken) in shown)
+    newest_text = "newest" if evidence.unexplained is None else "newest explained"
+    pairs = zip(_level_texts(newest.level, far), _level_texts(filtered, far), strict=True)
+    levels_text = ", ".join(f"{name} {diagnosed} ({forecast})" for (name, diagnosed), (_, forecast) in pairs)
     note = (
-        f"the {which} diagnosis, of {newest.hours:.9g} h, shows {each}; in brackets what the forecast takes "
-        "for the level then: one so far from those before counts mostly as an outlier until a further one "
-        "confirms it; record again soon"
+        f"the {newest_text} diagnosis, of {newest.hours:.9g} h, has {levels_text}; in brackets the level of "
+        "the forecast at these hours: a diagnosis so far from the earlier ones counts mostly as an outlier "
+        "until another one confirms it; record again soon"
     )
     return [note]
 
 
-def _in_words(level: Array, where: Mask) -> list[tuple[str, str]]:
-    """Return the components `where` (8,) and their levels as text, an eccentricity with its direction."""
-    words = [(CARTESIAN_NAMES[i], f"{level[i]:.3g}") for i in np.flatnonzero(where) if i not in ECCENTRICITY]
+def _level_texts(level: Array, where: Mask) -> list[tuple[str, str]]:
+    """Return names and levels as text of the components `where` (8,) is True; eccentricity with direction."""
+    texts = [(CARTESIAN_NAMES[i], f"{level[i]:.3g}") for i in np.flatnonzero(where) if i not in ECCENTRICITY]
     if where[list(ECCENTRICITY)].any():
         x, y = level[list(ECCENTRICITY)]
-        words.append(("eccentricity", f"{np.hypot(x, y):.3g} at {np.degrees(np.arctan2(y, x)):.0f}°"))
-    return words
+        texts.append(("eccentricity", f"{np.hypot(x, y):.3g} at {np.degrees(np.arctan2(y, x)):.0f}°"))
+    return texts

@@ -1,4 +1,4 @@
-"""A note on levels that change faster than the filter lets them: mostly hours in another unit."""
+"""Note on levels that change faster than the largest rate of the filter, e.g. with hours in another unit."""
 
 from typing import TYPE_CHECKING
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from emaphm.prognosis.evidence import Evidence
 
 LEAST_SEEN = 3
-"""Diagnoses from which on a line through them has a standard error."""
+"""Least number of diagnoses for the standard error of a line."""
 
 SIGNIFICANT = 4.0
-"""Standard errors by which a rate is above the largest."""
+"""Standard errors by which a rate must exceed the largest rate."""
 
 
 def rate_notes(evidence: "Evidence") -> list[str]:
@@ -29,38 +29,40 @@ def rate_notes(evidence: "Evidence") -> list[str]:
             rates[component] = max(rate, rates.get(component, 0.0))
     if not rates:
         return []
-    found = ", ".join(f"{name} by {rate:.2g}" for name, rate in rates.items())
+    rates_text = ", ".join(f"{name} by {rate:.2g}" for name, rate in rates.items())
     note = (
-        f"levels change faster than this forecast can follow, {LARGEST_RATE:g} per hour: {found}; check the "
-        "unit of the hours"
+        f"levels change faster than this forecast can follow, {LARGEST_RATE:g} per hour: {rates_text}; "
+        "check the unit of the hours"
     )
     return [note]
 
 
 def _rate(evidence: "Evidence", column: int) -> float:
-    """Return how fast a level changes [1/h], 0 where that is not significantly above `LARGEST_RATE`.
+    """Return the rate of a level [1/h], 0 if it is not significantly above `LARGEST_RATE`.
 
-    The slope of a straight line through its diagnoses since it was new. A single jump, which leaves most
-    steps from one diagnosis to the next without a change, is no rate.
+    It is the slope of a straight line through the diagnoses since the component was new. A single jump, with
+    most steps between diagnoses without a change, does not count.
     """
-    since = max((hours for hours, part in evidence.replacements if column in columns_of(part)), default=-1.0)
-    seen = [one for one in evidence.used if one.hours > since and one.seen[column]]
-    hours = np.array([one.hours for one in seen])
+    new_at = max((hours for hours, part in evidence.replacements if column in columns_of(part)), default=-1.0)
+    diagnoses = [
+        diagnosis for diagnosis in evidence.used if diagnosis.hours > new_at and diagnosis.seen[column]
+    ]
+    hours = np.array([diagnosis.hours for diagnosis in diagnoses])
     if hours.size < LEAST_SEEN or np.ptp(hours) == 0:
         return 0.0
-    level = np.array([one.level[column] for one in seen])
-    own = np.array([one.covariance[column, column] for one in seen])
-    slope, deviation = _line(hours - hours.mean(), level, own)
-    later = np.diff(hours) > 0
-    steady = np.median(np.diff(level)[later] / np.diff(hours)[later]) * np.sign(slope)
-    above = min(abs(slope) - SIGNIFICANT * deviation, steady)
-    return slope if above > LARGEST_RATE else 0.0
+    level = np.array([diagnosis.level[column] for diagnosis in diagnoses])
+    variances = np.array([diagnosis.covariance[column, column] for diagnosis in diagnoses])
+    slope, deviation = _line(hours - hours.mean(), level, variances)
+    is_later = np.diff(hours) > 0
+    steady = np.median(np.diff(level)[is_later] / np.diff(hours)[is_later]) * np.sign(slope)
+    least_rate = min(abs(slope) - SIGNIFICANT * deviation, steady)
+    return slope if least_rate > LARGEST_RATE else 0.0
 
 
-def _line(centred: Array, level: Array, own: Array) -> tuple[float, float]:
-    """Return slope and standard error of a line through levels, `own` their variances at least."""
+def _line(centred: Array, level: Array, least_variance: Array) -> tuple[float, float]:
+    """Return slope and standard error of a line through levels with at least the mean `least_variance`."""
     size = float(centred @ centred)
     slope = float(centred @ level) / size
-    rest = level - level.mean() - slope * centred
-    variance = max(float(rest @ rest) / (level.size - 2), float(own.mean()))
+    residual = level - level.mean() - slope * centred
+    variance = max(float(residual @ residual) / (level.size - 2), float(least_variance.mean()))
     return slope, float(np.sqrt(variance / size))

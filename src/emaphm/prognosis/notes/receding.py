@@ -1,4 +1,4 @@
-"""Readings that are beyond healthy, on the other side than the limit: the forecast says nothing of them."""
+"""Note on readings on the other side of the healthy value than the limit, which the forecast ignores."""
 
 import math
 
@@ -7,27 +7,27 @@ import numpy as np
 from emaphm.prognosis.indicator.readings import FAILING, Indicator
 
 NEWEST = 5
-"""Readings whose mean is looked at, the last ones: what was passed long ago says nothing of today."""
+"""Number of newest readings whose mean is tested; older readings do not describe the present state."""
 
 SIGNIFICANT = 4.0
-"""Standard errors of that mean by which it must be beyond healthy."""
+"""Standard errors by which the mean must be beyond the healthy value."""
 
 LEAST_SHARE = 0.1
-"""By which share of the way from healthy to the limit it must be beyond: less is an inexact healthy value."""
+"""Share of the margin by which the mean must be beyond healthy: less may be an inexact healthy value."""
 
 
 def receding_notes(indicator: Indicator) -> list[str]:
-    """Return what it means that the newest readings are on the other side of healthy than the limit.
+    """Return a note if the newest readings are on the other side of the healthy value than the limit.
 
-    Their mean level, weighted by 1 / variance, is compared with 0, with the standard error that the readings
-    state or that their scatter about the mean shows, the larger of both. Fewer than `NEWEST` say nothing.
+    Their mean level, weighted by 1 / variance, is compared with 0. Its standard error is the larger of that
+    from the stated variances and that from the scatter. There is no note with fewer than `NEWEST` readings.
     """
-    readings = sorted(indicator.readings, key=lambda one: one.hours)[-NEWEST:]
+    readings = sorted(indicator.readings, key=lambda reading: reading.hours)[-NEWEST:]
     if len(readings) < NEWEST:
         return []
     scale = FAILING / abs(indicator.fails_at - indicator.healthy)
-    levels = np.array([float(indicator.level(one.value)) for one in readings])
-    weights = np.array([1 / one.variance for one in readings])
+    levels = np.array([float(indicator.level(reading.value)) for reading in readings])
+    weights = np.array([1 / reading.variance for reading in readings])
     mean = float(np.average(levels, weights=weights))
     error = max(scale / math.sqrt(float(weights.sum())), float(levels.std(ddof=1)) / math.sqrt(NEWEST))
     if mean > -max(SIGNIFICANT * error, LEAST_SHARE * FAILING):
@@ -35,7 +35,7 @@ def receding_notes(indicator: Indicator) -> list[str]:
     share = -100 * mean / FAILING
     note = (
         f"the newest {NEWEST} readings are beyond healthy, away from the limit, by {share:.0f} % of the way "
-        "to it: the forecast takes them as healthy and says nothing of what moves them; see whether the "
-        "healthy value and the side of the limit are right"
+        "to it: the forecast takes them as healthy and does not predict them; check whether the healthy "
+        "value and the side of the limit are right"
     )
     return [note]

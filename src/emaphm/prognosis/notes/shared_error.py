@@ -1,4 +1,4 @@
-"""A note on the error that all diagnoses of a unit have in common."""
+"""Note on the shared error of all diagnoses of a unit."""
 
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def shared_error_notes(belief: "Belief", component: str | None) -> list[str]:
-    """Return a note where the error that all diagnoses share is most of the error of a `component`."""
+    """Return a note if the shared error of the diagnoses is the larger part of a `component`'s error."""
     if component is None:
         return []
     columns = columns_of(component)
@@ -21,7 +21,8 @@ def shared_error_notes(belief: "Belief", component: str | None) -> list[str]:
     if shared <= own:
         return []
     note = (
-        f"all diagnoses may be off by the same {normal_quantile(0.975) * shared:.2g} of {component}, which "
-        "further ones do not reduce: the unit is known to tolerances only; calibrate it (emaphm calibrate)"
+        f"all diagnoses may have the same error of {normal_quantile(0.975) * shared:.2g} in {component}, "
+        "which further diagnoses do not reduce: the unit is known within tolerances only; calibrate it "
+        "(emaphm calibrate)"
     )
     return [note]

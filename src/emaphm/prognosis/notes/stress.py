@@ -1,20 +1,20 @@
-"""Notes on a stress to come that the history does not allow to use, or only in part."""
+"""Notes on values of the future stress that are not used, or are clipped."""
 
 from emaphm.prognosis.stress import STRESSES, Stress, StressReference
 
 
 def stress_notes(ahead: Stress | None, reference: StressReference | None) -> list[str]:
-    """Return notes on what of the stress `ahead` is not used, or only in part, for want of records."""
+    """Return notes on values of the stress `ahead` that are not used, or clipped, for lack of records."""
     if ahead is None:
         return []
     reference = reference or StressReference()
-    known = reference.values
+    values = reference.values
     names = [
         name
-        for name, value, middle in zip(STRESSES, ahead.values, known, strict=True)
-        if value is not None and middle is None
+        for name, value, reference_value in zip(STRESSES, ahead.values, values, strict=True)
+        if value is not None and reference_value is None
     ]
-    missing = f"not recorded in the history, so not used of the stress to come: {', '.join(names)}"
-    far = "far from what was recorded: of the stress to come,"
-    beyond = [f"{far} {text}" for text in reference.beyond(ahead)]
+    missing = f"not recorded in the history, and therefore not used in the future stress: {', '.join(names)}"
+    prefix = "far from the recorded values: of the future stress,"
+    beyond = [f"{prefix} {text}" for text in reference.beyond(ahead)]
     return [*([missing] if names else []), *beyond]

@@ -1,4 +1,4 @@
-"""Requirements: what they say of given faults, and at which level of each fault they fail."""
+"""Requirements of an actuator: their margins for given faults, and the fault levels at which they fail."""
 
 from emaphm.prognosis.requirements.levels import FailureLevels, failure_levels
 from emaphm.prognosis.requirements.margins import Limit, Requirements, vectors_of

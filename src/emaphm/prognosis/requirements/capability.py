@@ -1,4 +1,4 @@
-"""What an actuator can still do under its faults, by the averaged model: the measures of its requirements."""
+"""Measures of the requirements of an actuator with faults, computed by the averaged model."""
 
 from dataclasses import replace
 from functools import partial
@@ -15,30 +15,30 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 INTERVAL = 5e-4
-"""Between the samples of a manoeuvre, at most [s]."""
+"""Largest time between samples of a manoeuvre [s]."""
 
 SINE_HZ, CHIRP_HZ = 4.0, 15.0
-"""Frequency of a sine, and the highest of a chirp, where the requirement gives none [Hz]."""
+"""Default frequency of a sine, and default highest frequency of a chirp [Hz]."""
 
 SAMPLES = 32
-"""In a period of a manoeuvre, at least."""
+"""Smallest number of samples per period of a manoeuvre."""
 
 BATCH, BATCH_SAMPLES = 128, 1_000_000
-"""Actuators at a time, and their samples: with four channels of 1,000 samples, 4 MB stay in the cache, and a
-long manoeuvre takes 32 MB."""
+"""Largest number of actuators simulated together, and of their samples: with four channels of 1,000 samples,
+4 MB fit into the cache, and a long manoeuvre needs 32 MB."""
 
 SETTLED = 0.05
 """Share of a step's amplitude within which the position has settled, as usual for servo drives."""
 
 FREQUENCIES, REFINED = 10, 3
-"""Sines that the bandwidth is looked for with, a factor of 1.5 from one to the next, and steps that the one
-between is divided into: interpolated over a factor of 1.14."""
+"""Number of sines for the search of the bandwidth, with a frequency ratio of 1.5, and of subdivisions of the
+interval that contains it: the interpolation is over a ratio of 1.14."""
 
 PERIODS, PERIOD_SAMPLES = 3, 64
-"""Of each sine; its amplitude is that of the last period."""
+"""Periods of each sine, and samples per period; the amplitude is taken from the last period."""
 
 HALVINGS = 7
-"""Of the range of loads: what is held is then known to 1/32 of the load."""
+"""Bisections of the range of loads: the stall margin then has a resolution of 1/32."""
 
 MINUS_3_DB = 1 / np.sqrt(2)
 """Amplitude ratio of -3 dB."""
@@ -47,8 +47,8 @@ MINUS_3_DB = 1 / np.sqrt(2)
 def measured(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
     """Return the requirement's measure of `actuator` under each of the fault `vectors` (n, 8), shape (n,).
 
-    Units and definitions as in `Requirement`. A step that does not settle within its duration has an infinite
-    settling time; a bandwidth or stall margin outside the range that is looked at is that range's end.
+    Units and definitions are those of `Requirement`. A step that does not settle within its duration has an
+    infinite settling time; a bandwidth or stall margin outside the computed range is set to the end of it.
 
     Raises
     ------
@@ -64,16 +64,18 @@ def measured(actuator: Actuator, requirement: Requirement, vectors: Array) -> Ar
         "stall_margin": _stall_margin,
         "peak_current": _peak_current,
     }
-    one = partial(by_name[str(requirement.measure)], actuator, requirement)
+    compute_measure = partial(by_name[str(requirement.measure)], actuator, requirement)
     samples = requirement.duration / _interval(actuator, requirement)
     at_once = int(np.clip(BATCH_SAMPLES / samples, 1, BATCH))
-    return np.concatenate([one(vectors[i : i + at_once]) for i in range(0, len(vectors), at_once)])
+    return np.concatenate(
+        [compute_measure(vectors[i : i + at_once]) for i in range(0, len(vectors), at_once)]
+    )
 
 
 def _interval(actuator: Actuator, requirement: Requirement) -> float:
-    """Return the time between the samples of its manoeuvre [s].
+    """Return the time between the samples of the requirement's manoeuvre [s].
 
-    Each step of the model for the current: after a step of the command its peak takes less than 1 ms.
+    The current is sampled at each step of the model: its peak after a step command lasts less than 1 ms.
     """
     if requirement.measure == "peak_current":
         return AVERAGED.step_for(actuator)
@@ -101,28 +103,30 @@ def _settling_time(actuator: Actuator, requirement: Requirement, vectors: Array)
     _, signals = _run(actuator, plant, requirement, step, requirement.duration, INTERVAL)
     outside = np.abs(signals["position_rad"] - requirement.amplitude) > SETTLED * requirement.amplitude
     settled = outside.shape[1] - np.argmax(outside[:, ::-1], axis=1)
-    # Rounded to what is meant: a limit of 0.022 s is no more and no less than 44 samples.
+    # Rounded, so that a limit of 0.022 s is equal to 44 samples.
     times = np.where(outside.any(axis=1), np.round(settled * INTERVAL, 9), 0.0)
     return np.asarray(np.where(outside[:, -1], np.inf, times))
 
 
 def _bandwidth(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
-    """Interpolate the amplitude ratio between sines, linearly over the frequency's logarithm."""
+    """Return the bandwidth (n,) [Hz], from the amplitude ratio interpolated over the log frequency."""
     frequencies = np.geomspace(LOWEST_HZ, requirement.frequency_hz or HIGHEST_HZ, FREQUENCIES)
     gains = np.stack([_gain(actuator, requirement, vectors, float(f)) for f in frequencies], axis=1)
     below = gains < MINUS_3_DB
     first = np.argmax(below, axis=1)
-    found = np.where(below.any(axis=1), frequencies[0], frequencies[-1])
+    bandwidth = np.where(below.any(axis=1), frequencies[0], frequencies[-1])
     for i in np.unique(first[first > 0]):
         rows = np.flatnonzero(first == i)
-        closer = np.geomspace(frequencies[i - 1], frequencies[i], REFINED + 1)
-        between = [_gain(actuator, requirement, vectors[rows], float(f)) for f in closer[1:-1]]
-        found[rows] = _fallen(closer, np.stack([gains[rows, i - 1], *between, gains[rows, i]], axis=1))
-    return np.asarray(found)
+        refined = np.geomspace(frequencies[i - 1], frequencies[i], REFINED + 1)
+        refined_gains = [_gain(actuator, requirement, vectors[rows], float(f)) for f in refined[1:-1]]
+        bandwidth[rows] = _frequency_at_minus_3_db(
+            refined, np.stack([gains[rows, i - 1], *refined_gains, gains[rows, i]], axis=1)
+        )
+    return np.asarray(bandwidth)
 
 
-def _fallen(frequencies: Array, gains: Array) -> Array:
-    """Return where the amplitude ratios (n, m) at `frequencies` (m,) first fall to -3 dB, (n,)."""
+def _frequency_at_minus_3_db(frequencies: Array, gains: Array) -> Array:
+    """Return the frequencies (n,) at which amplitude ratios (n, m) at `frequencies` (m,) fall to -3 dB."""
     first = np.argmax(gains < MINUS_3_DB, axis=1)
     rows, before = np.arange(len(gains)), first - 1
     high, low = gains[rows, before], gains[rows, first]
@@ -134,16 +138,17 @@ def _gain(actuator: Actuator, requirement: Requirement, vectors: Array, frequenc
     sine, plant = Sine(requirement.amplitude, frequency), Plant.of(actuator, vectors)
     interval = 1 / frequency / PERIOD_SAMPLES
     time, signals = _run(actuator, plant, requirement, sine, PERIODS / frequency, interval)
-    turn = np.exp(-2j * np.pi * frequency * time[-PERIOD_SAMPLES:])
-    component = signals["position_rad"][:, -PERIOD_SAMPLES:] @ turn * 2 / PERIOD_SAMPLES
+    phasor = np.exp(-2j * np.pi * frequency * time[-PERIOD_SAMPLES:])
+    component = signals["position_rad"][:, -PERIOD_SAMPLES:] @ phasor * 2 / PERIOD_SAMPLES
     return np.asarray(np.abs(component) / requirement.amplitude)
 
 
 def _stall_margin(actuator: Actuator, requirement: Requirement, vectors: Array) -> Array:
-    """Halve the range of loads; held is one that leaves the position where it shall be, once it is constant.
+    """Return the stall margin (n,) by bisection: the largest load with the position within `amplitude`.
 
-    It rises over the first half of the duration; in the second half the position is within the amplitude. A
-    shaft that slips from a weak phase to the next one, and stands there, is held.
+    The load rises over the first half of the duration; the position is evaluated in the second half, in which
+    the load is constant. A load is also held if the shaft slips from a weak phase to the next and rests
+    there.
     """
     plant = Plant.of(actuator, vectors)
     structure = plant.structure._replace(load_steps=plant.structure.load_steps + 1)
@@ -185,9 +190,9 @@ def _run(
     duration: float,
     interval: float,
 ) -> tuple[Array, dict[str, Array]]:
-    """Return the times (samples,) and the channels, (n, samples) each; a position is counted from its start.
+    """Return the times (samples,) and the channels, (n, samples) each; positions are relative to the start.
 
-    A manoeuvre starts at 0, or in the middle of the travel where an end stop is nearer than its amplitude.
+    A manoeuvre starts at 0, or in the middle of the travel if an end stop is nearer than its amplitude.
     """
     start = actuator.mechanics.start_for(-requirement.amplitude, requirement.amplitude)
     inputs = Inputs.of(

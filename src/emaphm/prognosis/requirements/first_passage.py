@@ -1,4 +1,4 @@
-"""When a margin that scatters first falls to 0."""
+"""First passage time of a margin with a Wiener process through 0."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ def first_passage(
     since: Array | float = 0.0,
     ahead: float = 0.0,
 ) -> Array:
-    """Return when each of n margins first falls to 0 [h], shape (n,); `inf` where it does not.
+    """Return the first passage times of n margins through 0 [h], shape (n,); `inf` without a passage.
 
     Between two times the margin is a Brownian bridge. From m_0 to m_1, both above 0, in h hours it touches 0
     with probability exp(-2 m_0 m_1 / (q² h)); if it does, the time t of the first passage has
@@ -24,12 +24,12 @@ def first_passage(
     hours
         Increasing times [h], shape (m,), the first 0.
     margin
-        At these times, (m, n). The first passage is at 0 where it begins at 0 or less.
+        Margins at these times, (m, n). If a margin starts at 0 or less, its first passage is at 0 h.
     noise
         q, standard deviation of the margin's Wiener process in each step [1/√h], (m - 1, n).
     since, ahead
-        When each margin first falls to `ahead` [h], (n,), where that is known of a tighter limit of the same
-        level: the way from there to 0 is drawn.
+        First passage times (n,) [h] of the margins through `ahead`, known from a tighter limit of the same
+        level; the path is continued from there to 0.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""What ended the life of a unit that has failed, as far as a shop has found it."""
+"""Failed component and requirement of a failed unit, from the findings of a shop."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,15 +12,15 @@ from emaphm.prognosis.requirements.margins import Limit
 def found_failed(
     times: FailureTimes, components: Sequence[str]
 ) -> tuple[FailureTimes, str | None, Limit | None]:
-    """Return failure times with the requirement that failed at 0, and the component and requirement.
+    """Return failure times in which the failed requirement has 0 h, the failed component and its limit.
 
-    Of a component with several limits, it is the one that was to fail first by the forecast `times`; None
-    where no limit is on a component found failed, and both None where no `components` were found.
+    If the component has several limits, it is the limit with the smallest median failure time in the forecast
+    `times`. The limit is None if no limit is on a failed component; both are None without `components`.
     """
-    places = [i for i, failing in enumerate(times.limits) if failing.component in components]
-    if not places:
+    indices = [i for i, candidate in enumerate(times.limits) if candidate.component in components]
+    if not indices:
         return times, components[0] if components else None, None
-    place = min(places, key=lambda i: float(np.median(times.hours[i])))
-    limit, hours = times.limits[place], times.hours.copy()
-    hours[place] = 0.0
+    index = min(indices, key=lambda i: float(np.median(times.hours[i])))
+    limit, hours = times.limits[index], times.hours.copy()
+    hours[index] = 0.0
     return replace(times, hours=hours), limit.component, limit

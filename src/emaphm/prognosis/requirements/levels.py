@@ -1,4 +1,4 @@
-"""At which level of each fault each requirement fails."""
+"""Fault levels at which each requirement fails."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,21 +11,21 @@ from emaphm.arrays import Array
 from emaphm.prognosis.requirements.margins import Limit, Requirements
 
 POINTS, BETWEEN = 41, 17
-"""Levels that are tried from the given one to the end of the scale, then between the two where a measure
-fails, and interpolated linearly between."""
+"""Number of levels evaluated from the given level to the end of the scale, and then within the step in which
+a measure fails; the failure level is interpolated linearly."""
 
 
 @dataclass(frozen=True)
 class FailureLevels:
-    """Where one limit fails.
+    """Fault levels at which one limit fails.
 
     Attributes
     ----------
     value
-        What it limits, of the unit with the given faults, in its unit.
+        Limited quantity of the unit with the given faults, in the unit of the limit.
     levels
-        By component that the actuator has, the first levels beyond the given one at which it fails, upwards
-        and downwards; None where no level up to the end of the scale does.
+        For each component of the actuator, the first failure level above and below the given level; None if
+        no level up to the end of the scale makes the limit fail.
     """
 
     limit: Limit
@@ -34,19 +34,19 @@ class FailureLevels:
 
     @property
     def violated(self) -> bool:
-        """Whether it fails already with the given faults."""
+        """Whether the given faults already violate the limit."""
         return float(self.limit.margin(np.asarray(self.value))) < 0
 
     @property
     def can_fail(self) -> bool:
-        """Whether any single fault, or what is given, makes it fail."""
+        """Whether the given faults, or any single fault in addition, violate the limit."""
         return self.violated or any(level is not None for pair in self.levels.values() for level in pair)
 
 
 def failure_levels(actuator: Actuator, faults: Faults = HEALTHY) -> tuple[FailureLevels, ...]:
-    """Return where each requirement fails as one fault grows or falls, the others being as in `faults`.
+    """Return the levels at which each requirement fails when one fault rises or falls from `faults`.
 
-    An actuator that states no requirement has `FULL_SCALE`. An eccentricity grows in its direction in
+    An actuator without stated requirements has `FULL_SCALE`. An eccentricity rises in its direction in
     `faults`.
 
     Raises
@@ -56,41 +56,41 @@ def failure_levels(actuator: Actuator, faults: Faults = HEALTHY) -> tuple[Failur
     """
     requirements, start, lowest = Requirements(actuator), faults.vector, lower_bounds(actuator)
     present = present_components(actuator)
-    ways = [
+    sweeps = [
         (column, np.linspace(start[column], end, POINTS))
         for column in map(NAMES.index, present)
         for end in (1.0, lowest[column])
     ]
-    vectors = [start[np.newaxis], *(_vectors(start, *one) for one in ways)]
+    vectors = [start[np.newaxis], *(_vectors(start, *sweep) for sweep in sweeps)]
     values = requirements.values(np.concatenate(vectors))
     results = []
     for limit, row in zip(requirements.limits, values, strict=True):
-        margins = limit.margin(row[1:]).reshape(len(ways), POINTS)
-        found = [
-            _failing(requirements, limit, start, way, margin)
-            for way, margin in zip(ways, margins, strict=True)
+        margins = limit.margin(row[1:]).reshape(len(sweeps), POINTS)
+        crossings = [
+            _failure_level(requirements, limit, start, sweep, margin)
+            for sweep, margin in zip(sweeps, margins, strict=True)
         ]
-        pairs = {name: (found[2 * i], found[2 * i + 1]) for i, name in enumerate(present)}
+        pairs = {name: (crossings[2 * i], crossings[2 * i + 1]) for i, name in enumerate(present)}
         results.append(FailureLevels(limit, float(row[0]), pairs))
     return tuple(results)
 
 
 def _vectors(start: Array, column: int, levels: Array) -> Array:
-    """Return the faults `start` (8,) with each of the `levels` (n,) of one of them, (n, 8)."""
+    """Return fault vectors (n, 8): `start` (8,) with its `column` set to each of the `levels` (n,)."""
     vectors = np.tile(start, (levels.size, 1))
     vectors[:, column] = levels
     return vectors
 
 
-def _failing(
-    requirements: Requirements, limit: Limit, start: Array, way: tuple[int, Array], margin: Array
+def _failure_level(
+    requirements: Requirements, limit: Limit, start: Array, sweep: tuple[int, Array], margin: Array
 ) -> float | None:
-    """Return the first level on a `way` at which the limit fails, whose margin (n,) is known there."""
-    column, levels = way
+    """Return the first level of a `sweep` at which the limit fails, given its margins (n,) there."""
+    column, levels = sweep
     i = _first_failing(limit, margin)
     if i is None:
         return None
-    if limit.component is None:  # A measure may jump, as from settled to never: nothing to interpolate there.
+    if limit.component is None:  # A measure may jump, e.g. from settled to never: not to be interpolated.
         levels = np.linspace(levels[i - 1], levels[i], BETWEEN)
         margin = requirements.margins(_vectors(start, column, levels), [limit])[0]
         i = int(np.argmax(margin < 0))
@@ -98,12 +98,13 @@ def _failing(
 
 
 def _first_failing(limit: Limit, margin: Array) -> int | None:
-    """Return which of the margins (n,) is the first at which it fails; None where none is, or all are."""
-    # At the very limit a level does not fail yet where it stands, and fails where it comes there, as its path
-    # would go on. A measure holds its limit there: it may be quantised, or end at what is looked at.
+    """Return the index of the first failing margin (n,); None if none fails, or if the first one does."""
+    # A given level equal to the limit does not fail; a level that rises to the limit fails, because its path
+    # would continue. A measure equal to its limit does not fail: it may be quantised, or clipped to its
+    # range.
     below = margin <= 0 if margin[0] > 0 and limit.component is not None else margin < 0
     if margin[0] < 0 or not below.any():
-        return None  # violated already: growing or falling is not what makes it fail
+        return None  # violated already, not by the rise or fall of this fault
     return int(np.argmax(below))
 
 

@@ -1,4 +1,4 @@
-"""Requirements as margins: how far a unit with given faults is from failing each."""
+"""Margins of the requirements of a unit with given faults."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from emaphm.errors import PrognosisError
 from emaphm.prognosis.requirements.capability import measured
 
 FULL_SCALE = tuple(Requirement(component=name, at_most=1.0) for name in COMPONENTS if name != "gain")
-"""Requirements of an actuator that states none: each level that it may have is below the end of its scale."""
+"""Requirements of an actuator without stated ones: each of its levels is below the end of its scale."""
 
 
 @dataclass(frozen=True)
 class Limit:
     """One side of a requirement: its value is at most (`upper`) or at least `bound`.
 
-    `label` is its name in results, unique among those of an actuator. `least` is the least level that the
-    component of the actuator can have.
+    `label` is its name in results, unique for an actuator. `least` is the lower bound of the component's
+    level.
     """
 
     requirement: Requirement
@@ -35,92 +35,96 @@ class Limit:
 
     @property
     def component(self) -> str | None:
-        """The component whose level it limits, None where it limits a measure."""
+        """The component whose level is limited, None if the limit is on a measure."""
         return self.requirement.component
 
     @property
     def holds_always(self) -> bool:
-        """Whether no level is beyond it: below the least one, or 0 of a component that is healthy at 0."""
+        """Whether no level violates it: it is below the least level, or 0 for a component healthy at 0."""
         if self.component is None or self.upper:
             return False
         return self.bound < self.least or bool(self.bound == HEALTHY.vector[NAMES.index(self.component)] == 0)
 
     def margin(self, value: Array) -> Array:
-        """Return how far `value`, any shape, is from the bound, in its unit; negative beyond it."""
+        """Return the margin of `value`, any shape, to the bound, in its unit; negative if violated."""
         return self.bound - value if self.upper else value - self.bound
 
 
 @dataclass(frozen=True)
 class Requirements:
-    """What `actuator` must do, as its limits."""
+    """Requirements of `actuator`, as limits."""
 
     actuator: Actuator
 
     @property
     def stated(self) -> bool:
-        """Whether the actuator states requirements; else they are `FULL_SCALE`."""
+        """Whether the actuator states requirements; otherwise they are `FULL_SCALE`."""
         return bool(self.actuator.requirements)
 
     @property
     def all(self) -> tuple[Requirement, ...]:
         """The requirements."""
         names = present_components(self.actuator)
-        present = tuple(one for one in FULL_SCALE if one.component in names)
+        present = tuple(requirement for requirement in FULL_SCALE if requirement.component in names)
         return self.actuator.requirements or present or FULL_SCALE
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
         """The limits of all requirements, in their order."""
-        found: list[Limit] = []
+        limits: list[Limit] = []
         labels: list[str] = []
         lowest = lower_bounds(self.actuator)
-        for one in self.all:
-            unit = unit_for(MEASURE_UNITS[one.measure], self.actuator.coordinates) if one.measure else "-"
-            for bound, upper in ((one.at_most, True), (one.at_least, False)):
+        for requirement in self.all:
+            unit = (
+                unit_for(MEASURE_UNITS[requirement.measure], self.actuator.coordinates)
+                if requirement.measure
+                else "-"
+            )
+            for bound, upper in ((requirement.at_most, True), (requirement.at_least, False)):
                 if bound is not None:
-                    label = _label(one, bound, unit, upper=upper)
-                    again = labels.count(label)
+                    label = _label(requirement, bound, unit, upper=upper)
+                    repetitions = labels.count(label)
                     labels.append(label)
-                    name = f"{label} ({again + 1})" if again else label
-                    least = lowest[NAMES.index(one.component)] if one.component else 0.0
-                    found.append(Limit(one, bound, upper, name, unit, float(least)))
-        return tuple(found)
+                    name = f"{label} ({repetitions + 1})" if repetitions else label
+                    least = lowest[NAMES.index(requirement.component)] if requirement.component else 0.0
+                    limits.append(Limit(requirement, bound, upper, name, unit, float(least)))
+        return tuple(limits)
 
     def values(self, vectors: Array, limits: Sequence[Limit] | None = None) -> Array:
-        """Return what each of the limits, all where left out, is on, of the fault `vectors` (n, 8).
+        """Return the limited quantities (limits, n) for fault `vectors` (n, 8), in the units of the limits.
 
-        Shape (limits, n), each in its unit.
+        `limits` are by default all limits.
 
         Raises
         ------
         MethodError
             The averaged model did not stay finite.
         """
-        known: dict[Requirement, Array] = {}
+        computed: dict[Requirement, Array] = {}
         rows = []
         for limit in self.limits if limits is None else limits:
             if limit.component is not None:
                 rows.append(vectors[:, NAMES.index(limit.component)])
                 continue
             run = limit.requirement.model_copy(update={"name": None, "at_most": None, "at_least": None})
-            if run not in known:
-                known[run] = measured(self.actuator, run, vectors)
-            rows.append(known[run])
+            if run not in computed:
+                computed[run] = measured(self.actuator, run, vectors)
+            rows.append(computed[run])
         return np.stack(rows)
 
     def margins(self, vectors: Array, limits: Sequence[Limit] | None = None) -> Array:
-        """Return the margins of the fault `vectors` (n, 8): (limits, n); errors as in `values`."""
-        chosen = self.limits if limits is None else limits
-        values = self.values(vectors, chosen)
-        return np.stack([one.margin(row) for one, row in zip(chosen, values, strict=True)])
+        """Return the margins (limits, n) for fault `vectors` (n, 8); errors as in `values`."""
+        selected = self.limits if limits is None else limits
+        values = self.values(vectors, selected)
+        return np.stack([limit.margin(row) for limit, row in zip(selected, values, strict=True)])
 
     def check_new(self) -> None:
-        """Refuse a requirement that a new actuator violates: its life would begin with its end.
+        """Refuse a requirement that a new actuator violates: its life would be 0.
 
         Raises
         ------
         PrognosisError
-            There is one.
+            A new actuator violates a requirement.
         MethodError
             The averaged model did not stay finite.
         """
@@ -134,7 +138,7 @@ class Requirements:
                 )
 
     def can_fail(self, limit: Limit) -> bool:
-        """Return whether any single fault at an end of its scale violates a limit; errors as in `values`."""
+        """Return whether a single fault at an end of its scale violates a limit; errors as in `values`."""
         columns = [NAMES.index(name) for name in present_components(self.actuator)]
         ends = np.tile(HEALTHY.vector, (2 * len(columns), 1))
         for i, column in enumerate(columns):
@@ -143,14 +147,14 @@ class Requirements:
 
 
 def vectors_of(levels: Array, actuator: Actuator) -> Array:
-    """Return the normalised fault vectors (…, 8) of levels (…, 8), put within their bounds.
+    """Return the normalised fault vectors (…, 8) of levels (…, 8), clipped to their bounds.
 
-    Levels are in the coordinates `CARTESIAN_NAMES`, eccentricity by its two components. The bounds are those
-    of `actuator`: [0, 1], but for a friction below that of a new unit.
+    Levels have the coordinates `CARTESIAN_NAMES`, with the two components of the eccentricity. The bounds are
+    those of `actuator`: [0, 1], except that friction may be below that of a new unit.
     """
     return np.clip(from_cartesian(levels), lower_bounds(actuator), 1.0)
 
 
-def _label(one: Requirement, bound: float, unit: str, *, upper: bool) -> str:
-    what = one.name or f"{one.component or one.measure}"
-    return f"{what} {'at most' if upper else 'at least'} {bound:g}{'' if unit == '-' else f' {unit}'}"
+def _label(requirement: Requirement, bound: float, unit: str, *, upper: bool) -> str:
+    quantity = requirement.name or f"{requirement.component or requirement.measure}"
+    return f"{quantity} {'at most' if upper else 'at least'} {bound:g}{'' if unit == '-' else f' {unit}'}"

@@ -1,1 +1,1 @@
-"""How a prognosis is said: hours, advice and tables as text, for a terminal and a page."""
+"""Text of a prognosis for a terminal and a page: hours, advice and tables."""

@@ -8,36 +8,36 @@ from emaphm.text_table import TextTable
 
 
 def level_table(levels: Mapping[str, Mapping[str, Any]]) -> TextTable:
-    """Return the levels as `Prognosis.levels` gives them, each with the likeliest law of its degradation."""
+    """Return the table of the levels of `Prognosis.levels`, with the most likely law of each component."""
     rows = tuple(
         (
             name,
             f"{level['median']:.3f}",
             "{:.3f} to {:.3f}".format(*level["interval90"]),
-            _likeliest(level["laws"]),
+            _most_likely_law(level["laws"]),
         )
         for name, level in levels.items()
     )
-    return TextTable(("component", "level", "90 % interval", "likeliest law"), rows)
+    return TextTable(("component", "level", "90 % interval", "most likely law"), rows)
 
 
 def requirement_table(requirements: Mapping[str, Mapping[str, Any]], horizon: float) -> TextTable:
-    """Return the requirements as `Prognosis.requirements` gives them; `horizon` [h] is theirs."""
-    rows = tuple(_requirement(name, found) for name, found in requirements.items())
+    """Return the table of the requirements of `Prognosis.requirements` within the `horizon` [h]."""
+    rows = tuple(_requirement(name, requirement) for name, requirement in requirements.items())
     return TextTable(("requirement", "now", "90 % interval", f"fails within {horizon:.9g} h"), rows)
 
 
-def _requirement(name: str, found: Mapping[str, Any]) -> tuple[str, ...]:
-    value, interval = value_and_interval(found)
-    return name, value, interval, f"{100 * found['probability_of_failure']:.1f} %"
+def _requirement(name: str, requirement: Mapping[str, Any]) -> tuple[str, ...]:
+    value, interval = value_and_interval(requirement)
+    return name, value, interval, f"{100 * requirement['probability_of_failure']:.1f} %"
 
 
-def value_and_interval(found: Mapping[str, Any]) -> tuple[str, str]:
+def value_and_interval(requirement: Mapping[str, Any]) -> tuple[str, str]:
     """Return the "value" with its "unit" and the "interval90" of a requirement as text.
 
-    All are written to the second digit of the interval's width; None, a value that is not reached, as words.
+    All numbers are rounded to the second digit of the interval's width; None becomes "not reached".
     """
-    numbers = (found["value"], *found["interval90"])
+    numbers = (requirement["value"], *requirement["interval90"])
     reached = [x for x in numbers if x is not None]
     width = max(reached, default=0.0) - min(reached, default=0.0)
     decimals = max(0, 1 - math.floor(math.log10(width))) if width > 0 else None
@@ -45,10 +45,10 @@ def value_and_interval(found: Mapping[str, Any]) -> tuple[str, str]:
         "not reached" if x is None else f"{x:.4g}" if decimals is None else f"{x:z.{decimals}f}"
         for x in numbers
     )
-    unit = "" if found["unit"] == "-" else f" {found['unit']}"
+    unit = "" if requirement["unit"] == "-" else f" {requirement['unit']}"
     return f"{value}{unit}", f"{low} to {high}"
 
 
-def _likeliest(laws: Mapping[str, float]) -> str:
+def _most_likely_law(laws: Mapping[str, float]) -> str:
     name = max(laws, key=laws.__getitem__)
     return f"{name} ({100 * laws[name]:.0f} %)"

@@ -1,1 +1,1 @@
-"""The steps from each form of the database to the next, run by alembic when a history is opened."""
+"""Migrations of the schema, run by alembic when a history is opened."""

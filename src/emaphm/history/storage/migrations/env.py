@@ -1,4 +1,4 @@
-"""Run by alembic: applies the steps on the connection, and in the transaction, that the caller holds."""
+"""Script of alembic: applies the migrations in the caller's connection and transaction."""
 
 from alembic import context
 
@@ -7,7 +7,7 @@ VERSION_TABLE = "history_version"
 context.configure(
     connection=context.config.attributes["connection"],
     version_table=VERSION_TABLE,
-    transactional_ddl=True,  # on SQLite too: the caller has begun the transaction itself
+    transactional_ddl=True,  # also on SQLite: the caller has started the transaction
 )
 with context.begin_transaction():
     context.run_migrations()

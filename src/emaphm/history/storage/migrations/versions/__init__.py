@@ -1,1 +1,1 @@
-"""One step a file; a step that a release has shipped is never changed."""
+"""Migrations, one per file; a released migration is never changed."""

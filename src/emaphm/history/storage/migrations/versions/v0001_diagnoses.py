@@ -1,4 +1,4 @@
-"""Units, flights, descriptions, recordings and diagnoses."""
+"""Tables of units, flights, descriptions, recordings and diagnoses."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -8,7 +8,7 @@ down_revision = None
 
 
 def upgrade() -> None:
-    """Make the tables."""
+    """Create the tables."""
     op.create_table(
         "units",
         sa.Column("id", sa.Integer, primary_key=True),

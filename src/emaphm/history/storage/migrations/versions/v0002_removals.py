@@ -1,4 +1,4 @@
-"""Removals, and what shops found and replaced."""
+"""Tables of removals and shop findings."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -8,7 +8,7 @@ down_revision = "0001"
 
 
 def upgrade() -> None:
-    """Make the tables."""
+    """Create the tables."""
     op.create_table(
         "removals",
         sa.Column("id", sa.Integer, primary_key=True),

@@ -1,4 +1,4 @@
-"""Events, the last prognosis of each unit, and how far each watcher is."""
+"""Tables of events, of the last prognosis of each unit, and of the progress of each watcher."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -8,7 +8,7 @@ down_revision = "0002"
 
 
 def upgrade() -> None:
-    """Make the tables."""
+    """Create the tables."""
     op.create_table(
         "events",
         sa.Column("id", sa.Integer, primary_key=True),

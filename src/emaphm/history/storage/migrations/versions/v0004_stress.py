@@ -1,4 +1,4 @@
-"""What flights stressed a unit with: load and temperature."""
+"""Stress of flights: load and temperature."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -8,6 +8,6 @@ down_revision = "0003"
 
 
 def upgrade() -> None:
-    """Add the columns; older flights have none of it."""
+    """Add the columns; they are empty for older flights."""
     op.add_column("flights", sa.Column("load", sa.Double))
     op.add_column("flights", sa.Column("temperature", sa.Double))

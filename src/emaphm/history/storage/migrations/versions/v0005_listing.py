@@ -1,4 +1,4 @@
-"""An index by which units are listed without reading whole diagnoses, of some kilobytes each."""
+"""Index for listing units without reading full diagnoses, of some kilobytes each."""
 
 from alembic import op
 

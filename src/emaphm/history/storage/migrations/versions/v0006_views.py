@@ -1,4 +1,4 @@
-"""What pages read: the curves of a unit's last prognosis."""
+"""Table of the curves of a unit's last prognosis, for pages."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -8,7 +8,7 @@ down_revision = "0005"
 
 
 def upgrade() -> None:
-    """Make the table."""
+    """Create the table."""
     op.create_table(
         "prognosis_curves",
         sa.Column("unit_id", sa.Integer, sa.ForeignKey("units.id"), primary_key=True),

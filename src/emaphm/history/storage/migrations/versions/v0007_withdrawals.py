@@ -1,4 +1,4 @@
-"""What was taken out of a history because it had been entered wrongly."""
+"""Table of withdrawn entries."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -8,7 +8,7 @@ down_revision = "0006"
 
 
 def upgrade() -> None:
-    """Make the table."""
+    """Create the table."""
     op.create_table(
         "withdrawals",
         sa.Column("id", sa.Integer, primary_key=True),
