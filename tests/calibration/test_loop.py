@@ -82,7 +82,7 @@ def test_a_right_description_stays_in_closed_loop(reference: Recording) -> None:
     alone = {name: reference[name] for name in ("time_s", "command_rad", "current_A")}
     unchecked = calibrate(Recording(alone, reference.sampling), THESIS, ["inertia"], max_corrections=0)
     assert unchecked.loop.loop == "closed"
-    assert unchecked.loop.reason == "no recording shows the controller's gains"
+    assert unchecked.loop.reason == "the controller's gains are not identifiable from the recordings"
 
 
 def test_a_free_gain_and_a_free_lag_stay_in_closed_loop(reference: Recording) -> None:
