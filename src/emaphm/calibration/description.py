@@ -24,7 +24,7 @@ from emaphm.estimation.joint.correction import corrected_estimate
 from emaphm.progress import Progress, subprogress
 
 Laws: TypeAlias = str | Sequence[str] | None
-"""Laws to add to a description: none, named laws, or "auto", selection by the error in held-out recordings."""
+"""Laws to add to a description: none, named laws, or "auto" for a selection by held-out recordings."""
 
 AUTO = "auto"
 

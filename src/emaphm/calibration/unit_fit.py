@@ -23,7 +23,7 @@ from emaphm.estimation.space.parameter_variation import WIDEST_FACTOR, Parameter
 from emaphm.progress import Progress, subprogress
 
 AT_BOUND = 0.98
-"""Fraction of the distance to its bound above which a parameter is at its bound: descents stop short of it."""
+"""Fraction of the distance to its bound above which a parameter is at its bound: descents stop before it."""
 
 NO_START: Mapping[str, float] = MappingProxyType({})
 

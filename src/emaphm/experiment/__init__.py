@@ -1,4 +1,4 @@
-"""What a test or a stretch of a flight will identify: design of tests, segmentation of recordings."""
+"""Design of tests, and segmentation of recordings, by the expected precision of each fault."""
 
 from emaphm.experiment.design import design
 from emaphm.experiment.result import Design

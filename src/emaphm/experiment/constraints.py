@@ -1,4 +1,4 @@
-"""The constraints on an excitation: amplitude, frequency, duration."""
+"""Constraints on an excitation: amplitude, frequency, duration."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -15,9 +15,9 @@ from emaphm.experiment.test_setup import TestSetup
 
 @dataclass(frozen=True)
 class Constraints:
-    """Largest amplitude [rad] at the user, frequency [Hz], inf without a limit, and duration [s].
+    """Largest amplitude [rad at the user], frequency [Hz] (inf without a limit) and duration [s].
 
-    `about` [rad] is where the excitation given rests first, and a chirp moves about.
+    `about` [rad] is the initial rest position of the given excitation, about which a chirp moves.
     """
 
     amplitude: float
@@ -26,9 +26,9 @@ class Constraints:
     about: float = 0.0
 
     def chirp(self, shares: Array) -> Excitation:
-        """Return the chirp of `shares` (3,) of the limits: amplitude, first and last frequency.
+        """Return the chirp with the `shares` (3,) of the limits: amplitude, first and last frequency.
 
-        It lasts as long as it may: more rows only add information.
+        Its duration is the largest possible, because more rows always add information.
         """
         size, start, stop = (float(share) for share in shares)
         command = Chirp(
@@ -47,46 +47,49 @@ class Constraints:
         *,
         searching: bool,
     ) -> Self:
-        """Return the constraints, those of the `given` excitation where left out.
+        """Return the constraints; a constraint that is None is that of the `given` excitation.
 
-        With `searching`, chirps that use all of them must be possible, else the given excitation alone.
+        If `searching`, the actuator must be able to follow chirps at the limits; otherwise only the given
+        excitation.
 
         Raises
         ------
         SignalError
-            No excitation can keep them, or the given one does not.
+            No excitation can satisfy the constraints, or the given excitation violates them.
         """
         own = {"amplitude": given.amplitude, "frequency": given.frequency_hz, "duration": given.duration}
-        wanted = {"amplitude": amplitude, "frequency": frequency, "duration": duration}
+        requested = {"amplitude": amplitude, "frequency": frequency, "duration": duration}
         limits = {}
-        for name, value in wanted.items():
-            mine = own[name]
-            limit = mine if value is None else value
+        for name, value in requested.items():
+            given_value = own[name]
+            limit = given_value if value is None else value
             if limit is None and not searching:
                 limits[name] = np.inf
                 continue
             if limit is None:
                 raise SignalError(
-                    "this command has no highest frequency of its own; give one (--max-frequency), or try no "
-                    "others (--candidates 0)"
+                    "this command has no highest frequency of its own; give a limit (--max-frequency), or "
+                    "try no other commands (--candidates 0)"
                 )
             if not 0 < limit < np.inf:
                 raise SignalError(f"largest {name} of {limit:g} leaves no excitation; give more than 0")
-            if mine is not None and mine > limit:
+            if given_value is not None and given_value > limit:
                 raise SignalError(
-                    f"the given excitation exceeds the largest {name}: {mine:g} is more than {limit:g}; make "
-                    "it less, or allow more"
+                    f"the given excitation exceeds the largest {name}: {given_value:g} is more than "
+                    f"{limit:g}; reduce it, or increase the limit"
                 )
             limits[name] = limit
-        found = cls(**limits, about=given.rests_at)
-        setup.actuator.mechanics.check_start(found.about)
-        found._check(setup, *given.range)
+        constraints = cls(**limits, about=given.rests_at)
+        setup.actuator.mechanics.check_start(constraints.about)
+        constraints._check(setup, *given.range)
         if searching:
-            found._check(setup, found.about - found.amplitude, found.about + found.amplitude)
-        return found
+            constraints._check(
+                setup, constraints.about - constraints.amplitude, constraints.about + constraints.amplitude
+            )
+        return constraints
 
     def _check(self, setup: TestSetup, lowest: float, highest: float) -> None:
-        """Refuse limits, and commands from `lowest` to `highest`, that actuator or recorder cannot follow."""
+        """Raise `SignalError` if actuator or recorder cannot follow commands from `lowest` to `highest`."""
         mechanics, rate = setup.actuator.mechanics, setup.sample_rate
         if mechanics.end_stops and not mechanics.encloses(lowest, highest):
             size = max(self.about - lowest, highest - self.about)
@@ -99,7 +102,7 @@ class Constraints:
             raise SignalError(f"{self.duration:g} s are too long for a design; give {LONGEST_S:g} or less")
 
     def _beyond(self, amplitude: float, stops: tuple[float, float]) -> str:
-        """Return what is wrong with an `amplitude` that the end stops leave no room for."""
+        """Return the message for an `amplitude` beyond the end stops `stops`."""
         middle, room = (stops[0] + stops[1]) / 2, min(self.about - stops[0], stops[1] - self.about)
         place = f" about {self.about:g}" if self.about else ""
         text = f"amplitude {amplitude:g}{place} is beyond the end stops {list(stops)}"

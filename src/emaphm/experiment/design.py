@@ -1,4 +1,4 @@
-"""Designing a test: the precision that it will give for each fault, and a chirp that gives more."""
+"""Design of a test: the expected precision of each fault, and a chirp of higher precision."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,10 +23,10 @@ from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import child_seed
 
 VECTORS = 16
-"""Fault vectors that a precision is predicted for: the kernels advance as many at once."""
+"""Number of fault vectors for which a precision is predicted: a kernel advances this number at once."""
 
 SEARCHED, CHOSEN = 0.5, 0.75
-"""Shares of the time after which the search and the choice of a finalist are done."""
+"""Fractions of the time at the end of the search and of the choice of a finalist."""
 
 
 @one_blas_thread()
@@ -48,48 +48,47 @@ def design(
     workers: int | None = None,
     on_progress: Progress | None = None,
 ) -> Design:
-    """Return the precision that `command` will give for each fault, and a better chirp if there is one.
+    """Return the expected precision of each fault with `command`, and a better chirp if there is one.
 
-    The search minimises the mean, over faults and over representative fault vectors, of the logarithm of the
-    predicted half-width. Of the best few, tests simulated by the reference model choose one, and further
-    tests under other faults and noise compare it with the given excitation. It counts as better if its
-    intervals are narrower by more than two standard errors, and its errors are not larger by as much.
+    The search minimises the mean, over faults and representative fault vectors, of the logarithm of the
+    predicted half-width. Tests simulated by the reference model choose one of the best chirps, and further
+    tests with other faults and noise compare it with the given excitation. A chirp is better if its intervals
+    are narrower by more than two standard errors, and its errors are not larger by two standard errors.
 
     Parameters
     ----------
     actuator
         Description of the unit to be tested.
     command, duration
-        The excitation given: position of the user [rad; m if linear] as a function of time, and how long
-        it lasts [s].
-        The default is `Chirp`, over that duration, about 0 or in the middle of the travel where an end stop
-        is nearer.
+        Given excitation: position of the user [rad; m if linear] as a function of time, and its duration [s].
+        The default is `Chirp` over that duration, about 0, or about the middle of the travel if an end stop
+        is too near.
     max_amplitude, max_frequency, max_duration
-        Constraints of a better one, [rad] at the user, [Hz], [s]; those of the given one where left out. The
-        given one must keep them too, without a search as well.
+        Constraints of a better excitation [rad at the user], [Hz], [s]; default: those of the given
+        excitation. The given excitation must also satisfy them, even without a search.
     initial_position
-        Where the shaft rests first, at the user [rad; m if linear], and a better chirp moves about; as for
-        `emaphm.simulate` where left out.
+        Initial rest position of the user [rad; m if linear], about which a better chirp moves; default as in
+        `emaphm.simulate`.
     channels
-        What will be recorded: "current" and, if any, "voltage", "position", "speed"; or their columns,
+        Recorded channels: "current" and optionally "voltage", "position", "speed"; or their columns,
         "current_A" and so on.
     noise, sample_rate
-        Of the current's sensor, rms [A]; rows a second [Hz].
+        Noise of the current sensor, rms [A]; rows per second [Hz].
     candidates
-        Chirps to try; 0 to report on the given excitation only.
+        Number of chirps to try; 0 to report on the given excitation only.
     tests
-        Simulated for the given excitation and for the best found, 4 or more, and half as many, but 4 or
-        more, for each finalist; 0 to report predictions only, without `candidates`.
+        Number of simulated tests, 4 or more, of the given and of the best excitation; each finalist has half
+        of them, but at least 4. 0 reports only predictions, and requires `candidates` = 0.
     seed, workers
-        The same seed gives the same bits, whatever the number of threads.
+        Seed, and number of threads; the same seed gives the same bits for any number of threads.
     on_progress
         Called with the fraction done, from 0 to 1.
 
     Raises
     ------
     MethodError, SignalError
-        A channel, limit, noise, rate or number is impossible, the given excitation exceeds a limit or moves
-        nothing.
+        A channel, limit, noise, rate or number is impossible; or the given excitation exceeds a limit or does
+        not move the actuator.
     """
     _check_work(candidates, tests, seed)
     setup = TestSetup.of(actuator, channels, noise, sample_rate, workers)
@@ -111,19 +110,19 @@ def design(
         best = choose_finalist(setup, finalists, tests, child_seed(seed, "choice"), choosing)
     if not tests:
         return Design(setup, planned, planned, None, candidates, tests, seed)
-    # Under faults and noise that have chosen nothing.
+    # With faults and noise that were not used for the choice.
     compared = [planned] if best is None else [planned, best]
     confirming = subprogress(on_progress, CHOSEN if candidates else 0.0, 1.0)
-    excitations = [one.excitation for one in compared]
+    excitations = [test.excitation for test in compared]
     results = simulate_tests(setup, excitations, tests, child_seed(seed, "comparison"), confirming)
-    confirmed = [replace(one, simulated=result) for one, result in zip(compared, results, strict=True)]
+    confirmed = [replace(test, simulated=result) for test, result in zip(compared, results, strict=True)]
     gain = None if best is None else Gain.of(results[0], results[1])
-    found = confirmed[1] if gain is not None and gain.significant else confirmed[0]
-    return Design(setup, confirmed[0], found, gain, candidates, tests, seed)
+    better = confirmed[1] if gain is not None and gain.significant else confirmed[0]
+    return Design(setup, confirmed[0], better, gain, candidates, tests, seed)
 
 
 def _check_work(candidates: int, tests: int, seed: int) -> None:
-    """Refuse work that cannot be done, or would show nothing."""
+    """Raise an error for impossible numbers of candidates or tests, or a negative seed."""
     if seed < 0:
         raise SignalError(f"seed {seed} is negative; give 0 or more")
     if candidates < 0:
@@ -132,6 +131,6 @@ def _check_work(candidates: int, tests: int, seed: int) -> None:
         raise MethodError(f"{tests} tests prove nothing; give {FEWEST_TESTS} or more, or 0 for no proof")
     if candidates and not tests:
         raise MethodError(
-            "what is found without tests is not proven to be better; give some (--tests), or try no others "
-            "(--candidates 0)"
+            "an excitation found without tests is not proven to be better; give a number of tests (--tests), "
+            "or try no other excitations (--candidates 0)"
         )

@@ -1,4 +1,4 @@
-"""The excitation of a test: a command, and for how long it is played."""
+"""Excitation of a test: a command and its duration."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,17 +12,17 @@ from emaphm.actuator.quantity import USER_ANGLE, unit_for
 from emaphm.arrays import Array
 
 PERIOD_ROWS = 200
-"""Rows of a written command in its shortest period: between them it is off by a ten-thousandth."""
+"""Rows of a written command in its shortest period: linear interpolation then deviates by 1e-4, relative."""
 
 EDGE_S = 1e-9
-"""Time in which a written step rises [s]: far less than a step of any model."""
+"""Rise time of a written step [s], far below the step of any model."""
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """A `command` and the `duration` [s] that it is played for, from rest at `start` [rad] at the user.
+    """A `command` with its `duration` [s], from rest at `start` [rad at the user].
 
-    Where `start` is left out, it is what the command is counted from.
+    If `start` is None, it is the rest position of the command.
     """
 
     command: Command
@@ -31,55 +31,55 @@ class Excitation:
 
     @property
     def rests_at(self) -> float:
-        """Where the shaft rests first [rad] at the user."""
+        """Initial rest position [rad at the user]."""
         return rest_position(self.command, self.start)
 
     @property
     def amplitude(self) -> float:
-        """The largest distance of the command from where the shaft rests first [rad] at the user."""
+        """Largest distance of the command from the initial rest position [rad at the user]."""
         if isinstance(self.command, Chirp | DecayingChirp | Sine | Step):
             return abs(self.command.amplitude) + abs(self.command.about - self.rests_at)
-        return max(abs(one - self.rests_at) for one in self.range)
+        return max(abs(limit - self.rests_at) for limit in self.range)
 
     @property
     def range(self) -> tuple[float, float]:
-        """The lowest and the highest command [rad] at the user."""
+        """Lowest and highest command [rad at the user]."""
         values = self.command(np.linspace(0.0, self.duration, 10_000))
         return float(np.min(values)), float(np.max(values))
 
     @property
     def frequency_hz(self) -> float | None:
-        """The highest frequency [Hz], nothing where the command is not described by any."""
+        """Highest frequency [Hz]; None for a command without a described frequency."""
         if isinstance(self.command, Chirp | DecayingChirp):
             return max(abs(self.command.start_hz), abs(self._last_hz(self.command)))
         return abs(self.command.frequency_hz) if isinstance(self.command, Sine) else None
 
     def words(self, coordinates: str) -> str:
-        """Return what the excitation is, in a few words; lengths in the unit of the `coordinates`."""
+        """Return a short description of the excitation; lengths are in the unit of the `coordinates`."""
         unit = unit_for(USER_ANGLE, coordinates)
         size = f"{getattr(self.command, 'amplitude', self.amplitude):.4g} {unit}"
         if isinstance(self.command, Chirp | DecayingChirp):
             kind = "chirp" if isinstance(self.command, Chirp) else "decaying chirp"
             last = self._last_hz(self.command)
-            what = f"{kind} of {size}, {self.command.start_hz:.3g} to {last:.3g} Hz"
+            description = f"{kind} of {size}, {self.command.start_hz:.3g} to {last:.3g} Hz"
         elif isinstance(self.command, Sine):
-            what = f"sine of {size}, {self.command.frequency_hz:.3g} Hz"
+            description = f"sine of {size}, {self.command.frequency_hz:.3g} Hz"
         else:
-            what = f"{self._kind} of up to {size}"
+            description = f"{self._kind} of up to {size}"
         about, rest = rest_position(self.command), self.rests_at
         place = f" about {about:.4g} {unit}" if about else ""
         start = f", from rest at {rest:.4g} {unit}" if rest != about else ""
-        return f"{what}{place}, {self.duration:.3g} s{start}"
+        return f"{description}{place}, {self.duration:.3g} s{start}"
 
     def played(self, coordinates: str) -> str:
-        """Return how long the excitation lasts, and where the shaft rests first if not at 0, in words."""
+        """Return a phrase with the duration, and the initial rest position if it is not 0."""
         place = (
             f", from rest at {self.rests_at:.4g} {unit_for(USER_ANGLE, coordinates)}" if self.rests_at else ""
         )
         return f"it lasts {self.duration:g} s{place}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the excitation for JSON: its kind, what describes it, and how long it lasts."""
+        """Return the excitation in the form of the JSON output: kind, parameters and duration."""
         known = isinstance(self.command, Chirp | DecayingChirp | Sine | Step)
         described: dict[str, Any] = vars(self.command) if known else {}
         return described | {
@@ -90,9 +90,9 @@ class Excitation:
         }
 
     def write(self, path: str | Path, sample_rate: float) -> None:
-        """Write the command to a CSV file that `emaphm simulate --command` plays.
+        """Write the command to a CSV file for `emaphm simulate --command`.
 
-        A signal from a file in its own rows, any other at `sample_rate` [Hz] or faster.
+        A signal from a file keeps its rows; other commands have `sample_rate` [Hz] or more.
         """
         import polars as pl
 
@@ -100,7 +100,7 @@ class Excitation:
         pl.DataFrame({"time_s": t, "command_rad": self.command(t)}).write_csv(path)
 
     def _written_times(self, sample_rate: float) -> Array:
-        """Return the times [s] between which straight lines are the command."""
+        """Return the times [s] between which linear interpolation gives the command."""
         if isinstance(self.command, Sampled):
             t = self.command.time_s
             return np.concatenate([[0.0], t[(t > 0) & (t < self.duration)], [self.duration]])
@@ -112,10 +112,10 @@ class Excitation:
         return t
 
     def _last_hz(self, chirp: Chirp | DecayingChirp) -> float:
-        """Return the frequency [Hz] at the end: played for longer than described, a chirp sweeps on."""
+        """Return the frequency [Hz] at the end; a chirp longer than described continues its sweep."""
         share = self.duration / chirp.duration
         if isinstance(chirp, DecayingChirp):
-            share = min(share, 1.0)  # 0 from then on
+            share = min(share, 1.0)  # the command is 0 afterwards
         return (1 - share) * chirp.start_hz + share * chirp.stop_hz
 
     @property

@@ -1,4 +1,4 @@
-"""The precision of each fault that an excitation will give, predicted from Fisher's information."""
+"""Precision of each fault with an excitation, predicted from Fisher's information."""
 
 from dataclasses import dataclass, replace
 
@@ -19,11 +19,11 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True, eq=False)
 class Precision:
-    """Half-widths of the 95 % intervals by component, the median over representative faults.
+    """Half-widths of the 95 % intervals by component, medians over representative fault vectors.
 
-    `half_widths` lacks what the actuator cannot show. That of the phase is the median over the vectors that
-    have an eccentricity. `logarithms`, (vectors,), are the means over the faults' coordinates of the
-    logarithm of the half-width: a halved width is worth the same in any of them.
+    `half_widths` has no entry for components that the actuator lacks. The half-width of the phase is the
+    median over the vectors with an eccentricity. `logarithms`, (vectors,), are the means over the faults'
+    coordinates of the logarithm of the half-width, so that all components have the same weight.
     """
 
     half_widths: dict[str, float]
@@ -33,12 +33,13 @@ class Precision:
     def of(cls, space: ParameterSpace, points: Array, covariances: Array) -> "Precision":
         """Return the precision of estimates at `points` (n, d) with `covariances` (n, d, d)."""
         faults = len(space.columns)
-        each = [estimates(space, p, c) for p, c in zip(points, covariances, strict=True)]
-        eccentric = [one for one in each if one["eccentricity"].value > 0]
+        by_vector = [estimates(space, p, c) for p, c in zip(points, covariances, strict=True)]
+        eccentric = [components for components in by_vector if components["eccentricity"].value > 0]
         halves = {
-            name: Z95 * float(np.median([one[name].standard_error for one in chosen]))
-            for name in each[0]
-            if name not in space.fixed and (chosen := eccentric if name == "eccentricity_phase" else each)
+            name: Z95 * float(np.median([components[name].standard_error for components in chosen]))
+            for name in by_vector[0]
+            if name not in space.fixed
+            and (chosen := eccentric if name == "eccentricity_phase" else by_vector)
         }
         errors = np.sqrt(np.einsum("nii->ni", covariances)[:, :faults])
         return cls(halves, np.log(Z95 * errors).mean(axis=1))
@@ -49,11 +50,12 @@ class Precision:
 
 
 def predicted_precision(setup: TestSetup, excitation: Excitation, faults: Array, seed: int) -> Precision:
-    """Return the precision that a recording of `excitation` will give under each of `faults` (n, 8).
+    """Return the expected precision of a recording of `excitation` under each of `faults` (n, 8).
 
-    The covariance is that of a diagnosis, for a residual of sensor noise and of what one run of the reference
-    model differs from the mean of those that correct it. The same seed draws the same noise, row by row,
-    and the same Jacobian points for every excitation, so that two of them can be compared.
+    The covariance is that of a diagnosis with a residual of sensor noise and switching: the difference of one
+    run of the reference model from the mean of the runs that correct the estimate. The same seed gives the
+    same noise, row by row, and the same Jacobian points for every excitation, so that excitations can be
+    compared.
     """
     objective = setup.objective(excitation)
     points = objective.space.points(faults)
@@ -69,7 +71,7 @@ def predicted_precision(setup: TestSetup, excitation: Excitation, faults: Array,
 
 
 def _noise(objective: MapObjective, noise: float, seed: int, vector: int) -> Array:
-    """Return noise of that rms [A] on each weighted channel, and none on the nuisances, (rows,)."""
+    """Return noise of the rms `noise` [A] on each weighted channel, and 0 on the nuisances, (rows,)."""
     samples, channels = objective.problem.samples, len(objective.problem.channels)
     drawn = [
         stream(seed, "noise of the prediction", vector, i).normal(0.0, noise, samples)
@@ -79,13 +81,14 @@ def _noise(objective: MapObjective, noise: float, seed: int, vector: int) -> Arr
 
 
 def _switching_residuals(objective: MapObjective, points: Array) -> Array:
-    """Return the residual that switching leaves after a correction at each of `points` (n, d), (n, rows)."""
+    """Return the residual by switching after a correction at each of `points` (n, d), (n, rows)."""
     if not has_reference(objective.problem):
         return np.zeros((len(points), objective.target.size))
     reference = replace(objective, problem=reference_problem(objective))
     near = objective.space.project(points + RUN_SEPARATION)
     runs = reference.outputs(np.concatenate([points, near]))
-    # The variance of one run less the mean of several is (1 + 1/n) times that of one, that of two runs twice.
+    # The variance of one run less the mean of n runs is (1 + 1/n) times that of one run; that of a difference
+    # of two runs is twice that of one run.
     repeats = REFERENCE_RUNS // len(BIAS_CORRECTION.step_shares)
     factor = ((1 + 1 / repeats) / 2) ** 0.5
     return np.asarray((runs[: len(points)] - runs[len(points) :]) * factor)

@@ -1,4 +1,4 @@
-"""The result of a design: the given test, the better one if there is one, and the evidence."""
+"""Result of a design: the given test, a better test if there is one, and the evidence."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDER = 2.0
-"""Ratio of a simulated to a predicted interval from which on simulated tests do not confirm it."""
+"""Ratio of a simulated to a predicted interval above which the prediction is not confirmed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """The test `given`, the better one `found` (the given one where there is none), and the evidence.
+    """The `given` test, the better test `found` (the given test if there is none better), and the evidence.
 
-    `candidates` chirps were tried, and `tests` simulated for the given test and each finalist;
-    `gain` compares the best of these with the given test, None where none was predicted to be better.
+    `candidates` is the number of tried chirps, `tests` the number of simulated tests. `gain` compares the
+    best finalist with the given test; None if no chirp was predicted to be better.
     """
 
     setup: TestSetup
@@ -43,7 +43,7 @@ class Design:
         return self.found is not self.given
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `emaphm design --json` prints."""
+        """Return the output of `emaphm design --json`."""
         gain = self.gain
         return {
             "given": self.given.to_dict(),
@@ -62,17 +62,17 @@ class Design:
         }
 
     def write_command(self, path: str | Path) -> None:
-        """Write the command found to a CSV file, as `emaphm simulate --command` plays it."""
+        """Write the found command to a CSV file for `emaphm simulate --command`."""
         self.found.excitation.write(path, self.setup.sample_rate)
 
     def plot(self) -> "Figure":
-        """Draw the commands and their half-widths, given and found."""
+        """Draw the given and the found command, and their half-widths."""
         from emaphm.plotting.design import draw_design
 
         return draw_design(self)
 
     def __str__(self) -> str:
-        """Return the excitations, a table of half-widths, and how sure it is that the one found is better."""
+        """Return the excitations, a table of half-widths, and the evidence for a better test, as text."""
         coordinates = self.setup.actuator.coordinates
         tests = {"given": self.given} | ({"found": self.found} if self.better else {})
         lines = [f"{label}: {test.excitation.words(coordinates)}" for label, test in tests.items()]
@@ -86,50 +86,49 @@ class Design:
         return "\n".join([*lines, "", table, "", *self.notes()])
 
     def notes(self) -> list[str]:
-        """Return lines: what the table shows, the evidence, and whether anything better was found."""
+        """Return sentences on the conditions of the table, the evidence, and the conclusion."""
         setup = self.setup
-        shown = (
+        conditions = (
             f"Medians over faults that fill their range; recorded: {', '.join(setup.channels)}; current "
-            f"noise "
-            f"{setup.noise:.3g} A rms; {setup.sample_rate:g} Hz."
+            f"noise {setup.noise:.3g} A rms; {setup.sample_rate:g} Hz."
         )
         given, found = self.given.simulated, self.found.simulated
         if given is None or found is None:
-            untested = "Not confirmed by simulated tests: none were asked for."
-            return [shown, *self._unseen(), untested, self._conclusion()]
+            untested = "Not confirmed by simulated tests: none were requested."
+            return [conditions, *self._unseen_motion(), untested, self._conclusion()]
         wider = _wider(self.given.predicted, given.precision) | _wider(self.found.predicted, found.precision)
         too_wide = sorted(wider, key=NAMES.index)
         evidence = (
             f"{'Tested' if too_wide else 'Confirmed'} by diagnoses of {self.tests} tests simulated by the "
             f"{setup.truth.name} model; median error of the given test {given.median_error:.2f} %"
         )
-        evidence += f", of the one found {found.median_error:.2f} %." if self.better else "."
-        lines = [shown, *self._unseen(), evidence]
+        evidence += f", of the found test {found.median_error:.2f} %." if self.better else "."
+        lines = [conditions, *self._unseen_motion(), evidence]
         if too_wide:
             lines.append(
                 f"Not confirmed: {', '.join(too_wide)}, whose simulated intervals are more than {WIDER:g} "
-                "times as wide as predicted. Go by the simulated ones; give more --tests where these are few."
+                "times as wide as predicted. Use the simulated intervals; increase --tests if there are few."
             )
         if not setup.actuator.three_phases:
             lines.append(
-                f"A drive of kind '{setup.actuator.drive_kind}' does not switch: the fitted model stands for "
-                "the actuator too, and its own errors are in no figure here."
+                f"A drive of kind '{setup.actuator.drive_kind}' does not switch: the fitted model also "
+                "simulates the actuator, so that these figures do not include errors of the model."
             )
         return [*lines, self._conclusion()]
 
-    def _unseen(self) -> list[str]:
-        """Return a line where the given command never changes, so that only a position shows the motion."""
+    def _unseen_motion(self) -> list[str]:
+        """Return a sentence if the given command is constant, so that only a position contains the motion."""
         lowest, highest = self.given.excitation.range
         if lowest < highest or "position_rad" in self.setup.channels:
             return []
         sentence = (
-            "The given command is the same from its first row on: a diagnosis without the position sees no "
-            "motion. Let it rest before the step, in a file with time_s and command_rad."
+            "The given command is constant from its first row: a diagnosis without the position sees no "
+            "motion. Add rest before the step, in a file with time_s and command_rad."
         )
         return [sentence]
 
     def _conclusion(self) -> str:
-        """Return whether a better test was found, and how sure that is."""
+        """Return a sentence on whether a better test was found, with its standard errors."""
         if not self.candidates:
             return "No better test was searched for."
         searched = f"{self.candidates} chirps within the limits"
@@ -141,9 +140,8 @@ class Design:
             return f"Found among {searched}: intervals {widths}, errors {errors} (standard errors)."
         return (
             f"Nothing better was found: the best of {searched} has intervals {widths} and errors {errors} "
-            f"(standard errors); intervals narrower by {SIGNIFICANT:g} standard errors, and no larger "
-            f"errors, "
-            "would be better."
+            f"(standard errors); a better test needs intervals narrower by {SIGNIFICANT:g} standard errors, "
+            "and no larger errors."
         )
 
 
@@ -157,7 +155,7 @@ def _wider(predicted: Precision, simulated: Precision) -> set[str]:
 
 
 def _change(logarithm: float, error: float, less: str, more: str) -> str:
-    """Return in words how much something has shrunk, `logarithm` being that of the ratio."""
+    """Return a reduction in words; `logarithm` is that of the ratio before / after, with its `error`."""
     ratio = float(np.exp(-logarithm))
     word = less if logarithm > 0 else more
     return f"{word} by {100 * abs(1 - ratio):.0f} ± {100 * ratio * error:.0f} %"

@@ -1,4 +1,4 @@
-"""Simulated tests: an excitation is recorded under known faults, and the recordings are diagnosed."""
+"""Simulated tests: recordings of an excitation are simulated under known faults and diagnosed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from emaphm.experiment.test_setup import TestSetup
 from emaphm.progress import Progress, subprogress
 
 SIGNIFICANT = 2.0
-"""Standard errors that an improvement must exceed."""
+"""Number of standard errors that an improvement must exceed."""
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedTests:
     """Diagnoses of simulated tests of an excitation: their `precision`, and `errors` [%] (tests,).
 
-    `logarithms`, (tests,), are the means over the faults' coordinates of the logarithm of the error, as
-    those of the `precision` are: an error in percent is that of the worst-known component alone.
+    `logarithms`, (tests,), are the means over the faults' coordinates of the logarithm of the error, like
+    those of the `precision`: the error in percent is dominated by the component with the largest error.
     """
 
     precision: Precision
@@ -33,16 +33,16 @@ class SimulatedTests:
 
     @property
     def median_error(self) -> float:
-        """The median error [%], as `emaphm.error_percent`."""
+        """Median error [%], defined by `emaphm.error_percent`."""
         return float(np.median(self.errors))
 
 
 @dataclass(frozen=True)
 class Gain:
-    """How much one excitation does better than another on the same faults, and its standard error.
+    """Improvement of one excitation over another under the same faults, with standard errors.
 
-    `narrower` is the mean difference of the logarithms of the half-widths, `nearer` that of the errors';
-    above 0 where the intervals are narrower, or the estimates nearer to the truth.
+    `narrower` is the mean difference of the logarithms of the half-widths, `nearer` that of the errors. They
+    are positive if the intervals are narrower, or the estimates nearer to the truth.
     """
 
     narrower: float
@@ -52,7 +52,7 @@ class Gain:
 
     @classmethod
     def of(cls, before: SimulatedTests, after: SimulatedTests) -> "Gain":
-        """Return what `after` gains on `before`, fault vector by fault vector."""
+        """Return the improvement of `after` over `before`, from differences by fault vector."""
         narrower = before.precision.logarithms - after.precision.logarithms
         return cls(*_mean_and_error(narrower), *_mean_and_error(before.logarithms - after.logarithms))
 
@@ -72,12 +72,12 @@ def simulate_tests(
     seed: int,
     on_progress: Progress | None = None,
 ) -> list[SimulatedTests]:
-    """Return the diagnoses of `tests` simulated tests of each of `excitations`, all under the same faults."""
+    """Return the results of `tests` simulated tests of each of `excitations`, all under the same faults."""
     faults = setup.faults(tests, seed)
     space = ParameterSpace.of(setup.actuator)
-    shown = np.array([i in space.columns for i in range(faults.shape[1])])
-    # A fault that the actuator cannot show is no error of a diagnosis.
-    truths = np.where(shown, faults, setup.faults(1, seed))
+    estimated = np.array([i in space.columns for i in range(faults.shape[1])])
+    # Components that the actuator lacks are healthy, so that they cause no error of a diagnosis.
+    truths = np.where(estimated, faults, setup.faults(1, seed))
     results = []
     for i, excitation in enumerate(excitations):
         share = subprogress(on_progress, i / len(excitations), (i + 1) / len(excitations))
@@ -88,7 +88,7 @@ def simulate_tests(
 def _tested(
     setup: TestSetup, excitation: Excitation, truths: Array, seed: int, on_progress: Progress | None
 ) -> SimulatedTests:
-    """Return the diagnoses of simulated tests of `excitation` under `truths` (n, 8)."""
+    """Return the results of simulated tests of `excitation` under `truths` (n, 8)."""
     space = setup.objective(excitation).space
     diagnoses = []
     for i, recording in enumerate(setup.record(excitation, truths, seed)):
@@ -103,13 +103,13 @@ def _tested(
         )
         if on_progress is not None:
             on_progress((i + 1) / len(truths))
-    found = np.array([diagnosis.faults.vector for diagnosis in diagnoses])
-    points = space.points(found)
-    misses = np.abs(points - space.points(truths))[:, : len(space.columns)]
+    estimates = np.array([diagnosis.faults.vector for diagnosis in diagnoses])
+    points = space.points(estimates)
+    errors = np.abs(points - space.points(truths))[:, : len(space.columns)]
     return SimulatedTests(
         Precision.of(space, points, np.array([diagnosis.covariance for diagnosis in diagnoses])),
-        error_percent(truths, found),
-        np.log(np.maximum(misses, DEFAULT_SCATTER)).mean(axis=1),
+        error_percent(truths, estimates),
+        np.log(np.maximum(errors, DEFAULT_SCATTER)).mean(axis=1),
     )
 
 

@@ -1,4 +1,4 @@
-"""The set-up of a planned test: what is recorded, with which noise, and which faults may be there."""
+"""Set-up of a planned test: recorded channels, their noise, and representative faults."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,20 +23,20 @@ from emaphm.recording.schema import SHORT_NAMES
 from emaphm.simulation import AVERAGED, OBSERVABLE, REFERENCE, Initial, Model, Plant, observe_batch
 
 CONVERTER_BITS = 12
-"""Resolution assumed for the channels other than the current."""
+"""Assumed resolution of the channels other than the current [bits]."""
 
 LARGEST_SHORT = 0.7
-"""Largest short that the averaged model is meant for (docs/physics.md, section 5)."""
+"""Largest short for which the averaged model is valid (docs/physics.md, section 5)."""
 
 FEWEST_ROWS = 50
-"""Rows of the shortest excitation: fewer have next to no information on ten unknowns."""
+"""Number of rows of the shortest excitation: fewer rows have hardly any information on ten unknowns."""
 
 
 @dataclass(frozen=True, eq=False)
 class TestSetup:
-    """What is recorded of a test: `channels` by schema name, the current first, and its `noise` [A rms]."""
+    """Recording of a test: `channels` by schema name, the current first, and the current's `noise` [A]."""
 
-    __test__ = False  # no test case, whatever pytest makes of the name
+    __test__ = False  # pytest must not collect this class as a test case
 
     actuator: Actuator
     channels: tuple[str, ...]
@@ -53,12 +53,12 @@ class TestSetup:
         sample_rate: float,
         workers: int | None = None,
     ) -> Self:
-        """Return the set-up, `channels` being those of `emaphm.recording.schema.SHORT_NAMES`, by either name.
+        """Return the set-up; `channels` are names of `emaphm.recording.schema.SHORT_NAMES`, short or long.
 
         Raises
         ------
         MethodError, SignalError
-            A channel is unknown, impossible for the actuator, or the current missing; the noise or rate
+            A channel is unknown or impossible for the actuator, the current is missing, or the noise or rate
             is no positive number.
         """
         named = [SHORT_NAMES.get(name, name) for name in channels]
@@ -76,16 +76,16 @@ class TestSetup:
             raise SignalError(f"noise of {noise:g} A is no sensor's rms; give more than 0")
         if not 0 < sample_rate < np.inf:
             raise SignalError(f"sample rate of {sample_rate:g} Hz is impossible; give more than 0")
-        kept = tuple(name for name in known if name in named)
-        return cls(actuator, kept, noise, sample_rate, workers)
+        ordered = tuple(name for name in known if name in named)
+        return cls(actuator, ordered, noise, sample_rate, workers)
 
     @property
     def truth(self) -> Model:
-        """The model that stands for the actuator: the reference model where it has three phases."""
+        """Model that simulates the actuator: the reference model for three phases, else the averaged one."""
         return REFERENCE if self.actuator.three_phases else AVERAGED
 
     def objective(self, excitation: Excitation) -> MapObjective:
-        """Return what a diagnosis would minimise on a recording of `excitation`, each channel at its noise.
+        """Return the objective of a diagnosis of `excitation`, with channels weighted by their noise.
 
         Raises
         ------
@@ -110,34 +110,34 @@ class TestSetup:
         return faults_objective(weighted, None).scale_prior(self.noise)
 
     def record(self, excitation: Excitation, faults: Array, seed: int) -> list[Recording]:
-        """Return what would be recorded of `excitation` under `faults` (n, 8), by the model `truth`.
+        """Return simulated recordings of `excitation` under `faults` (n, 8), by the model `truth`.
 
-        The current with its noise, the other channels with a converter's rounding. The same row of the same
+        The current has noise; the other channels have the rounding of a converter. The same row of the same
         fault vector has the same noise under every excitation.
         """
         recordings = []
         for i, exact in enumerate(self._signals(excitation, faults, self.truth)):
-            kept = {name: exact[name] for name in ("time_s", "command_rad", *self.channels)}
-            others = self._full_scales(exact)
+            channels = {name: exact[name] for name in ("time_s", "command_rad", *self.channels)}
+            converted = self._full_scales(exact)
             recordings.append(
                 acquire(
-                    Recording(kept, self.actuator.channels.sampling, "simulated"),
+                    Recording(channels, self.actuator.channels.sampling, "simulated"),
                     noise={"current_A": self.noise},
-                    adc_bits=CONVERTER_BITS if others else None,
-                    full_scale=others,
+                    adc_bits=CONVERTER_BITS if converted else None,
+                    full_scale=converted,
                     seed=child_seed(seed, "sensor noise", i),
                 )
             )
         return recordings
 
     def faults(self, count: int, seed: int) -> Array:
-        """Return representative fault vectors (count, 8): the healthy one, and others that fill the space."""
+        """Return representative fault vectors (count, 8): healthy, and vectors that fill the space."""
         upper = np.ones(len(NAMES))
         upper[2:5] = LARGEST_SHORT
         if count == 1:
             return HEALTHY.vector[np.newaxis]
-        others = space_filling(count - 1, np.zeros(len(NAMES)), upper, child_seed(seed, "fault vectors"))
-        return np.concatenate([HEALTHY.vector[np.newaxis], others])
+        filling = space_filling(count - 1, np.zeros(len(NAMES)), upper, child_seed(seed, "fault vectors"))
+        return np.concatenate([HEALTHY.vector[np.newaxis], filling])
 
     def _driving(self, excitation: Excitation) -> DrivingSignals:
         samples = round(excitation.duration * self.sample_rate)
@@ -154,23 +154,23 @@ class TestSetup:
         return Initial(excitation.rests_at / self.actuator.mechanics.gear_ratio)
 
     def _signals(self, excitation: Excitation, faults: Array, model: Model) -> list[dict[str, Array]]:
-        """Return every observable channel, noise-free, for each of `faults` (n, 8)."""
+        """Return every observable channel without noise for each of `faults` (n, 8)."""
         inputs = self._driving(excitation).inputs(model.step_for(self.actuator))
         given = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command)}
         plant, start = Plant.of(self.actuator, faults), self._start(excitation)
         exact = observe_batch(model, plant, inputs, start, workers=self.workers)
         signals = all_as_described(exact, OBSERVABLE, self.actuator, inputs.interval)
-        return [given | dict(zip(OBSERVABLE, one, strict=True)) for one in signals]
+        return [given | dict(zip(OBSERVABLE, channels, strict=True)) for channels in signals]
 
     def _noises(self, signals: dict[str, Array]) -> Array:
-        """Return the rms of each channel's noise (channels,): a converter's rounding but for the current."""
+        """Return the rms noise of each channel (channels,): rounding, except for the current."""
         steps = [2 * scale / 2**CONVERTER_BITS for scale in self._full_scales(signals).values()]
         return np.array([self.noise, *(step / 12**0.5 for step in steps)])
 
     def _full_scales(self, signals: dict[str, Array]) -> dict[str, float]:
-        """Return half the range of each channel's converter but for the current's.
+        """Return half the converter range of each channel except the current.
 
-        Where the description has no range for a channel, twice its peak.
+        For a channel without a described range it is twice the peak of the channel.
         """
         described = full_scales(self.actuator)
         return {

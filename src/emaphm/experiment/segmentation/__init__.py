@@ -1,4 +1,4 @@
-"""A long recording cut into stretches that identify something."""
+"""Segmentation of a long recording into stretches that identify faults."""
 
 from emaphm.experiment.segmentation.result import Segment, Segments, check_folder
 from emaphm.experiment.segmentation.segments import segments

@@ -1,4 +1,4 @@
-"""Cells of a recording: where the command moves the actuator, and what each cell will tell of the faults."""
+"""Cells of a recording: cells in which the command moves the actuator, and the information of each cell."""
 
 import math
 from collections.abc import Iterator
@@ -27,18 +27,18 @@ from emaphm.recording.noise import measured_noise, robust_noise_level
 
 @dataclass(frozen=True)
 class CellSettings:
-    """How a recording is divided, and what is computed of a cell.
+    """Settings of the division of a recording into cells, and of the information of a cell.
 
-    A cell takes some `cell_s` [s], so that a recording is a whole number of them, and some `fewest_rows` at
-    least. A rest lasts `rest_s` [s] or longer: in that time the command moves the motor by no more than its
-    backlash, or than the command's own noise, and the healthy actuator moves by no more than its backlash, or
-    than `least_motion` of the command's range, as it settles. No noise above that share is allowed for: an
-    undersampled command looks like noise. Jacobians are taken over at most `block_s` [s] at once,
-    `replicates` of them: products of different ones are free of the bias of their errors, which slow motion
-    with stick-slip makes large. A residual is expected to be as large as the channel's noise, and
-    `model_error` of its rms (`search_result.SMALLEST_SHARE`), and to be correlated over `correlated_s` [s]:
-    half-widths are then 1 to 3 times those of a diagnosis, of chirps of the thesis's actuator at 5 kHz and at
-    100 Hz (`emaphm segment`, `emaphm diagnose`).
+    A cell lasts about `cell_s` [s], so that a recording is a whole number of cells, and has at least
+    `fewest_rows`. A rest lasts at least `rest_s` [s]: in that time the command changes by no more than the
+    backlash or the command's own noise, and the healthy actuator moves by no more than the backlash or, while
+    it settles, `least_motion` of the command's range. Noise above that share is not accepted as noise,
+    because an undersampled command resembles noise. Jacobians cover at most `block_s` [s], with `replicates`:
+    products of different replicates are free of the bias by their errors, which are large in slow motion with
+    stick-slip. The expected residual is the channel's noise plus `model_error` of its rms
+    (`search_result.SMALLEST_SHARE`), correlated over `correlated_s` [s]. Half-widths are then 1 to 3 times
+    those of a diagnosis, for chirps of the thesis's actuator at 5 kHz and at 100 Hz (`emaphm segment`,
+    `emaphm diagnose`).
     """
 
     cell_s: float = 0.25
@@ -54,15 +54,17 @@ class CellSettings:
 CELLS = CellSettings()
 
 NOISE_ORDER = 4
-"""Of the differences that show the noise of a command: of lower order, one that seldom flickers has none."""
+"""Order of the differences that measure the noise of a command; with a lower order, a command that seldom
+changes by one count has no noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """The first row of each cell, and the row after the last one, in `edges` (cells + 1,); which cells move.
+    """Division of a recording into cells.
 
-    Every row is in a cell, and cells differ by one row at most. `moves` is (cells,); `least` is the largest
-    change of a command at rest, at the user [rad].
+    `edges` (cells + 1,) are the first rows of the cells, and the row after the last cell; every row is in a
+    cell, and the lengths of cells differ by at most one row. `moves` (cells,) states in which cells the
+    actuator moves; `least` is the largest change of a command at rest [rad at the user].
     """
 
     edges: NDArray[np.intp]
@@ -71,7 +73,7 @@ class Cells:
 
     @property
     def rows(self) -> int:
-        """Rows of the shortest cell."""
+        """Number of rows of the shortest cell."""
         return int(np.diff(self.edges).min())
 
     @classmethod
@@ -93,9 +95,9 @@ class Cells:
         return cls(edges, moves, least)
 
     def blocks(self, interval: float) -> Iterator[tuple[int, int]]:
-        """Yield first and last cell (exclusive) of each run of moving cells, of at most `block_s`.
+        """Yield first and last cell (exclusive) of each block of moving cells, of at most `block_s`.
 
-        A short one takes cells at rest in addition, until it has the rows that a recording needs.
+        A short block is extended by cells at rest to the number of rows that a recording needs.
         """
         fewest = min(-(-FEWEST_SAMPLES // self.rows), self.moves.size)
         longest = int(np.diff(self.edges).max())
@@ -108,20 +110,20 @@ class Cells:
 
 
 def _ranges(signal: Array, edges: NDArray[np.intp], together: int) -> Array:
-    """Return the range of a signal (samples,) over each run of cells `together`, (cells + together - 1,).
+    """Return the range of a signal (samples,) over each run of `together` cells, (cells + together - 1,).
 
-    With the row before a run and the one after it: a step between two cells belongs to both. The first runs
-    begin before the recording and the last end behind it: what rests there is taken to rest on.
+    A run includes one row before and one row after it, so that a step between two cells belongs to both. The
+    first runs begin before the recording and the last end after it; the signal is assumed constant there.
     """
-    reaching = [signal[max(first - 1, 0) : last + 1] for first, last in pairwise(edges)]
-    none = [(np.inf, -np.inf)] * (together - 1)
-    lowest, highest = np.array([*none, *((cell.min(), cell.max()) for cell in reaching), *none]).T
-    over = sliding_window_view(highest, together).max(axis=1)
-    return np.asarray(over - sliding_window_view(lowest, together).min(axis=1))
+    cells = [signal[max(first - 1, 0) : last + 1] for first, last in pairwise(edges)]
+    outside = [(np.inf, -np.inf)] * (together - 1)
+    lowest, highest = np.array([*outside, *((cell.min(), cell.max()) for cell in cells), *outside]).T
+    largest = sliding_window_view(highest, together).max(axis=1)
+    return np.asarray(largest - sliding_window_view(lowest, together).min(axis=1))
 
 
 def _noise_range(command: Array) -> float:
-    """Return the range that normal noise as that of the command (n,) keeps to."""
+    """Return the expected range of n samples of normal noise with the level of the command's noise."""
     return 2 * math.sqrt(2 * math.log(command.size)) * robust_noise_level(command, NOISE_ORDER)
 
 
@@ -130,9 +132,9 @@ def cell_information(
 ) -> NDArray[np.float64]:
     """Return the information (cells, d, d) of each cell of an objective's problem, at the healthy actuator.
 
-    `edges` (cells + 1,) are the cells' first rows, and the row after the last one.
-    Mean products of different replicated Jacobians, over the variance that `expected_objective` weights by,
-    and over the rows that a residual is correlated over.
+    `edges` (cells + 1,) are the first rows of the cells, and the row after the last cell. The information is
+    the mean product of different replicates of the Jacobian, divided by the variance of the weighted residual
+    and by the number of rows over which a residual is correlated.
     """
     space = objective.space
     jacobians = replicated_jacobians(
@@ -152,25 +154,25 @@ def cell_information(
 
 
 def _different_products(jacobians: Array) -> Array:
-    """Return the sum of the products (d, d) of any two different Jacobians (n, d, channels, rows)."""
+    """Return the sum of the products (d, d) of all pairs of different Jacobians (n, d, channels, rows)."""
     total = jacobians.sum(axis=0)
-    alike = np.einsum("ndcr,necr->de", jacobians, jacobians)
-    return np.asarray(np.einsum("dcr,ecr->de", total, total) - alike)
+    equal_pairs = np.einsum("ndcr,necr->de", jacobians, jacobians)
+    return np.asarray(np.einsum("dcr,ecr->de", total, total) - equal_pairs)
 
 
 def expected_objective(
     recording: Recording, actuator: Actuator, sizes: dict[str, float], workers: int | None
 ) -> MapObjective:
-    """Return what a diagnosis would minimise on a stretch, residuals weighted by their expected `sizes`."""
+    """Return the objective of a diagnosis on a stretch, with residuals weighted by their expected `sizes`."""
     problem = problem_of(recording, actuator, workers=workers, channels=None)
-    kept = tuple(name for name in problem.channels if sizes.get(name, 0.0) > 0)
-    expected = [sizes[name] for name in kept]
-    weighted = problem.observing(kept).weighted(expected)
+    channels_used = tuple(name for name in problem.channels if sizes.get(name, 0.0) > 0)
+    expected = [sizes[name] for name in channels_used]
+    weighted = problem.observing(channels_used).weighted(expected)
     return faults_objective(weighted, None).scale_prior(expected[0])
 
 
 def expected_residuals(recording: Recording) -> dict[str, float]:
-    """Return the size of the residual that is expected of each channel, in its unit."""
+    """Return the expected rms residual of each channel, in its unit."""
     interval = recording.interval_s
     return {
         name: math.hypot(measured_noise(values, interval), CELLS.model_error * signal_size(name, values))
@@ -182,14 +184,14 @@ def expected_residuals(recording: Recording) -> dict[str, float]:
 def block_information(
     recording: Recording, actuator: Actuator, cells: Cells, seed: int, workers: int | None
 ) -> Iterator[tuple[int, Array, ParameterSpace]]:
-    """Yield first cell, information (cells, d, d) and parameter space of each block that moves."""
+    """Yield first cell, information (cells, d, d) and parameter space of each block of moving cells."""
     recording = with_equivalent_current(recording, actuator)
     command = recording["command_rad"]
     sizes = expected_residuals(recording)
     for first, last in cells.blocks(recording.interval_s):
         begin, end = int(cells.edges[first]), int(cells.edges[last])
         if np.ptp(command[begin:end]) == 0:
-            continue  # The end of a slow motion: a model that starts on the command rests.
+            continue  # End of a slow motion: a model that starts at the command is at rest.
         part = stretch(recording, begin, end)
         objective = expected_objective(part, actuator, sizes, workers)
         edges = cells.edges[first : last + 1] - begin

@@ -1,4 +1,4 @@
-"""How the healthy actuator would follow a recorded command, of whatever length."""
+"""Motion of the healthy actuator for a recorded command of any length."""
 
 from collections.abc import Callable
 
@@ -14,15 +14,16 @@ from emaphm.recording import Recording
 from emaphm.simulation import AVERAGED, Initial, Inputs, Plant, observe_batch
 
 PIECE_S = 20.0
-"""Longest run [s]: a model's own steps take memory, whatever the rows."""
+"""Longest run [s]: the steps of a model need memory."""
 
 
 def healthy_position(recording: Recording, actuator: Actuator) -> Array:
     """Return the user's position [rad] by the averaged model of the healthy actuator, (samples,).
 
-    In pieces of `PIECE_S`, each from the position and speed of the last row before: the backlash gap is
-    centred there and the controller's integrals are 0, which shifts a motion by less than the gap. A piece
-    in which nothing changes, from rest, is not simulated.
+    The recording is simulated in pieces of `PIECE_S`. Each piece starts from position and speed of the last
+    row before it, with the motor in the middle of the backlash gap and the controller's integrals at 0; this
+    shifts the motion by less than the gap. A piece that starts at rest and has constant inputs is not
+    simulated.
     """
     actuator = with_recorded_supply(actuator, recording)
     plant = Plant.of(actuator, HEALTHY.vector[np.newaxis])
@@ -55,5 +56,5 @@ def healthy_position(recording: Recording, actuator: Actuator) -> Array:
 
 
 def _from(signal: Command, begin: float) -> Callable[[Array], Array]:
-    """Return a function of time [s] as one of the time since `begin`."""
+    """Return a signal as a function of the time since `begin` [s]."""
     return lambda times: signal(times + begin)

@@ -1,4 +1,4 @@
-"""The result of a segmentation: each stretch with what it identifies, or why it is of no use."""
+"""Result of a segmentation: each stretch with the faults that it identifies, or the reason of its refusal."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from emaphm.version import VERSION
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of a recording: its rows and times, and the expected precision of each fault.
+    """Stretch of a recording: its rows and times, and the expected precision of each fault.
 
-    `rows` are the first and the last (exclusive), `start_s` and `end_s` their times [s]. `half_widths` are
-    the expected half-widths of 95 % intervals by component, without those that the actuator cannot show;
-    `identifies` those that become known as well as was asked. `reason` says why a stretch is refused; it is
-    empty where the stretch identifies something.
+    `rows` are the first and the last row (exclusive), `start_s` and `end_s` their times [s]. `half_widths`
+    are the expected half-widths of 95 % intervals by component, without components that the actuator lacks;
+    `identifies` are the components with at most the requested half-width. `reason` is the reason for a
+    refusal; it is empty for an accepted stretch.
     """
 
     rows: tuple[int, int]
@@ -33,11 +33,11 @@ class Segment:
 
     @property
     def accepted(self) -> bool:
-        """Whether the stretch identifies something."""
+        """Whether the stretch identifies at least one component."""
         return not self.reason
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the stretch as `emaphm segment --json` prints it."""
+        """Return the stretch in the form of `emaphm segment --json`."""
         return {
             "rows": list(self.rows),
             "start_s": self.start_s,
@@ -51,7 +51,7 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """All stretches of a `recording`, in order, accepted or refused; `wanted` is the half-width asked for."""
+    """All stretches of a `recording` in order, accepted or refused; `wanted` is the requested half-width."""
 
     recording: Recording
     actuator: str
@@ -61,17 +61,17 @@ class Segments:
 
     @property
     def accepted(self) -> tuple[Segment, ...]:
-        """The stretches that identify something."""
-        return tuple(one for one in self.stretches if one.accepted)
+        """Accepted stretches, which identify at least one component."""
+        return tuple(segment for segment in self.stretches if segment.accepted)
 
     def recordings(self) -> list[Recording]:
-        """Return the accepted stretches as recordings, their times those of the whole."""
-        return [stretch(self.recording, *one.rows) for one in self.accepted]
+        """Return the accepted stretches as recordings, with the times of the original recording."""
+        return [stretch(self.recording, *segment.rows) for segment in self.accepted]
 
     def write(self, folder: str | Path, *, force: bool = False) -> list[Path]:
-        """Write the accepted stretches as stretch_001.csv and on, and no others; return their paths.
+        """Write the accepted stretches as stretch_001.csv, stretch_002.csv, …; return their paths.
 
-        With `force`, those of an earlier run are replaced, and removed where there are fewer now.
+        With `force`, stretches of an earlier run are replaced, and surplus stretches are removed.
 
         Raises
         ------
@@ -81,27 +81,27 @@ class Segments:
         folder = Path(folder)
         check_folder(folder, force=force)
         paths = [_path(folder, number) for number in range(1, len(self.accepted) + 1)]
-        for path, one in zip(paths, self.recordings(), strict=True):
-            write_recording(one, path, force=force)
+        for path, recording in zip(paths, self.recordings(), strict=True):
+            write_recording(recording, path, force=force)
         for path in set(_earlier(folder)) - set(paths):
             _remove(path)
         return paths
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `emaphm segment --json` prints."""
+        """Return the output of `emaphm segment --json`."""
         return {
             "recording": self.recording.source,
             "actuator": self.actuator,
             "wanted": self.wanted,
             "accepted": len(self.accepted),
-            "segments": [one.to_dict() for one in self.stretches],
+            "segments": [segment.to_dict() for segment in self.stretches],
             "seed": self.seed,
             "version": VERSION,
         }
 
     def __str__(self) -> str:
-        """Return a table of what identifies something, one of what is refused, and how much that is."""
-        used = sum(one.end_s - one.start_s for one in self.accepted)
+        """Return a table of accepted stretches, a table of refused stretches, and a summary."""
+        used = sum(segment.end_s - segment.start_s for segment in self.accepted)
         summary = (
             f"{len(self.accepted)} of {len(self.stretches)} stretches identify something to "
             f"±{self.wanted:g}: {used:.4g} of {self.recording.duration_s:.4g} s."
@@ -111,35 +111,36 @@ class Segments:
     def _precision(self) -> str:
         if not self.accepted:
             return ""
-        names = [name for name in NAMES if any(name in one.identifies for one in self.accepted)]
+        names = [name for name in NAMES if any(name in segment.identifies for segment in self.accepted)]
         rows = [
             (
-                _times(one),
-                *(f"{one.half_widths[name]:.2g}" if name in one.identifies else NOTHING for name in names),
+                _times(segment),
+                *(
+                    f"{segment.half_widths[name]:.2g}" if name in segment.identifies else NOTHING
+                    for name in names
+                ),
             )
-            for one in self.accepted
+            for segment in self.accepted
         ]
-        title = (
-            f"Expected half-width [-] of each fault's 95 % interval, where that is ±{self.wanted:g} or less:"
-        )
+        title = f"Expected half-width [-] of each fault's 95 % interval, if it is ±{self.wanted:g} or less:"
         return f"{title}\n{format_table(('time [s]', *names), rows)}"
 
     def _refusals(self) -> str:
-        rows = [(_times(one), one.reason) for one in self.stretches if not one.accepted]
+        rows = [(_times(segment), segment.reason) for segment in self.stretches if not segment.accepted]
         return format_table(("time [s]", "refused because"), rows) if rows else ""
 
 
-def _times(one: Segment) -> str:
-    return f"{one.start_s:.2f} to {one.end_s:.2f}"
+def _times(segment: Segment) -> str:
+    return f"{segment.start_s:.2f} to {segment.end_s:.2f}"
 
 
 def check_folder(folder: str | Path, *, force: bool = False) -> None:
-    """Make a folder for stretches, or refuse it; to be called before long work.
+    """Make a folder for stretches and check it; to be called before long work.
 
     Raises
     ------
     OutputError
-        The folder cannot be made or written to, or has stretches already and `force` is not given.
+        The folder cannot be made or written to, or already contains stretches and `force` is not given.
     """
     folder = Path(folder)
     make_folder(folder)
@@ -152,7 +153,7 @@ def _path(folder: Path, number: int) -> Path:
 
 
 def _earlier(folder: Path) -> list[Path]:
-    """Return the stretches that are in a folder."""
+    """Return the paths of the stretches in a folder."""
     return sorted(path for path in folder.glob("stretch_*.csv") if path.stem[len("stretch_") :].isdigit())
 
 
@@ -161,6 +162,6 @@ def _remove(path: Path) -> None:
         path.unlink()
     except OSError as error:
         raise OutputError(
-            f"{path}: of an earlier run, cannot be removed ({error.strerror or error}); remove it, or give "
-            "another folder"
+            f"{path}: this file of an earlier run cannot be removed ({error.strerror or error}); remove it, "
+            "or give another folder"
         ) from None

@@ -1,4 +1,4 @@
-"""Cutting a long recording, of a flight or a day on the rig, into stretches that identify something."""
+"""Segmentation of a long recording, of a flight or a day on the rig, into stretches that identify faults."""
 
 import math
 from collections.abc import Iterator
@@ -21,18 +21,18 @@ from emaphm.recording import Recording
 from emaphm.recording.checks import FEWEST_SAMPLES
 from emaphm.recording.plausibility import MOST_ROWS, check_current
 
-IN_MOTION = "begins in motion: where backlash and controller stand is not known there"
-"""Why what follows the longest stretch of a movement is refused: cut so, recordings of a healthy actuator
-were not explained, with position and speed as without."""
+IN_MOTION = "begins in motion: the states of backlash and controller are not known there"
+"""Reason for the refusal of a stretch that follows the longest stretch of a movement: recordings of a healthy
+actuator that were cut in this way were not explained, with or without position and speed."""
 
 
 @dataclass(frozen=True)
 class SegmentSettings:
-    """Where stretches end.
+    """Limits of saturated stretches.
 
-    A rest ends a stretch (`CellSettings`). A row is at the limit where its current is above `at_limit` of the
-    current limit; a stretch is saturated with more than `most_at_limit` of such rows: in them the current
-    says nothing of friction, gain or load.
+    A row is at the limit if its current is above `at_limit` of the current limit. A stretch is saturated if
+    more than the share `most_at_limit` of its rows are at the limit: there, the current contains no
+    information on friction, gain or load.
     """
 
     at_limit: float = 0.98
@@ -52,32 +52,33 @@ def segments(
     workers: int | None = None,
     on_progress: Progress | None = None,
 ) -> Segments:
-    """Return the stretches of `recording` that will identify faults, and why the others will not.
+    """Return the stretches of `recording`, with the faults that they identify or the reason for a refusal.
 
-    The averaged model is driven with the recorded command; its derivatives at the healthy actuator give the
-    information of each cell of a quarter of a second. A stretch is a movement from rest to rest, or its first
-    `longest_s`. It is accepted if one component at least is expected to be known to ± `wanted`.
+    The averaged model is simulated with the recorded command; its derivatives at the healthy actuator give
+    the information of each cell of a quarter of a second. A stretch is a movement from rest to rest, or its
+    first `longest_s`. It is accepted if the expected half-width of at least one component is ± `wanted` or
+    less.
 
     Parameters
     ----------
     recording
-        One flight or a part of it, with its command; of any length.
+        A flight or a part of it, with its command; of any length.
     actuator
-        The description of the unit.
+        Description of the unit.
     wanted
-        Half-width of a 95 % interval, in the unit of a component, from which a stretch identifies it; the
-        default is that of the verdict "healthy".
+        Largest half-width of a 95 % interval, in the unit of a component, at which a stretch identifies the
+        component; the default is that of the verdict "healthy".
     longest_s
-        Longest stretch [s]; the default is what the reference model corrects.
+        Longest stretch [s]; the default is the longest that the reference model corrects.
     seed, workers
-        The same seed gives the same bits, whatever the number of threads.
+        Seed, and number of threads; the same seed gives the same bits for any number of threads.
     on_progress
         Called with the fraction done, from 0 to 1.
 
     Raises
     ------
     MethodError
-        `wanted` or `longest_s` is not above 0, or the model has nothing to compare with the recording.
+        `wanted` or `longest_s` is not above 0, or no channel of the recording can be compared.
     RecordingError
         A recorded supply is not positive, a current is orders of magnitude beyond its limit, or only phase
         currents could be compared and the actuator has no electrical description.
@@ -95,9 +96,9 @@ def segments(
         )
     space = ParameterSpace.of(actuator)
     information: dict[int, Array] = {}
-    for first, of_cells, found in block_information(recording, actuator, cells, seed, workers):
-        space = found
-        information.update({first + i: one for i, one in enumerate(of_cells)})
+    for first, of_cells, space_of_block in block_information(recording, actuator, cells, seed, workers):
+        space = space_of_block
+        information.update({first + i: of_cell for i, of_cell in enumerate(of_cells)})
         if on_progress is not None:
             on_progress((first + len(of_cells)) / cells.moves.size)
     most_rows = min(int(longest_s * recording.sample_rate_hz), MOST_ROWS)
@@ -107,7 +108,7 @@ def segments(
 
 @dataclass(frozen=True, eq=False)
 class _Cutter:
-    """What the stretches are cut from; `information` (d, d) by cell, of those that move."""
+    """Division of a recording into stretches; `information` (d, d) is that of each moving cell."""
 
     recording: Recording
     actuator: Actuator
@@ -118,7 +119,7 @@ class _Cutter:
     most_rows: int
 
     def stretches(self) -> Iterator[Segment]:
-        """Yield the stretches in order; together they are the whole recording."""
+        """Yield the stretches in order; together they cover the whole recording."""
         start = 0
         for first, last in self._movements():
             if (begin := int(self.cells.edges[first])) > start:
@@ -131,11 +132,11 @@ class _Cutter:
             yield self._rest(start, self.recording.samples)
 
     def _movements(self) -> Iterator[tuple[int, int]]:
-        """Yield first and last cell (exclusive) of each movement: what is between two rests."""
+        """Yield first and last cell (exclusive) of each movement between two rests."""
         fewest = -(-FEWEST_SAMPLES // self.cells.rows)
         reached = 0
         for begin, end in runs(self.cells.moves):
-            # One cell more, as an actuator may be slower than a healthy one; and rows enough for a recording.
+            # One more cell, because an actuator may be slower than healthy; and enough rows for a recording.
             first = max(begin, reached)
             last = min(max(end + 1, first + fewest), self.cells.moves.size)
             if last > first:
@@ -143,21 +144,21 @@ class _Cutter:
                 reached = last
 
     def _cut(self, start: int, first: int, last: int) -> Iterator[Segment]:
-        """Yield the stretches of a movement from row `start`, of the cells `first` to `last` (exclusive)."""
-        known, edges = np.zeros((self.space.dimensions,) * 2), self.cells.edges.tolist()
+        """Yield the stretches of a movement from row `start`, in the cells `first` to `last` (exclusive)."""
+        total, edges = np.zeros((self.space.dimensions,) * 2), self.cells.edges.tolist()
         for cell in range(first, last):
-            known = known + self.information.get(cell, 0.0)
+            total = total + self.information.get(cell, 0.0)
             end = edges[cell + 1]
             if cell + 1 == last or edges[cell + 2] - start > self.most_rows:
-                yield self._segment(start, end, self._half_widths(known), in_motion=start > edges[first])
-                start, known = end, np.zeros_like(known)
+                yield self._segment(start, end, self._half_widths(total), in_motion=start > edges[first])
+                start, total = end, np.zeros_like(total)
 
     def _half_widths(self, information: Array) -> dict[str, float]:
-        """Return the expected half-width of each component; the eccentricity's along its worst direction."""
+        """Return the expected half-width of each component (eccentricity: in its worst direction)."""
         space = self.space
         prior = np.diag(space.prior_deviations**-2)
         values, axes = np.linalg.eigh((information + information.T) / 2)
-        # Free of bias, the information is of either sign by chance where there is none.
+        # The information is free of bias, so that its eigenvalues may be negative by chance.
         positive = axes * np.maximum(values, 0.0) @ axes.T
         covariance = np.linalg.inv(positive + prior) + default_scatter(space.dimensions)
         halves = {}
@@ -173,16 +174,16 @@ class _Cutter:
         identifies = tuple(name for name, half in halves.items() if half <= self.wanted)
         reason = self._saturated(first, last)
         if not reason and last - first < FEWEST_SAMPLES:
-            reason = f"too short: {last - first} rows, a recording has {FEWEST_SAMPLES} at least"
+            reason = f"too short: {last - first} rows, a recording has at least {FEWEST_SAMPLES}"
         if not reason and in_motion:
             reason = IN_MOTION
         if not reason and not identifies:
             best = min(halves, key=lambda name: halves[name])
             reason = f"command too small or too slow: {best} would be known to ±{halves[best]:.2g} only"
-        return self._made(first, last, halves, () if reason else identifies, reason)
+        return self._segment_of(first, last, halves, () if reason else identifies, reason)
 
     def _saturated(self, first: int, last: int) -> str:
-        """Return why the current of a stretch says little, nothing where it is within its limit."""
+        """Return the reason for the refusal of a saturated stretch; empty if it is not saturated."""
         if "current_A" not in self.recording:
             return ""
         level = SEGMENT.at_limit * self.actuator.controller.current_limit
@@ -194,9 +195,9 @@ class _Cutter:
     def _rest(self, first: int, last: int) -> Segment:
         least = f"{self.cells.least:.2g} {unit_for(USER_ANGLE, self.actuator.coordinates)}"
         reason = f"at rest: in {CELLS.rest_s:g} s the command moves by no more than {least}"
-        return self._made(first, last, {}, (), reason)
+        return self._segment_of(first, last, {}, (), reason)
 
-    def _made(
+    def _segment_of(
         self, first: int, last: int, halves: dict[str, float], identifies: tuple[str, ...], reason: str
     ) -> Segment:
         time, interval = self.recording["time_s"], self.recording.interval_s
