@@ -90,9 +90,9 @@ def described_with_laws(
         raise MethodError(
             f"no parameter to calibrate; name some of {', '.join(LUMPED_PARAMETERS)}, or laws to add"
         )
-    names = _usual(rows, actuator, settings) if free is None else tuple(free)
+    names = _default_free(rows, actuator, settings) if free is None else tuple(free)
     # A parameter with a tolerance, if assumed exact, would bias the other parameters.
-    toleranced = [n for n in settings.known if n not in _settled(rows, actuator, settings)]
+    toleranced = [n for n in settings.known if n not in _not_shared(rows, actuator, settings)]
     names = tuple(dict.fromkeys((*names, *toleranced)))
     if not names and not requested:
         raise MethodError(f"no parameter to calibrate; name some of {', '.join(LUMPED_PARAMETERS)}")
@@ -101,7 +101,7 @@ def described_with_laws(
     base = tuple(name for name in names if name not in of_laws)
     check_lumped_parameters(actuator, base)
     if laws == AUTO:
-        return _selected(rows, actuator, base, requested, settings, on_progress)
+        return _with_selected_laws(rows, actuator, base, requested, settings, on_progress)
     if not requested:
         return Description(actuator, names)
     # The fit without the laws has fewer local minima; the fit with the laws starts from it.
@@ -113,7 +113,7 @@ def described_with_laws(
     return Description(extended, tuple(dict.fromkeys(all_free)), requested, without.start)
 
 
-def _selected(
+def _with_selected_laws(
     rows: Sequence[CampaignRow],
     actuator: Actuator,
     free: tuple[str, ...],
@@ -138,7 +138,7 @@ def _selected(
     return Description(choice.actuator, all_free, choice.laws, choice.start, choice.trials)
 
 
-def _settled(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> set[str]:
+def _not_shared(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> set[str]:
     """Return the parameters that are not estimated from all recordings together.
 
     They are known or free in a row, covered by a nuisance, or identifiable only from recordings with faults.
@@ -148,9 +148,9 @@ def _settled(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSetti
     return known | SHOWN_BY_FAULTS | {SAME_PARAMETER[name] for name in estimated if name in SAME_PARAMETER}
 
 
-def _usual(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> tuple[str, ...]:
+def _default_free(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> tuple[str, ...]:
     """Return the default free parameters that the description has and the recordings identify."""
-    settled = _settled(rows, actuator, settings)
+    settled = _not_shared(rows, actuator, settings)
     names = tuple(
         name
         for name in (*MECHANICS, *FURTHER)

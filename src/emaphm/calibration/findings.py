@@ -105,10 +105,10 @@ def found_values(fit: UnitFit, actuator: Actuator) -> dict[str, float]:
         name: float(varied(actuator, name, variation))
         for name, variation in zip(fit.free, variations, strict=True)
     }
-    return _sticking(values, actuator)
+    return _with_static_above_dynamic(values, actuator)
 
 
-def _sticking(values: dict[str, float], actuator: Actuator) -> dict[str, float]:
+def _with_static_above_dynamic(values: dict[str, float], actuator: Actuator) -> dict[str, float]:
     """Return `values` with static friction not below dynamic friction.
 
     Below dynamic friction, static friction has no effect, so its estimate is arbitrary there.
@@ -198,7 +198,7 @@ def found_recordings(
         own = {name: float(varied(described, name, np.asarray(values[BASELINE + name]))) for name in row.free}
         results.append(
             RecordingResult(
-                _replayed(fit, r, row, calibrated),
+                _replay_of(fit, r, row, calibrated),
                 {name: values[name] for name in nuisances.chosen},
                 own,
                 dict(row.known),
@@ -209,10 +209,12 @@ def found_recordings(
     return tuple(results)
 
 
-def _replayed(fit: UnitFit, r: int, row: CampaignRow, calibrated: Actuator) -> Replay:
+def _replay_of(fit: UnitFit, r: int, row: CampaignRow, calibrated: Actuator) -> Replay:
     """Return the replay of recording `r` by the calibrated model with the estimates of this recording."""
     objective = fit.joint.terms[r].objective
     changed = objective.lumped_parameters(fit.joint.local(r, fit.point)[np.newaxis])
-    values = _sticking({name: float(np.ravel(value)[0]) for name, value in changed.items()}, calibrated)
+    values = _with_static_above_dynamic(
+        {name: float(np.ravel(value)[0]) for name, value in changed.items()}, calibrated
+    )
     as_recorded = with_lumped_parameters(calibrated, row.parameters | values)
     return replay(row.completed(), as_recorded)

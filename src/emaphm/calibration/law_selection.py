@@ -259,8 +259,8 @@ class _Trials:
         count = len(fitted.joint.terms)
         held_out = np.empty(count)
         for left_out in folds(count, CROSS_VALIDATION.most_folds, self.fit_settings.seed):
-            kept = [r for r in range(count) if r not in left_out]
-            training, start = subset(fitted.joint, fitted.point, kept)
+            training_rows = [r for r in range(count) if r not in left_out]
+            training, start = subset(fitted.joint, fitted.point, training_rows)
             shared = descend(training, start[np.newaxis], training.box, DESCENT).best[: training.shared]
             for r in left_out:
                 held_out[r] = _held_out_error(fitted.joint, r, shared)

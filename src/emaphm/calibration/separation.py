@@ -124,10 +124,10 @@ def _channel_information(fit: UnitFit, seed: int) -> dict[str, Array]:
         if not missing:
             continue
         channels = (*missing, *problem.channels)
-        other = problem.observing(channels)
+        extended = problem.observing(channels)
 
-        def signals(points: Array, objective: Any = objective, other: Any = other) -> Array:
-            predicted = other.predict(objective.space.faults(points), objective.lumped_parameters(points))
+        def signals(points: Array, objective: Any = objective, extended: Any = extended) -> Array:
+            predicted = extended.predict(objective.space.faults(points), objective.lumped_parameters(points))
             return np.asarray(predicted.reshape(len(points), -1))
 
         rng = stream(seed, "Jacobians of further channels", r)

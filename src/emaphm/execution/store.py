@@ -152,7 +152,7 @@ class Writer:
     connection: sqlite3.Connection
 
     def keep(self, task: Task, outcome: Outcome, session: str, elapsed_s: float) -> None:
-        """Store a result, replacing that of the same key, and the time `elapsed_s` of the `session` so far."""
+        """Store a result, replacing that of the same key, and the time `elapsed_s` of the `session`."""
         text = json.dumps(outcome.result)
         wall, cpu = outcome.wall_seconds, outcome.cpu_seconds
         row = (task.key, text, wall, cpu, _digest(task.key, text, wall, cpu))

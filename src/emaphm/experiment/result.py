@@ -92,17 +92,19 @@ class Design:
             f"Medians over faults that fill their range; recorded: {', '.join(setup.channels)}; current "
             f"noise {setup.noise:.3g} A rms; {setup.sample_rate:g} Hz."
         )
-        given, found = self.given.simulated, self.found.simulated
-        if given is None or found is None:
+        given_tests, found_tests = self.given.simulated, self.found.simulated
+        if given_tests is None or found_tests is None:
             untested = "Not confirmed by simulated tests: none were requested."
             return [conditions, *self._unseen_motion(), untested, self._conclusion()]
-        wider = _wider(self.given.predicted, given.precision) | _wider(self.found.predicted, found.precision)
+        wider = _wider(self.given.predicted, given_tests.precision) | _wider(
+            self.found.predicted, found_tests.precision
+        )
         too_wide = sorted(wider, key=NAMES.index)
         evidence = (
             f"{'Tested' if too_wide else 'Confirmed'} by diagnoses of {self.tests} tests simulated by the "
-            f"{setup.truth.name} model; median error of the given test {given.median_error:.2f} %"
+            f"{setup.truth.name} model; median error of the given test {given_tests.median_error:.2f} %"
         )
-        evidence += f", of the found test {found.median_error:.2f} %." if self.better else "."
+        evidence += f", of the found test {found_tests.median_error:.2f} %." if self.better else "."
         lines = [conditions, *self._unseen_motion(), evidence]
         if too_wide:
             lines.append(

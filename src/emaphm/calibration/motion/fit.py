@@ -75,7 +75,7 @@ class _Campaign:
         own = tuple(dict.fromkeys(name for of_row in freed for name in sorted(of_row)))
         described = lumped_parameters(actuator, own)
         known = tuple(
-            _of_temperature(row, actuator, (*shared, *of_row))
+            _warm_parameters(row, actuator, (*shared, *of_row))
             | {name: value for name, value in described.items() if name not in of_row}
             | {name: v for name, v in row.parameters.items() if name not in (*OF_CONTROLLER, "supply")}
             for row, of_row in zip(rows, freed, strict=True)
@@ -111,7 +111,7 @@ def _loads(row: CampaignRow, shared: Sequence[str], estimated: Sequence[str]) ->
     )
 
 
-def _of_temperature(row: CampaignRow, actuator: Actuator, free: Sequence[str]) -> dict[str, float]:
+def _warm_parameters(row: CampaignRow, actuator: Actuator, free: Sequence[str]) -> dict[str, float]:
     """Return torque constant and resistance at the known temperature of a row, except if `free`."""
     recording = row.completed()
     if actuator.electrical is None or KNOWN_BY["temperature"] not in recording:
@@ -169,7 +169,7 @@ def motion_fit(
     lower = (min(cutoff.position_hz for cutoff in used) / 2, min(cutoff.regression_hz for cutoff in used) / 2)
     filtered_more = campaign.fit(actuator, lower)
     change = np.array([filtered_more.values[name] - value for name, value in result.values.items()])
-    alone = tuple(_alone(row, actuator, free, nuisances) for row in rows) if len(rows) > 1 else ()
+    alone = tuple(_fit_alone(row, actuator, free, nuisances) for row in rows) if len(rows) > 1 else ()
     return MotionFit(
         result,
         campaign.loads,
@@ -199,7 +199,7 @@ def _scale_deviation(
     return float(variance**0.5)
 
 
-def _alone(
+def _fit_alone(
     row: CampaignRow, actuator: Actuator, free: tuple[str, ...], nuisances: Sequence[str] | None
 ) -> MotionFit | None:
     try:

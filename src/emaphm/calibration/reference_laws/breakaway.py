@@ -54,7 +54,7 @@ def with_breakaway(fit: UnitFit, seed: int) -> tuple[UnitFit, tuple[str, ...]]:
         i, column = fit.free.index(name), fit.fitted.index(name)
         if reference_share(fit, column, seed) >= RIGHT:
             continue
-        shift, error = _least(_cost_along(fit, column, seed))
+        shift, error = _minimum(_cost_along(fit, column, seed))
         averaged = float(fit.standard_errors[i])
         if error <= averaged:
             continue
@@ -102,7 +102,7 @@ def _cost_along(fit: UnitFit, column: int, seed: int) -> Callable[[float], float
     return cost
 
 
-def _least(cost: Callable[[float], float]) -> tuple[float, float]:
+def _minimum(cost: Callable[[float], float]) -> tuple[float, float]:
     """Return the distance with the smallest cost, and its standard error.
 
     The standard error is that of a uniform distribution over the interval of practically equal costs. It is

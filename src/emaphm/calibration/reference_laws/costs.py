@@ -21,8 +21,8 @@ def reference_costs(joint: JointObjective, points: Sequence[Array], seed: int) -
     All are infinite if one of the points needs a step that is shorter than the model's.
     """
     lengths = [term.objective.problem.duration_s for term in joint.terms]
-    kept = sorted(range(len(lengths)), key=lambda r: lengths[r])[:RECORDINGS]
-    parts = [subset(joint, point, kept) for point in points]
+    shortest = sorted(range(len(lengths)), key=lambda r: lengths[r])[:RECORDINGS]
+    parts = [subset(joint, point, shortest) for point in points]
     try:
         outcomes = compared(parts[0][0], np.array([start for _, start in parts]), seed, "shaft")
     except MethodError:  # the step is too long for a very stiff or strongly damped shaft

@@ -154,9 +154,9 @@ def shaft_starts(
     if not can_be_compared(joint):
         return ()
     stiff = actuator.model_copy(update={"transmission": None})
-    others = tuple(name for name in fitted if name not in NAMES)
-    start = {name: value for name, value in description.start.items() if name in others}
-    rigid = searched(rows, stiff, others, settings, start)
+    other_parameters = tuple(name for name in fitted if name not in NAMES)
+    start = {name: value for name, value in description.start.items() if name in other_parameters}
+    rigid = searched(rows, stiff, other_parameters, settings, start)
     grid = _grid(joint, rigid, fitted, settings.seed)
     return tuple(SearchedUnit(joint, point) for _, point in grid[: SCAN.starts])
 
@@ -170,9 +170,9 @@ def _grid(
     those of the `rigid` unit.
     """
     places, count = [fitted.index(name) for name in NAMES], len(fitted)
-    others = np.delete(np.arange(count), places)
+    other_columns = np.delete(np.arange(count), places)
     point = np.zeros(joint.box.lower.size)
-    point[others], point[count:] = np.split(rigid.point, [others.size])
+    point[other_columns], point[count:] = np.split(rigid.point, [other_columns.size])
     m = joint.terms[0].objective.problem.actuator.mechanics
     described = lumped_parameters(joint.terms[0].objective.problem.actuator, NAMES)
     critical = 2 * math.sqrt(described["stiffness"] * m.inertia_motor * m.inertia_user / m.inertia)

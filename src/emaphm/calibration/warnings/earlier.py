@@ -25,12 +25,14 @@ def earlier_warnings(before: Actuator, after: Actuator) -> tuple[str, ...]:
         return ()
     again = {Path(source).name for source in new.recordings}
     lost = [source for source in old.recordings if Path(source).name not in again]
-    return (*_contradictions(before, after, old, new), *_lost(lost, before, after)) if lost else ()
+    return (
+        (*_contradictions(before, after, old, new), *_lost_information(lost, before, after)) if lost else ()
+    )
 
 
 def _contradictions(before: Actuator, after: Actuator, old: Baseline, new: Baseline) -> Sequence[str]:
     names = tuple(name for name in old.names if name in new.names)
-    sizes = np.abs(_differences(before, after, names)) / _errors(old, new, names)
+    sizes = np.abs(_differences(before, after, names)) / _standard_errors(old, new, names)
     far = [f"{name} by {size:.0f}" for name, size in zip(names, sizes, strict=True) if size > CONTRADICTS]
     if not far:
         return ()
@@ -53,12 +55,12 @@ def _differences(before: Actuator, after: Actuator, names: tuple[str, ...]) -> A
     )
 
 
-def _errors(old: Baseline, new: Baseline, names: tuple[str, ...]) -> Array:
+def _standard_errors(old: Baseline, new: Baseline, names: tuple[str, ...]) -> Array:
     squares = [old.deviations[name] ** 2 + new.deviations[name] ** 2 for name in names]
     return np.sqrt(np.maximum(squares, np.finfo(float).tiny))
 
 
-def _lost(recordings: Sequence[str], before: Actuator, after: Actuator) -> Sequence[str]:
+def _lost_information(recordings: Sequence[str], before: Actuator, after: Actuator) -> Sequence[str]:
     model_error = before.model_error != NOT_LEARNED and after.model_error == NOT_LEARNED
     subject = "the parameters" + (" and the model error" if model_error else "")
     sentence = (

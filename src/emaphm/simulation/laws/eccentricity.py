@@ -35,12 +35,12 @@ def gap_factors(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Phases:
     ----------
     [1] Thesis, section 4.5, Fig. 4.8 to 4.10.
     """
-    along = cos * z_cos - sin * z_sin
-    across = sin * z_cos + cos * z_sin
+    cosine = cos * z_cos - sin * z_sin
+    sine = sin * z_cos + cos * z_sin
     return Phases(
-        1.0 + along,
-        1.0 - 0.5 * along - SQRT3_2 * across,
-        1.0 - 0.5 * along + SQRT3_2 * across,
+        1.0 + cosine,
+        1.0 - 0.5 * cosine - SQRT3_2 * sine,
+        1.0 - 0.5 * cosine + SQRT3_2 * sine,
     )
 
 

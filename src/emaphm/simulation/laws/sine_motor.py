@@ -59,9 +59,9 @@ def line_currents(current: Phases, cos: Any, sin: Any) -> Any:
     ----------
     [1] R. H. Park: Two-reaction theory of synchronous machines. Trans. AIEE 48, 1929.
     """
-    along = INVERSE_SQRT3 * (current.a - 0.5 * (current.b + current.c))
-    across = 0.5 * (current.b - current.c)
-    return -(cos * along + sin * across), sin * along - cos * across
+    alpha = INVERSE_SQRT3 * (current.a - 0.5 * (current.b + current.c))
+    beta = 0.5 * (current.b - current.c)
+    return -(cos * alpha + sin * beta), sin * alpha - cos * beta
 
 
 def line_voltages(voltage: Phases, cos: Any, sin: Any) -> Any:
@@ -96,6 +96,6 @@ def phase_voltages(in_d: Any, in_q: Any, cos: Any, sin: Any) -> Phases:
     -------
     v_i, with the sum 0 [V].
     """
-    along = INVERSE_SQRT3 * (in_q * sin - in_d * cos)
-    across = -0.5 * (in_q * cos + in_d * sin)
-    return Phases(along, -0.5 * along + across, -0.5 * along - across)
+    alpha = INVERSE_SQRT3 * (in_q * sin - in_d * cos)
+    beta = -0.5 * (in_q * cos + in_d * sin)
+    return Phases(alpha, -0.5 * alpha + beta, -0.5 * alpha - beta)

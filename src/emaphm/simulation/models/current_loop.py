@@ -20,11 +20,11 @@ from emaphm.simulation.models.conducting_pair import NUMBERS, ConductingPair, co
 
 def current_loop(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
     """Return the current loop of an actuator's drive, averaged or switched."""
-    loop = _loop(structure, averaged=averaged)
-    return _lagging(loop) if structure.current_lag else _exact(loop)
+    loop = _loop_without_sensor(structure, averaged=averaged)
+    return _with_lagging_sensor(loop) if structure.current_lag else _with_exact_sensor(loop)
 
 
-def _loop(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
+def _loop_without_sensor(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
     """Return the loop without its sensor.
 
     The function has the output of the sensor at the start of the step as an additional argument, after the
@@ -33,11 +33,11 @@ def _loop(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
     if not averaged:
         return _switched
     if structure.drive == "six-step":
-        return _controlled(conducting_pair(structure))
+        return _sampled_loop(conducting_pair(structure))
     return _following_lagging if structure.current_lag else _following
 
 
-def _exact(loop: Callable[..., Any]) -> Callable[..., Any]:
+def _with_exact_sensor(loop: Callable[..., Any]) -> Callable[..., Any]:
     def sensed(s: Any, p: Any, u: Any, reference: Any, *winding: Any) -> Any:
         current, voltage, own = loop(s, p, u, reference, s.current, *winding)
         return current, current, voltage, own
@@ -45,7 +45,7 @@ def _exact(loop: Callable[..., Any]) -> Callable[..., Any]:
     return sensed
 
 
-def _lagging(loop: Callable[..., Any]) -> Callable[..., Any]:
+def _with_lagging_sensor(loop: Callable[..., Any]) -> Callable[..., Any]:
     def sensed(s: Any, p: Any, u: Any, reference: Any, *winding: Any) -> Any:
         current, voltage, own = loop(s, p, u, reference, s.sensed, *winding)
         shown = approach(s.sensed, current, p.sensed_share)
@@ -94,7 +94,7 @@ def _following_lagging(s: Any, p: Any, u: Any, reference: Any, shown: Any, *wind
     return _following(s, p, u, target, shown, *winding)
 
 
-def _controlled(pair: ConductingPair) -> Callable[..., Any]:
+def _sampled_loop(pair: ConductingPair) -> Callable[..., Any]:
     """Return the sampled current loop of a six-step drive, with the delay of `pulse_width.delay_shares`."""
 
     def controlled(

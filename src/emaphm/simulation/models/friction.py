@@ -16,14 +16,14 @@ from emaphm.simulation.laws.stribeck import stribeck_factor
 
 def bristles(structure: Structure) -> Callable[..., Any]:
     """Return a function of the state for the bristles' torque [N·m]: a tuple, empty without bristles."""
-    return _bent if structure.presliding else _none_bent
+    return _bristle_torque if structure.presliding else _no_bristles
 
 
-def _bent(s: Any) -> Any:
+def _bristle_torque(s: Any) -> Any:
     return (s.bristles,)
 
 
-def _none_bent(s: Any) -> Any:  # noqa: ARG001
+def _no_bristles(s: Any) -> Any:  # noqa: ARG001
     return ()
 
 

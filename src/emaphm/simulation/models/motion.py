@@ -220,9 +220,9 @@ def motion(structure: Structure) -> Callable[..., Any]:
     """
     ripple = _ripple(structure)
     move = _compliant(structure) if structure.compliance else _rigid(structure)
-    weight, turn_user = (_weight, _turn_user) if structure.gravity else (_no_weight, _nothing)
-    stepping = _steps(structure.load_steps)
-    turn_screw = _turn_screw if any(ripple.screw for ripple in structure.ripples) else _nothing
+    weight, turn_user = (_weight, _turn_user) if structure.gravity else (_zero_torque, _no_state)
+    stepping = _load_steps(structure.load_steps)
+    turn_screw = _turn_screw if any(ripple.screw for ripple in structure.ripples) else _no_state
 
     def moved(s: Any, p: Any, u: Any, torque: Any, swing: Any = None) -> Any:
         external = u.load + p.offset + p.load_stiffness * s.output + weight(s, p) + stepping(p, u)
@@ -263,11 +263,11 @@ def recorded_motion(s: Any, p: Any, u: Any, following: Any) -> Any:
     )
 
 
-def _nothing(s: Any, p: Any, turned: Any) -> Any:  # noqa: ARG001
+def _no_state(s: Any, p: Any, turned: Any) -> Any:  # noqa: ARG001
     return ()
 
 
-def _no_weight(s: Any, p: Any) -> Any:  # noqa: ARG001
+def _zero_torque(s: Any, p: Any) -> Any:  # noqa: ARG001
     return 0.0
 
 
@@ -275,7 +275,7 @@ def _weight(s: Any, p: Any) -> Any:
     return gravity_load(s.user_cos, s.user_sin, p.gravity_along, p.gravity_across)
 
 
-def _steps(count: int) -> Callable[..., Any]:
+def _load_steps(count: int) -> Callable[..., Any]:
     """Return the sum of `count` load steps, as a function of parameters and inputs."""
     names_by_step = [step_names(i) for i in range(1, count + 1)]
 
@@ -299,7 +299,7 @@ def _turn_screw(s: Any, p: Any, turned: Any) -> Any:
 
 def _ripple(structure: Structure) -> Callable[..., Any]:
     """Return the sum of the torque's harmonics, as a function of state and parameters."""
-    total: Callable[..., Any] = _no_weight
+    total: Callable[..., Any] = _zero_torque
     for i, ripple in enumerate(structure.ripples, 1):
         total = _with_harmonic(total, harmonic(ripple.order), i, ripple.screw)
     return total
@@ -317,7 +317,7 @@ def _with_harmonic(
     return total
 
 
-def _breaking_away(s: Any, torque: Any, opposing: Any, swing: Any) -> Any:
+def _torque_at_breakaway(s: Any, torque: Any, opposing: Any, swing: Any) -> Any:
     """Return the motor's torque; at rest, plus the ripple's amplitude in the direction of the net torque."""
     if swing is None:
         return torque
@@ -332,12 +332,12 @@ def _rigid(structure: Structure) -> Callable[..., Any]:
 
     The end stops limit the user's side. A shaft at a stop has the speed 0 while the torque acts outwards.
     """
-    speed_of, bent = friction.friction(structure), friction.bristles(structure)
+    speed_of, bristle_torque = friction.friction(structure), friction.bristles(structure)
 
     def rigid(s: Any, p: Any, step: Any, torque: Any, external: Any, swing: Any) -> Any:
-        made = _breaking_away(s, torque, external, swing)
+        made = _torque_at_breakaway(s, torque, external, swing)
         free, bristles = speed_of(
-            p, s.speed, bent(s), made, external, p.viscous, p.static, p.coulomb, p.step_per_inertia
+            p, s.speed, bristle_torque(s), made, external, p.viscous, p.static, p.coulomb, p.step_per_inertia
         )
         reached = s.angle + free * step
         held = clip(reached, p.low_stop - p.half_gap, p.high_stop + p.half_gap)
@@ -354,7 +354,7 @@ def _compliant(structure: Structure) -> Callable[..., Any]:
     relative. Friction that depends on the transmitted torque, on the direction or on the square of the speed,
     and the bristles, act on the motor's side.
     """
-    speed_of, bent = friction.friction(structure), friction.bristles(structure)
+    speed_of, bristle_torque = friction.friction(structure), friction.bristles(structure)
     user_friction = structure._replace(
         load_dependent=False, directional=False, quadratic=False, presliding=False
     )
@@ -365,8 +365,8 @@ def _compliant(structure: Structure) -> Callable[..., Any]:
         speed, bristles = speed_of(
             p,
             s.speed,
-            bent(s),
-            _breaking_away(s, torque, passed, swing),
+            bristle_torque(s),
+            _torque_at_breakaway(s, torque, passed, swing),
             passed,
             p.viscous - p.user_viscous,
             p.static - p.user_static,

@@ -195,7 +195,9 @@ def _advance(
     pair = conducting_pair(structure)
     shaped = _shaped if structure.emf_shape or structure.commutation else _trapezoidal
     swing_of = _swing(pair) if structure.drive == "six-step" else _no_swing
-    supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
+    supply_of, bus_after = (
+        (_sagging_supply, _bus_state) if structure.source else (_stiff_supply, _no_bus_state)
+    )
 
     def advance(s: Any, p: Any, u: Any) -> Any:
         reference, controlled = demand_of(s, p, u)
@@ -225,7 +227,7 @@ def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
     """Return the step of a DC motor whose drive sets the duty cycle; no current while the drive is off."""
     demand_of, driven = control.control(structure), motion.driven_motion(structure)
     flux_of, against = _losses(structure)
-    supply_of = _under_duty if structure.source else _stiff_under_duty
+    supply_of = _supply_under_duty if structure.source else _stiff_supply_under_duty
 
     def advance(s: Any, p: Any, u: Any) -> Any:
         duty, controlled = demand_of(s, p, u)
@@ -292,11 +294,11 @@ def _with_drop(s: Any, p: Any, back_emf: Any) -> Any:
     return back_emf + voltage_drop(s.current, p.drop, p.per_knee)
 
 
-def _stiff_under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:  # noqa: ARG001
+def _stiff_supply_under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:  # noqa: ARG001
     return p.supply
 
 
-def _under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:
+def _supply_under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:
     return supply_under_duty(
         p.supply, p.source_resistance, duty, s.current, back_emf, p.conductance_a, p.decay_a
     )
@@ -310,17 +312,17 @@ def _printed_gaps(s: Any, p: Any) -> Any:
     return printed_factor(np.cos(s.electrical), np.sin(s.electrical), p.z_cos, p.z_sin)
 
 
-def _stiff(s: Any, p: Any) -> Any:  # noqa: ARG001
+def _stiff_supply(s: Any, p: Any) -> Any:  # noqa: ARG001
     return p.supply
 
 
-def _sagging(s: Any, p: Any) -> Any:
+def _sagging_supply(s: Any, p: Any) -> Any:
     return sagging_supply(p.supply, p.source_resistance, s.bus_current)
 
 
-def _nothing_drawn(voltage: Any, current: Any, supply: Any) -> Any:  # noqa: ARG001
+def _no_bus_state(voltage: Any, current: Any, supply: Any) -> Any:  # noqa: ARG001
     return ()
 
 
-def _drawn(voltage: Any, current: Any, supply: Any) -> Any:
+def _bus_state(voltage: Any, current: Any, supply: Any) -> Any:
     return (voltage * current / supply,)  # the inverter passes on the winding's power without loss

@@ -151,7 +151,7 @@ def laws(structure: Structure) -> Laws:
         _shaped if structure.emf_shape else _trapezoidal,
         _saturated if structure.saturation else _unsaturated,
         _with_drop if structure.voltage_drop else _back_emf,
-        *((_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)),
+        *((_sagging_supply, _bus_state) if structure.source else (_stiff_supply, _no_bus_state)),
         *((_lagging, _lag, _lag_state) if structure.current_lag else (_exact, _no_lag, _no_sensor_state)),
     )
 
@@ -201,19 +201,19 @@ def _with_drop(current: Phases, p: Any, back_emf: Phases) -> Any:
     return back_emf + voltage_drop(current, p.leg_drop, p.per_knee)
 
 
-def _stiff(s: Any, p: Any) -> Any:  # noqa: ARG001
+def _stiff_supply(s: Any, p: Any) -> Any:  # noqa: ARG001
     return p.half_supply
 
 
-def _sagging(s: Any, p: Any) -> Any:
+def _sagging_supply(s: Any, p: Any) -> Any:
     return sagging_supply(p.half_supply, 0.5 * p.source_resistance, s.bus_current)
 
 
-def _nothing_drawn(switched: Any) -> Any:  # noqa: ARG001
+def _no_bus_state(switched: Any) -> Any:  # noqa: ARG001
     return ()
 
 
-def _drawn(switched: Any) -> Any:
+def _bus_state(switched: Any) -> Any:
     # A leg that is high draws its phase's current from the supply; the sum of the currents is 0.
     return (0.5 * switched,)
 
