@@ -93,7 +93,7 @@ def test_a_free_gain_and_a_free_lag_stay_in_closed_loop(reference: Recording) ->
     lagging = with_lumped_parameters(WRONG_GAIN, {"torque_lag": 1e-4})
     found = calibrate(reference, lagging, ["inertia", "torque_lag"], max_corrections=0)
     assert found.loop.loop == "closed"
-    assert "does not show 'torque_lag'" in found.loop.reason
+    assert "does not identify 'torque_lag'" in found.loop.reason
 
 
 @pytest.mark.parametrize(
@@ -103,10 +103,15 @@ def test_a_free_gain_and_a_free_lag_stay_in_closed_loop(reference: Recording) ->
             ["inertia", "resistance", "backlash"],
             None,
             "measured",
-            r"measured motion does not show 'backlash'",
+            r"measured motion does not identify 'backlash'",
         ),
-        (["inertia", "position_gain"], None, "measured", r"does not show 'position_gain'; leave it out, or"),
-        (["inertia"], ["compliance"], "measured", r"does not show 'stiffness'"),
+        (
+            ["inertia", "position_gain"],
+            None,
+            "measured",
+            r"does not identify 'position_gain'; leave it out, or",
+        ),
+        (["inertia"], ["compliance"], "measured", r"does not identify 'stiffness'"),
         (["inertia"], "auto", "measured", r"name the laws, or calibrate in closed loop"),
         (["inertai"], None, "measured", r"did you mean 'inertia'\?"),
         (["inertia"], None, "mesured", r"unknown loop 'mesured' \(did you mean 'measured'\?\)"),

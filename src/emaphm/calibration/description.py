@@ -141,7 +141,8 @@ def _with_selected_laws(
 def _not_shared(rows: Sequence[CampaignRow], actuator: Actuator, settings: FitSettings) -> set[str]:
     """Return the parameters that are not estimated from all recordings together.
 
-    They are known or free in a row, covered by a nuisance, or identifiable only from recordings with faults.
+    They are known or free in a row, have the same effect as an estimated nuisance, or are identifiable only
+    under faults (`SHOWN_BY_FAULTS`).
     """
     known = {name for row in rows for name in (*row.known, *row.free)}
     estimated = actuator.nuisances.estimated if settings.nuisances is None else settings.nuisances

@@ -28,8 +28,8 @@ class Parameter:
     ----------
     standard_error
         Standard error. For a positive parameter that is not identifiable, the distance to the upper end of
-        one standard error: such a parameter is known by its logarithm, within the `factor`, and its true
-        value may be far below or above.
+        one standard error: such a parameter is known by its logarithm, within the `factor`, and the estimate
+        may be far below the true value.
     identifiable
         Whether the recordings identify the parameter; a parameter at its bound is not identifiable.
     doubtful

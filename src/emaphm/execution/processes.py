@@ -79,7 +79,7 @@ def _as_finished(pool: Executor, tasks: Sequence[Task], most: int) -> Generator[
 def interrupts_held_back() -> Iterator[None]:
     """Block Ctrl-C and SIGTERM while processes are started; the processes inherit the blocked signals.
 
-    SIGTERM is also blocked, because a partly started process would not be ended with its parent.
+    SIGTERM is also blocked, because it would leave a partly started process behind.
     """
     # Otherwise it is started with the first process, and Python then unblocks both signals.
     resource_tracker.ensure_running()

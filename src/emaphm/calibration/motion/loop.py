@@ -62,8 +62,8 @@ def chosen_loop(
             return LoopChoice(
                 "closed", f"the controller's gains are not clearly identifiable from {listed(unclear, 'and')}"
             )
-        return LoopChoice("closed", "the described controller agrees with what was recorded")
-    contradiction = f"the described controller contradicts what was recorded: {', '.join(against)}"
+        return LoopChoice("closed", "the described controller agrees with the recordings")
+    contradiction = f"the described controller contradicts the recordings: {', '.join(against)}"
     gains = sorted({*free, *(name for row in rows for name in row.free)} & set(OF_CONTROLLER))
     if gains:
         return LoopChoice(

@@ -47,9 +47,8 @@ class ShaftScanSettings:
     best points are corrected.
 
     A shaft is added if the best point reduces the mean squared residual of a rigid shaft below the share
-    `shown`. The share of healthy plants of other simulators was 0.26 and 0.39 with a shaft of 62 and
-    986 N·m/rad, 0.69 with two further laws that were not described, and 0.91 to 2.8 without a compliant
-    shaft (six plants).
+    `shown`. The share of healthy foreign plants was 0.26 and 0.39 with a shaft of 62 and 986 N·m/rad, 0.69
+    with two further laws that were not described, and 0.91 to 2.8 without a compliant shaft (six plants).
     """
 
     stiffness_factors: tuple[float, ...] = tuple(2.0**i for i in range(-3, 6))

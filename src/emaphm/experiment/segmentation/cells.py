@@ -54,8 +54,8 @@ class CellSettings:
 CELLS = CellSettings()
 
 NOISE_ORDER = 4
-"""Order of the differences that measure the noise of a command; with a lower order, a command that seldom
-changes by one count has no noise."""
+"""Order of the differences that measure the noise of a command; with a lower order, the measured noise of a
+command that seldom flickers is 0."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,7 +55,7 @@ def sensed(signal: Array, sensor: Sensor, interval: float, noise: Array | float 
         return signal
     if sensor.delay >= signal.shape[-1] * interval:
         raise MethodError(
-            f"a sensor with a delay of {sensor.delay:g} s shows nothing of a recording of "
+            f"a sensor's delay of {sensor.delay:g} s is not shorter than the recording of "
             f"{signal.shape[-1] * interval:g} s; correct it under [sensors] in the actuator's TOML"
         )
     late = delayed(lagged(signal, interval, sensor.lag), interval, sensor.delay)
