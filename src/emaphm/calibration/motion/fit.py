@@ -142,8 +142,8 @@ def check_measurable(rows: Sequence[CampaignRow], free: Sequence[str]) -> None:
     for name in (*free, *sorted(own)):
         if name not in BALANCED:
             raise MethodError(
-                f"measured motion does not identify '{name}'; leave it out, or calibrate in closed loop (loop "
-                f"'closed'). It identifies {', '.join(NAMES)}, and torque ripple"
+                f"measured motion does not identify '{name}'; leave it out, or calibrate in closed loop "
+                f"(loop 'closed'). It identifies {', '.join(NAMES)}, and torque ripple"
             )
     for name in sorted(own & set(free)):
         raise MethodError(
