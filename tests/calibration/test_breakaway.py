@@ -11,7 +11,7 @@ from emaphm.simulated_recording import simulate
 
 pytestmark = pytest.mark.usefixtures("no_model_error")
 
-WARNING = "times less well by the reference model"
+WARNING = "times as large by the reference model"
 
 
 def calibrated(described: Actuator) -> tuple[Calibration, float]:

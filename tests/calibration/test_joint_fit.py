@@ -221,7 +221,7 @@ def test_what_acts_alike_is_named_with_what_would_separate_it() -> None:
         ({"position_gian": 1.0}, (), r"did you mean 'position_gain'\?"),
         ({"inertia": 2e-5}, (), "'inertia' is known here, and free for all recordings; leave one"),
         ({"supply": 50.0}, ("supply",), "'supply' is both known and free here; leave one"),
-        ({"position_gain": -1e5}, (), "position_gain = -100000 cannot be: .* greater than 0"),
+        ({"position_gain": -1e5}, (), "position_gain = -100000 is impossible: .* greater than 0"),
         ({"temperature": -5.0}, (), "give it in kelvin"),
         ({"load": float("nan")}, (), "is no finite number"),
         ({}, ("frction",), "unknown parameter 'frction'"),

@@ -82,7 +82,7 @@ def test_a_right_description_stays_in_closed_loop(reference: Recording) -> None:
     alone = {name: reference[name] for name in ("time_s", "command_rad", "current_A")}
     unchecked = calibrate(Recording(alone, reference.sampling), THESIS, ["inertia"], max_corrections=0)
     assert unchecked.loop.loop == "closed"
-    assert unchecked.loop.reason == "no recording shows the controller's gains"
+    assert unchecked.loop.reason == "the controller's gains are not identifiable from the recordings"
 
 
 def test_a_free_gain_and_a_free_lag_stay_in_closed_loop(reference: Recording) -> None:
@@ -93,7 +93,7 @@ def test_a_free_gain_and_a_free_lag_stay_in_closed_loop(reference: Recording) ->
     lagging = with_lumped_parameters(WRONG_GAIN, {"torque_lag": 1e-4})
     found = calibrate(reference, lagging, ["inertia", "torque_lag"], max_corrections=0)
     assert found.loop.loop == "closed"
-    assert "does not show 'torque_lag'" in found.loop.reason
+    assert "does not identify 'torque_lag'" in found.loop.reason
 
 
 @pytest.mark.parametrize(
@@ -103,10 +103,15 @@ def test_a_free_gain_and_a_free_lag_stay_in_closed_loop(reference: Recording) ->
             ["inertia", "resistance", "backlash"],
             None,
             "measured",
-            r"measured motion does not show 'backlash'",
+            r"measured motion does not identify 'backlash'",
         ),
-        (["inertia", "position_gain"], None, "measured", r"does not show 'position_gain'; leave it out, or"),
-        (["inertia"], ["compliance"], "measured", r"does not show 'stiffness'"),
+        (
+            ["inertia", "position_gain"],
+            None,
+            "measured",
+            r"does not identify 'position_gain'; leave it out, or",
+        ),
+        (["inertia"], ["compliance"], "measured", r"does not identify 'stiffness'"),
         (["inertia"], "auto", "measured", r"name the laws, or calibrate in closed loop"),
         (["inertai"], None, "measured", r"did you mean 'inertia'\?"),
         (["inertia"], None, "mesured", r"unknown loop 'mesured' \(did you mean 'measured'\?\)"),

@@ -36,7 +36,7 @@ def found(
 @pytest.mark.parametrize(
     ("asked", "machine", "law", "note"),
     [
-        (with_shaft_that_shows, COMPLIANT, "compliance", "The shaft gives, by the reference model"),
+        (with_shaft_that_shows, COMPLIANT, "compliance", "The shaft is compliant, by the reference model"),
         (with_lag_that_shows, LAGGING, "sensor-lag", "The current sensors lag, by the reference model"),
     ],
 )

@@ -66,7 +66,9 @@ def test_more_than_a_diagnosis_allows_is_said(chirp: Calibration, slow: Calibrat
     (warning,) = [one for one in slow.warnings if "diagnosis allows" in one]
     share = slow.relative_error["current_A"]
     assert share > 0.05
-    assert warning.startswith(f"day 0: {100 * share:.3g} % of current_A is left, more than noise and the 5 %")
+    assert warning.startswith(
+        f"day 0: the residual is {100 * share:.3g} % of current_A, more than noise and the 5 %"
+    )
 
 
 STICKING = with_lumped_parameters(
@@ -82,8 +84,8 @@ def of_a_law(found: Calibration) -> list[str]:
 def test_a_law_that_is_missing_is_said_with_what_is_left() -> None:
     found = calibrated(STICKING, CHIRP, SLOW)
     (warning,) = of_a_law(found)
-    assert warning.startswith("in 2 of 2 recordings, up to ")
-    assert "times what noise and switching explain is left" in warning
+    assert warning.startswith("in 2 of 2 recordings, the residual is up to ")
+    assert "times what noise and switching explain" in warning
     assert "--laws auto" in warning
     assert f"{100 * found.relative_error['current_A']:.2g} % of current_A" in warning
     ratios = [one["residual_over_noise"] for one in found.to_dict()["recordings"]]

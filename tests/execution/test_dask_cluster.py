@@ -175,7 +175,7 @@ def test_a_scheduler_that_goes_away_is_said_in_one_line(
     with pytest.raises(ExecutionError) as refusal:
         run_tasks(TASKS, store, scheduler=fragile.address, on_task=kill_soon)
     assert str(refusal.value) == (
-        f"the Dask scheduler at {fragile.address} went away; start it and this command again to go on"
+        f"the Dask scheduler at {fragile.address} has ended; start it and this command again to continue"
     )
     assert capfd.readouterr() == ("", "")
 

@@ -398,7 +398,7 @@ def test_misspelt_names_are_answered_with_the_nearest(name: str, message: str) -
     [
         ("pymoo-bga", "method 'pymoo-bga' cannot be used: it does not search real numbers; choose another"),
         ("pymoo-brkga", "method 'pymoo-brkga' cannot be used: with population 50 pymoo says '.*pop_size"),
-        ("pymoo-pattern-search", "cannot be used: pymoo does not repeat its search from a seed"),
+        ("pymoo-pattern-search", "cannot be used: pymoo's search is not repeatable from a seed"),
     ],
 )
 def test_algorithms_that_do_not_fit_are_refused(name: str, message: str) -> None:

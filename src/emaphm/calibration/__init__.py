@@ -1,4 +1,4 @@
-"""A healthy unit's parameters and its baseline, from its own recordings."""
+"""Calibration: parameters and baseline of a healthy unit from its own recordings."""
 
 from emaphm.calibration.calibrate import calibrate
 from emaphm.calibration.campaign import CampaignRow

@@ -1,4 +1,4 @@
-"""Calibrating a healthy unit: its physical parameters and laws, from one recording or several in one fit."""
+"""Calibration of a healthy unit: its physical parameters and laws, by one fit of one or more recordings."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -55,7 +55,7 @@ from emaphm.recording import check_plausible
 from emaphm.recording.content import check_each_once
 
 CALIBRATED = ", calibrated"
-"""What the name of a calibrated actuator ends with."""
+"""Suffix of the name of a calibrated actuator."""
 
 
 @one_blas_thread()
@@ -74,55 +74,56 @@ def calibrate(
 ) -> Calibration:
     """Return the parameters `free` of a healthy unit that explain `recordings`, and the calibrated actuator.
 
-    All recordings are fitted together: they share the parameters, and each has nuisances of its own with
-    their priors, or values that are known of it. The channels are those that a diagnosis would compare. Where
-    the recordings scatter more than their errors explain, the standard errors are larger to cover it, and a
-    parameter in which recordings contradict each other is called doubtful. The estimates and their covariance
-    become the calibrated actuator's baseline, which is the prior of later diagnoses.
+    All recordings are fitted together: they share the parameters, and each recording has its own nuisances,
+    with their priors, or known values. The compared channels are those of a diagnosis. If the recordings
+    scatter more than their errors explain, the standard errors include the scatter, and a parameter in which
+    recordings contradict each other is called doubtful. The estimates and their covariance become the
+    baseline of the calibrated actuator, which is the prior of later diagnoses.
 
     Parameters
     ----------
     recordings
-        Of the healthy unit; lengths, commands and channels may differ. A `CampaignRow` adds what is known of
-        one recording, or which parameters are estimated for it alone.
+        Recordings of the healthy unit; lengths, commands and channels may differ. A `CampaignRow` adds known
+        values of one recording, or names parameters to estimate for that recording alone.
     actuator
-        The description to start from. A positive parameter is sought within a factor of 30 of its value, and
-        the search begins within a factor of 3: where the description is farther off, it may miss the best
-        fit. A baseline and a model error of its own are replaced by those of these recordings; where that
-        loses recordings or contradicts it, a warning says so.
+        Description to start from. The search covers a factor of 30 about the value of a positive parameter
+        and starts within a factor of 3: if the description deviates more, the search may miss the best fit.
+        An existing baseline and model error are replaced by those of these recordings; a warning names
+        recordings whose information is lost, and contradictions to the existing baseline.
     free
-        Names from `emaphm.actuator.unit.baseline.LUMPED_PARAMETERS`. The others keep their values, except
-        those with a tolerance, which are free too in closed loop.
-        Static friction keeps its ratio to dynamic friction unless it is free itself. Where laws are
-        asked for, `free` may be left out: the usual parameters that the recordings identify are then free.
+        Names from `emaphm.actuator.unit.baseline.LUMPED_PARAMETERS`. Other parameters keep their values,
+        except parameters with a tolerance, which are also free in closed loop. Static friction keeps its
+        ratio to dynamic friction unless it is free itself. With `laws`, `free` may be left out: the usual
+        parameters that the recordings identify are then free.
     laws
-        Laws to add to the description, by name, their parameters free; "auto" adds those of all that lower
-        the error in recordings left out of the fit, one at a time.
+        Names of laws to add to the description, with free parameters; "auto" tries all laws and adds, one at
+        a time, laws that lower the error in recordings left out of the fit.
     loop
         "closed" simulates the controller from the command, and compares every other channel. "measured"
-        needs no controller: the recorded position goes in, and the current, voltage or duty is compared
-        (`emaphm.estimation.inverse_dynamics`). "auto" is closed loop, unless the gains at work in a
+        needs no controller: the recorded position is the input, and the current, voltage or duty is compared
+        (`emaphm.estimation.inverse_dynamics`). "auto" is closed loop, unless the gains observed in a
         recording contradict the description.
     nuisances
-        What is unknown of each recording: as in `emaphm.diagnose`. One that cannot be
-        separated from a free parameter is left out: a load where `offset` is free.
+        Unknowns of each recording, as in `emaphm.diagnose`. A nuisance that cannot be separated from a free
+        parameter is left out, for example a load if `offset` is free.
     max_corrections
-        Most corrections of the model's bias by the reference model, as in `emaphm.diagnose`.
+        Largest number of corrections of the model's bias by the reference model, as in `emaphm.diagnose`.
     seed, workers
-        Of the starting points; the same seed gives the same bits, whatever the number of threads.
+        Seed of the starting points, and number of threads; the same seed gives the same bits for any number.
     on_progress
         Called with the fraction done, from 0 to 1, in closed loop.
 
     Raises
     ------
     MethodError
-        There is no recording; no parameter, or an unknown one, is free; one needs a section that the
-        actuator lacks, or starts at zero, where its size is not known; the actuator's baseline holds a
-        parameter that is not free; a nuisance or law is unknown, or cannot be separated from a free
-        parameter; what is known of a recording contradicts itself; laws are to be chosen by one recording;
-        or measured motion is asked for, and does not show a free parameter.
+        There is no recording; no parameter or an unknown parameter is free; a free parameter needs a section
+        that the actuator lacks, or has the value 0, so that its size is unknown; the actuator's baseline
+        contains a parameter that is not free; a nuisance or law is unknown, or cannot be separated from a
+        free parameter; the known values of a recording contradict each other; laws are to be chosen from one
+        recording; or measured motion is requested and does not identify a free parameter.
     RecordingError
-        One is no `Recording`, values are orders of magnitude away from this actuator's, or two are the same.
+        A recording is no `Recording`, its values deviate by orders of magnitude from this actuator's, or two
+        recordings are the same.
     ActuatorError
         `actuator` is no `Actuator`.
     """
@@ -137,12 +138,13 @@ def calibrate(
     choice = chosen_loop(loop, rows, bare, names or ())
     if choice.loop == "measured":
         try:
-            return _compared(_by_motion(rows, actuator, names, laws, choice, settings, began), actuator)
+            by_motion = _by_motion(rows, actuator, names, laws, choice, settings, began)
+            return _with_earlier_warnings(by_motion, actuator)
         except EmaphmError as error:
             if loop == "measured":
                 hints = [hint for row in rows for hint in unit_or_sign(row, bare)]
                 raise type(error)("; ".join([str(error), *dict.fromkeys(hints)])) from None
-            reason = f"{choice.reason}; closed loop all the same: {error}"
+            reason = f"{choice.reason}; closed loop nevertheless: {error}"
             choice = LoopChoice("closed", reason)
     share = 0.0 if laws is None else 0.5
     description = described_with_laws(rows, bare, names, laws, settings, subprogress(on_progress, 0.0, share))
@@ -157,12 +159,14 @@ def calibrate(
     fitting = subprogress(on_progress, share, 1.0)
     description, fit = fit_description(rows, description, settings, fitting)
     scanned = {} if lag is None else {sensor_lag.NAME: lag.parameter}
-    return _compared(_result(rows, description, fit, scanned, choice, settings, began), actuator)
+    calibration = _result(rows, description, fit, scanned, choice, settings, began)
+    return _with_earlier_warnings(calibration, actuator)
 
 
-def _compared(found: Calibration, before: Actuator) -> Calibration:
-    """Return the calibration with what it makes of an earlier one, by the description it began with."""
-    return replace(found, warnings=(*found.warnings, *earlier_warnings(before, found.actuator)))
+def _with_earlier_warnings(calibration: Calibration, before: Actuator) -> Calibration:
+    """Return the calibration with warnings on an earlier calibration in the description `before`."""
+    added = earlier_warnings(before, calibration.actuator)
+    return replace(calibration, warnings=(*calibration.warnings, *added))
 
 
 def _check(
@@ -171,7 +175,7 @@ def _check(
     free: tuple[str, ...] | None,
     nuisances: Sequence[str] | None,
 ) -> None:
-    """Refuse what cannot be calibrated, before the work."""
+    """Raise an error for recordings that cannot be calibrated, before the fit."""
     if not rows:
         raise MethodError("no recording to calibrate from; give one of the healthy unit, or several")
     check_nuisances(nuisances, free or ())
@@ -181,7 +185,7 @@ def _check(
 
 
 def _check_described(rows: Sequence[CampaignRow], actuator: Actuator, description: Description) -> None:
-    """Refuse to drop parameters of an earlier calibration, and rows that contradict the description."""
+    """Raise an error if a parameter of the baseline is not free, or a row contradicts the description."""
     for name in actuator.baseline.names if actuator.baseline else ():
         if name not in description.free:
             raise MethodError(
@@ -201,7 +205,7 @@ def _by_motion(
     settings: FitSettings,
     began: float,
 ) -> Calibration:
-    """Return the calibration by measured motion; errors as in `calibrate`."""
+    """Return the calibration by measured motion; raises the errors of `calibrate`."""
     bare = actuator.model_copy(update={"baseline": None, "model_error": NOT_LEARNED})
     description = described_for_motion(rows, bare, free, laws)
     _check_described(rows, actuator, description)
@@ -212,12 +216,12 @@ def _by_motion(
         motion_alone(fit, description.actuator),
     )
     parameters = motion_parameters(fit, covariance, description.actuator)
-    found = motion_recordings(fit, rows, calibrated)
-    baseline = _baseline(tuple(parameters), covariance, rows, found)
+    recording_results = motion_recordings(fit, rows, calibrated)
+    baseline = _baseline(tuple(parameters), covariance, rows, recording_results)
     return Calibration(
         parameters,
         calibrated.model_copy(update={"baseline": baseline}),
-        found,
+        recording_results,
         None if alone is None else alone.meta.birge_ratio,
         scattered=alone is not None and bool(np.any(alone.meta.scatter)),
         collinear_sets=motion_collinear(fit, parameters),
@@ -228,16 +232,19 @@ def _by_motion(
         unexcited=_unexcited(description, parameters),
         loop=choice,
         error_correlation=fit.found.error_correlation,
-        warnings=calibration_warnings(rows, found, description.actuator),
+        warnings=calibration_warnings(rows, recording_results, description.actuator),
     )
 
 
 def _baseline(
-    names: tuple[str, ...], covariance: Array, rows: Sequence[CampaignRow], found: Sequence[RecordingResult]
+    names: tuple[str, ...],
+    covariance: Array,
+    rows: Sequence[CampaignRow],
+    recording_results: Sequence[RecordingResult],
 ) -> Baseline:
-    """Return the prior of later diagnoses, with the recordings that it is of."""
+    """Return the baseline, the prior of later diagnoses, with the sources and loads of its recordings."""
     sources = tuple(row.recording.source for row in rows)
-    return Baseline.of(names, covariance, sources, tuple(one.load for one in found))
+    return Baseline.of(names, covariance, sources, tuple(result.load for result in recording_results))
 
 
 def _name_of(actuator: Actuator) -> str:
@@ -245,7 +252,7 @@ def _name_of(actuator: Actuator) -> str:
 
 
 def _unexcited(description: Description, parameters: Mapping[str, Parameter]) -> dict[str, str]:
-    """Return the laws that the recordings do not determine, each with the manoeuvre that would."""
+    """Return the laws that the recordings do not identify, each with a manoeuvre that would."""
     return {
         law.name: law.excited_by
         for law in description.laws
@@ -262,29 +269,29 @@ def _result(
     settings: FitSettings,
     began: float,
 ) -> Calibration:
-    """Return the calibration by a fit; `scanned` are parameters that were estimated before it."""
+    """Return the calibration of a closed-loop fit; `scanned` are parameters that were estimated before it."""
     actuator = description.actuator
     fit, at_rest = with_breakaway(fit, settings.seed)
     values = found_values(fit, actuator)
     calibrated = with_lumped_parameters(actuator, values, name=_name_of(actuator))
     collinear = collinear_parameters(fit, calibrated, settings.seed)
-    left_open = open_members(fit, collinear)
-    fit = with_open(fit, left_open)
+    open_parameters = open_members(fit, collinear)
+    fit = with_open(fit, open_parameters)
     size = sizes(actuator, fit.free)
-    found = found_recordings(fit, rows, calibrated)
-    baseline = _baseline(fit.free, np.outer(size, size) * fit.covariance, rows, found)
-    # A data sheet's tolerances are about its own values, not about what was found.
+    recording_results = found_recordings(fit, rows, calibrated)
+    baseline = _baseline(fit.free, np.outer(size, size) * fit.covariance, rows, recording_results)
+    # The tolerances of a data sheet refer to its own values, not to the estimates.
     known = calibrated.model_copy(update={"baseline": baseline})
     known = known.model_copy(update={"tolerances": known.open_tolerances})
     parameters = {**found_parameters(fit, values, rows, actuator), **scanned}
     problems = [term.objective.problem for term in fit.joint.terms]
-    learned = learned_model_error(rows, fit, actuator, known, settings)
+    model_error = learned_model_error(rows, fit, actuator, known, settings)
     sources = [row.recording.source for row in rows]
-    unmodelled = unmodelled_warnings(fit, sources, learned, laws_tried=bool(description.selection))
+    unmodelled = unmodelled_warnings(fit, sources, model_error, laws_tried=bool(description.selection))
     return Calibration(
         parameters=parameters,
-        actuator=known.model_copy(update={"model_error": learned}),
-        recordings=found,
+        actuator=known.model_copy(update={"model_error": model_error}),
+        recordings=recording_results,
         birge_ratio=None if fit.uncertainty.alone is None else fit.uncertainty.alone.meta.birge_ratio,
         scattered=fit.contradictions is not None and bool(np.any(fit.contradictions.covariance)),
         collinear_sets=collinear,
@@ -297,11 +304,11 @@ def _result(
         loop=choice,
         error_correlation=fit.uncertainty.error_correlation,
         warnings=(
-            *one_way_warnings(left_open),
+            *one_way_warnings(open_parameters),
             *set_aside_warnings(fit, rows, actuator),
             *unmodelled,
             *at_rest,
-            *calibration_warnings(rows, found, actuator),
+            *calibration_warnings(rows, recording_results, actuator),
         ),
         law_notes=description.law_notes,
     )

@@ -1,4 +1,4 @@
-"""A campaign: recordings of one healthy unit, each with what is known of it beforehand."""
+"""Campaign: recordings of one healthy unit, each with its known values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,8 +19,8 @@ from emaphm.recording import Recording
 from emaphm.recording.argument import check_recording
 
 KNOWN_CHANNELS = {"load": "load_Nm", "temperature": "temperature_K"}
-"""What may be known of a recording as one number where it was not recorded, and the channel it stands for:
-the load at the motor [N·m], and the temperature of windings and magnets [K]."""
+"""Quantities that may be known as one number instead of a recorded channel, with that channel: the load at
+the motor [N·m], and the temperature of windings and magnets [K]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,15 +30,15 @@ class CampaignRow:
     Attributes
     ----------
     recording
-        Of the healthy unit.
+        Recording of the healthy unit.
     known
-        Values that hold for this recording, in SI units: of a lumped parameter, of the `load` [N·m] or of the
+        Known values of this recording in SI units: of lumped parameters, of the `load` [N·m] or of the
         `temperature` [K].
     free
-        Lumped parameters that are this recording's own: estimated for it alone. One that all recordings
-        share too may deviate from the shared value in this recording.
+        Lumped parameters that are estimated for this recording alone. If such a parameter is also shared by
+        all recordings, its value in this recording may deviate from the shared value.
     place
-        Where the row stands, for errors: "campaign.csv, row 2".
+        Location of the row for error messages: "campaign.csv, row 2".
     """
 
     recording: Recording
@@ -48,16 +48,16 @@ class CampaignRow:
 
     @property
     def where(self) -> str:
-        """What an error of this row begins with."""
+        """Start of the error messages of this row: its place, or the source of its recording."""
         return self.place or self.recording.source
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The lumped parameters that are known, in their SI units."""
+        """Known lumped parameters, in SI units."""
         return {name: value for name, value in self.known.items() if name not in KNOWN_CHANNELS}
 
     def completed(self) -> Recording:
-        """Return the recording, with a channel of one value for a known load or temperature."""
+        """Return the recording with a constant channel for a known load or temperature."""
         added = {
             channel: np.full(self.recording.samples, self.known[name])
             for name, channel in KNOWN_CHANNELS.items()
@@ -69,7 +69,7 @@ class CampaignRow:
         return Recording(channels, self.recording.sampling, self.recording.source, self.recording.notes)
 
     def described(self, actuator: Actuator, shared: Sequence[str] = ()) -> Actuator:
-        """Return the actuator with the parameters that are known here; the `shared` ones as described.
+        """Return the actuator with the known parameters of this row; the `shared` parameters as described.
 
         Raises
         ------
@@ -78,36 +78,36 @@ class CampaignRow:
         """
         if not self.parameters:
             return actuator
-        kept = lumped_parameters(actuator, tuple(shared))
+        shared_values = lumped_parameters(actuator, tuple(shared))
         try:
-            return with_lumped_parameters(actuator, kept | self.parameters)
+            return with_lumped_parameters(actuator, shared_values | self.parameters)
         except ActuatorError as error:
             reason = str(error).removeprefix(f"{actuator.name}: ")
             given = ", ".join(f"{name} = {value:g}" for name, value in self.parameters.items())
-            raise MethodError(f"{self.where}: {given} cannot be: {reason}; correct the value") from None
+            raise MethodError(f"{self.where}: {given} is impossible: {reason}; correct the value") from None
 
 
 Recordings: TypeAlias = Recording | CampaignRow | Sequence[Recording | CampaignRow]
-"""What a calibration takes: one recording or several, each with or without what is known of it."""
+"""Input of a calibration: one recording or several, each with or without known values."""
 
 
 def campaign_rows(recordings: Recordings) -> tuple[CampaignRow, ...]:
-    """Return one row a recording."""
+    """Return one row per recording."""
     given = (recordings,) if isinstance(recordings, Recording | CampaignRow) else tuple(recordings)
-    rows = tuple(one if isinstance(one, CampaignRow) else CampaignRow(one) for one in given)
+    rows = tuple(item if isinstance(item, CampaignRow) else CampaignRow(item) for item in given)
     for row in rows:
         check_recording(row.recording)
     return rows
 
 
 def check_row(row: CampaignRow, actuator: Actuator, shared: Sequence[str]) -> None:
-    """Refuse a row that contradicts itself, its recording, the actuator or the `shared` free parameters.
+    """Check a row against its recording, the actuator and the `shared` free parameters.
 
     Raises
     ------
     MethodError
-        A name is unknown, or needs a section that the actuator lacks; a parameter is known and free; a load
-        or temperature is given and recorded; a value is impossible.
+        A name is unknown, or needs a section that the actuator lacks; a parameter is both known and free; a
+        load or temperature is both given and recorded; a value is impossible.
     """
     for name, value in row.known.items():
         check_known_name(name, row.where)
@@ -136,7 +136,7 @@ def check_row(row: CampaignRow, actuator: Actuator, shared: Sequence[str]) -> No
 
 
 def check_known_name(name: str, where: str) -> None:
-    """Refuse a name that nothing known of a recording has."""
+    """Raise `MethodError` if `name` is no quantity that can be known of a recording."""
     possible = (*KNOWN_CHANNELS, *LUMPED_PARAMETERS)
     if name not in possible:
         raise MethodError(f"{where}: unknown quantity '{name}'{nearest(name, possible)}; correct the name")

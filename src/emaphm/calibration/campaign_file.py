@@ -1,9 +1,9 @@
-"""Campaign files: a TOML or CSV with one row a recording, and what is known of it.
+"""Campaign files: a TOML or CSV file with one row per recording and its known values.
 
-In a TOML, each row is a `[[recording]]` with its `file`, known values by name, and `free`, a list of
-parameters that are the recording's own. In a CSV, `file` is a column, each known quantity another, and `free`
-one with names between semicolons or spaces; an empty cell says nothing. Paths are relative to the campaign's
-file.
+In a TOML file, each row is a `[[recording]]` with its `file`, known values by name, and `free`, a list of
+parameters to estimate for this recording alone. A CSV file has a column `file`, a column for each known
+quantity, and a column `free` with names separated by semicolons or spaces; an empty cell means no value.
+Paths are relative to the campaign file.
 """
 
 import csv
@@ -21,7 +21,7 @@ from emaphm.recording import Recording, read_recording
 FILE, FREE = "file", "free"
 
 MOST_ROWS = 1000
-"""Recordings in a campaign; each is simulated some thousand times."""
+"""Largest number of recordings in a campaign; each is simulated some thousand times."""
 
 
 def is_campaign(path: Path) -> bool:
@@ -40,21 +40,21 @@ def read_campaign(
     actuator: Actuator,
     read: Callable[[Path, Actuator], Recording] = read_recording,
 ) -> tuple[CampaignRow, ...]:
-    """Return the rows of a campaign, their recordings read.
+    """Read a campaign and its recordings; return its rows.
 
     Parameters
     ----------
     path
-        A `.toml` or `.csv`; see above.
+        A `.toml` or `.csv` file in the format above.
     actuator
-        Names the recordings' channels.
+        Actuator whose description maps the names of the recordings' channels.
     read
-        Reads a recording.
+        Function that reads a recording.
 
     Raises
     ------
     MethodError
-        The campaign cannot be read, has no row, or a row without file; a quantity is unknown or its value is
+        The campaign cannot be read, has no row or a row without file; a quantity is unknown or its value is
         no number; a file or column is given twice.
     RecordingError
         A recording cannot be read.
@@ -67,7 +67,7 @@ def read_campaign(
         raise MethodError(f"{path}: {len(rows)} recordings are too many; {MOST_ROWS} are possible")
     parsed = [_parsed(values, f"{path}, row {i}") for i, values in enumerate(rows, start=1)]
     _check_files(path, parsed)
-    return tuple(_row(path, i, one, actuator, read) for i, one in enumerate(parsed, start=1))
+    return tuple(_row(path, i, values, actuator, read) for i, values in enumerate(parsed, start=1))
 
 
 def _toml_rows(path: Path) -> Sequence[Mapping[str, Any]]:
@@ -102,7 +102,7 @@ def _csv_rows(path: Path) -> Sequence[Mapping[str, Any]]:
 
 
 def _parsed(values: Mapping[str, Any], where: str) -> dict[str, Any]:
-    """Return the file, the free parameters and the known values of a row."""
+    """Return file, free parameters and known values of a row."""
     if not isinstance(values.get(FILE), str):
         close = "" if FILE in values else nearest(FILE, values)
         raise MethodError(f"{where}: column 'file' is missing{close}; give the path of the recording")
@@ -125,7 +125,7 @@ def _parsed(values: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 
 def _check_files(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Refuse a file that stands in two rows."""
+    """Raise `MethodError` if two rows have the same file."""
     first: dict[Path, int] = {}
     for i, row in enumerate(rows, start=1):
         file = _resolved(path, row[FILE])

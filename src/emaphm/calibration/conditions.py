@@ -1,4 +1,4 @@
-"""What a recording of a campaign is fitted with: its own unknowns, and those that all recordings share."""
+"""Unknowns of a joint fit: the own unknowns of each recording, and the shared parameters of the unit."""
 
 from collections.abc import Mapping, Sequence
 
@@ -21,24 +21,25 @@ from emaphm.estimation.space.nuisances import MAGNETS, MAGNETS_DEVIATION, PRIORS
 from emaphm.estimation.space.parameter_variation import ParameterVariation, sizes
 
 SAME_PARAMETER = {"load": "offset", "hinge": "hinge", "inertia": "inertia", "supply": "supply"}
-"""The parameter that a nuisance cannot be separated from in one recording."""
+"""For each nuisance, the parameter from which one recording cannot separate it."""
 
 OWN_DEVIATION = 0.2
-"""Standard deviation of a recording's own value of a shared parameter about the shared one, relative: as of a
-motor's strength that varies with its temperature."""
+"""Standard deviation of a recording's own value of a shared parameter from the shared value, relative: for
+example a torque constant that varies with the temperature."""
 
 TORQUES = (
     *("inertia", "viscous", "coulomb", "static", "offset", "hinge", "quadratic", "stiffness", "damping"),
     *("gravity", *(name for name in LUMPED_PARAMETERS if name.startswith(("ripple", "presliding")))),
 )
-"""What the motor's torque has to overcome where no load is recorded: known in proportion to it only."""
+"""Parameters of the torques that balance the motor's torque; without a recorded load, only their ratios to
+the torque constant are known."""
 
 FOLLOWING = ("static", "damping", "stiffness", "presliding_stiffness", "presliding_damping")
-"""Those of them that another one makes known, or that do not act by themselves."""
+"""`TORQUES` that follow from another parameter, or do not act by themselves."""
 
 
 def check_nuisances(nuisances: Sequence[str] | None, free: Sequence[str]) -> None:
-    """Refuse a nuisance that cannot be separated from a free parameter."""
+    """Raise `MethodError` if a nuisance cannot be separated from a free parameter."""
     for name in nuisances or ():
         if SAME_PARAMETER.get(name) in free:
             raise MethodError(
@@ -56,10 +57,10 @@ def joint_objective(
     *,
     every_row: bool = False,
 ) -> JointObjective:
-    """Return the objective of the `unit`'s parameters and of each recording's own, by every channel.
+    """Return the joint objective of all rows in the `unit`'s parameters and each recording's own unknowns.
 
-    Where the shaft gives, rows are averaged over its swings (`emaphm.estimation.rows.means`), unless
-    `every_row` is to be compared. Errors as in `emaphm.calibration.calibrate`.
+    With a compliant shaft, rows are averaged over its oscillation (`emaphm.estimation.rows.means`), unless
+    `every_row`. Raises the errors of `emaphm.calibration.calibrate`.
     """
     terms = tuple(_term(row, actuator, unit, nuisances, workers, every_row=every_row) for row in rows)
     return JointObjective(terms, unit, DESCENT.step, workers)
@@ -78,24 +79,26 @@ def _term(
     problem = problem_of(row.completed(), described, workers=workers, channels=None)
     if not every_row:
         problem = over_swings(problem)
-    # Of a known load or supply nothing is unknown.
+    # A known load or supply is no nuisance.
     settled = {*unit.parameters, *row.free, *row.known}
     possible = NuisanceSet.of(described, nuisances, tuple(problem.measured)).chosen
-    kept = tuple(name for name in possible if name not in settled and SAME_PARAMETER.get(name) not in settled)
+    chosen = tuple(
+        name for name in possible if name not in settled and SAME_PARAMETER.get(name) not in settled
+    )
     own = dict.fromkeys(row.free, OWN_DEVIATION)
-    if "temperature" in kept and "torque_constant" in unit.parameters:
-        # What heat makes of the magnets is known no better than their grade.
+    if "temperature" in chosen and "torque_constant" in unit.parameters:
+        # The effect of heat on the magnets is uncertain, because it depends on their grade.
         magnets = MAGNETS_DEVIATION * abs(MAGNETS) * actuator.nuisances.temperature
         own["torque_constant"] = max(own.get("torque_constant", 0.0), magnets)
-    objective = healthy_objective(problem, kept, with_own(unit, described, own))
+    objective = healthy_objective(problem, chosen, with_own(unit, described, own))
     return RecordingTerm.of(objective, unit.priors.size)
 
 
 def with_own(unit: ParameterVariation, actuator: Actuator, own: Mapping[str, float]) -> ParameterVariation:
-    """Return the variation of a recording whose parameters `own` are its own; the shared axes last.
+    """Return the parameter variation of a recording with `own` parameters; the shared axes are last.
 
-    A shared parameter among them deviates from the shared value with the standard deviation given in `own`;
-    of any other, next to nothing is known.
+    If an own parameter is also shared, it deviates from the shared value with the standard deviation in
+    `own`; other own parameters have the wide prior of a free parameter.
     """
     names = tuple(own)
     alone = ParameterVariation.free(actuator, names)
@@ -118,17 +121,25 @@ def with_own(unit: ParameterVariation, actuator: Actuator, own: Mapping[str, flo
 def only_ratios(rows: Sequence[CampaignRow], actuator: Actuator, free: Sequence[str]) -> bool:
     """Return whether all recordings have information only on ratios of torques to the torque constant.
 
-    A voltage, also as command, shows the constant by the speed, a known load by the current that holds it.
+    A recorded or commanded voltage identifies the torque constant by the speed, a known load by the current
+    that holds it.
     """
     if actuator.drive_kind == "voltage":
         return False
     present = (name for name in TORQUES if any(described_parts(actuator, name) or ()))
     acting = {name for name in present if name not in FOLLOWING}
-    return "torque_constant" in free and acting <= set(free) and not any(_scaled(r, actuator) for r in rows)
+    return (
+        "torque_constant" in free
+        and acting <= set(free)
+        and not any(_has_torque_scale(r, actuator) for r in rows)
+    )
 
 
 def common_factor(actuator: Actuator, names: Sequence[str], deviations: Array) -> Array:
-    """Return the effect on `deviations` (p,) of a common factor of all torques, by its logarithm, (p,)."""
+    """Return the derivative of the deviations (p,) by the logarithm of a common factor of all torques, (p,).
+
+    `deviations` is the point at which the derivative is evaluated.
+    """
     effects = np.array([float(name in (*TORQUES, "torque_constant")) for name in names])
     for i, (name, size) in enumerate(zip(names, sizes(actuator, tuple(names)), strict=True)):
         if name in SIGNED and effects[i]:
@@ -136,7 +147,8 @@ def common_factor(actuator: Actuator, names: Sequence[str], deviations: Array) -
     return effects
 
 
-def _scaled(row: CampaignRow, actuator: Actuator) -> bool:
+def _has_torque_scale(row: CampaignRow, actuator: Actuator) -> bool:
+    """Return whether a recording identifies the torque constant itself."""
     by_voltage = actuator.electrical is not None and has_signal(row.recording, "voltage_V")
     by_torque = any(row.known.get(name) for name in (*TORQUES, "load", "torque_constant"))
     by_load = "load_Nm" in row.recording and np.any(row.recording["load_Nm"])

@@ -1,4 +1,4 @@
-"""What a joint fit has found, in the parameters' units: values, errors, contradictions, recordings' own."""
+"""Results of a joint fit in the parameters' units: values, standard errors, contradictions, recordings."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -22,22 +22,23 @@ LARGEST_ERROR = 0.5
 
 @dataclass(frozen=True)
 class Parameter:
-    """One calibrated parameter with its standard error, both in `unit`.
+    """Calibrated parameter with its standard error, both in `unit`.
 
     Attributes
     ----------
     standard_error
-        Of a positive parameter that is not identifiable, how far above its value it may be: such a parameter
-        is known by its logarithm, within the `factor`, and its value may lie far below the truth.
+        Standard error. For a positive parameter that is not identifiable, the distance to the upper end of
+        one standard error: such a parameter is known by its logarithm, within the `factor`, and the estimate
+        may be far below the true value.
     identifiable
-        Whether the recordings determine it; a parameter at its bound is not.
+        Whether the recordings identify the parameter; a parameter at its bound is not identifiable.
     doubtful
-        Whether the recordings contradict each other in it by more than their errors; the standard error
-        covers it.
+        Whether the recordings contradict each other in this parameter by more than their errors; the standard
+        error includes the contradiction.
     at_bound
-        Whether it has wandered to the bound of its search.
+        Whether the search ended at the parameter's bound.
     reason
-        How it is doubtful, or where it has wandered; empty else.
+        Explanation of `doubtful` or `at_bound`; otherwise empty.
     """
 
     value: float
@@ -50,34 +51,35 @@ class Parameter:
 
     @property
     def remark(self) -> str:
-        """Its reason, and whether that makes it doubtful."""
+        """The reason, marked if the parameter is doubtful."""
         return f"doubtful: {self.reason}" if self.doubtful else self.reason
 
     @property
     def factor(self) -> float | None:
-        """The factor that its standard error amounts to; None where the value is not above 0."""
+        """Factor of one standard error, 1 + standard error / value; None if the value is not above 0."""
         return 1 + self.standard_error / self.value if self.value > 0 else None
 
 
 def absolute_error(value: float, error: float) -> float:
-    """Return the standard error of a positive parameter in its unit, by that of its logarithm.
+    """Return the standard error of a positive parameter in its unit, from the error of its logarithm.
 
-    The value times the error, as long as that is small. Beyond `LARGEST_ERROR` the product would say that a
-    small value is known well; there it is how far above the value one standard error reaches.
+    For an error below `LARGEST_ERROR` it is value × error. Above, this product would suggest that a small
+    value is known well; the distance to the upper end of one standard error, value × (exp(error) - 1), is
+    returned instead.
     """
     return abs(value) * (math.expm1(error) if error >= LARGEST_ERROR else error)
 
 
 @dataclass(frozen=True, eq=False)
 class RecordingResult:
-    """What a joint fit says of one recording.
+    """Result of a joint fit for one recording.
 
-    `replay` compares it with the calibrated model, under the load, temperature and whatever else was
-    estimated of that recording: its `nuisances`, each in its unit, and its `own` parameters. `known` is what
-    was given of it. `misfit_ratio` is its rms residual in the joint fit over that of a fit of it alone; None
-    of one recording. `force_error` is the relative error of its torque by the measured motion; None in closed
-    loop. `residual_over_noise` is its rms residual over what noise, rounding and switching explain; None by
-    the measured motion.
+    `replay` compares the recording with the calibrated model under the estimates of this recording: its
+    `nuisances`, each in its unit, and its `own` parameters. `known` are its given values. `misfit_ratio` is
+    the rms residual in the joint fit divided by that of a fit of this recording alone; None for a single
+    recording. `force_error` is the relative error of the torque by measured motion; None in closed loop.
+    `residual_over_noise` is the rms residual divided by the rms that noise, rounding and switching explain;
+    None by measured motion.
     """
 
     replay: Replay
@@ -90,26 +92,26 @@ class RecordingResult:
 
     @property
     def load(self) -> float:
-        """Its mean load [N·m; N if linear], recorded or estimated, with that of the description."""
+        """Mean load [N·m; N if linear], recorded or estimated, plus the load of the description."""
         recording, described = self.replay.recording, self.replay.actuator.mechanics.offset
         recorded = float(np.mean(recording["load_Nm"])) if "load_Nm" in recording else 0.0
         return described + recorded + self.nuisances.get("load", 0.0)
 
 
 def found_values(fit: UnitFit, actuator: Actuator) -> dict[str, float]:
-    """Return the calibrated values, in the parameters' units."""
+    """Return the calibrated values in the parameters' units, by name."""
     variations = sizes(actuator, fit.free) * fit.deviations
     values = {
         name: float(varied(actuator, name, variation))
         for name, variation in zip(fit.free, variations, strict=True)
     }
-    return _sticking(values, actuator)
+    return _with_static_above_dynamic(values, actuator)
 
 
-def _sticking(values: dict[str, float], actuator: Actuator) -> dict[str, float]:
+def _with_static_above_dynamic(values: dict[str, float], actuator: Actuator) -> dict[str, float]:
     """Return `values` with static friction not below dynamic friction.
 
-    Below it has no effect, so the search may have left it anywhere there.
+    Below dynamic friction, static friction has no effect, so its estimate is arbitrary there.
     """
     if "static" in values:
         dynamic = values.get("coulomb", actuator.mechanics.dynamic_friction)
@@ -120,7 +122,7 @@ def _sticking(values: dict[str, float], actuator: Actuator) -> dict[str, float]:
 def found_parameters(
     fit: UnitFit, values: Mapping[str, float], rows: Sequence[CampaignRow], actuator: Actuator
 ) -> dict[str, Parameter]:
-    """Return the calibrated parameters with their standard errors and what is doubtful in them."""
+    """Return the calibrated parameters with their standard errors and doubts."""
     size, parameters = sizes(actuator, fit.free), {}
     for i, (name, value) in enumerate(values.items()):
         error, at_bound = float(fit.standard_errors[i]), bool(fit.at_bound[i])
@@ -129,9 +131,9 @@ def found_parameters(
         if at_bound:
             reasons.append(
                 f"at its bound, {WIDEST_FACTOR:g} times the description's value or a share of it as small: "
-                "these recordings ask for an effect that it cannot make, or for none"
+                "these recordings require an effect that this parameter cannot have, or no effect"
                 if name not in SIGNED
-                else "at its bound: these recordings ask for more of it than is sought"
+                else "at its bound: these recordings require a value outside the range of the search"
             )
         parameters[name] = Parameter(
             value,
@@ -146,34 +148,35 @@ def found_parameters(
 
 
 def set_aside_warnings(fit: UnitFit, rows: Sequence[CampaignRow], actuator: Actuator) -> tuple[str, ...]:
-    """Return a sentence on each recording that the others contradict: in what, and what was made of it."""
+    """Return a sentence on each recording that was set aside because it contradicts the others."""
     if fit.contradictions is None:
         return ()
     lines = []
     for r, row in enumerate(rows):
         names = [fit.fitted[i] for i in np.flatnonzero(fit.contradictions.set_aside[r])]
         if names:
-            alone = ", ".join(f"{name} {_asked(fit, r, name, actuator)}" for name in names)
+            alone = ", ".join(f"{name} {_estimate_alone(fit, r, name, actuator)}" for name in names)
             lines.append(
                 f"{row.recording.source} contradicts the others: alone it has {alone}; the standard errors "
-                "are by the scatter of the others; see what differs in it, or leave it out"
+                "follow from the scatter of the others; find out what differs in this recording, or leave it "
+                "out"
             )
     return tuple(lines)
 
 
 def _disagreement(fit: UnitFit, name: str, rows: Sequence[CampaignRow], actuator: Actuator) -> str:
-    """Return what each informed recording alone would have of a parameter, in words."""
+    """Return a sentence with the estimates of a parameter by each informative recording alone."""
     i = fit.fitted.index(name)
-    assert fit.contradictions is not None  # noqa: S101 - it is contradicted
-    asked = [
-        f"{_asked(fit, r, name, actuator)} ({rows[r].recording.source})"
+    assert fit.contradictions is not None  # noqa: S101 - the parameter is contradicted
+    estimates = [
+        f"{_estimate_alone(fit, r, name, actuator)} ({rows[r].recording.source})"
         for r in np.flatnonzero(fit.contradictions.informed[:, i]).tolist()
     ]
-    return "the recordings contradict each other: alone they would have " + ", ".join(asked)
+    return "the recordings contradict each other: alone they would have " + ", ".join(estimates)
 
 
-def _asked(fit: UnitFit, r: int, name: str, actuator: Actuator) -> str:
-    """Return what recording `r` alone would have of a parameter, with its standard error."""
+def _estimate_alone(fit: UnitFit, r: int, name: str, actuator: Actuator) -> str:
+    """Return the estimate of a parameter by recording `r` alone, with its standard error, as text."""
     alone, i = fit.uncertainty.alone, fit.fitted.index(name)
     assert alone is not None  # noqa: S101 - there are several recordings
     size = sizes(actuator, (name,))[0]
@@ -185,7 +188,7 @@ def _asked(fit: UnitFit, r: int, name: str, actuator: Actuator) -> str:
 def found_recordings(
     fit: UnitFit, rows: Sequence[CampaignRow], calibrated: Actuator
 ) -> tuple[RecordingResult, ...]:
-    """Return what was found of each recording."""
+    """Return the result for each recording."""
     alone = fit.uncertainty.alone
     results = []
     for r, (row, term) in enumerate(zip(rows, fit.joint.terms, strict=True)):
@@ -195,7 +198,7 @@ def found_recordings(
         own = {name: float(varied(described, name, np.asarray(values[BASELINE + name]))) for name in row.free}
         results.append(
             RecordingResult(
-                _replayed(fit, r, row, calibrated),
+                _replay_of(fit, r, row, calibrated),
                 {name: values[name] for name in nuisances.chosen},
                 own,
                 dict(row.known),
@@ -206,10 +209,12 @@ def found_recordings(
     return tuple(results)
 
 
-def _replayed(fit: UnitFit, r: int, row: CampaignRow, calibrated: Actuator) -> Replay:
-    """Return a recording replayed by the calibrated model, under what was estimated of it."""
+def _replay_of(fit: UnitFit, r: int, row: CampaignRow, calibrated: Actuator) -> Replay:
+    """Return the replay of recording `r` by the calibrated model with the estimates of this recording."""
     objective = fit.joint.terms[r].objective
     changed = objective.lumped_parameters(fit.joint.local(r, fit.point)[np.newaxis])
-    values = _sticking({name: float(np.ravel(value)[0]) for name, value in changed.items()}, calibrated)
-    that_day = with_lumped_parameters(calibrated, row.parameters | values)
-    return replay(row.completed(), that_day)
+    values = _with_static_above_dynamic(
+        {name: float(np.ravel(value)[0]) for name, value in changed.items()}, calibrated
+    )
+    as_recorded = with_lumped_parameters(calibrated, row.parameters | values)
+    return replay(row.completed(), as_recorded)

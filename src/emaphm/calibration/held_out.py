@@ -1,4 +1,4 @@
-"""Recordings left out of a joint fit, and what its parameters leave of them."""
+"""Recordings left out of a joint fit, and their residuals under the parameters of that fit."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,14 +14,14 @@ from emaphm.random_streams import stream
 
 
 def folds(count: int, most: int, seed: int) -> list[set[int]]:
-    """Return the recordings that are left out together: each of `count` once, in `most` groups at most."""
+    """Return the groups of recordings to leave out: each of `count` once, in at most `most` groups."""
     groups = min(count, most)
     order = stream(seed, "folds").permutation(count)
     return [{int(r) for r in order[fold::groups]} for fold in range(groups)]
 
 
 def subset(joint: JointObjective, point: Array, kept: Sequence[int]) -> tuple[JointObjective, Array]:
-    """Return the objective of some recordings, and their coordinates of `point` (d,)."""
+    """Return the objective of the recordings `kept`, and their coordinates of `point` (d,)."""
     part = replace(joint, terms=tuple(joint.terms[r] for r in kept))
     start = np.zeros(part.box.lower.size)
     for index, r in zip(part.indices, kept, strict=True):
@@ -30,7 +30,7 @@ def subset(joint: JointObjective, point: Array, kept: Sequence[int]) -> tuple[Jo
 
 
 def own_coordinates(joint: JointObjective, r: int, shared: Array) -> Array:
-    """Return the own coordinates of recording `r` that fit it best under `shared` parameters (p,)."""
+    """Return the own coordinates of recording `r` with the best fit under `shared` parameters (p,)."""
     term = joint.terms[r]
     own = np.zeros(term.own)
     if not term.own:
@@ -45,6 +45,6 @@ def own_coordinates(joint: JointObjective, r: int, shared: Array) -> Array:
 
 
 def left_out_residual(joint: JointObjective, r: int, shared: Array) -> Array:
-    """Return what `shared` parameters (p,) leave of recording `r`, (rows,); only its own are estimated."""
+    """Return the residual (rows,) of recording `r` under `shared` parameters (p,), with its own estimated."""
     term, own = joint.terms[r], own_coordinates(joint, r, shared)
     return term.objective.residual(np.concatenate([own, shared]), term.correction)

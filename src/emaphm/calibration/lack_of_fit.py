@@ -1,8 +1,9 @@
-"""Recordings of which a calibrated model leaves more than noise and switching, and what that makes of errors.
+"""Lack of fit: residuals larger than noise and switching explain, and their effect on the standard errors.
 
-A law that the description lacks leaves a part of the signal, and moves the estimates by another part, which
-is like the parameters and does not show: Coulomb friction was 7 to 16 standard errors off under a Stribeck
-curve, or under friction by the load, where 1.4 to 3.6 times what noise and switching explain was left.
+A law that the description lacks leaves a residual, and shifts the estimates by a part that resembles the
+parameters and does not appear in the residual. Under a Stribeck curve or load-dependent friction that was not
+described, Coulomb friction deviated by 7 to 16 standard errors, with residuals of 1.4 to 3.6 times what
+noise and switching explain.
 """
 
 from dataclasses import dataclass
@@ -17,40 +18,39 @@ from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.search_result import EXPECTED_RESIDUAL, SearchResult
 
 BY_CHANCE = 4.0
-"""Largest share of the mean square of n rows of white noise that is no such noise by its differences, in the
-standard deviation 1/√n of that share (von Neumann 1941)."""
+"""Limit of `slow_share` for n rows of white noise, in standard deviations 1/√n (von Neumann 1941)."""
 
 
 @dataclass(frozen=True, eq=False)
 class LackOfFit:
-    """What a joint fit leaves of one recording: its `result`, at the end of the fit."""
+    """Residual of one recording in a joint fit: `result` is its search result at the end of the fit."""
 
     result: SearchResult
 
     @property
     def residual(self) -> Array:
-        """Measured less modelled of the primary channel, in its unit, (samples,)."""
+        """Measured less modelled primary channel, in its unit, (samples,)."""
         return next(iter(self.result.residual_by_channel.values()))
 
     @property
     def relative(self) -> float:
-        """The rms residual of the primary channel over that of the channel."""
+        """Rms residual of the primary channel divided by the rms of the channel."""
         size = rms(self.result.objective.problem.recorded)
         return rms(self.residual) / size if size > 0 else 0.0
 
     @property
     def ratio(self) -> float:
-        """The rms residual of the primary channel over that of noise, rounding and switching."""
+        """Rms residual of the primary channel divided by the rms of noise, rounding and switching."""
         expected = self.result.residual_variance / self.result.residual_over_noise**2
         rounding = float(self.result.objective.problem.rounding_errors[0])
         return float(np.sqrt(self.result.residual_variance / (expected + rounding**2)))
 
     @property
     def has_any(self) -> bool:
-        """Whether noise, rounding and switching leave less, by more than chance.
+        """Whether the residual exceeds noise, rounding and switching by more than chance.
 
-        The averaged model alone has no switching: of a drive that switches it is allowed what it is in a
-        diagnosis.
+        The averaged model has no switching. Without a discrepancy, the limit for a drive that switches is
+        therefore that of a diagnosis.
         """
         problem = self.result.objective.problem
         switching_unknown = (
@@ -63,12 +63,12 @@ class LackOfFit:
         return self.ratio > EXPECTED_RESIDUAL and slow_share(self.residual) > by_chance
 
     def scores(self, jacobian: Array) -> Array:
-        """Return the covariance (d, d) of `jacobian` (d, channel rows) times an error like the residual."""
+        """Return the covariance (d, d) of the scores of `jacobian` (d, channel rows) by such a residual."""
         return unexplained_scores(self.result, jacobian)
 
 
 def lack_of_fit(estimate: JointEstimate) -> tuple[LackOfFit, ...]:
-    """Return what an estimate leaves of each recording."""
+    """Return the lack of fit of each recording at an estimate."""
     joint = estimate.joint
     return tuple(
         LackOfFit(
@@ -86,9 +86,9 @@ def lack_of_fit(estimate: JointEstimate) -> tuple[LackOfFit, ...]:
 
 
 def slow_share(residual: Array) -> float:
-    """Return the share of the mean square of a `residual` (rows,) that is not as white noise.
+    """Return 1 less von Neumann's ratio of a `residual` (rows,), relative to that of white noise.
 
-    1 for a slow one, 0 for white noise, by von Neumann's ratio.
+    It is 0 for white noise, and 1 for a residual that varies slowly from row to row.
     """
     square = float(np.mean(residual**2))
     return 1 - float(np.mean(np.diff(residual) ** 2)) / (2 * square) if square > 0 else 0.0

@@ -1,12 +1,12 @@
-"""Selection of the laws that a machine has: one at a time, by the error in recordings left out of the fit.
+"""Selection of the laws of a machine, one at a time, by the error in recordings left out of the fit.
 
-Forward selection with cross-validation (Stone 1974; Hastie, Tibshirani and Friedman 2009, ch. 7.10): each law
-that may be added is fitted to all recordings but some, and judged on those. Of the laws left, the one that
-lowers the held-out error most is taken, as long as it does so by more than the standard error of that gain.
+Forward selection with cross-validation (Stone 1974; Hastie, Tibshirani and Friedman 2009, ch. 7.10): each
+candidate law is fitted without some recordings and evaluated on them. The law that lowers the held-out error
+most is added, if the gain exceeds its standard error.
 
-A law that was worth it before another took its place is taken after all for a smaller gain: healthy
-recordings hardly tell the two apart, but faults do. Behind a shaft that gives a backlash shows far less than
-in a rigid unit with bristle friction, and healthy both look alike.
+A law whose gain was sufficient before another law was added in its place needs a smaller gain afterwards:
+healthy recordings hardly distinguish the two laws, but faults do. For example, a compliant shaft and bristle
+friction are similar in healthy recordings, but backlash has far less effect behind a compliant shaft.
 """
 
 import time
@@ -36,20 +36,21 @@ from emaphm.progress import Progress
 from emaphm.random_streams import child_seed
 
 NO_LAW = "none"
-"""Name of the description without a further law, in the table of a selection."""
+"""Name of the description without an added law, in the table of a selection."""
 
 
 @dataclass(frozen=True)
 class CrossValidationSettings:
-    """How laws are tried by cross-validation.
+    """Settings of the cross-validation of laws.
 
-    Up to `most_folds` recordings each is left out once, of more as many groups. A law is fitted from the
-    description's fit and `starts` points about its own start value. One that lowers the training error by
-    less than the share `least_gain` is not cross-validated, and none is taken for a held-out gain below it:
-    so much the kinks of stick-slip make of an error. Of a law that has had such a gain before another was
-    taken, `least_gain_again` is asked. While a law is missing that the unit has, nearly all others gain
-    something: of a six-step unit with a Stribeck speed, five had 2 to 5 % without it and 0.1 to 0.3 % with
-    it. The lag of the sensors of a plant with three laws had 2 % when one was taken, and 1 % after two.
+    Each recording is left out once; more than `most_folds` recordings are left out in `most_folds` groups.
+    The fit of a law starts from the description's fit and from `starts` points about the law's start value.
+    A law that lowers the training error by less than the share `least_gain` is not cross-validated, and a law
+    needs a held-out gain of at least `least_gain`, because the kinks of stick-slip change an error by this
+    amount. A law that had such a gain before another law was added needs only `least_gain_again`. While a law
+    of the unit is missing, nearly all other laws have some gain: for a six-step unit with a Stribeck speed,
+    five laws had 2 to 5 % without it and 0.1 to 0.3 % with it. The sensor lag of a plant with three laws had
+    2 % after one law and 1 % after two laws.
     """
 
     most_folds: int = 5
@@ -63,11 +64,11 @@ CROSS_VALIDATION = CrossValidationSettings()
 
 @dataclass(frozen=True)
 class LawTrial:
-    """One law that was tried, with those `given` that had been chosen before.
+    """Trial of one law, in addition to the laws `given` that had been chosen before.
 
-    `training_error` and `held_out_error` are relative errors of the channels, as fractions: the geometric
-    mean over channels and recordings. `held_out_error` is None where the law was not cross-validated.
-    `evaluations` are simulations of a recording.
+    `training_error` and `held_out_error` are relative errors of the channels, as fractions: geometric means
+    over channels and recordings. `held_out_error` is None if the law was not cross-validated. `evaluations`
+    is the number of simulations of a recording.
     """
 
     law: str
@@ -80,21 +81,21 @@ class LawTrial:
 
 
 def parameters_of(law: Law, actuator: Actuator) -> tuple[str, ...]:
-    """Return the parameters that a law makes free in an `actuator` that has it."""
+    """Return the parameters that are free because of a law, in an `actuator` with this law."""
     return tuple(
         name for name in (*law.parameters, *law.also_free) if described_parts(actuator, name) is not None
     )
 
 
 def typical_motor_speed(joint: JointObjective) -> float:
-    """Return the largest rms motor speed [rad/s] of the recordings, by the described model."""
+    """Return the largest rms motor speed [rad/s] of the recordings according to the described model."""
     problems = [term.objective.problem for term in joint.terms]
     return max(rms(problem.signals(Faults().vector)["speed_rad_s"]) for problem in problems)
 
 
 @dataclass(frozen=True, eq=False)
 class LawChoice:
-    """The actuator with the chosen `laws`, the free parameters, the trials, and a point to start from."""
+    """Result of a selection: actuator with the chosen `laws`, free parameters, trials, and start values."""
 
     laws: tuple[Law, ...]
     actuator: Actuator
@@ -105,9 +106,10 @@ class LawChoice:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A description with laws, fitted to all recordings, and judged on those left out if `held_out` is set.
+    """Fit of a description with laws to all recordings.
 
-    `held_out` is the logarithm of each recording's error where it was left out, (n,).
+    `training` (n,) and `held_out` (n,) are the logarithms of the error of each recording, in the fit and when
+    it was left out; `held_out` is None without cross-validation.
     """
 
     actuator: Actuator
@@ -119,7 +121,7 @@ class _Fit:
 
     @property
     def shared(self) -> dict[str, float]:
-        """The shared coordinates by parameter."""
+        """Shared coordinates by parameter."""
         return dict(zip(self.free, self.point[: len(self.free)].tolist(), strict=True))
 
 
@@ -132,58 +134,60 @@ def select_laws(
     fit_settings: FitSettings,
     on_progress: Progress | None = None,
 ) -> LawChoice:
-    """Return the laws among `candidates` that lower the error in recordings left out.
+    """Return the laws among `candidates` that lower the error in recordings left out of the fit.
 
-    `base` is the fit of `free` without them; the discrepancy of its model is taken for that of all.
+    `base` is the fit of `free` without these laws; the discrepancy of its model is used for all fits.
 
     Raises
     ------
     MethodError
-        There is one recording only, so that none can be left out.
+        There is only one recording, so that none can be left out.
     """
     check_held_out(rows)
     trial = _Trials(rows, base, fit_settings)
     began = time.perf_counter()
     current = trial.cross_validated(trial.described(actuator, free))
     trials = [trial.record(NO_LAW, (), current, began, chosen=True)]
-    left, chosen, shown = list(candidates), list[Law](), set[str]()
-    while left:
+    remaining, chosen, had_gain = list(candidates), list[Law](), set[str]()
+    while remaining:
         names = tuple(law.name for law in chosen)
         tried, gains = dict[str, tuple[_Fit, int]](), dict[str, float]()
-        for i, law in enumerate(left):
+        for i, law in enumerate(remaining):
             began = time.perf_counter()
             if on_progress is not None:
-                on_progress((len(chosen) + i / len(left)) / (len(candidates) + 1))
-            is_shown = law.name in shown
-            least = CROSS_VALIDATION.least_gain_again if is_shown else CROSS_VALIDATION.least_gain
-            fitted = trial.with_law(current, law, 0.0 if is_shown else least)
+                on_progress((len(chosen) + i / len(remaining)) / (len(candidates) + 1))
+            again = law.name in had_gain
+            least = CROSS_VALIDATION.least_gain_again if again else CROSS_VALIDATION.least_gain
+            fitted = trial.with_law(current, law, 0.0 if again else least)
             if fitted is None:
                 continue
-            # With a law that it needs it must be worth more than that law alone.
-            alone = [tried[name][0] for name in law.needs if name in tried]
-            is_more = all(trial.gain(one, fitted, least) > 0 for one in alone if one.held_out is not None)
+            # A law together with a law that it requires must have a gain over the required law alone.
+            required = [tried[name][0] for name in law.needs if name in tried]
+            exceeds_required = all(
+                trial.gain(fit, fitted, least) > 0 for fit in required if fit.held_out is not None
+            )
             gain = trial.gain(current, fitted, least)
-            if gain > 0 and is_more:
+            if gain > 0 and exceeds_required:
                 gains[law.name] = gain
             tried[law.name] = fitted, len(trials)
             trials.append(trial.record(law.name, names, fitted, began))
         if not gains:
             break
         best = max(gains, key=gains.__getitem__)
-        shown |= gains.keys()
-        # What it needs is taken first: on that it competes with others in the next round.
-        taken = next((name for name in LAWS[best].needs if name in tried), best)
-        current, number = tried[taken]
+        had_gain |= gains.keys()
+        # A required law is added first; the law itself competes again in the next round.
+        added = next((name for name in LAWS[best].needs if name in tried), best)
+        current, number = tried[added]
         if current.held_out is None:
             current = trial.cross_validated(current)
         trials[number] = replace(trials[number], chosen=True, held_out_error=_mean_error(current.held_out))
-        chosen.append(LAWS[taken])
-        left.remove(LAWS[taken])
+        chosen.append(LAWS[added])
+        remaining.remove(LAWS[added])
     return LawChoice(tuple(chosen), current.actuator, current.free, tuple(trials), current.shared)
 
 
 def check_held_out(rows: Sequence[CampaignRow]) -> None:
-    """Refuse to judge laws where no recording can be left out."""
+    """Raise `MethodError` if there are too few recordings to leave one out."""
     if len(rows) < 2:
         raise MethodError(
             "laws are chosen by their error in recordings left out of the fit, which takes two recordings at "
@@ -192,7 +196,7 @@ def check_held_out(rows: Sequence[CampaignRow]) -> None:
 
 
 class _Trials:
-    """What all fits of a selection share; counts the simulations."""
+    """Fits of a selection, with their common data; `runs` counts the simulations."""
 
     def __init__(self, rows: Sequence[CampaignRow], base: JointEstimate, fit_settings: FitSettings) -> None:
         self.rows, self.base, self.fit_settings = rows, base, fit_settings
@@ -200,21 +204,21 @@ class _Trials:
         self.runs = 0
 
     def described(self, actuator: Actuator, free: tuple[str, ...]) -> _Fit:
-        """Return the fit without any law: that of the base."""
-        joint = self.base.joint.corrected([one.mean for one in self.base.discrepancies])
+        """Return the fit of the base, without added laws."""
+        joint = self.base.joint.corrected([discrepancy.mean for discrepancy in self.base.discrepancies])
         joint, point = settle(joint, self.base.point)
         return _Fit(actuator, free, joint, point, _log_errors(joint, point))
 
     def with_law(self, current: _Fit, law: Law, least: float) -> _Fit | None:
-        """Return the fit with a further law; None if not possible.
+        """Return the fit with an additional law; None if the law is not possible.
 
-        It is cross-validated if it lowers the training error by the share `least`.
+        The fit is cross-validated if the law lowers the training error by at least the share `least`.
         """
         lacking = [LAWS[name] for name in law.needs if not LAWS[name].is_in(current.actuator)]
-        if not all(one.is_possible(current.actuator) for one in (*lacking, law)):
+        if not all(needed.is_possible(current.actuator) for needed in (*lacking, law)):
             return None
-        # Bristles come with the Stribeck speed that gives them static friction; others build on another law.
-        if any(not set(one.parameters) <= set(law.also_free) for one in lacking):
+        # Bristles include the Stribeck speed that gives them static friction; other laws need theirs first.
+        if any(not set(needed.parameters) <= set(law.also_free) for needed in lacking):
             return None
         actuator = law.added_to(current.actuator, self.speed)
         free = tuple(dict.fromkeys((*current.free, *parameters_of(law, actuator))))
@@ -234,10 +238,10 @@ class _Trials:
         return self.cross_validated(fitted)
 
     def _objective(self, current: _Fit, actuator: Actuator, free: tuple[str, ...]) -> JointObjective:
-        """Return the objective with further free parameters, weighted and corrected as at `current`."""
+        """Return the objective with more free parameters, with the weights and corrections of `current`."""
         unit = ParameterVariation.free(actuator, free)
         settings = self.fit_settings
-        # The rows of the base are compared, whose discrepancy is taken for that of all.
+        # The same rows as in the base are compared, because its discrepancy is used for all fits.
         rigid = self.base.joint.terms[0].objective.problem.actuator.transmission is None
         joint = joint_objective(
             self.rows, actuator, unit, settings.nuisances, settings.workers, every_row=rigid
@@ -251,12 +255,12 @@ class _Trials:
         return replace(joint, terms=tuple(terms))
 
     def cross_validated(self, fitted: _Fit) -> _Fit:
-        """Return the fit with the error of each recording where it was left out."""
+        """Return the fit with the error of each recording when it was left out."""
         count = len(fitted.joint.terms)
         held_out = np.empty(count)
         for left_out in folds(count, CROSS_VALIDATION.most_folds, self.fit_settings.seed):
-            kept = [r for r in range(count) if r not in left_out]
-            training, start = subset(fitted.joint, fitted.point, kept)
+            training_rows = [r for r in range(count) if r not in left_out]
+            training, start = subset(fitted.joint, fitted.point, training_rows)
             shared = descend(training, start[np.newaxis], training.box, DESCENT).best[: training.shared]
             for r in left_out:
                 held_out[r] = _held_out_error(fitted.joint, r, shared)
@@ -268,7 +272,7 @@ class _Trials:
         return fitted
 
     def gain(self, before: _Fit, after: _Fit, least: float) -> float:
-        """Return the held-out gain (of the logarithm) of a law that is beyond chance and `least`, else 0."""
+        """Return the held-out gain (of the logarithm) of a law; 0 unless it exceeds chance and `least`."""
         if before.held_out is None or after.held_out is None:
             return 0.0
         gains = before.held_out - after.held_out
@@ -278,7 +282,7 @@ class _Trials:
     def record(
         self, name: str, given: tuple[str, ...], fitted: _Fit, began: float, *, chosen: bool = False
     ) -> LawTrial:
-        """Return what is reported of a trial."""
+        """Return the report of a trial."""
         held_out, training = _mean_error(fitted.held_out), float(np.exp(fitted.training.mean()))
         return LawTrial(name, given, training, held_out, time.perf_counter() - began, self.runs, chosen)
 
@@ -288,7 +292,7 @@ def _mean_error(held_out: Array | None) -> float | None:
 
 
 def _log_errors(joint: JointObjective, point: Array) -> Array:
-    """Return the logarithm of each recording's relative error at `point` (d,), its channels' mean, (n,)."""
+    """Return the logarithm of each recording's relative error at `point` (d,), mean over channels, (n,)."""
     residuals = joint.residuals(point)
     return np.array(
         [_log_error(term, residual) for term, residual in zip(joint.terms, residuals, strict=True)]
@@ -296,16 +300,16 @@ def _log_errors(joint: JointObjective, point: Array) -> Array:
 
 
 def _log_error(term: RecordingTerm, residual: Array) -> float:
-    """Return the mean over channels of the logarithm of rms residual over rms signal."""
+    """Return the mean over channels of log(rms residual / rms signal)."""
     objective, problem = term.objective, term.objective.problem
     by_channel = residual[: objective.channel_rows].reshape(len(problem.channels), -1)
     errors = [
-        rms(one) / (weight * signal_size(name, problem.measured[name]))
-        for name, one, weight in zip(problem.channels, by_channel, problem.weights, strict=True)
+        rms(rows) / (weight * signal_size(name, problem.measured[name]))
+        for name, rows, weight in zip(problem.channels, by_channel, problem.weights, strict=True)
     ]
     return float(np.mean(np.log(np.maximum(errors, LEAST_RESIDUAL))))
 
 
 def _held_out_error(joint: JointObjective, r: int, shared: Array) -> float:
-    """Return the logarithm of the error of recording `r` under `shared` (p,); only its own is estimated."""
+    """Return the logarithm of the error of recording `r` under `shared` (p,), with its own estimated."""
     return _log_error(joint.terms[r], left_out_residual(joint, r, shared))

@@ -1,4 +1,4 @@
-"""The result of a calibration: a healthy unit's parameters, and its description with a baseline."""
+"""Result of a calibration: parameters of a healthy unit, and its description with a baseline."""
 
 import json
 from collections.abc import Mapping
@@ -30,32 +30,32 @@ class Calibration:
     parameters
         By name: value and standard error in the parameter's unit, and whether it is identifiable.
     actuator
-        The calibrated description; its baseline has the parameters with their covariance.
+        Calibrated description; its baseline contains the parameters with their covariance.
     recordings
-        What was found of each recording.
+        Result for each recording.
     birge_ratio
-        Scatter of what the recordings would have alone, relative to that expected from their standard errors;
-        None of one recording.
+        Scatter of the estimates of the recordings alone, relative to that expected from their standard
+        errors; None for one recording.
     scattered
-        Whether that is more than chance; the standard errors of the parameters then include it.
+        Whether this scatter exceeds chance; the standard errors of the parameters then include it.
     collinear_sets
-        Parameters that are known in combination only.
+        Sets of parameters of which only a combination is known.
     evaluations, seconds, seed
-        Runs of models, the time that they took [s], and the source of the starting points.
+        Number of model runs, duration [s], and seed of the starting points.
     laws, selection
-        Names of the laws that were added to the description, and how they were chosen.
+        Names of the laws that were added to the description, and the trials of their selection.
     unexcited
-        Laws that the recordings do not determine, each with the manoeuvre that would.
+        Laws that the recordings do not identify, each with a manoeuvre that would.
     loop
-        Whether the fit was in closed loop or to the measured motion, and why.
+        Whether the fit was in closed loop or by measured motion, and the reason.
     error_correlation
-        From 0 to 1, how alike the residuals are of recordings that repeat a manoeuvre: what is common to them
-        is not averaged away in the standard errors; None where no more than by chance.
+        Correlation, from 0 to 1, of the residuals of recordings that repeat a manoeuvre; the standard errors
+        do not average away the common part. None if it does not exceed chance.
     warnings
-        Sentences on signs, units, channels that the calibrated model does not resemble, and what the
-        recordings leave open all the same.
+        Sentences on signs, units, channels that the calibrated model does not resemble, and parameters that
+        the recordings leave open.
     law_notes
-        Sentences on a law that was not chosen by the selection.
+        Sentences on a law that was added without the selection.
     """
 
     parameters: Mapping[str, Parameter]
@@ -77,39 +77,39 @@ class Calibration:
 
     @property
     def replays(self) -> tuple[Replay, ...]:
-        """Each recording, replayed by the calibrated model."""
-        return tuple(one.replay for one in self.recordings)
+        """Replay of each recording by the calibrated model."""
+        return tuple(result.replay for result in self.recordings)
 
     @property
     def nuisances(self) -> tuple[Mapping[str, float], ...]:
-        """What was estimated of each recording, each nuisance by its name, in its unit.
+        """Estimated nuisances of each recording by name, in their units.
 
-        `emaphm.estimation.space.nuisances.unit_of` returns the unit, such as N·m of a load.
+        `emaphm.estimation.space.nuisances.unit_of` returns the unit, such as N·m for a load.
         """
-        return tuple(one.nuisances for one in self.recordings)
+        return tuple(result.nuisances for result in self.recordings)
 
     @property
     def kept(self) -> Mapping[str, float]:
-        """The parameters that were kept as described, none of them measured; in their units."""
+        """Parameters that were kept as described, not estimated; in their units."""
         return kept_parameters(self.actuator, self.parameters)
 
     @property
     def relative_error(self) -> Mapping[str, float]:
-        """The relative error of each channel, as a fraction: of the recording where it is largest."""
+        """Largest relative error of each channel over the recordings, as a fraction."""
         worst: dict[str, float] = {}
-        for one in self.replays:
-            for name, error in one.relative_error.items():
+        for replay in self.replays:
+            for name, error in replay.relative_error.items():
                 worst[name] = max(error, worst.get(name, 0.0))
         return worst
 
     @property
     def force_error(self) -> float | None:
-        """The largest relative error of a torque by the measured motion; None in closed loop."""
-        errors = [one.force_error for one in self.recordings if one.force_error is not None]
+        """Largest relative error of the torque by measured motion; None in closed loop."""
+        errors = [result.force_error for result in self.recordings if result.force_error is not None]
         return max(errors) if errors else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `emaphm calibrate --json` prints."""
+        """Return the output of `emaphm calibrate --json`."""
         return {
             "parameters": {name: asdict(p) for name, p in self.parameters.items()},
             "kept": {
@@ -124,29 +124,31 @@ class Calibration:
             "birge_ratio": self.birge_ratio,
             "scattered": self.scattered,
             "error_correlation": self.error_correlation,
-            "collinear": [asdict(one) for one in self.collinear_sets],
+            "collinear": [asdict(collinear) for collinear in self.collinear_sets],
             "laws": list(self.laws),
-            "selection": [asdict(one) for one in self.selection],
+            "selection": [asdict(trial) for trial in self.selection],
             "law_notes": list(self.law_notes),
             "unexcited": dict(self.unexcited),
             "recordings": [
                 {
-                    "recording": one.replay.recording.source,
-                    "relative_error": dict(one.replay.relative_error),
-                    "nuisances": dict(one.nuisances),
-                    "own": dict(one.own),
-                    "known": dict(one.known),
-                    "misfit_ratio": one.misfit_ratio,
-                    "residual_over_noise": one.residual_over_noise,
-                    "force_error": one.force_error,
+                    "recording": result.replay.recording.source,
+                    "relative_error": dict(result.replay.relative_error),
+                    "nuisances": dict(result.nuisances),
+                    "own": dict(result.own),
+                    "known": dict(result.known),
+                    "misfit_ratio": result.misfit_ratio,
+                    "residual_over_noise": result.residual_over_noise,
+                    "force_error": result.force_error,
                 }
-                for one in self.recordings
+                for result in self.recordings
             ],
             "evaluations": self.evaluations,
             "seconds": round(self.seconds, 3),
             "seed": self.seed,
             "notes": [
-                f"{one.recording.source}: {note}" for one in self.replays for note in one.recording.notes
+                f"{replay.recording.source}: {note}"
+                for replay in self.replays
+                for note in replay.recording.notes
             ],
             "warnings": list(self.warnings),
             "actuator": self.actuator.name,
@@ -158,13 +160,13 @@ class Calibration:
         return json.dumps(self.to_dict(), indent=2)
 
     def plot(self) -> "Figure":
-        """Draw each channel, measured against model, with its residual: of the recording replayed worst."""
-        return max(self.replays, key=lambda one: one.relative_error.get("current_A", 0.0)).plot()
+        """Draw measured and modelled channels with residuals, for the recording with the largest error."""
+        return max(self.replays, key=lambda replay: replay.relative_error.get("current_A", 0.0)).plot()
 
     def __str__(self) -> str:
-        """Return tables of the laws tried, of the parameters and of the relative errors."""
+        """Return tables of the tried laws, the parameters and the relative errors."""
         parts = [law_table(self.selection)] if self.selection else []
-        collinear = {name for one in self.collinear_sets for name in one.members}
+        collinear = {name for collinear_set in self.collinear_sets for name in collinear_set.members}
         parts.append(parameter_table(self.parameters, collinear, len(self.recordings)))
         parts += ["\n".join(notes)] if (notes := self.notes()) else []
         errors = [(name, f"{100 * error:.4g} %") for name, error in self.relative_error.items()]
@@ -174,11 +176,15 @@ class Calibration:
         return "\n\n".join([*parts, format_table(("channel", title), errors)])
 
     def notes(self) -> list[str]:
-        """Return what was done to the recordings, what is doubtful, each one's own, and warnings."""
+        """Return sentences on the loop, the recordings, doubtful and own parameters, and warnings."""
         lines = [f"{self.loop}.", *self.law_notes]
-        lines += [f"{one.recording.source}: {note}." for one in self.replays for note in one.recording.notes]
+        lines += [
+            f"{replay.recording.source}: {note}."
+            for replay in self.replays
+            for note in replay.recording.notes
+        ]
         lines += [f"{name} is {p.remark}." for name, p in self.parameters.items() if p.reason]
-        lines += [str(one) for one in self.collinear_sets]
+        lines += [str(collinear) for collinear in self.collinear_sets]
         lines += [
             f"These recordings do not determine the law '{name}'; {manoeuvre} would."
             for name, manoeuvre in self.unexcited.items()

@@ -1,4 +1,4 @@
-"""Parameters that act alike in all recordings, and what would separate them: a channel or a manoeuvre."""
+"""Collinear parameters of a calibration, and the channels or manoeuvres that would separate them."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -30,20 +30,20 @@ from emaphm.simulation import Initial, Inputs, Plant, observe_batch
 
 MATTERS = 0.02
 """Standard error below which a parameter is known well enough, collinear or not: relative to its value, or
-for one of either sign to what it adds to (`sizes`)."""
+for a parameter of either sign relative to its size (`sizes`)."""
 
 LONGEST_S = 2.0
 """Longest manoeuvre that is tried [s]."""
 
 WORTH_SAYING = 0.01
-"""Distance from 0 of the position that a manoeuvre moves about, of its size, from which on it is said."""
+"""Least centre position of a manoeuvre that is named, relative to the size of the manoeuvre."""
 
 
 @dataclass(frozen=True)
 class CollinearParameters:
-    """Names of `members` that act alike in the recordings: of parameters, and of each recording's unknowns.
+    """Set of collinear `members`: parameters, and unknowns of each recording, with similar effects.
 
-    `channels` and `manoeuvres` would separate them if recorded too.
+    `channels` and `manoeuvres` would separate the members if they were also recorded.
     """
 
     members: tuple[str, ...]
@@ -51,25 +51,25 @@ class CollinearParameters:
     manoeuvres: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Return a sentence, and what would separate the members."""
+        """Return a sentence on the members, and on how to separate them."""
         text = (
             f"{listed(self.members, 'and')} act alike in these recordings: their combined effect is known, "
-            "each alone is not."
+            "the effect of each is not."
         )
         if self.channels:
-            return f"{text} Recording {listed(self.channels, 'or')} too would separate them."
+            return f"{text} A recording that includes {listed(self.channels, 'or')} would separate them."
         if self.manoeuvres:
             return f"{text} A further recording of {listed(self.manoeuvres, 'or')} would separate them."
-        return f"{text} Hold one of them at a value that is known."
+        return f"{text} Fix one of them at a known value."
 
 
 def collinear_parameters(fit: UnitFit, calibrated: Actuator, seed: int) -> tuple[CollinearParameters, ...]:
     """Return the sets of parameters of which only a combination is known.
 
-    Sets without a shared parameter are left out, and those whose parameters are known well all the same.
+    Sets without a shared parameter, and sets whose parameters are known well nevertheless, are left out.
     """
     joint, covariance = fit.joint, fit.uncertainty.covariance
-    # Relative to what was found, not to the description that was started from.
+    # Errors are relative to the estimates, not to the initial description.
     scale = np.diag(joint.unit.axes) / sizes(calibrated, fit.fitted)
     names, errors = _coordinate_names(fit), scale * np.sqrt(np.diag(covariance))[: joint.shared]
     chosen: dict[tuple[str, ...], list[int]] = {}
@@ -93,7 +93,7 @@ def collinear_parameters(fit: UnitFit, calibrated: Actuator, seed: int) -> tuple
 
 
 def _coordinate_names(fit: UnitFit) -> list[str]:
-    """Return what each coordinate stands for; those of several recordings under one name."""
+    """Return the name of each coordinate (d,); equal nuisances of several recordings have the same name."""
     names = list(fit.fitted)
     for term in fit.joint.terms:
         nuisances = term.objective.space.nuisances
@@ -104,14 +104,14 @@ def _coordinate_names(fit: UnitFit) -> list[str]:
 
 
 def _channel_information(fit: UnitFit, seed: int) -> dict[str, Array]:
-    """Return the information (d, d) that each channel would add that some recording lacks."""
+    """Return the information (d, d) of each channel that a recording lacks, summed over the recordings."""
     joint = fit.joint
     total: dict[str, Array] = {}
 
     def add(name: str, r: int, information: Array) -> None:
-        empty = [np.zeros((index.size, index.size)) for index in joint.indices]
-        empty[r] = information
-        total[name] = total.get(name, 0.0) + joint.summed_matrices(empty)
+        by_recording = [np.zeros((index.size, index.size)) for index in joint.indices]
+        by_recording[r] = information
+        total[name] = total.get(name, 0.0) + joint.summed_matrices(by_recording)
 
     for r, term in enumerate(joint.terms):
         objective, local = term.objective, joint.local(r, fit.point)
@@ -124,10 +124,10 @@ def _channel_information(fit: UnitFit, seed: int) -> dict[str, Array]:
         if not missing:
             continue
         channels = (*missing, *problem.channels)
-        other = problem.observing(channels)
+        extended = problem.observing(channels)
 
-        def signals(points: Array, objective: Any = objective, other: Any = other) -> Array:
-            predicted = other.predict(objective.space.faults(points), objective.lumped_parameters(points))
+        def signals(points: Array, objective: Any = objective, extended: Any = extended) -> Array:
+            predicted = extended.predict(objective.space.faults(points), objective.lumped_parameters(points))
             return np.asarray(predicted.reshape(len(points), -1))
 
         rng = stream(seed, "Jacobians of further channels", r)
@@ -145,14 +145,14 @@ def _channel_information(fit: UnitFit, seed: int) -> dict[str, Array]:
 
 
 def _manoeuvre_information(fit: UnitFit, seed: int) -> dict[str, Array]:
-    """Return the information (d, d) on the shared parameters of a further recording, by its manoeuvre.
+    """Return, for each manoeuvre, the information (d, d) of a further recording on the shared parameters.
 
-    Of its own unknowns as little is known as of those of the first recording.
+    The priors of the own unknowns of that recording are those of the first recording.
     """
     joint, term = fit.joint, fit.joint.terms[0]
     problem, space = term.objective.problem, term.objective.space
-    channels = tuple(dict.fromkeys(n for one in joint.terms for n in one.objective.problem.channels))
-    point, found = joint.local(0, fit.point), {}
+    channels = tuple(dict.fromkeys(n for other in joint.terms for n in other.objective.problem.channels))
+    point, by_manoeuvre = joint.local(0, fit.point), {}
     for name, driving in _manoeuvres(joint).items():
         inputs = driving.inputs(problem.model.step_for(problem.actuator))
         start = Initial(rest_position(driving.command) / problem.actuator.mechanics.gear_ratio)
@@ -168,8 +168,8 @@ def _manoeuvre_information(fit: UnitFit, seed: int) -> dict[str, Array]:
         level = np.split(signals(point[np.newaxis])[0], len(channels))
         parts = np.split(jacobians, len(channels), axis=2)
         by_channel = [
-            signal_information(part, signal_size(*one))
-            for part, one in zip(parts, zip(channels, level, strict=True), strict=True)
+            signal_information(part, signal_size(*named))
+            for part, named in zip(parts, zip(channels, level, strict=True), strict=True)
         ]
         total = np.sum(by_channel, axis=0)
         own, added = term.own, np.zeros_like(fit.uncertainty.covariance)
@@ -177,16 +177,16 @@ def _manoeuvre_information(fit: UnitFit, seed: int) -> dict[str, Array]:
         known = np.linalg.inv(total[:own, :own] + np.diag(1 / priors**2))
         cross = total[own:, :own]
         added[: joint.shared, : joint.shared] = total[own:, own:] - cross @ known @ cross.T
-        found[name] = added
-    return found
+        by_manoeuvre[name] = added
+    return by_manoeuvre
 
 
 def _manoeuvres(joint: JointObjective) -> dict[str, DrivingSignals]:
-    """Return manoeuvres of the size of those recorded, by what they are called."""
+    """Return manoeuvres of the size of the recorded ones, by their description in words."""
     problems = [term.objective.problem for term in joint.terms]
-    amplitude, about = max((_room(one) for one in problems), key=lambda room: room[0])
-    duration = min(max(one.duration_s for one in problems), LONGEST_S)
-    interval = min(one.inputs.interval for one in problems)
+    amplitude, about = max((_room(problem) for problem in problems), key=lambda room: room[0])
+    duration = min(max(problem.duration_s for problem in problems), LONGEST_S)
+    interval = min(problem.inputs.interval for problem in problems)
     unit = unit_for(USER_ANGLE, problems[0].actuator.coordinates)
     size, reached = f"{amplitude:.3g} {unit}", f"to {amplitude:.3g} {unit}"
     if abs(about) > WORTH_SAYING * amplitude:
@@ -209,10 +209,10 @@ def _manoeuvres(joint: JointObjective) -> dict[str, DrivingSignals]:
 
 
 def _room(problem: Problem) -> tuple[float, float]:
-    """Return how far a manoeuvre may go [rad at the user], and about which position: as the recorded one.
+    """Return the amplitude of a manoeuvre and its centre [rad at the user], from the recorded command.
 
-    That is from where it started or, where an end stop is too near for as much to the other side, in the
-    middle of what it covered.
+    The centre is the start position of the recording. If an end stop is too near for that, it is the middle
+    of the recorded range.
     """
     mechanics, command = problem.actuator.mechanics, problem.inputs.command
     lowest, highest = float(np.min(command)), float(np.max(command))

@@ -1,4 +1,4 @@
-"""The tables and notes of a calibration as text."""
+"""Tables and notes of a calibration as text."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -17,11 +17,11 @@ from emaphm.recording.schema import SCHEMA
 from emaphm.text_table import NOTHING, format_table
 
 WORSE = 1.5
-"""Misfit ratio from which a recording is said to be fitted worse together with the others than alone."""
+"""Misfit ratio above which a note states that a recording is fitted worse jointly than alone."""
 
 
 def parameter_table(parameters: Mapping[str, Parameter], collinear: Collection[str], recordings: int) -> str:
-    """Return the parameters with their standard errors, marked where one is not known by itself."""
+    """Return the table of parameters with standard errors, and marks such as "not identifiable"."""
     source = "this recording" if recordings == 1 else "these recordings"
     rows = []
     for name, p in parameters.items():
@@ -36,20 +36,20 @@ def parameter_table(parameters: Mapping[str, Parameter], collinear: Collection[s
 
 
 def _known_within(name: str, parameter: Parameter) -> str:
-    """Return within which factor a positive parameter is known that the recordings do not show."""
+    """Return a phrase with the factor within which a positive, not identifiable parameter is known."""
     if name in SIGNED or parameter.factor is None:
         return ""
     return f": known within a factor of {parameter.factor:.2g} only"
 
 
 def _rounded(value: float, error: float) -> str:
-    """Return a value with as many digits as its error is given to, one at least and six at most."""
+    """Return a value as text with the digits that its error justifies, at least one and at most six."""
     known = math.ceil(math.log10(abs(value / error))) + 1 if value and error else 1
     return f"{value:.{min(max(known, 1), 6)}g}"
 
 
 def law_table(trials: Sequence[LawTrial]) -> str:
-    """Return the laws in the order in which they were tried."""
+    """Return the table of laws in the order of their trials."""
     rows = [
         (
             " + ".join((*trial.given, trial.law)),
@@ -70,20 +70,20 @@ def recording_notes(
     scattered: bool,
     error_correlation: float | None,
 ) -> list[str]:
-    """Return a line on what was estimated of each recording, and on how the recordings agree."""
+    """Return a line on the estimates of each recording, and on the agreement of the recordings."""
     lines = []
-    for one in recordings:
-        source, own = one.replay.recording.source, {**one.nuisances, **one.own}
+    for result in recordings:
+        source, own = result.replay.recording.source, {**result.nuisances, **result.own}
         if own:
-            coordinates = one.replay.actuator.coordinates
+            coordinates = result.replay.actuator.coordinates
             values = ", ".join(
-                f"{name} {value:.4g}" if name in one.own else _with_unit(name, value, coordinates)
+                f"{name} {value:.4g}" if name in result.own else _with_unit(name, value, coordinates)
                 for name, value in own.items()
             )
             lines.append(f"Estimated with the parameters in {source}: {values}.")
-        if one.misfit_ratio is not None and one.misfit_ratio > WORSE:
+        if result.misfit_ratio is not None and result.misfit_ratio > WORSE:
             lines.append(
-                f"{source} alone would be explained {one.misfit_ratio:.2g} times as well as with the others."
+                f"{source} alone would be fitted {result.misfit_ratio:.2g} times as well as with the others."
             )
     if birge_ratio is not None:
         lines.append(
@@ -92,8 +92,9 @@ def recording_notes(
         )
     if error_correlation is not None:
         lines.append(
-            f"The residuals of recordings of one manoeuvre are alike (correlation {error_correlation:.2f}): "
-            "what is common to them is not averaged away in the standard errors, and shows in no scatter."
+            "The residuals of recordings of the same manoeuvre are correlated "
+            f"({error_correlation:.2f}): their common part is not averaged away in the standard errors, and "
+            "does not appear in the scatter."
         )
     return lines
 
@@ -111,26 +112,26 @@ def kept_notes(kept: Mapping[str, float], coordinates: str, estimated: Collectio
 
 
 def model_error_notes(learned: ModelError, coordinates: str, *, laws_tried: bool) -> list[str]:
-    """Return a line on what recordings left out of the fit teach of the model's error, if anything."""
-    errors = {name: one for name in CHANNELS if (one := learned.of(name)) is not None}
+    """Return lines on the model's error that was learned from recordings left out of the fit, if any."""
+    errors = {name: error for name in CHANNELS if (error := learned.of(name)) is not None}
     lines = []
     if errors:
         sizes = ", ".join(
-            f"{name} {one.floor:.2g} {unit_for(SCHEMA[name].unit, coordinates)} at rest"
-            for name, one in errors.items()
+            f"{name} {error.floor:.2g} {unit_for(SCHEMA[name].unit, coordinates)} at rest"
+            for name, error in errors.items()
         )
         lines.append(f"Error of the model in addition to noise, in recordings left out of the fit: {sizes}.")
     if learned.faults is not None:
         apparent = {name: learned.faults.of(name) for name in NAMES if learned.faults.of(name) > 0}
         if apparent:
             values = ", ".join(f"{name} {value:.2g}" for name, value in apparent.items())
-            lines.append(f"In recordings left out, the model's error looks like faults: {values}.")
+            lines.append(f"In recordings left out, the model's error resembles faults: {values}.")
         if (largest := max(apparent.values(), default=0.0)) > VERDICT.hidden_fault:
             reach = Z95 * largest * error_inflation(learned.faults.recordings)
             advice = "Calibrate on more manoeuvres" if laws_tried else "Let laws be tried (--laws auto)"
             lines.append(
                 f"Faults up to some {reach:.1g} may not be found by this description: it lacks a law, or the "
-                f"control is another. {advice}, or name a law (--laws)."
+                f"controller differs. {advice}, or name a law (--laws)."
             )
     return lines
 

@@ -1,4 +1,4 @@
-"""The joint fit of a healthy unit's parameters to all recordings, and how well they are known."""
+"""Joint fit of a healthy unit's parameters to all recordings, with their uncertainty."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,17 +23,17 @@ from emaphm.estimation.space.parameter_variation import WIDEST_FACTOR, Parameter
 from emaphm.progress import Progress, subprogress
 
 AT_BOUND = 0.98
-"""Share of the way to its bound from which a parameter counts as at it: descents stop a little short."""
+"""Fraction of the distance to its bound above which a parameter is at its bound: descents stop before it."""
 
 NO_START: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False)
 class FitSettings:
-    """What every fit of a calibration takes; see `emaphm.calibration.calibrate`.
+    """Settings of all fits of a calibration; see `emaphm.calibration.calibrate`.
 
-    `every_row` as in `joint_objective`. `known` has the standard deviations of parameters that are known
-    otherwise, by the logarithm.
+    `every_row` is that of `joint_objective`. `known` are prior standard deviations of parameters (by the
+    logarithm), for example from tolerances.
     """
 
     nuisances: Sequence[str] | None
@@ -45,37 +45,37 @@ class FitSettings:
 
     @property
     def unknown_constant(self) -> float:
-        """Standard deviation, by the logarithm, of a torque constant that the recordings do not show."""
+        """Standard deviation, by the logarithm, of a torque constant that is not identifiable."""
         return self.known.get("torque_constant", math.log(WIDEST_FACTOR))
 
     def variation(self, actuator: Actuator, names: tuple[str, ...]) -> ParameterVariation:
-        """Return the parameters `names` as coordinates of their own."""
+        """Return the variation of the parameters `names`, one coordinate each."""
         return ParameterVariation.free(actuator, names).known_to(self.known)
 
     def objective(
         self, rows: Sequence[CampaignRow], actuator: Actuator, unit: ParameterVariation
     ) -> JointObjective:
-        """Return the objective of the `unit`'s parameters by all `rows`."""
+        """Return the joint objective of all `rows` in the `unit`'s parameters."""
         return joint_objective(rows, actuator, unit, self.nuisances, self.workers, every_row=self.every_row)
 
 
 @dataclass(frozen=True, eq=False)
 class UnitFit:
-    """The end of a joint fit of the parameters `free`.
+    """Result of a joint fit of the parameters `free`.
 
     Attributes
     ----------
     deviations, covariance
-        Of the parameters from the description, in their coordinates: (p,) and (p, p), of the next recording's
-        parameters where the recordings scatter.
+        Deviations of the parameters from the description, in their coordinates, (p,), and their covariance
+        (p, p). If the recordings scatter, the covariance is that of the parameters of a next recording.
     at_bound
-        Which parameters have wandered to the bound of the search, (p,).
+        Whether each parameter is at the bound of the search, (p,).
     contradictions
-        What the recordings contradict each other in; None of one recording.
+        Contradictions between the recordings; None for one recording.
     fitted
-        The parameters that have coordinates in the fit: all but one that only ratios are known to.
+        Parameters with coordinates in the fit: all, except the torque constant if only ratios are known.
     lacks
-        What the fit leaves of each recording; the covariance has what the model lacks there.
+        Lack of fit of each recording; the covariance includes its effect.
     """
 
     free: tuple[str, ...]
@@ -90,12 +90,12 @@ class UnitFit:
 
     @property
     def joint(self) -> JointObjective:
-        """What was minimised in the end."""
+        """Joint objective at the end of the fit."""
         return self.estimate.joint
 
     @property
     def point(self) -> Array:
-        """The estimate in the coordinates of `joint`, (d,)."""
+        """Estimate in the coordinates of `joint`, (d,)."""
         return self.uncertainty.point
 
     def contradicts(self, name: str) -> bool:
@@ -106,20 +106,20 @@ class UnitFit:
 
     @property
     def standard_errors(self) -> Array:
-        """Of the deviations, (p,)."""
+        """Standard errors of the deviations, (p,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
 @dataclass(frozen=True, eq=False)
 class SearchedUnit:
-    """The end of a search without correction: the objective, and a `point` (d,) of it."""
+    """Result of a search without correction: the objective, and its end `point` (d,)."""
 
     joint: JointObjective
     point: Array
 
     @property
     def start(self) -> dict[str, float]:
-        """The shared coordinates by parameter."""
+        """Shared coordinates by parameter."""
         names = self.joint.unit.parameters
         return dict(zip(names, self.point[: len(names)].tolist(), strict=True))
 
@@ -132,13 +132,13 @@ def searched(
     start: Mapping[str, float] = NO_START,
     on_progress: Progress | None = None,
 ) -> SearchedUnit:
-    """Return where the search for the parameters `fitted` ends.
+    """Return the end of the search for the parameters `fitted`.
 
-    Among its starts are `start`, and what inverse dynamics finds of the measured motion.
+    Its starts include `start`, and the estimates of inverse dynamics from the measured motion.
     """
     joint = settings.objective(rows, actuator, settings.variation(actuator, fitted))
     starts = (start, measured_start(rows, actuator, fitted, settings.nuisances))
-    given = [np.array([one.get(name, 0.0) for name in fitted]) for one in starts if one]
+    given = [np.array([values.get(name, 0.0) for name in fitted]) for values in starts if values]
     return SearchedUnit(*search(joint, settings.seed, given, on_progress))
 
 
@@ -160,20 +160,20 @@ def fit_unit(
     on_progress: Progress | None = None,
     starts: Sequence[SearchedUnit] = (),
 ) -> UnitFit:
-    """Return the joint fit of `free` to all `rows`; parameters and errors as in `calibrate`.
+    """Return the joint fit of `free` to all `rows`; parameters and raised errors are those of `calibrate`.
 
-    `start` has coordinates of parameters to start from, in addition to the description's; each of `starts` is
-    corrected as if a search had ended there, and the best kept.
+    `start` are start coordinates by parameter, in addition to the description. Each of `starts` is corrected
+    like the end of a search, and the best result is used.
     """
     fitted = fitted_parameters(rows, actuator, free)
-    found = searched(rows, actuator, fitted, settings, start, subprogress(on_progress, 0.0, 1 / 3))
+    end = searched(rows, actuator, fitted, settings, start, subprogress(on_progress, 0.0, 1 / 3))
     correcting = subprogress(on_progress, 1 / 3, 0.9)
-    ends = [
-        corrected_estimate(one.joint, one.point, settings.max_corrections, settings.seed, correcting)
-        for one in (found, *starts)
+    estimates = [
+        corrected_estimate(unit.joint, unit.point, settings.max_corrections, settings.seed, correcting)
+        for unit in (end, *starts)
     ]
-    estimate = min(ends, key=lambda one: one.primary_variance)
-    unit = found.joint.unit
+    estimate = min(estimates, key=lambda corrected: corrected.primary_variance)
+    unit = end.joint.unit
     open_scales = [only_ratios([row], actuator, fitted) for row in rows]
 
     def unresolved(r: int, point: Array) -> Array:
@@ -193,11 +193,11 @@ def fit_unit(
     covariance = uncertainty.covariance[: len(fitted), : len(fitted)]
     if contradicted is not None:
         covariance = covariance + contradicted.covariance
-    # Beyond its bound a parameter may be anywhere.
+    # The true value of a parameter at its bound may be anywhere beyond it.
     covariance = covariance + np.diag(np.where(at_bound, unit.widest, 0.0) ** 2)
     chosen = np.array([[float(name == other) for other in fitted] for name in free]).reshape(len(free), -1)
     full = chosen @ deviations
-    # The torque constant was not fitted where the recordings have information only on ratios to it.
+    # The torque constant was not fitted if the recordings have information only on ratios to it.
     unknown = 0.0 if fitted == free else settings.unknown_constant
     scale = unknown * common_factor(actuator, free, full)
     return UnitFit(

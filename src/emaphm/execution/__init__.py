@@ -1,4 +1,4 @@
-"""Many independent tasks: on processes or a Dask cluster, kept as they finish, resumed. Knows no actuator."""
+"""Execution of many independent tasks on processes or a Dask cluster, with stored results and resumption."""
 
 from emaphm.execution.run import OnTask, check_workers, in_order, outcomes, run_missing, run_tasks
 from emaphm.execution.store import ResultStore

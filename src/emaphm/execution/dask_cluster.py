@@ -1,4 +1,4 @@
-"""Tasks on the workers of a Dask scheduler, which may come and go."""
+"""Execution of tasks on the workers of a Dask scheduler, which may join and leave at any time."""
 
 import asyncio
 import importlib.util
@@ -12,19 +12,19 @@ from emaphm.errors import ExecutionError
 from emaphm.execution.tasks import Outcome, Task, attempt, failed
 
 ANSWER_S = 10.0
-"""Time after which a scheduler that has not answered counts as absent [s]."""
+"""Longest wait for the answer of a scheduler [s]."""
 
 
 def run_on_cluster(tasks: Sequence[Task], address: str) -> Generator[Outcome]:
     """Yield the outcome of each of `tasks` as it finishes on the Dask scheduler at `address`.
 
-    The tasks of a worker that is lost are done again by another, as often as the scheduler allows
+    The tasks of a lost worker are repeated by another worker, as often as the scheduler allows
     (``distributed.scheduler.allowed-failures``); after that they count as failed.
 
     Raises
     ------
     ExecutionError
-        Dask is not installed, or the scheduler does not answer within ten seconds or goes away later.
+        Dask is not installed, the scheduler does not answer within ten seconds, or the connection is lost.
     """
     check_scheduler(address)
     import distributed
@@ -32,7 +32,7 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Generator[Outcome]:
     with ExitStack() as stack:
         stack.enter_context(_quiet())
         client = stack.enter_context(distributed.Client(address, timeout=ANSWER_S, set_as_default=False))
-        # Not pure: keys made from the arguments would be shared by two callers, and so would their results.
+        # Not pure: two callers with equal arguments would share keys, and thus results.
         futures = client.map(attempt, tasks, pure=False)
         task_of = dict(zip(futures, tasks, strict=True))
         for future in distributed.as_completed(futures, loop=client.loop):
@@ -47,15 +47,15 @@ def _outcome(future: Any, task: Task, address: str) -> Outcome:
         outcome: Outcome = future.result()
     except CancelledError:
         raise ExecutionError(
-            f"the Dask scheduler at {address} went away; start it and this command again to go on"
+            f"the Dask scheduler at {address} has ended; start it and this command again to continue"
         ) from None
-    except Exception as error:  # noqa: BLE001 - its workers were lost, or are without emaphm
+    except Exception as error:  # noqa: BLE001 - the workers were lost, or emaphm is not installed there
         return failed(task, error)
     return outcome
 
 
 def check_scheduler(address: str) -> None:
-    """Refuse an address without a scheduler; `Client` itself can take a minute, and tracebacks, to do so.
+    """Check that a scheduler answers at `address`; `Client` can need a minute, and prints tracebacks.
 
     Raises
     ------
@@ -72,10 +72,10 @@ def check_scheduler(address: str) -> None:
 
 def _check_answer(address: str) -> None:
     try:
-        # In a thread of its own: a notebook's has a running loop already, which cannot be nested.
+        # In a separate thread: the thread of a notebook already has a running event loop.
         with ThreadPoolExecutor(1) as thread:
             thread.submit(asyncio.run, asyncio.wait_for(_ask(address), ANSWER_S)).result()
-    except Exception as error:  # noqa: BLE001 - whatever listens there may answer anything
+    except Exception as error:  # noqa: BLE001 - another service at this address may answer anything
         reason = str(error).partition("\n")[0] or f"no answer within {ANSWER_S:g} s"
         raise ExecutionError(
             f"no Dask scheduler answers at '{address}' ({reason}); start one with 'dask scheduler', or "
@@ -85,8 +85,8 @@ def _check_answer(address: str) -> None:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep Dask's log, tracebacks included, off stderr: what matters of it comes back as an error."""
-    # The client's has a level of its own.
+    """Suppress Dask's log, including tracebacks, on stderr: relevant failures are raised as errors."""
+    # The client's log has its own level.
     logs = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
     levels = [log.level for log in logs]
     for log in logs:

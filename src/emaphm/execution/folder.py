@@ -1,4 +1,4 @@
-"""The folder of long work: its results, the settings that they were made with, and a lock."""
+"""Folder of a long computation: its results, its settings, and a lock."""
 
 import fcntl
 import json
@@ -18,18 +18,19 @@ RESULTS = "results.sqlite"
 LOCK = ".lock"
 
 TEMPORARY = re.compile(r"\.[0-9a-f]{32}\.tmp")
-"""Files that `written_whole` leaves in a folder when it is killed."""
+"""Names of temporary files that remain if `written_whole` is killed."""
 
 NOTHING = "nothing"
 MOST_NAMED = 3
-"""Differences between two settings that are named one by one."""
+"""Largest number of differences between two settings that a message names."""
 
 
 @dataclass(frozen=True)
 class WorkFolder:
-    """A folder that one process at a time works in.
+    """Folder in which one process at a time works.
 
-    `file` is the name of its settings, `kind` what messages call the work, `error` what is raised.
+    `file` is the name of the file of settings, `kind` the name of the computation in messages, `error` the
+    class of raised errors.
     """
 
     path: Path
@@ -39,21 +40,21 @@ class WorkFolder:
 
     @property
     def settings(self) -> Path:
-        """The file of settings."""
+        """Path of the file of settings."""
         return self.path / self.file
 
     @property
     def results(self) -> Path:
-        """The file of results."""
+        """Path of the file of results."""
         return self.path / RESULTS
 
     def begin(self, settings: str) -> None:
-        """Make the folder with its file of settings, unless another process has done so meanwhile.
+        """Make the folder with its file of settings, unless another process has made it meanwhile.
 
         Raises
         ------
         EmaphmError
-            The folder holds something else, or cannot be made or written.
+            The folder contains other files, or cannot be made or written.
         """
         folder = self.path
         if folder.exists() and not folder.is_dir():
@@ -70,36 +71,36 @@ class WorkFolder:
                     temporary.write_text(settings, encoding="utf-8")
 
     def begin_or_resume(self, settings: str, *, elsewhere: str = "another folder with -o") -> str:
-        """Begin with `settings` (JSON) or resume; return how they differ from those it was begun with.
+        """Begin with `settings` (JSON), or resume; return the differences from the folder's settings.
 
-        The result is empty where nothing differs, and for a new folder. `elsewhere` is what messages propose
-        in place of this folder. `settings` name the `revision` of the code (`revision_of`).
+        The result is empty without differences, and for a new folder. `elsewhere` is the alternative to this
+        folder that messages propose. `settings` contain the `revision` of the code (`revision_of`).
 
         Raises
         ------
         EmaphmError
-            As `begin`, or the folder's settings cannot be read or are of another revision or of none.
+            As in `begin`; or the folder's settings cannot be read, or have another revision or none.
         """
         if not self.settings.exists():
             self.begin(settings)
         try:
-            there = json.loads(self.settings.read_text(encoding="utf-8"))
+            stored = json.loads(self.settings.read_text(encoding="utf-8"))
         except (OSError, ValueError, RecursionError) as error:
             reason = str(error).splitlines()[0]
             raise self.error(f"{self.settings}: cannot be read ({reason}); give {elsewhere}") from None
-        here = json.loads(settings)
-        made_by = there.get("revision") if isinstance(there, dict) else None
-        if made_by != here["revision"]:
+        given = json.loads(settings)
+        made_by = stored.get("revision") if isinstance(stored, dict) else None
+        if made_by != given["revision"]:
             raise self.error(
                 f"{self.path} holds a {self.kind} made by another version of emaphm "
-                f"({made_by or 'an earlier one'}; this is {here['revision']}); "
+                f"({made_by or 'an earlier one'}; this is {given['revision']}); "
                 f"give {elsewhere}, or remove this one"
             )
-        return difference(there, here)
+        return difference(stored, given)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep every other process out of the folder while the body runs, however this one ends."""
+        """Lock the folder for other processes while the body runs; the lock ends with the process."""
         try:
             lock = (self.path / LOCK).open("w")
         except FileNotFoundError:
@@ -115,31 +116,32 @@ class WorkFolder:
                 ) from None
             except OSError as error:
                 raise self._not_writable(error) from None
-            if not self._holds(lock.fileno()):
+            if not self._is_current(lock.fileno()):
                 raise self._removed()
             yield
 
-    def _holds(self, lock: int) -> bool:
+    def _is_current(self, lock: int) -> bool:
+        """Return whether an open lock file is still the lock file of the folder."""
         try:
             return os.path.samestat(os.fstat(lock), (self.path / LOCK).stat())
         except OSError:
             return False
 
     def remove(self) -> None:
-        """Remove the folder with all that it holds, unless another process is working in it."""
-        away = self.path.with_name(f".{os.urandom(16).hex()}.tmp")
+        """Remove the folder with its contents, unless another process is working in it."""
+        renamed = self.path.with_name(f".{os.urandom(16).hex()}.tmp")
         try:
             with self.locked():
-                # As a whole: whoever comes meanwhile begins another one.
-                self.path.rename(away)
+                # Renamed first, so that another process can begin a new folder at once.
+                self.path.rename(renamed)
         except (OSError, EmaphmError):
             return
-        shutil.rmtree(away, ignore_errors=True)
+        shutil.rmtree(renamed, ignore_errors=True)
 
     def clear(self) -> None:
-        """Remove what a killed process left half-written, in its folders too."""
+        """Remove temporary files of a killed process, also in subfolders."""
         try:
-            for path in [one for one in self.path.rglob("*.tmp") if TEMPORARY.fullmatch(one.name)]:
+            for path in [path for path in self.path.rglob("*.tmp") if TEMPORARY.fullmatch(path.name)]:
                 path.unlink()
         except OSError as error:
             raise self._not_writable(error) from None
@@ -152,16 +154,16 @@ class WorkFolder:
 
 
 def difference(there: Any, here: Any) -> str:
-    """Return which keys differ between a folder's settings and the given ones, and how; empty if none."""
-    kept, given = dict(_leaves(there)), dict(_leaves(here))
-    keys = [key for key in {**kept, **given} if kept.get(key, NOTHING) != given.get(key, NOTHING)]
-    named = [f"'{key}' ({kept.get(key, NOTHING)} there, {given.get(key, NOTHING)} here)" for key in keys]
+    """Return the differences between the settings `there` (stored) and `here` (given) as text, or ""."""
+    stored, given = dict(_leaves(there)), dict(_leaves(here))
+    keys = [key for key in {**stored, **given} if stored.get(key, NOTHING) != given.get(key, NOTHING)]
+    named = [f"'{key}' ({stored.get(key, NOTHING)} there, {given.get(key, NOTHING)} here)" for key in keys]
     more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
     return ", ".join(named[:MOST_NAMED]) + more
 
 
 def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the values in nested tables and lists as text, by their dotted keys."""
+    """Yield dotted key and value, as text, of each value in nested tables and lists."""
     if isinstance(value, list):
         value = {str(place): item for place, item in enumerate(value)}
     if not isinstance(value, dict) or not value:

@@ -1,4 +1,4 @@
-"""One worker process that takes one order after the other; if an order kills it, the caller goes on."""
+"""One worker process that executes one order after another; if an order kills it, the caller continues."""
 
 import atexit
 import math
@@ -24,23 +24,23 @@ T = TypeVar("T")
 
 
 class EndedError(Exception):
-    """The process died during a call, or was ended because that took too long; the text says which."""
+    """The process died during a call, or was ended because the call took too long; the text states which."""
 
 
 class StoppedError(Exception):
-    """The call was given up because its caller is to stop; it says nothing of the function called."""
+    """The call was abandoned because its caller must stop; this is no failure of the called function."""
 
 
 class OneProcess:
-    """A process that is started with its first order, and again after it has ended.
+    """Process that starts with its first order, and restarts with the next order after it has ended.
 
-    Ctrl-C and SIGTERM do not end it, but `end` does, and the end of its parent.
+    Ctrl-C and SIGTERM do not end it; `end` and the end of its parent do.
 
     Parameters
     ----------
     target
-        Called in the process with its end of the pipe for orders and answers, the end of another pipe for
-        `end_with_parent`, and `arguments`.
+        Function that is called in the process with its end of the pipe for orders and answers, the end of
+        another pipe for `end_with_parent`, and `arguments`.
     """
 
     def __init__(self, target: Callable[..., None], *arguments: Any) -> None:
@@ -51,18 +51,18 @@ class OneProcess:
 
     @property
     def orders(self) -> Connection:
-        """The caller's end of the pipe for orders and answers."""
+        """Caller's end of the pipe for orders and answers."""
         return self._ends[0]
 
     def send(self, order: Any) -> None:
-        """Give the process an order."""
+        """Send an order to the process; start the process if necessary."""
         if self._process is None or not self._process.is_alive():
             self.end()
             self._start()
         self.orders.send(order)
 
     def death(self) -> str:
-        """Return how the process has died; to be called after it has."""
+        """Return the cause of the process's death as text; to be called after its death."""
         if self._process is None:
             return "its process has ended"
         self._process.join(1.0)
@@ -72,7 +72,7 @@ class OneProcess:
         return f"its process has died (exit status {code})"
 
     def end(self) -> None:
-        """End the process, whatever it does."""
+        """End the process at once."""
         atexit.unregister(self.end)
         for end in self._ends:
             end.close()
@@ -84,23 +84,25 @@ class OneProcess:
 
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
-        ours, theirs = context.Pipe()
-        parent, held = context.Pipe(duplex=False)
-        process = context.Process(target=self._target, args=(theirs, parent, *self._arguments), daemon=True)
+        our_end, worker_end = context.Pipe()
+        parent, parents_own = context.Pipe(duplex=False)
+        arguments = (worker_end, parent, *self._arguments)
+        process = context.Process(target=self._target, args=arguments, daemon=True)
         with interrupts_held_back():
             process.start()
-            self._process, self._ends = process, [ours, held]
-            # Else Python would send it SIGTERM when it exits, and wait for its end.
+            self._process, self._ends = process, [our_end, parents_own]
+            # Otherwise Python sends SIGTERM at exit, which the process ignores, and waits for its end.
             atexit.register(self.end)
-        theirs.close()
+        worker_end.close()
         parent.close()
 
 
 def prepare_worker(parent: Connection, most_bytes: int) -> None:
-    """Make this process a worker: it ends with its parent, and has bounded memory and one thread.
+    """Make this process a worker: it ends with its parent, and has limited memory and one thread.
 
-    It leaves Ctrl-C and SIGTERM to its parent. They often come to all processes of a group at once (a
-    terminal, systemd, `timeout`, job schedulers); a death would be put down to what the process works at.
+    It ignores Ctrl-C and SIGTERM, which its parent handles. All processes of a group often receive them at
+    once (from a terminal, systemd, `timeout`, job schedulers), and the death of a worker would be attributed
+    to its order.
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
@@ -112,16 +114,17 @@ def prepare_worker(parent: Connection, most_bytes: int) -> None:
 
 
 class Calls:
-    """Calls functions in a process of their own.
+    """Calls of functions in a separate process.
 
     Parameters
     ----------
     seconds
-        Longest time of a call [s].
+        Longest duration of a call [s].
     most_bytes
-        Address space that the process may have [bytes].
+        Limit of the process's address space [bytes].
     stop
-        Set when the caller is to stop: calls have `last_s` [s] more in all, and are then given up.
+        Event that is set if the caller must stop: calls then have `last_s` [s] in total, and are abandoned
+        afterwards.
     """
 
     def __init__(
@@ -134,17 +137,17 @@ class Calls:
         self._lock = threading.Lock()
 
     def __call__(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> T:
-        """Return what `function` returns there; what it raises is raised here, with its traceback.
+        """Return the result of `function` in the process; raise its exceptions here, with their traceback.
 
         Raises
         ------
         EndedError
-            The process died, or was ended since it took too long. The next call starts another one.
+            The process died, or was ended because the call took too long. The next call starts a new process.
         StoppedError
-            It was given up, and its process ended, since the caller is to stop; or its process died then, as
-            that may be due to who asked for the stop.
+            The call was abandoned, and its process ended, because the caller must stop; or the process died
+            after the stop event, which may have had the same cause.
         MemoryError
-            It would take more memory than the process may have.
+            The call needs more memory than the limit of the process.
         """
         with self._lock:
             try:
@@ -156,16 +159,16 @@ class Calls:
                 if self._stop.is_set():
                     raise StoppedError from None
                 raise EndedError(reason) from None
-            except BaseException:  # Ctrl-C: the answer to this call must not be taken for the next one's
+            except BaseException:  # Ctrl-C: the answer must not be mistaken for that of the next call
                 self._process.end()
                 raise
         if error is not None:
-            raise error from _ThereError(text)
-        found: T = result
-        return found
+            raise error from _RemoteError(text)
+        returned: T = result
+        return returned
 
     def end(self) -> None:
-        """End the process; a call under way in another thread raises `EndedError`."""
+        """End the process; a running call in another thread raises `EndedError`."""
         self._process.end()
 
     def _answer(self) -> tuple[Any, Exception | None, str]:
@@ -182,18 +185,18 @@ class Calls:
         return result, error, text
 
 
-class _ThereError(Exception):
-    """The traceback of what was raised in the other process."""
+class _RemoteError(Exception):
+    """Traceback of an exception in the worker process."""
 
 
 def _call(orders: Connection, parent: Connection, most_bytes: int) -> None:
     prepare_worker(parent, most_bytes)
-    with suppress(EOFError, OSError):  # whoever asks has ended
+    with suppress(EOFError, OSError):  # the caller has ended
         while True:
             function, args, kwargs = orders.recv()
             result, error, text = None, None, ""
             try:
                 result = function(*args, **kwargs)
-            except Exception as raised:  # noqa: BLE001 - raised where it was asked for
+            except Exception as raised:  # noqa: BLE001 - raised again in the caller
                 error, text = raised, traceback.format_exc()
             orders.send((result, error, text))

@@ -1,7 +1,7 @@
-"""Tasks on this machine's cores, side by side.
+"""Parallel execution of tasks on the cores of this machine.
 
-Processes, not threads: a run of a study spends a third of its time in Python, where threads wait for each
-other (measured: two threads are 1.4 times as fast as one, two processes 1.6 times).
+Processes are used instead of threads, because a run of a study spends a third of its time in Python, where
+threads wait for each other (measured: two threads are 1.4 times as fast as one, two processes 1.6 times).
 """
 
 import multiprocessing
@@ -20,20 +20,21 @@ from emaphm.errors import ExecutionError
 from emaphm.execution.tasks import Outcome, Task, attempt
 
 WAITING = 2
-"""Tasks handed out for each worker: one under way, one to go on with."""
+"""Number of submitted tasks per worker: one running, one waiting."""
 
 LISTENING_S = 0.2
-"""Longest wait in one go: polars has system calls restarted after Ctrl-C, so that a wait does not end."""
+"""Longest single wait [s]: polars restarts system calls after Ctrl-C, so that Ctrl-C does not end a wait."""
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-"""Set to 1 for workers where unset: small matrices gain nothing from threads, which compete for the cores."""
+"""Environment variables that are set to 1 for workers if unset: threads do not accelerate small matrices, and
+compete for the cores."""
 
 
 def run_on_processes(tasks: Sequence[Task], workers: int | None = None) -> Generator[Outcome]:
-    """Yield the outcome of each of `tasks` as it finishes, from `workers` processes (default: one a core).
+    """Yield the outcome of each of `tasks` as it finishes, from `workers` processes (default: one per core).
 
-    One worker is this process itself. More are started afresh, so a script that calls this needs the
-    usual ``if __name__ == "__main__":``.
+    A single worker is this process itself. Several workers are new processes, so that a script that calls
+    this function needs the usual ``if __name__ == "__main__":``.
 
     Raises
     ------
@@ -45,15 +46,19 @@ def run_on_processes(tasks: Sequence[Task], workers: int | None = None) -> Gener
         yield from map(attempt, tasks)
         return
     context = multiprocessing.get_context("spawn")
-    # Only this process holds `ours`: workers see it closed when this process ends, in whichever way.
-    theirs, ours = context.Pipe(duplex=False)
+    # Only this process has `our_end` open: workers notice its closing when this process ends in any way.
+    worker_end, our_end = context.Pipe(duplex=False)
     try:
-        with theirs, ProcessPoolExecutor(workers, context, _prepare, (theirs,)) as pool, ours:
+        with (
+            worker_end,
+            ProcessPoolExecutor(workers, context, _prepare_pool_worker, (worker_end,)) as pool,
+            our_end,
+        ):
             yield from _as_finished(pool, tasks, WAITING * workers)
     except BrokenProcessPool:
         raise ExecutionError(
-            "a worker process died, for want of `if __name__ == '__main__':` in a script of your own, or "
-            "of memory; start again to go on, with fewer --workers"
+            "a worker process died, because your script lacks `if __name__ == '__main__':`, or because of "
+            "too little memory; start again to go on, with fewer --workers"
         ) from None
 
 
@@ -72,11 +77,11 @@ def _as_finished(pool: Executor, tasks: Sequence[Task], most: int) -> Generator[
 
 @contextmanager
 def interrupts_held_back() -> Iterator[None]:
-    """Start processes that Ctrl-C leaves alone, from their first moment on: they inherit what is blocked.
+    """Block Ctrl-C and SIGTERM while processes are started; the processes inherit the blocked signals.
 
-    SIGTERM waits too, since a process half started would be lost.
+    SIGTERM is also blocked, because it would leave a partly started process behind.
     """
-    # Else it is started by the way, and Python then lets both signals through to the process after it.
+    # Otherwise it is started with the first process, and Python then unblocks both signals.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
@@ -87,7 +92,7 @@ def interrupts_held_back() -> Iterator[None]:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Start processes whose linear algebra has one thread; they inherit the environment."""
+    """Set the environment of processes that are started to one thread for linear algebra."""
     unset = [name for name in THREADS if name not in os.environ]
     os.environ.update(dict.fromkeys(unset, "1"))
     try:
@@ -97,16 +102,16 @@ def _one_thread_each() -> Iterator[None]:
             os.environ.pop(name, None)
 
 
-def _prepare(parent: Connection) -> None:
-    """Make this process a worker of a pool. SIGTERM ends it: the pool sends it to all when one has died."""
+def _prepare_pool_worker(parent: Connection) -> None:
+    """Make this process a worker of a pool, which sends SIGTERM to all workers if one worker has died."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     end_with_parent(parent)
 
 
 def end_with_parent(parent: Connection) -> None:
-    """Let this process end with its parent, also one that was killed: else a worker would go on, or wait.
+    """End this process when its parent ends or is killed; otherwise a worker would continue or wait forever.
 
-    `parent` is an end of a pipe whose other end only the parent holds.
+    `parent` is an end of a pipe whose other end is open only in the parent.
     """
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 

@@ -1,4 +1,4 @@
-"""Which code made a result, so that results of different code are not mixed unnoticed."""
+"""Fingerprint of the code that computed a result, so that results of different code are not mixed."""
 
 import ast
 import hashlib
@@ -12,34 +12,34 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-"""The folder of the package."""
+"""Folder of the package."""
 
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "cma", "minionpy", "pymoo")
-"""Libraries whose numbers are part of a result."""
+"""Libraries that influence the numbers of a result."""
 
 LENGTH = 12
-"""Characters of a fingerprint."""
+"""Length of a fingerprint [characters]."""
 
 
 @cache
 def revision_of(names: tuple[str, ...], left_out: tuple[str, ...]) -> str:
-    """Return a fingerprint of the code in `names`, and of the libraries and Python's version.
+    """Return a fingerprint of the code in `names`, of the libraries and of Python's version.
 
-    `names` are rooms and files of the package, `left_out` parts of these that decide no result. Docstrings,
-    comments and layout do not count.
+    `names` are folders and files of the package, `left_out` parts of them that do not influence a result.
+    Docstrings, comments and layout are ignored.
     """
     files = {
         path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
         for path in deciding_files(ROOT, names, left_out)
     }
-    # To read what the code means takes seconds, in each process of a study: it is done once for these files.
+    # Parsing takes seconds in each process of a study: the fingerprint is stored with a digest of the files.
     sources = _digest([*files.items(), ("", Path(__file__).read_text(encoding="utf-8"))])
-    place = _place(names, left_out)
-    found = _kept(place, sources)
-    if found is None:
-        found = _digest((name, meaning(source)) for name, source in files.items())[:LENGTH]
-        _keep(place, f"{sources} {found}")
-    return found
+    place = _stored_path(names, left_out)
+    fingerprint = _stored_fingerprint(place, sources)
+    if fingerprint is None:
+        fingerprint = _digest((name, meaning(source)) for name, source in files.items())[:LENGTH]
+        _store(place, f"{sources} {fingerprint}")
+    return fingerprint
 
 
 def _digest(texts: Iterable[tuple[str, str]]) -> str:
@@ -53,24 +53,24 @@ def _digest(texts: Iterable[tuple[str, str]]) -> str:
     return digest.hexdigest()
 
 
-def _place(names: tuple[str, ...], left_out: tuple[str, ...]) -> Path:
-    """Return where the fingerprint of this code is kept: in `EMAPHM_CACHE_DIR` if set, else by the source."""
+def _stored_path(names: tuple[str, ...], left_out: tuple[str, ...]) -> Path:
+    """Return the path of the stored fingerprint: in `EMAPHM_CACHE_DIR` if set, otherwise in `__pycache__`."""
     folder = Path(os.environ.get("EMAPHM_CACHE_DIR") or Path(__file__).parent / "__pycache__")
-    which = hashlib.sha256(repr((names, left_out)).encode()).hexdigest()[:8]
-    return folder / f"revision-{which}.{sys.implementation.cache_tag}"
+    number = hashlib.sha256(repr((names, left_out)).encode()).hexdigest()[:8]
+    return folder / f"revision-{number}.{sys.implementation.cache_tag}"
 
 
-def _kept(place: Path, sources: str) -> str | None:
-    """Return the fingerprint kept there, None where there is none of these `sources`."""
+def _stored_fingerprint(place: Path, sources: str) -> str | None:
+    """Return the fingerprint stored at `place`; None if there is none for these `sources`."""
     try:
-        of, _, found = place.read_text(encoding="ascii").partition(" ")
+        stored_sources, _, fingerprint = place.read_text(encoding="ascii").partition(" ")
     except (OSError, UnicodeDecodeError):
         return None
-    return found if of == sources and len(found) == LENGTH else None
+    return fingerprint if stored_sources == sources and len(fingerprint) == LENGTH else None
 
 
-def _keep(place: Path, text: str) -> None:
-    """Keep a text, whole or not at all; what cannot be kept is computed anew next time."""
+def _store(place: Path, text: str) -> None:
+    """Store a text atomically; if it cannot be stored, the next process computes it again."""
     part = place.with_name(f"{place.name}.{os.getpid()}")
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -82,22 +82,22 @@ def _keep(place: Path, text: str) -> None:
 
 
 def deciding_files(root: Path, names: Sequence[str], left_out: Sequence[str]) -> list[Path]:
-    """Return the files of `names` below `root`, the package's folder, less those `left_out`.
+    """Return the files of `names` below `root`, the package's folder, except those in `left_out`.
 
     Raises
     ------
     FileNotFoundError
-        There is no file or folder of one of these names: what was moved would count, or not, unawares.
+        There is no file or folder with one of these names: moved code would be left out unnoticed.
     """
     missing = [name for name in (*names, *left_out) if not (root / name).exists()]
     if missing:
         raise FileNotFoundError(f"{root}: no {', '.join(missing)}; correct the list of deciding code")
-    others = [root / name for name in left_out]
-    found: list[Path] = []
+    excluded = [root / name for name in left_out]
+    files: list[Path] = []
     for name in names:
         place = root / name
-        found += sorted(place.rglob("*.py")) if place.is_dir() else [place]
-    return [path for path in found if not any(path.is_relative_to(other) for other in others)]
+        files += sorted(place.rglob("*.py")) if place.is_dir() else [place]
+    return [path for path in files if not any(path.is_relative_to(folder) for folder in excluded)]
 
 
 def meaning(source: str) -> str:
@@ -111,7 +111,7 @@ def meaning(source: str) -> str:
 
 
 def _is_text(node: ast.stmt) -> bool:
-    """Return whether a statement is a docstring, of whatever stands above it."""
+    """Return whether a statement is a string, such as a docstring or the description of a constant."""
     return (
         isinstance(node, ast.Expr)
         and isinstance(node.value, ast.Constant)

@@ -1,4 +1,4 @@
-"""Doing those of many tasks that are missing, here or on a cluster; each result is kept as it finishes."""
+"""Execution of missing tasks, on this machine or on a cluster; each result is stored as it finishes."""
 
 import time
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
@@ -10,7 +10,7 @@ from emaphm.execution.store import ResultStore
 from emaphm.execution.tasks import Outcome, Task
 
 OnTask = Callable[[int, int], None]
-"""Called after each task: how many are done, of how many."""
+"""Function that is called after each task with the number of finished tasks and the number of tasks."""
 
 
 def outcomes(
@@ -21,7 +21,7 @@ def outcomes(
     Parameters
     ----------
     workers
-        Processes on this machine; one a core where left out.
+        Number of processes on this machine; default: one per core.
     scheduler
         Address of a Dask scheduler, e.g. ``tcp://10.0.0.1:8786``, to run on its workers instead.
 
@@ -43,7 +43,7 @@ def outcomes(
 
 
 def check_workers(scheduler: str | None) -> None:
-    """Refuse a scheduler that cannot be used, before anything is written; `ExecutionError` says why."""
+    """Raise `ExecutionError` if a scheduler cannot be used, before anything is written."""
     if scheduler is not None:
         from emaphm.execution.dask_cluster import check_scheduler
 
@@ -58,23 +58,23 @@ def run_missing(
     scheduler: str | None = None,
     keeps: Callable[[Any], bool] = lambda _: True,
 ) -> Generator[Outcome]:
-    """Do `tasks`, keep the results that `keeps` accepts, and yield each outcome as it finishes.
+    """Execute `tasks`, store the results that `keeps` accepts, and yield each outcome as it finishes.
 
     Parameters
     ----------
     tasks
-        All are done, also those that `store` has already.
+        All tasks are executed, even if `store` already has their results.
     store
-        Where results are kept.
+        File of results.
     workers, scheduler
-        As for `outcomes`.
+        As in `outcomes`.
     keeps
-        Whether a result is kept; all are where left out. Failures never are.
+        Function that decides whether a result is stored; default: all results. Failures are never stored.
 
     Raises
     ------
     ExecutionError, OutputError
-        The workers or the file cannot be used; what finished is kept.
+        The workers or the file cannot be used; finished results remain stored.
     """
     if not tasks:
         return
@@ -103,22 +103,23 @@ def in_order(
     Parameters
     ----------
     arriving
-        Outcomes of all of them but those `done`, as they finish.
+        Outcomes of all tasks except those in `done`, as they finish.
     store
-        Where `run_missing` keeps the results that `keeps` accepts: one that waits for an earlier task is read
-        from there when its turn comes, and takes no memory until then. All wait in memory where left out.
+        File in which `run_missing` stores the results that `keeps` accepts. A result that waits for an
+        earlier task is read from the store in its turn, and needs no memory until then. Without a store, all
+        results wait in memory.
     done
-        Numbers of the tasks whose results the store had already.
+        Numbers of the tasks whose results the store already has.
     """
-    kept, waiting = set(done), dict[int, Outcome]()
+    stored, waiting = set(done), dict[int, Outcome]()
     for task in tasks:
-        while task.index not in waiting and task.index not in kept:
+        while task.index not in waiting and task.index not in stored:
             outcome = next(arriving)
             if store is not None and not outcome.failure and keeps(outcome.result):
-                kept.add(outcome.index)
+                stored.add(outcome.index)
             else:
                 waiting[outcome.index] = outcome
-        if store is not None and task.index in kept:
+        if store is not None and task.index in stored:
             yield task, store.outcome(task)
         else:
             yield task, waiting.pop(task.index)
@@ -132,23 +133,23 @@ def run_tasks(
     scheduler: str | None = None,
     on_task: OnTask | None = None,
 ) -> tuple[str, ...]:
-    """Do those of `tasks` that `store` lacks, keep each as it finishes, and return the failures' texts.
+    """Execute the `tasks` that `store` lacks, store each result as it finishes, and return failure texts.
 
-    Results do not depend on the number of workers, on where they are, or on interruptions.
+    Results do not depend on the number or place of workers, or on interruptions.
 
     Parameters
     ----------
     tasks, store
-        What is to be done, and where results are kept.
+        Tasks, and the file of their results.
     workers, scheduler
-        As for `outcomes`.
+        As in `outcomes`.
     on_task
         Called at the start and after each success.
 
     Raises
     ------
     ExecutionError, OutputError
-        The workers or the file cannot be used; what finished is kept.
+        The workers or the file cannot be used; finished results remain stored.
     """
     done = store.finished(tasks)
     missing = [task for task in tasks if task.index not in done]

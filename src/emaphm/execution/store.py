@@ -1,15 +1,15 @@
-"""Results on disk, one row a task, each there as a whole or not at all.
+"""Store of results on disk: one row per task, written atomically.
 
-One SQLite file in rollback-journal mode, written by the process that hands the tasks out. It replaced a
-Parquet part for each task; measured side by side with 10,000 results of 10 kB on a shared disk:
+One SQLite file in rollback-journal mode, written by the process that distributes the tasks. It replaced one
+Parquet file per task; comparison with 10,000 results of 10 kB on a shared disk:
 
-    read all                2.1 s, damage and changed rows seen     (parts: 4.5 s, damage seen)
-    write one               1.5 to 7 ms, safe against loss of power (parts: 0.7 to 1.0 ms, not safe)
-    files                   1                                       (parts: 10,000)
+    read all                2.1 s, damaged and changed rows detected (Parquet: 4.5 s, damage detected)
+    write one               1.5 to 7 ms, safe against loss of power  (Parquet: 0.7 to 1.0 ms, not safe)
+    files                   1                                        (Parquet: 10,000)
 
-A process that is killed leaves a journal, which the next reader or writer rolls back. Two writers are
-serialised by SQLite's own locks, and a reader may look on. Not write-ahead logging: it needs shared memory
-and so does not work on NFS. The rollback journal needs byte-range locks there, as does a study's lock file.
+A killed process leaves a journal, which the next reader or writer rolls back. SQLite's locks serialise two
+writers, and allow readers. Write-ahead logging is not used, because it needs shared memory and does not work
+on NFS. The rollback journal needs byte-range locks on NFS, like the lock file of a study.
 """
 
 import hashlib
@@ -26,14 +26,14 @@ from emaphm.execution.tasks import Outcome, Task
 from emaphm.output_files import OTHERWISE
 
 PATIENCE_S = 60.0
-"""Longest wait for another process that is writing."""
+"""Longest wait for another writing process [s]."""
 
 REMEDIES = {
     "readonly": "make the file and its folder writable, or give another place",
     "unable to open": "create the folder and make it writable, or give another place",
     "locked": "another process writes there; try again when that has ended",
 }
-"""What to do, by what SQLite says in its own words."""
+"""Advice by a part of SQLite's error message."""
 
 TABLES = """\
 CREATE TABLE IF NOT EXISTS results (
@@ -45,24 +45,24 @@ CREATE TABLE IF NOT EXISTS sessions (id TEXT PRIMARY KEY, seconds REAL);
 
 @dataclass(frozen=True)
 class ResultStore:
-    """The file at `path`; it is made with the first result."""
+    """File of results at `path`; it is created with the first result."""
 
     path: Path
 
     @contextmanager
     def writing(self) -> Iterator["Writer"]:
-        """Yield what keeps results, to one open file.
+        """Open the file for writing and yield its writer.
 
         Raises
         ------
         OutputError
-            The file cannot be made or written.
+            The file cannot be created or written.
         ExecutionError
-            What is there is no file of results, or is damaged.
+            The file at `path` is no file of results, or is damaged.
         """
         with self._errors(), closing(self._connect("rwc")) as connection:
             _check(connection)
-            # Ten times as fast as making and removing a journal for each result.
+            # Ten times as fast as creating and removing a journal for each result.
             connection.execute("PRAGMA journal_mode = PERSIST")
             connection.executescript(TABLES)
             try:
@@ -72,12 +72,12 @@ class ResultStore:
                     connection.execute("PRAGMA journal_mode = DELETE")
 
     def read(self, tasks: Sequence[Task]) -> tuple[dict[int, Outcome], tuple[int, ...]]:
-        """Return the outcomes kept of `tasks` by index, and the indices of those whose row is damaged.
+        """Return the stored outcomes of `tasks` by index, and the indices of tasks with damaged rows.
 
         Raises
         ------
         ExecutionError
-            The file is damaged as a whole, or is something else.
+            The file is damaged as a whole, or is no file of results.
         """
         outcomes, damaged = {}, []
         for index, outcome in self._outcomes(tasks):
@@ -88,11 +88,11 @@ class ResultStore:
         return outcomes, tuple(sorted(damaged))
 
     def finished(self, tasks: Sequence[Task]) -> set[int]:
-        """Return the indices of those of `tasks` whose result is kept whole; errors as in `read`."""
+        """Return the indices of `tasks` with an undamaged stored result; raises the errors of `read`."""
         return {index for index, outcome in self._outcomes(tasks) if outcome is not None}
 
     def outcome(self, task: Task) -> Outcome:
-        """Return the outcome of a `task` that `finished` has named; errors as in `read`."""
+        """Return the outcome of a `task` that `finished` contains; raises the errors of `read`."""
         for _, outcome in self._outcomes([task], " WHERE key = ?", (task.key,)):
             if outcome is not None:
                 return outcome
@@ -101,7 +101,7 @@ class ResultStore:
     def _outcomes(
         self, tasks: Sequence[Task], where: str = "", values: tuple[str, ...] = ()
     ) -> Iterator[tuple[int, Outcome | None]]:
-        """Yield index and outcome of the kept tasks, one at a time; None where the row is damaged."""
+        """Yield index and outcome of each stored task; the outcome is None if the row is damaged."""
         if not self.path.exists():
             return
         by_key = {task.key: task.index for task in tasks}
@@ -111,25 +111,25 @@ class ResultStore:
             for key, text, wall, cpu, digest in _rows(connection, where, values):
                 if key not in by_key:
                     continue
-                whole = digest == _digest(key, text, wall, cpu)
+                undamaged = digest == _digest(key, text, wall, cpu)
                 index = by_key[key]
-                yield index, Outcome(index, json.loads(text), "", wall, cpu) if whole else None
+                yield index, Outcome(index, json.loads(text), "", wall, cpu) if undamaged else None
 
     def elapsed_seconds(self) -> float:
-        """Return the time [s] in which results were being made: pauses between sessions do not count."""
+        """Return the total duration of the sessions [s], without the pauses between them."""
         if not self.path.exists():
             return 0.0
         with self._errors(), closing(self._connect("rw")) as connection:
             try:
                 total = connection.execute("SELECT TOTAL(seconds) FROM sessions").fetchone()[0]
-            except sqlite3.OperationalError:  # killed before its first result
+            except sqlite3.OperationalError:  # the process was killed before its first result
                 return 0.0
         return float(total)
 
     def _connect(self, mode: str) -> sqlite3.Connection:
-        # "rw" also to read, so that what a killed writer left half-written is rolled back.
+        # Mode "rw" also for reading, so that the journal of a killed writer is rolled back.
         address = f"{self.path.absolute().as_uri()}?mode={mode}"
-        # Each statement commits by itself, but between BEGIN and COMMIT.
+        # Each statement is its own transaction, except between BEGIN and COMMIT.
         return sqlite3.connect(address, timeout=PATIENCE_S, isolation_level=None, uri=True)
 
     @contextmanager
@@ -141,22 +141,22 @@ class ResultStore:
             raise OutputError(f"{self.path}: cannot be written or read ({error}); {remedy}") from None
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
             raise ExecutionError(
-                f"{self.path}: is damaged ({error}); move it away to have its results made again"
+                f"{self.path}: is damaged ({error}); move it away, and its results are computed again"
             ) from None
 
 
 @dataclass(frozen=True)
 class Writer:
-    """Keeps results in an open store."""
+    """Writer of results to an open store."""
 
     connection: sqlite3.Connection
 
     def keep(self, task: Task, outcome: Outcome, session: str, elapsed_s: float) -> None:
-        """Put a result on disk, in place of one of the same key; `session` has taken `elapsed_s` so far."""
+        """Store a result, replacing that of the same key, and the time `elapsed_s` of the `session`."""
         text = json.dumps(outcome.result)
         wall, cpu = outcome.wall_seconds, outcome.cpu_seconds
         row = (task.key, text, wall, cpu, _digest(task.key, text, wall, cpu))
-        # Both or neither.
+        # One transaction for both rows.
         self.connection.execute("BEGIN IMMEDIATE")
         try:
             self.connection.execute("INSERT OR REPLACE INTO results VALUES (?, ?, ?, ?, ?)", row)
@@ -169,7 +169,7 @@ class Writer:
 
 
 def _check(connection: sqlite3.Connection) -> None:
-    """Refuse a file whose structure is damaged: it would give some of its rows and not the others."""
+    """Raise an error if the structure of the file is damaged, because some rows could not be read."""
     answer = str(connection.execute("PRAGMA quick_check(1)").fetchone()[0])
     if answer != "ok":
         raise sqlite3.DatabaseError(" ".join(answer.split()))
@@ -180,11 +180,11 @@ def _rows(connection: sqlite3.Connection, where: str, values: tuple[str, ...]) -
     try:
         yield from connection.execute(f"SELECT {columns} FROM results{where}", values)  # noqa: S608 - ours
     except sqlite3.OperationalError as error:
-        # A process that was killed before it had made the tables.
+        # A process was killed before it created the tables.
         if "no such table" not in str(error):
             raise
 
 
 def _digest(key: Any, text: Any, wall: Any, cpu: Any) -> str:
-    """Return a digest of a row's values: it shows that one was changed, or copied under another key."""
+    """Return a digest of a row's values, to detect values that were changed or copied to another key."""
     return hashlib.sha256(repr((key, text, wall, cpu)).encode(errors="replace")).hexdigest()[:32]

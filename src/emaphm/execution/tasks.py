@@ -1,4 +1,4 @@
-"""One piece of work that depends on no other, and what became of it."""
+"""An independent task and its outcome."""
 
 import time
 from collections.abc import Callable
@@ -8,19 +8,19 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Task:
-    """A function to call, on whichever worker.
+    """Function call that any worker may execute.
 
     Parameters
     ----------
     index
-        Number of the task among its own, from 0.
+        Number of the task in its list, from 0.
     function, arguments
-        Both picklable: the function stands at the top level of a module. What it returns is picklable, and
-        JSON where a `ResultStore` keeps it. All its randomness comes from the arguments.
+        Function and arguments, both picklable: the function is defined at the top level of a module. Its
+        result is picklable, and JSON if a `ResultStore` stores it. All randomness comes from the arguments.
     key
-        Identifies the result: two tasks of the same key have the same result. Needed by a `ResultStore`.
+        Identifier of the result: tasks with the same key have the same result. A `ResultStore` needs it.
     name
-        What a message calls the task.
+        Name of the task in messages.
     """
 
     index: int
@@ -32,9 +32,9 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of the task `index`: its result, or the `failure` text, which is empty where it succeeded.
+    """Outcome of the task `index`: its result, or the text of its `failure`, which is empty after a success.
 
-    `wall_seconds` and `cpu_seconds` are those of the call on its worker: elapsed time, and processor time of
+    `wall_seconds` and `cpu_seconds` are the elapsed time of the call on its worker, and the processor time of
     the worker's process.
     """
 
@@ -46,7 +46,7 @@ class Outcome:
 
 
 def attempt(task: Task) -> Outcome:
-    """Return the outcome of a task, done here: one that fails must not take the others with it."""
+    """Execute a task in this process and return its outcome; an error becomes a failure of this task only."""
     wall, cpu = time.perf_counter(), time.process_time()
     try:
         result = task.function(*task.arguments)
@@ -56,6 +56,6 @@ def attempt(task: Task) -> Outcome:
 
 
 def failed(task: Task, error: Exception) -> Outcome:
-    """Return the outcome of a task that ended in `error`, its text on one line."""
-    what = task.name or f"task {task.index}"
-    return Outcome(task.index, failure=f"{what}: {type(error).__name__}: {' '.join(str(error).split())}")
+    """Return the outcome of a task that raised `error`, with its text on one line."""
+    name = task.name or f"task {task.index}"
+    return Outcome(task.index, failure=f"{name}: {type(error).__name__}: {' '.join(str(error).split())}")

@@ -1,4 +1,4 @@
-"""Optimisers that evaluate a whole population in one call; ours are listed in `OPTIMIZERS`."""
+"""Optimisers that evaluate a population in one call; those of this package are listed in `OPTIMIZERS`."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ OPTIMIZERS: dict[str, type[Optimizer[Any]]] = {
     "dragonfly": Dragonfly,
     "random": RandomSearch,
 }
-"""Every optimiser by the name it has on the command line."""
+"""Optimisers of this package by their names on the command line."""
 
 __all__ = [
     "OPTIMIZERS",

@@ -1,6 +1,6 @@
-"""Base of our own optimisers: frozen settings, a frozen state, and the steps between states (ask and tell).
+"""Base of this package's optimisers: frozen settings, a frozen state, and the steps ask and tell.
 
-The caller may hold the state, so that a search can be stopped, saved, resumed and compared::
+The caller may store the state, so that a search can be stopped, saved, resumed and compared::
 
     state = optimizer.init(seed)
     while not optimizer.finished(state):
@@ -29,12 +29,12 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """All that changes during a search; may be pickled at any moment.
+    """State of a search; may be pickled between any two steps.
 
     `positions`, shape (n, d), are the points to evaluate next; `best_point`, shape (d,), is the best
-    evaluated so far and `best_fitness` its fitness (inf, and any start point, before the first finite one);
-    `iteration` counts the populations evaluated, `evaluations` their points. The random numbers of an
-    iteration derive from `seed` and `iteration` alone, so no generator needs to be saved.
+    evaluated point and `best_fitness` its fitness (inf, and any start point, before the first finite value);
+    `iteration` counts the evaluated populations, `evaluations` their points. The random numbers of an
+    iteration depend only on `seed` and `iteration`, so that no generator needs to be saved.
     """
 
     seed: int
@@ -50,21 +50,21 @@ S = TypeVar("S", bound=State)
 
 @dataclass(frozen=True, eq=False)
 class Optimizer(Minimiser, Generic[S]):
-    """A search in `iterations` steps, each of which evaluates `population` points; see `Minimiser`.
+    """Search in `iterations` steps, each of which evaluates `population` points; see `Minimiser`.
 
-    A subclass defines `init` and `_move`, and takes all its random numbers from `_random`.
+    A subclass defines `init` and `_move`, and draws all random numbers from `_random`.
     """
 
     @abstractmethod
     def init(self, seed: int) -> S:
-        """Return the state before the first evaluation; `SignalError` for a negative seed."""
+        """Return the state before the first evaluation; raise `SignalError` for a negative seed."""
 
     @abstractmethod
     def _move(self, state: S, fitness: Array) -> S:
-        """Return `state` with new positions; its iteration and best already take in `fitness`, shape (n,)."""
+        """Return `state` with new positions; its iteration and best already include `fitness`, shape (n,)."""
 
     def finished(self, state: S) -> bool:
-        """Return whether the search is at its end."""
+        """Return whether the search has ended."""
         return state.iteration >= self.iterations
 
     def ask(self, state: S) -> Array:
@@ -72,7 +72,7 @@ class Optimizer(Minimiser, Generic[S]):
         return state.positions.copy()
 
     def tell(self, state: S, fitness: ArrayLike) -> S:
-        """Return the state that follows from the fitness, shape (n,), of the points asked; NaN counts as inf.
+        """Return the state after `fitness`, shape (n,), of the points of `ask`; NaN counts as inf.
 
         Raises
         ------
@@ -117,5 +117,5 @@ class Optimizer(Minimiser, Generic[S]):
 
     @staticmethod
     def _random(seed: int, iteration: int) -> np.random.Generator:
-        """Return the random numbers of one iteration, 0 for `init`; `SignalError` for a negative seed."""
+        """Return the generator of one iteration, 0 for `init`; raise `SignalError` for a negative seed."""
         return stream(seed, "optimizer", iteration)

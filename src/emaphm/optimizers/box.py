@@ -1,4 +1,4 @@
-"""The box that is searched: its bounds, and points of the unit cube mapped to it."""
+"""Box of a search: its bounds, and the mapping of the unit cube to it."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,5 +27,5 @@ def checked_box(lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
 
 
 def from_unit(unit: Array, lower: Array, upper: Array) -> Array:
-    """Return points (n, d) of the unit cube mapped to the box; clipped, as rounding may step past a bound."""
+    """Return points (n, d) of the unit cube mapped to the box; clipped because of rounding at the bounds."""
     return np.clip(lower + (upper - lower) * unit, lower, upper)

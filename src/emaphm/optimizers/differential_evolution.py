@@ -13,10 +13,10 @@ from emaphm.optimizers.base import Optimizer, State
 
 @dataclass(frozen=True, eq=False)
 class DifferentialEvolutionState(State):
-    """State of n vectors in d dimensions, each with the trial vector (`positions`) that may replace it.
+    """State of n vectors in d dimensions, each with a trial vector (`positions`) that may replace it.
 
     `parents`, shape (n, d), are the vectors and `parents_fitness`, shape (n,), their fitness; before the
-    first evaluation the trials are the vectors themselves.
+    first evaluation the trial vectors are the vectors themselves.
     """
 
     parents: Array
@@ -27,27 +27,29 @@ class DifferentialEvolutionState(State):
 class DifferentialEvolution(Optimizer[DifferentialEvolutionState]):
     """Differential evolution in its basic form, DE/rand/1/bin.
 
-    Against each vector x_i stands a trial u_i, which replaces it if it is no worse. With probability CR in
-    each component, and in one component in any case, u_i has the value of the mutant
+    A trial vector u_i replaces the vector x_i if its fitness is not worse. In each component with probability
+    CR, and in at least one component, u_i has the value of the mutant
 
         v_i = x_r1 + F (x_r2 - x_r3),
 
-    with r1, r2, r3 and i all different, else that of x_i [1]. A component of v_i beyond a bound is drawn
-    uniformly between that bound and x_r1 (bounce-back, [2]), so that vectors come ever closer to an optimum
-    on a bound and still differ. Of the rules tried on spheres and Rastrigin functions in [0, 1]^8, optimum
-    in a corner or inside: clipping is the fastest into a corner but puts whole populations on the bounds,
-    where they lose the differences they search with; reflection and the midpoint with x_i are a hundred to
-    ten thousand times farther from a corner after 200 generations, and new random values still farther.
+    with r1, r2, r3 and i all different; otherwise it has the value of x_i [1]. A component of v_i beyond a
+    bound is drawn uniformly between that bound and x_r1 (bounce-back, [2]), so that vectors approach an
+    optimum on a bound and remain different. Several rules were compared on spheres and Rastrigin functions in
+    [0, 1]^8 with the optimum in a corner or inside: clipping is the fastest towards a corner, but moves all
+    vectors to the bounds, where the differences vanish; with reflection and with the midpoint to x_i the
+    distance from a corner after 200 generations is a hundred to ten thousand times as large, and with new
+    random values larger still.
 
     Parameters
     ----------
     lower, upper, population, iterations
         As in `Optimizer`; [1] advises 5 d to 10 d vectors.
     scale
-        F. [1] advises to begin with 0.5.
+        F. [1] recommends 0.5 as a first choice.
     crossover
-        CR. [1] calls 0.1 a good first choice, but would try 0.9 or 1 first, as they are often faster. 0.9 is
-        taken, since 0.1 moves mostly one component at a time, and those of a fitted model interact.
+        CR. [1] calls 0.1 a good first choice, but recommends to try 0.9 or 1 first, which are often faster.
+        The default is 0.9, because 0.1 changes mostly one component at a time, and the parameters of a
+        fitted model interact.
 
     Raises
     ------
@@ -63,7 +65,7 @@ class DifferentialEvolution(Optimizer[DifferentialEvolutionState]):
        global optimization", Springer, 2005.
     """
 
-    least_population: ClassVar[int] = 4  # a vector and the three others that its trial is made of
+    least_population: ClassVar[int] = 4  # a vector, and three other vectors for its mutant
 
     scale: float = 0.5
     crossover: float = 0.9
@@ -76,7 +78,7 @@ class DifferentialEvolution(Optimizer[DifferentialEvolutionState]):
             raise MethodError(f"crossover must be between 0 and 1, got {self.crossover:g}")
 
     def init(self, seed: int) -> DifferentialEvolutionState:
-        """Return random vectors."""
+        """Return the state with random vectors."""
         positions = self._scatter(self._random(seed, 0))
         return self._start(
             DifferentialEvolutionState,
@@ -101,19 +103,19 @@ class DifferentialEvolution(Optimizer[DifferentialEvolutionState]):
         )
 
     def _mutants(self, parents: Array, rng: np.random.Generator) -> Array:
-        base, one, other = parents[_three_others(rng, self.population)]
-        mutants = base + self.scale * (one - other)
-        kept = np.clip(mutants, self.lower, self.upper)
-        outside = np.nonzero(mutants != kept)
-        bound, start = kept[outside], base[outside]
+        base, minuend, subtrahend = parents[_three_other_indices(rng, self.population)]
+        mutants = base + self.scale * (minuend - subtrahend)
+        clipped = np.clip(mutants, self.lower, self.upper)
+        outside = np.nonzero(mutants != clipped)
+        bound, start = clipped[outside], base[outside]
         mutants[outside] = start + rng.random(bound.size) * (bound - start)
         return np.asarray(np.clip(mutants, self.lower, self.upper))
 
 
-def _three_others(rng: np.random.Generator, n: int) -> NDArray[np.intp]:
-    """Return three different indices for each of `n`, none its own, shape (3, n)."""
-    left = np.array([[n - 1], [n - 2], [n - 3]])
-    first, second, third = 1 + (rng.random((3, n)) * left).astype(np.intp)
+def _three_other_indices(rng: np.random.Generator, n: int) -> NDArray[np.intp]:
+    """Return, for each of `n` indices, three different indices other than itself, shape (3, n)."""
+    counts = np.array([[n - 1], [n - 2], [n - 3]])
+    first, second, third = 1 + (rng.random((3, n)) * counts).astype(np.intp)
     second += second >= first
     third += third >= np.minimum(first, second)
     third += third >= np.maximum(first, second)

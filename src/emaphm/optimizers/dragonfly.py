@@ -1,4 +1,4 @@
-"""The dragonfly algorithm, as the thesis ran it and with its two slips corrected."""
+"""Dragonfly algorithm, as published in the thesis, and with its two errors corrected."""
 
 import math
 from dataclasses import dataclass, replace
@@ -40,40 +40,43 @@ class DragonflyState(State):
 
 @dataclass(frozen=True, eq=False)
 class Dragonfly(Optimizer[DragonflyState]):
-    """Dragonfly algorithm: a swarm that keeps together, and seeks food (the best).
+    """Dragonfly algorithm: a swarm that keeps together and moves towards food (the best point).
 
-    It is to shun an enemy (the worst); but the step that the text states for that, X_e - X, leads to it.
+    It is meant to avoid an enemy (the worst point); but the step of the text for that, X_e - X, leads towards
+    the enemy.
 
-    Each agent takes the step w dX + p, dX its last one, at most a tenth of the box's width in every
-    component. Its neighbours lie within the radius r in every component and share no coordinate with
-    it; where there are two or more, S, A and C are its separation, alignment and cohesion, else 0, dX
-    and 0. Then, as in the listing,
+    Each agent makes the step w dX + p, with dX its last step, limited to a tenth of the box's width in every
+    component. Its neighbours are the agents within the radius r in every component that share no coordinate
+    with it. With two or more neighbours, S, A and C are its separation, alignment and cohesion; otherwise
+    they are 0, dX and 0. Then, as in the listing,
 
-    - p = s S + a A + c C + f F + e E where the food is within r, F leading to the food and E depending
-      on the enemy if that is within r too;
-    - p = r_1 A + r_2 C + r_3 S, r uniform in [0, 1], where there are two or more neighbours;
-    - elsewhere the agent flies a Lévy step times its position, with normal numbers as in [1], [2], not
-      the uniform ones of the thesis's text, and its next dX is 0.
+    - p = s S + a A + c C + f F + e E if the food is within r, with F towards the food, and E depending on
+      the enemy if the enemy is also within r;
+    - otherwise p = r_1 A + r_2 C + r_3 S, with r_1, r_2, r_3 uniform in [0, 1], if there are two or more
+      neighbours;
+    - otherwise the agent makes a Lévy step times its position, with normal numbers as in [1], [2] instead of
+      the uniform numbers of the thesis's text, and its next dX is 0.
 
-    S = sum(X - X_j) as in the listing; with the sign in the text it would attract. Agents move one
-    after another, so that later ones see where earlier ones went. The variants differ in this alone:
+    S = sum(X - X_j) as in the listing; with the sign in the text it would attract. Agents move one after
+    another, so that later agents use the new positions of earlier agents. The variants differ in E and C:
 
-    - ``"thesis"`` is the appendix's listing. E = X_e + X. It clears the list of the neighbours' steps
-      before each agent but never that of their positions, so that C sums what is left over from earlier
-      agents and iterations too, and divides by the present number of neighbours.
-    - ``"corrected"`` has E = X_e - X, as the text, and clears both lists.
+    - ``"thesis"`` is the listing of the appendix, with E = X_e + X. It clears the list of the neighbours'
+      steps before each agent, but never the list of their positions, so that C includes positions of earlier
+      agents and iterations, and is divided by the present number of neighbours.
+    - ``"corrected"`` has E = X_e - X, as in the text, and clears both lists.
 
-    The listing also moves an agent outside the box to the opposite bound before its step. That never
-    acts, since each step ends by clipping to the box, and is left out.
+    The listing also moves an agent outside the box to the opposite bound before its step. This never occurs,
+    because each step ends by clipping to the box, and is left out.
 
     Parameters
     ----------
     lower, upper, population, iterations
-        As in `Optimizer`; the thesis gave this one 50 agents and 100 iterations.
+        As in `Optimizer`; the thesis uses 50 agents and 100 iterations.
     variant
-        Which of the two above.
+        ``"thesis"`` or ``"corrected"``, as above.
     weight
-        Start value of my_c, which scales s, a, c and e and falls to 0 at half time; 0.1 in [1].
+        Initial value of my_c, which scales s, a, c and e and falls to 0 after half of the iterations; 0.1 in
+        [1].
     growth
         r is the box's width times 1/4 + 2 it/max (``"linear"``, the listing) or times
         1/4 + (it/max)² (``"quadratic"``, the thesis's text).
@@ -107,11 +110,11 @@ class Dragonfly(Optimizer[DragonflyState]):
             raise MethodError(f"weight must be at least 0 and finite, got {self.weight:g}")
 
     def prepare(self) -> None:
-        """Import and compile the flight by one move of a swarm, which has the types of every other."""
+        """Import and compile the flight by one move of a swarm; all swarms have the same types."""
         self.tell(self.init(0), np.zeros(self.population))
 
     def init(self, seed: int) -> DragonflyState:
-        """Return a random swarm; as in the listing, its steps too are drawn between the bounds."""
+        """Return a random swarm; as in the listing, its steps are also drawn between the bounds."""
         rng = self._random(seed, 0)
         positions = self._scatter(rng)
         return self._start(
@@ -125,7 +128,7 @@ class Dragonfly(Optimizer[DragonflyState]):
         )
 
     def _move(self, state: DragonflyState, fitness: Array) -> DragonflyState:
-        # With it comes Numba, whose import takes 0.1 s.
+        # This imports Numba, which takes 0.1 s.
         from emaphm.optimizers.dragonfly_flight import fly
 
         state = self._with_enemy(state, fitness)
@@ -157,6 +160,6 @@ class Dragonfly(Optimizer[DragonflyState]):
 
 
 def _levy_steps(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Return one hundredth of Lévy-distributed steps [2]."""
+    """Return Lévy-distributed steps [2], divided by 100."""
     numerator = 0.01 * LEVY_SIGMA * rng.standard_normal(shape)
     return np.asarray(numerator / np.abs(rng.standard_normal(shape)) ** (1 / LEVY_BETA))

@@ -1,4 +1,4 @@
-"""How the agents of a dragonfly swarm move in one iteration, one after another: the compiled inner loop."""
+"""Compiled inner loop of the dragonfly algorithm: the agents' moves in one iteration, one after another."""
 
 import numpy as np
 from numba import njit
@@ -16,7 +16,9 @@ def fly(
 ) -> None:
     """Move each agent of `swarm` (positions, velocities, neighbours) in turn, in place.
 
-    Loops over components: array expressions take three times as long to compile.
+    `scene` are the bounds, the radius, the food and the enemy; `weights` are s, a, c, f, e, w; `chance` are
+    uniform numbers (n, 3, d) and Lévy steps (n, d); `thesis` selects the variant. The code loops over
+    components because array expressions take three times as long to compile.
     """
     positions, velocities, neighbours = swarm
     lower, upper, radius, food, enemy = scene
@@ -52,7 +54,7 @@ def fly(
 def _set_patterns(
     patterns: Array, i: int, positions: Array, velocities: Array, neighbours: Array, radius: Array
 ) -> int:
-    """List the neighbours of agent `i`, set its S, A and C, the rows of `patterns`; return their number."""
+    """Set the neighbours of agent `i` and its `patterns` S, A, C; return the number of neighbours."""
     S, A, C = patterns
     patterns[:] = 0.0
     count = 0

@@ -1,4 +1,4 @@
-"""The real-coded genetic algorithm of Deb and others."""
+"""Real-coded genetic algorithm of Deb and others."""
 
 import math
 from dataclasses import dataclass, replace
@@ -11,15 +11,15 @@ from emaphm.errors import MethodError
 from emaphm.optimizers.base import Optimizer, State
 
 NEAREST = 1e-14
-"""Genes closer than this part of the box's width count as equal and are left as they are."""
+"""Difference, relative to the box's width, below which two genes count as equal and are not crossed."""
 
 
 @dataclass(frozen=True, eq=False)
 class GeneticState(State):
     """State of n parents, with d genes each, and their children (`positions`).
 
-    `parents`, shape (n, d), are the best n evaluated, best first, and `parents_fitness`, shape (n,), their
-    fitness; before the first evaluation, with fitness inf, they are the first population itself.
+    `parents`, shape (n, d), are the best n evaluated points, best first, and `parents_fitness`, shape (n,),
+    their fitness; before the first evaluation they are the first population, with the fitness inf.
     """
 
     parents: Array
@@ -30,15 +30,16 @@ class GeneticState(State):
 class Genetic(Optimizer[GeneticState]):
     """Genetic algorithm with real genes: simulated binary crossover and polynomial mutation.
 
-    Of the parents and their children the best n survive. Parents are chosen by binary tournament, everyone
-    taking part in two, and crossed in pairs with probability p_c:
+    The best n of the parents and their children survive. Parents are chosen by binary tournament, with each
+    parent in two tournaments, and crossed in pairs with probability p_c:
 
     - crossover changes each gene with probability 1/2, to (x_1 + x_2) / 2 ± beta |x_1 - x_2| / 2 for the two
       children in random order. The spread factor beta has the density 0.5 (eta_c + 1) beta^eta_c up to 1 and
-      0.5 (eta_c + 1) / beta^(eta_c + 2) above, cut off where the child would leave the box, on either side
-      for itself, and scaled up to 1 [1], [2];
+      0.5 (eta_c + 1) / beta^(eta_c + 2) above. It is truncated where the child would leave the box,
+      separately on each side, and normalised to 1 [1], [2];
     - mutation changes each gene with probability 1/d by delta times the box's width. The density of delta
-      is proportional to (1 - |delta|)^eta_m, cut off at the bound likewise, with 1/2 on either side [2], [3].
+      is proportional to (1 - |delta|)^eta_m, truncated at the bounds, with probability 1/2 on each side [2],
+      [3].
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ class Genetic(Optimizer[GeneticState]):
     crossover_probability
         p_c, 0.9 in [2].
     crossover_index, mutation_index
-        eta_c and eta_m, 20 each in [2]; the larger, the nearer the children to their parents.
+        eta_c and eta_m, 20 each in [2]; with larger indices, children are nearer to their parents.
 
     Raises
     ------
@@ -79,7 +80,7 @@ class Genetic(Optimizer[GeneticState]):
                 raise MethodError(f"{name} must be at least 0 and finite, got {getattr(self, name):g}")
 
     def init(self, seed: int) -> GeneticState:
-        """Return a random population, which has yet to survive."""
+        """Return the state with a random population."""
         positions = self._scatter(self._random(seed, 0))
         return self._start(
             GeneticState,
@@ -90,8 +91,8 @@ class Genetic(Optimizer[GeneticState]):
         )
 
     def _move(self, state: GeneticState, fitness: Array) -> GeneticState:
-        both = np.concatenate((state.parents_fitness, fitness))
-        best = np.argsort(both, kind="stable")[: self.population]
+        joint_fitness = np.concatenate((state.parents_fitness, fitness))
+        best = np.argsort(joint_fitness, kind="stable")[: self.population]
         parents = np.concatenate((state.parents, state.positions))[best]
         rng = self._random(state.seed, state.iteration)
         children = self._cross(parents[_tournament(rng, self.population)], rng)[: self.population]
@@ -100,7 +101,7 @@ class Genetic(Optimizer[GeneticState]):
             state,
             positions=np.clip(children, self.lower, self.upper),
             parents=parents,
-            parents_fitness=both[best],
+            parents_fitness=joint_fitness[best],
         )
 
     def _cross(self, mates: Array, rng: np.random.Generator) -> Array:
@@ -112,7 +113,7 @@ class Genetic(Optimizer[GeneticState]):
         crossed &= high - low > NEAREST * (self.upper - self.lower)
         spread = np.where(crossed, high - low, 1.0)
         power = self.crossover_index + 1
-        # alpha / 2 is the probability of no more than the largest spread factor within the box.
+        # alpha / 2 is the probability that the spread factor does not exceed the largest within the box.
         alpha = 2 - (1 + 2 * np.stack((low - self.lower, self.upper - high)) / spread) ** -power
         chance = alpha * dice[1]
         beta = np.where(chance <= 1, chance, 1 / (2 - chance)) ** (1 / power)
@@ -135,7 +136,7 @@ class Genetic(Optimizer[GeneticState]):
 
 
 def _tournament(rng: np.random.Generator, n: int) -> NDArray[np.intp]:
-    """Return `n` winners, one more if that is odd, in two rows that mate; of two, the lower index wins."""
+    """Return `n` winners (n + 1 if `n` is odd) as two rows of mates; the lower index of two wins."""
     entrants = np.concatenate((rng.permutation(n), rng.permutation(n)))
     winners = entrants.reshape(n, 2).min(axis=1)
     return np.resize(winners, (2, (n + 1) // 2))

@@ -1,4 +1,4 @@
-"""The grey wolf optimiser."""
+"""Grey wolf optimiser."""
 
 from bisect import bisect_left
 from dataclasses import dataclass, replace
@@ -10,15 +10,15 @@ from emaphm.arrays import Array
 from emaphm.optimizers.base import Optimizer, State
 
 LEADERS = 3
-"""Alpha, beta and delta."""
+"""Number of leaders: alpha, beta and delta."""
 
 
 @dataclass(frozen=True, eq=False)
 class GreyWolfState(State):
     """State of a pack of wolves in d dimensions.
 
-    `leaders`, shape (3, d), are alpha, beta and delta, and `leaders_fitness`, shape (3,), their fitness; inf
-    where there is none yet.
+    `leaders`, shape (3, d), are alpha, beta and delta, and `leaders_fitness`, shape (3,), their fitness, inf
+    before a leader exists.
     """
 
     leaders: Array
@@ -27,20 +27,20 @@ class GreyWolfState(State):
 
 @dataclass(frozen=True, eq=False)
 class GreyWolf(Optimizer[GreyWolfState]):
-    """Grey wolf optimiser: each wolf goes to the mean of three points, one about each of three leaders.
+    """Grey wolf optimiser: each wolf moves to the mean of three points, one near each of three leaders.
 
-    For the wolf at X and the leader at X_l these are X_l - A |C X_l - X|, with A = a (2 r_1 - 1), C = 2 r_2,
-    and r_1, r_2 uniform in [0, 1], drawn anew for each wolf, leader and component. The only parameter, a,
-    falls linearly from 2 to 0 over the run. Wolves that leave the box are put on its bound.
+    For a wolf at X and a leader at X_l the point is X_l - A |C X_l - X|, with A = a (2 r_1 - 1), C = 2 r_2,
+    and r_1, r_2 uniform in [0, 1], drawn for each wolf, leader and component. The only parameter, a, falls
+    linearly from 2 to 0 over the run. Wolves that leave the box are moved to its bound.
 
-    The leaders, alpha, beta and delta, are the "three best solutions" of [1], kept as its authors' code keeps
-    them: a wolf takes the first leader's place that it is better than, and who stood there does not step
-    down. With the best three of all evaluated instead, [1]'s results do not come out: the sphere's is a
-    thousand times smaller, Rastrigin's larger.
+    The leaders alpha, beta and delta are the "three best solutions" of [1], updated as in its authors' code:
+    a wolf replaces the first leader that is worse than the wolf, and the replaced leader does not move to the
+    next place. With the best three of all evaluated points instead, the results of [1] are not reproduced:
+    the result for the sphere is a thousand times smaller, that for Rastrigin's function larger.
 
-    C scales the leader's coordinates, so the pack draws together about the origin of the coordinates, and
-    wherever else the optimum is it does worse [2]. That is the published algorithm, and it is kept: compare
-    it with others on problems whose optimum is not at the origin.
+    C scales the leader's coordinates, so that the pack contracts towards the origin of the coordinates; the
+    algorithm is worse if the optimum is elsewhere [2]. This is the published algorithm and is not changed:
+    compare it with other algorithms on problems whose optimum is not at the origin.
 
     Parameters
     ----------
@@ -74,20 +74,20 @@ class GreyWolf(Optimizer[GreyWolfState]):
         )
 
     def _move(self, state: GreyWolfState, fitness: Array) -> GreyWolfState:
-        leaders, leaders_fitness = _follow(state, fitness)
+        leaders, leaders_fitness = _updated_leaders(state, fitness)
         a = 2 * (1 - (state.iteration - 1) / self.iterations)
         r = self._random(state.seed, state.iteration).random((2, *state.positions.shape[:1], *leaders.shape))
-        about = leaders - a * (2 * r[0] - 1) * np.abs(2 * r[1] * leaders - state.positions[:, None])
+        points = leaders - a * (2 * r[0] - 1) * np.abs(2 * r[1] * leaders - state.positions[:, None])
         return replace(
             state,
-            positions=np.clip(about.sum(axis=1) / LEADERS, self.lower, self.upper),
+            positions=np.clip(points.sum(axis=1) / LEADERS, self.lower, self.upper),
             leaders=leaders,
             leaders_fitness=leaders_fitness,
         )
 
 
-def _follow(state: GreyWolfState, fitness: Array) -> tuple[Array, Array]:
-    """Return the leaders and their fitness after each wolf in turn has claimed a place."""
+def _updated_leaders(state: GreyWolfState, fitness: Array) -> tuple[Array, Array]:
+    """Return the leaders and their fitness after each wolf in turn has been compared with them."""
     leaders, ranks = state.leaders.copy(), state.leaders_fitness.tolist()
     for i in np.nonzero(fitness < ranks[-1])[0]:
         place = bisect_left(ranks, fitness[i])

@@ -1,4 +1,4 @@
-"""What every optimiser is to its caller: settings and one call that searches for the least fitness."""
+"""Common interface of all optimisers: settings, and one call that searches for the least fitness."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -15,10 +15,10 @@ from emaphm.optimizers.box import checked_box
 
 @dataclass(frozen=True, eq=False)
 class BestSoFar:
-    """State of a search between two populations, as a callback receives it.
+    """State of a search between two populations, for a callback.
 
-    `evaluations` counts points; `best_point`, shape (d,), is the best of them and `best_fitness` its fitness
-    (inf, and any point of the box, before the first finite one).
+    `evaluations` is the number of evaluated points; `best_point`, shape (d,), is the best point and
+    `best_fitness` its fitness (inf, and any point of the box, before the first finite value).
     """
 
     evaluations: int
@@ -28,9 +28,10 @@ class BestSoFar:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """End of a search: its best `point`, shape (d,), and the `fitness` there.
+    """Result of a search: its best `point`, shape (d,), and the `fitness` of this point.
 
-    `evaluations` counts points; `history`, shape (populations,), is the best fitness after each population.
+    `evaluations` is the number of evaluated points; `history`, shape (populations,), is the best fitness
+    after each population.
     """
 
     point: Array
@@ -40,10 +41,10 @@ class Result:
 
 
 Fitness: TypeAlias = Callable[[Array], ArrayLike]
-"""Maps points (n, d) to values (n,) in one call; the lower, the better, and NaN counts as inf."""
+"""Function of points (n, d) that returns values (n,) in one call; lower is better, and NaN counts as inf."""
 
 OnPopulation: TypeAlias = Callable[[BestSoFar], None]
-"""Called after each population."""
+"""Function that is called after each population."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +57,8 @@ class Minimiser(ABC):
     ------
     MethodError
         A lower bound is not less than its upper bound, a bound is not finite, the shapes differ, the
-        population is below `least_population`, the iterations are below 1, or one of the two is not a whole
-        number.
+        population is below `least_population`, the iterations are below 1, or population or iterations is
+        not a whole number.
     """
 
     least_population: ClassVar[int] = 2
@@ -80,33 +81,33 @@ class Minimiser(ABC):
 
     @property
     def budget(self) -> int:
-        """The most points that a search evaluates."""
+        """Largest number of points that a search evaluates."""
         return self.population * self.iterations
 
-    def prepare(self) -> None:  # noqa: B027 - most need nothing
-        """Import and compile what a search needs, so that the first one takes no longer than the next.
+    def prepare(self) -> None:  # noqa: B027 - most optimisers need no preparation
+        """Import and compile the code of a search, so that the first search takes no longer than the next.
 
-        No search is another after it.
+        The results of searches do not change.
         """
 
     @abstractmethod
     def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
         """Return the best point of a search that evaluates at most `budget` points.
 
-        The same seed gives the same search. What `fitness` or `on_population` raise ends the search and
+        The same seed gives the same search. An exception of `fitness` or `on_population` ends the search and
         reaches the caller unchanged.
 
         Raises
         ------
         MethodError
-            The fitness returns another number of values than it was given points.
+            The number of values of the fitness differs from the number of points.
         SignalError
             The seed is negative.
         """
 
 
 def checked_fitness(values: ArrayLike, n: int) -> Array:
-    """Return the fitness of `n` points, NaN replaced by inf; `MethodError` unless its shape is (n,)."""
+    """Return the fitness of `n` points, NaN replaced by inf; raise `MethodError` unless its shape is (n,)."""
     fitness = np.asarray(values, float)
     if fitness.shape != (n,):
         raise MethodError(f"fitness has shape {fitness.shape}, expected ({n},): one value for each point")

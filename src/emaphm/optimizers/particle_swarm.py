@@ -10,15 +10,15 @@ from emaphm.errors import MethodError
 from emaphm.optimizers.base import Optimizer, State
 
 REBOUND = -0.5
-"""Part of a velocity that is left after meeting a wall (Clerc, 2012)."""
+"""Factor of a velocity component at a bound of the box (Clerc, 2012)."""
 
 
 @dataclass(frozen=True, eq=False)
 class ParticleSwarmState(State):
     """State of a swarm of n particles in d dimensions.
 
-    `velocities`, shape (n, d), are the last steps; `own_points`, shape (n, d), are the best point that each
-    particle has met and `own_fitness`, shape (n,), its fitness.
+    `velocities`, shape (n, d), are the last steps; `own_points`, shape (n, d), are the best points of each
+    particle and `own_fitness`, shape (n,), their fitness.
     """
 
     velocities: Array
@@ -28,17 +28,17 @@ class ParticleSwarmState(State):
 
 @dataclass(frozen=True, eq=False)
 class ParticleSwarm(Optimizer[ParticleSwarmState]):
-    """Particle swarm: each particle is drawn to the best point it has met and to the best that any has met.
+    """Particle swarm: each particle is attracted by its own best point and by the swarm's best point.
 
     The particle at X with its own best P and the swarm's best G moves by
 
         V <- chi (V + c_1 r_1 (P - X) + c_2 r_2 (G - X)),    chi = 2 / (phi - 2 + sqrt(phi² - 4 phi)),
 
-    with phi = c_1 + c_2, and r_1, r_2 uniform in [0, 1], drawn anew for each particle and component. The
+    with phi = c_1 + c_2, and r_1, r_2 uniform in [0, 1], drawn for each particle and component. The
     constriction chi, 0.72984 for the defaults, makes the swarm converge [1]. As in [2], V is at most half the
     box's width in every component ("Vmax = Xmax" on [-Xmax, Xmax]), and the first V are uniform within that.
-    A particle that meets a wall of the box stays on it, and half of that component of V is turned back [3]:
-    turned to 0 it stalls there more often, left as it is it presses on.
+    A particle that reaches a bound of the box stops there, and the component of V is multiplied by -0.5 [3]:
+    with 0 a particle stays at the bound more often, and without a change it is pressed against the bound.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class ParticleSwarm(Optimizer[ParticleSwarmState]):
 
     @property
     def constriction(self) -> float:
-        """The factor chi [1]."""
+        """Constriction factor chi [1]."""
         phi = self.cognitive + self.social
         return 2 / (phi - 2 + math.sqrt(phi * (phi - 4)))
 
@@ -101,9 +101,9 @@ class ParticleSwarm(Optimizer[ParticleSwarmState]):
         own_pull = self.cognitive * r[0] * (own_points - state.positions)
         best_pull = self.social * r[1] * (state.best_point - state.positions)
         velocities = self.constriction * (state.velocities + own_pull + best_pull)
-        flown = state.positions + np.clip(velocities, -longest, longest, out=velocities)
-        positions = np.clip(flown, self.lower, self.upper)
-        velocities[flown != positions] *= REBOUND
+        unbounded = state.positions + np.clip(velocities, -longest, longest, out=velocities)
+        positions = np.clip(unbounded, self.lower, self.upper)
+        velocities[unbounded != positions] *= REBOUND
         return replace(
             state,
             positions=positions,

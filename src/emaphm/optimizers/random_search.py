@@ -1,4 +1,4 @@
-"""Random search: the baseline that any other optimiser must beat."""
+"""Random search: the baseline of all other optimisers."""
 
 from dataclasses import dataclass, replace
 
@@ -8,10 +8,10 @@ from emaphm.optimizers.base import Optimizer, State
 
 @dataclass(frozen=True, eq=False)
 class RandomSearch(Optimizer[State]):
-    """Random search: every population is drawn anew, uniformly from the box.
+    """Random search: every population is drawn uniformly from the box.
 
-    m points miss a part V of the box, as a fraction of its volume, with probability (1 - V)^m [1]: what an
-    optimiser gains on this is what it learns from the fitness.
+    m points miss a region with the share V of the box's volume with probability (1 - V)^m [1]. The advantage
+    of another optimiser over this search is due to its use of the fitness.
 
     Parameters
     ----------
@@ -32,5 +32,5 @@ class RandomSearch(Optimizer[State]):
         """Return the first random population."""
         return self._start(State, seed, self._scatter(self._random(seed, 0)))
 
-    def _move(self, state: State, fitness: Array) -> State:  # noqa: ARG002 - it learns nothing
+    def _move(self, state: State, fitness: Array) -> State:  # noqa: ARG002 - the fitness is not used
         return replace(state, positions=self._scatter(self._random(state.seed, state.iteration)))

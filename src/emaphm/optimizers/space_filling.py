@@ -1,4 +1,4 @@
-"""Start points that cover a box more evenly than independent random ones: a randomly shifted lattice."""
+"""Randomly shifted lattice: points that cover a box more evenly than independent random points."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,16 +9,16 @@ from emaphm.optimizers.box import checked_box, from_unit
 from emaphm.random_streams import stream
 
 MOST_CANDIDATES = 256
-"""Numbers tried for a component of a generating vector: bounds time and memory where n is large."""
+"""Largest number of candidates for a component of a generating vector; limits time and memory for large n."""
 
 
 def space_filling(n: int, lower: ArrayLike, upper: ArrayLike, seed: int) -> Array:
     """Return `n` points of a randomly shifted rank-1 lattice in a box, shape (n, d).
 
-    In the unit cube point k is the fractional part of k z / n + s, with a vector z of whole numbers that
-    suits n and d [1], [2], and a shift s drawn uniformly from the cube [3]. Each component alone takes n
-    values at equal distances. The discrepancy is that of a scrambled Sobol sequence, for any n and not for
-    powers of two alone; `tests/optimizers/test_space_filling.py` compares them.
+    In the unit cube, point k is the fractional part of k z / n + s, with a vector z of whole numbers for n
+    and d [1], [2], and a shift s drawn uniformly from the cube [3]. Each component has n values at equal
+    distances. The discrepancy is that of a scrambled Sobol sequence, but for any n, not only for powers of
+    two; `tests/optimizers/test_space_filling.py` compares them.
 
     Parameters
     ----------
@@ -54,15 +54,15 @@ def space_filling(n: int, lower: ArrayLike, upper: ArrayLike, seed: int) -> Arra
 
 
 def _generating_vector(n: int, dimensions: int) -> tuple[int, ...]:
-    """Return the vector z of a lattice of `n` points, found component by component.
+    """Return the generating vector z of a lattice of `n` points, computed component by component.
 
-    Each component takes the number prime to n with which the lattice, in the components so far, has the
-    least worst-case error of integration in the Korobov space of smoothness 1 ([2] of `space_filling`),
+    Each component is the number coprime to n for which the lattice, in the components so far, has the
+    smallest worst-case error of integration in the Korobov space of smoothness 1 ([2] of `space_filling`),
 
         e² = -1 + 1/n Σ_k Π_j (1 + γ 2π² B({k z_j / n})),    B(x) = x² - x + 1/6.
 
-    The weight γ of a component is 1/d. With γ = 1 the product over many components hides how the points
-    lie in few of them: in 8 dimensions the discrepancy of 128 points is then 3 times as large.
+    The weight γ of a component is 1/d. With γ = 1, the product over many components hides the distribution of
+    the points in a few components: in 8 dimensions the discrepancy of 128 points is then 3 times as large.
     """
     numbers = np.arange(1, max(n, 2))
     units = numbers[np.gcd(numbers, n) == 1]
@@ -71,7 +71,7 @@ def _generating_vector(n: int, dimensions: int) -> tuple[int, ...]:
     factors = 1 + 2 * np.pi**2 / dimensions * (x * x - x + 1 / 6)
     product, vector = np.ones(n), []
     for _ in range(dimensions):
-        # Rounded, so that of z and n - z, which are as good, the least is taken on every machine.
+        # Rounded, so that the smaller of the equivalent numbers z and n - z is chosen on every machine.
         errors = np.round(product @ factors / np.sum(product), 12)
         best = int(np.argmin(errors))
         vector.append(int(units[best]))

@@ -1,4 +1,4 @@
-"""How the actuator moves: the laws, the reference, monitor and averaged models, and running them."""
+"""Simulation of the actuator: its laws, the reference, monitor and averaged models, and their execution."""
 
 from emaphm.simulation.engine.inputs import Inputs
 from emaphm.simulation.engine.model import OBSERVABLE, Initial, Model

@@ -1,1 +1,1 @@
-"""The error of a calibrated model, learned from recordings that were left out of the fit."""
+"""Error of a calibrated model, learned from recordings that were left out of the fit."""

@@ -1,4 +1,4 @@
-"""The faults that a diagnosis would find in healthy recordings: errors of the model that look like faults."""
+"""Apparent faults: faults that a diagnosis finds in healthy recordings because of errors of the model."""
 
 from collections.abc import Sequence
 
@@ -13,23 +13,23 @@ from emaphm.errors import EmaphmError
 from emaphm.quantiles import chi_squared_quantile
 
 CHANCE = 0.2
-"""Probability with which standard errors alone make as large apparent faults as are taken for errors of the
-model; as in `emaphm.estimation.joint.random_effects`."""
+"""Probability that standard errors alone cause apparent faults above the limit; as in
+`emaphm.estimation.joint.random_effects`."""
 
 
 def apparent_faults(
     units: Sequence[tuple[CampaignRow, Actuator]], max_corrections: int, seed: int, workers: int | None
 ) -> ApparentFaults | None:
-    """Return the apparent faults of healthy rows, each with the unit as calibrated without it.
+    """Return the apparent faults of healthy rows, each with the unit as calibrated without that row.
 
-    Only what is estimated by default is, for time: no further nuisance or law is tried. None where fewer than
-    two can be diagnosed: a recording without a current, with parameters of its own, or of which the unit
-    without it makes no finite simulation, cannot.
+    To save time, only the default nuisances are estimated, and no laws are tried. None if fewer than two rows
+    can be diagnosed. A row cannot be diagnosed if it has no current or has parameters of its own, or if its
+    simulation with that unit is not finite.
     """
-    found = []
+    diagnoses = []
     for row, unit in units:
         try:
-            found.append(
+            diagnoses.append(
                 diagnose(
                     row.completed(),
                     row.described(unit),
@@ -41,17 +41,18 @@ def apparent_faults(
             )
         except EmaphmError:
             continue
-    if len(found) < 2:
+    if len(diagnoses) < 2:
         return None
-    sizes = {name: _excess(found, name) for name in NAMES if name in ApparentFaults.model_fields}
-    return ApparentFaults(**sizes, recordings=len(found))
+    sizes = {name: _excess(diagnoses, name) for name in NAMES if name in ApparentFaults.model_fields}
+    return ApparentFaults(**sizes, recordings=len(diagnoses))
 
 
-def _excess(found: Sequence[Diagnosis], name: str) -> float:
-    """Return the rms of what a component deviates from healthy by, less what its standard errors explain."""
+def _excess(diagnoses: Sequence[Diagnosis], name: str) -> float:
+    """Return the rms deviation of a component from healthy, less the part that standard errors explain."""
     healthy = float(HEALTHY.vector[NAMES.index(name)])
-    away = np.array([one.components[name].value - healthy for one in found])
-    errors = np.array([one.components[name].standard_error for one in found])
-    if float(np.sum((away / np.maximum(errors, 1e-9)) ** 2)) <= chi_squared_quantile(len(found), 1 - CHANCE):
+    deviations = np.array([diagnosis.components[name].value - healthy for diagnosis in diagnoses])
+    errors = np.array([diagnosis.components[name].standard_error for diagnosis in diagnoses])
+    squares = float(np.sum((deviations / np.maximum(errors, 1e-9)) ** 2))
+    if squares <= chi_squared_quantile(len(diagnoses), 1 - CHANCE):
         return 0.0
-    return float(np.sqrt(max(float(np.mean(away**2 - errors**2)), 0.0)))
+    return float(np.sqrt(max(float(np.mean(deviations**2 - errors**2)), 0.0)))

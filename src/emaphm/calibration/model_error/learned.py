@@ -1,8 +1,8 @@
-"""How wrong a calibrated model is: learned from healthy recordings that were left out of the fit.
+"""Error of a calibrated model, learned from healthy recordings that were left out of the fit.
 
-Residuals of the training would be too small, as a fit absorbs what looks like its parameters; so each
-recording is left out once, the others fitted, and only what is its own estimated of it. What white noise does
-not explain of its residual is the error of the model.
+Residuals of the training would be too small, because a fit absorbs errors that resemble its parameters. Each
+recording is therefore left out once, the others are fitted, and only the own unknowns of the recording left
+out are estimated. The part of its residual that white noise does not explain is the error of the model.
 """
 
 from collections.abc import Sequence
@@ -29,14 +29,15 @@ from emaphm.estimation.uncertainty.model_error import channel_noise, variance_te
 
 @dataclass(frozen=True)
 class ModelErrorSettings:
-    """How a model error is learned.
+    """Settings of learning a model error.
 
-    Recordings are left out one at a time, of more than `most_folds` in as many groups. The fit without them
-    starts where that of all has ended, and takes `corrections` of its bias; up to `most_diagnosed` of them
-    are also diagnosed, which takes a second each. The variance at rest is at least the share `least_floor` of
-    its mean: three recordings do not show that a model is right anywhere.
-    The error is at least the share `least_error` of the residual's variance: second differences tell noise
-    from the model's error no better. `tests/calibration/test_model_error.py` measures both on made-up errors.
+    Recordings are left out one at a time; more than `most_folds` recordings are left out in `most_folds`
+    groups. The fit without them starts from the end point of the fit of all recordings, with `corrections` of
+    its bias. Up to `most_diagnosed` of them are also diagnosed, which takes a second each. The variance at
+    rest is at least the share `least_floor` of the mean variance, because three recordings do not prove that
+    a model is exact anywhere. The error is at least the share `least_error` of the residual's variance, which
+    is the accuracy with which second differences separate noise from the model's error.
+    `tests/calibration/test_model_error.py` measures both on artificial errors.
     """
 
     most_folds: int = 5
@@ -49,15 +50,15 @@ class ModelErrorSettings:
 MODEL_ERROR = ModelErrorSettings()
 
 LEAST_SCATTER = 1e-12
-"""Scatter of the logarithms below which recordings differ by rounding alone."""
+"""Scatter of the logarithms below which recordings differ only by rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOutResidual:
-    """One channel of a recording that was left out.
+    """Residual of one channel of a recording that was left out.
 
-    `residual` (samples,) and white `noise` (rms) in the channel's unit, what the variance of the error is
-    linear in, `terms` (4, samples), and the `interval` between rows [s].
+    `residual` (samples,) and white `noise` (rms) are in the channel's unit; `terms` (4, samples) are the
+    regressors of the error's variance; `interval` is the interval between rows [s].
     """
 
     residual: Array
@@ -67,7 +68,7 @@ class HeldOutResidual:
 
     @property
     def error_variance(self) -> float:
-        """The mean square of the residual that noise does not explain."""
+        """Mean square of the residual less the noise variance, at least a small share of the mean square."""
         square = float(np.mean(self.residual**2))
         return max(square - self.noise**2, MODEL_ERROR.least_error * square)
 
@@ -79,10 +80,10 @@ def learned_model_error(
     calibrated: Actuator,
     settings: FitSettings,
 ) -> ModelError:
-    """Return the error of the model in the recordings `rows` of `fit`; nothing of a single recording.
+    """Return the error of the model in the recordings `rows` of `fit`; `NOT_LEARNED` for a single recording.
 
-    Of every channel, and where a diagnosis is possible also the faults that it would find in them. The
-    fit's parameters are deviations from the `described` actuator; `calibrated` has them, and its baseline.
+    It contains the error of every channel and, if diagnoses are possible, the apparent faults. The parameters
+    of the fit are deviations from the `described` actuator; `calibrated` has these parameters and a baseline.
     """
     if len(rows) < 2:
         return NOT_LEARNED
@@ -90,13 +91,13 @@ def learned_model_error(
     by_channel: dict[str, list[HeldOutResidual]] = {}
     for r, values in shared.items():
         problem = fit.joint.terms[r].objective.problem
-        for name, one in _by_channel(problem, _left_out_residual(fit, r, values, settings)).items():
-            by_channel.setdefault(name, []).append(one)
+        for name, held_out in _by_channel(problem, _left_out_residual(fit, r, values, settings)).items():
+            by_channel.setdefault(name, []).append(held_out)
     channels = ModelError(
         **{
-            name: channel_error(found)
-            for name, found in by_channel.items()
-            if name in CHANNELS and len(found) > 1 and any(np.any(one.residual) for one in found)
+            name: channel_error(left_out)
+            for name, left_out in by_channel.items()
+            if name in CHANNELS and len(left_out) > 1 and any(np.any(part.residual) for part in left_out)
         }
     )
     known = calibrated.model_copy(update={"model_error": channels})
@@ -107,7 +108,7 @@ def learned_model_error(
 
 
 def _unit(fit: UnitFit, described: Actuator, calibrated: Actuator, shared: Array) -> Actuator:
-    """Return the calibrated actuator with other `shared` coordinates (p,) of the fit."""
+    """Return the calibrated actuator with the `shared` coordinates (p,) of another fit."""
     deviations = np.array(
         [shared[fit.fitted.index(name)] if name in fit.fitted else 0.0 for name in fit.free]
     )
@@ -115,8 +116,8 @@ def _unit(fit: UnitFit, described: Actuator, calibrated: Actuator, shared: Array
 
 
 def _fitted_without(fit: UnitFit, settings: FitSettings) -> dict[int, Array]:
-    """Return the shared coordinates (p,) of a fit without each recording, by its number."""
-    joint, found = fit.joint, dict[int, Array]()
+    """Return, by the number of each recording, the shared coordinates (p,) of the fit without it."""
+    joint, shared_by_recording = fit.joint, dict[int, Array]()
     count, corrections = len(joint.terms), min(settings.max_corrections, MODEL_ERROR.corrections)
     for left_out in folds(count, MODEL_ERROR.most_folds, settings.seed):
         training, start = subset(joint, fit.point, [r for r in range(count) if r not in left_out])
@@ -124,15 +125,15 @@ def _fitted_without(fit: UnitFit, settings: FitSettings) -> dict[int, Array]:
             best = corrected_estimate(training, start, corrections, settings.seed).point
         else:
             best = descend(training, start[np.newaxis], training.box, DESCENT).best
-        found |= dict.fromkeys(sorted(left_out), best[: training.shared])
-    return found
+        shared_by_recording |= dict.fromkeys(sorted(left_out), best[: training.shared])
+    return shared_by_recording
 
 
 def _left_out_residual(fit: UnitFit, r: int, shared: Array, settings: FitSettings) -> Array:
-    """Return what `shared` coordinates (p,) leave of recording `r`, (rows,), with only its own estimated.
+    """Return the residual (rows,) of recording `r` under `shared` coordinates (p,), with its own estimated.
 
-    By the reference model where it can run: of the own coordinates in the joint fit and of those that the
-    averaged model fits best now, those that leave less.
+    If the reference model can run, the residual is that of the reference model, at the own coordinates with
+    the smaller residual: those of the joint fit, or those of the best fit of the averaged model.
     """
     corrections = zip(fit.joint.terms, fit.estimate.discrepancies, strict=True)
     corrected = fit.joint.corrected([term.correction + known.mean for term, known in corrections])
@@ -142,29 +143,29 @@ def _left_out_residual(fit: UnitFit, r: int, shared: Array, settings: FitSetting
     owns = [point[alone.shared :], own_coordinates(corrected, r, shared)]
     points = alone.box.project(np.array([np.concatenate([shared, own]) for own in owns]))
     outcomes = compared(alone, points, settings.seed, "left out", r)
-    return min(outcomes, key=lambda one: one.primary_variance).corrected_residuals[0]
+    return min(outcomes, key=lambda outcome: outcome.primary_variance).corrected_residuals[0]
 
 
 def _by_channel(problem: Problem, residual: Array) -> dict[str, HeldOutResidual]:
-    """Return the channels of a recording whose weighted `residual` (rows,) is known."""
+    """Return the residual of each channel of a recording from the weighted `residual` (rows,)."""
     rows = residual[: len(problem.channels) * problem.samples].reshape(len(problem.channels), -1)
     terms = variance_terms(problem)
-    found = {}
-    for name, one, weight in zip(problem.channels, rows, problem.weights, strict=True):
-        noise = channel_noise(problem, name, one / weight)
-        found[name] = HeldOutResidual(one / weight, noise, terms, problem.inputs.interval)
-    return found
+    by_channel = {}
+    for name, weighted, weight in zip(problem.channels, rows, problem.weights, strict=True):
+        noise = channel_noise(problem, name, weighted / weight)
+        by_channel[name] = HeldOutResidual(weighted / weight, noise, terms, problem.inputs.interval)
+    return by_channel
 
 
 def channel_error(left_out: Sequence[HeldOutResidual]) -> ChannelError:
-    """Return the error of one channel from two recordings or more; each counts the same, however long.
+    """Return the error of one channel from two or more recordings; all recordings have the same weight.
 
     The variance is fitted to the squared residuals by least squares without negative coefficients (Lawson and
     Hanson 1974), and scaled to their mean.
     """
     coefficients = _variance_coefficients(left_out)
-    expected = [float(np.mean(coefficients @ one.terms)) + one.noise**2 for one in left_out]
-    squares = [float(np.mean(one.residual**2)) for one in left_out]
+    expected = [float(np.mean(coefficients @ part.terms)) + part.noise**2 for part in left_out]
+    squares = [float(np.mean(part.residual**2)) for part in left_out]
     logs = 0.5 * np.log(np.maximum(squares, np.finfo(float).tiny) / np.array(expected))
     scatter = float(np.sqrt(np.sum(logs**2) / (len(logs) - 1)))
     floor, speed, load, acceleration = np.sqrt(coefficients).tolist()
@@ -173,7 +174,7 @@ def channel_error(left_out: Sequence[HeldOutResidual]) -> ChannelError:
         speed=speed,
         load=load,
         acceleration=acceleration,
-        noise=float(np.sqrt(np.mean([one.noise**2 for one in left_out]))),
+        noise=float(np.sqrt(np.mean([part.noise**2 for part in left_out]))),
         correlation_time=_correlation_time(left_out),
         scatter=scatter if scatter > LEAST_SCATTER else 0.0,
         recordings=len(left_out),
@@ -181,18 +182,20 @@ def channel_error(left_out: Sequence[HeldOutResidual]) -> ChannelError:
 
 
 def _variance_coefficients(left_out: Sequence[HeldOutResidual]) -> Array:
-    """Return what the variance has of each term, (4,), at least 0."""
+    """Return the coefficients of the variance's terms, (4,), each at least 0."""
     from scipy.optimize import nnls
 
-    mean = float(np.mean([one.error_variance for one in left_out]))
-    sizes = np.maximum(np.mean([one.terms.mean(axis=1) for one in left_out], axis=0), np.finfo(float).tiny)
+    mean = float(np.mean([part.error_variance for part in left_out]))
+    sizes = np.maximum(np.mean([part.terms.mean(axis=1) for part in left_out], axis=0), np.finfo(float).tiny)
     design = np.concatenate(
-        [(one.terms / sizes[:, np.newaxis]).T / len(one.residual) ** 0.5 for one in left_out]
+        [(part.terms / sizes[:, np.newaxis]).T / len(part.residual) ** 0.5 for part in left_out]
     )
-    target = np.concatenate([(one.residual**2 - one.noise**2) / len(one.residual) ** 0.5 for one in left_out])
+    target = np.concatenate(
+        [(part.residual**2 - part.noise**2) / len(part.residual) ** 0.5 for part in left_out]
+    )
     shares, _ = nnls(design, target)
     total = float(np.sum(shares))
-    # Of the means of the terms, each 1: they add to the mean variance.
+    # The mean of each scaled term is 1, so that the shares are shares of the mean variance.
     shares = shares / total if total > 0 else np.array([1.0, 0.0, 0.0, 0.0])
     floor = max(float(shares[0]), MODEL_ERROR.least_floor)
     varying = shares[1:] * ((1 - floor) / max(float(np.sum(shares[1:])), np.finfo(float).tiny))
@@ -200,10 +203,10 @@ def _variance_coefficients(left_out: Sequence[HeldOutResidual]) -> Array:
 
 
 def _correlation_time(left_out: Sequence[HeldOutResidual]) -> float:
-    """Return the integral time [s] of the error, that of the white noise taken out."""
-    interval = min(one.interval for one in left_out)
-    total = integral_time([one.residual for one in left_out], [one.interval for one in left_out])
-    square = float(np.mean([np.mean(one.residual**2) for one in left_out]))
-    noise = float(np.mean([one.noise**2 for one in left_out]))
-    error = float(np.mean([one.error_variance for one in left_out]))
+    """Return the integral time [s] of the error, without the part of the white noise."""
+    interval = min(part.interval for part in left_out)
+    total = integral_time([part.residual for part in left_out], [part.interval for part in left_out])
+    square = float(np.mean([np.mean(part.residual**2) for part in left_out]))
+    noise = float(np.mean([part.noise**2 for part in left_out]))
+    error = float(np.mean([part.error_variance for part in left_out]))
     return float(max((total * square - noise * interval) / error, interval))

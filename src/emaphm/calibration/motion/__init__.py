@@ -1,1 +1,1 @@
-"""Calibration by measured motion: when it is used, the fit by inverse dynamics, and its result."""
+"""Calibration by measured motion: choice of the loop, fit by inverse dynamics, and result."""

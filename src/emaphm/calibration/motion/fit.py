@@ -1,4 +1,4 @@
-"""A campaign by measured motion: inverse dynamics of its recordings, as a result or as a start of the fit."""
+"""Inverse dynamics of a campaign from its measured motion, as a result or as start of a closed-loop fit."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,23 +20,23 @@ from emaphm.estimation.space.parameter_variation import sizes
 from emaphm.recording import Recording
 
 LOADS = ("load", "hinge")
-"""Nuisances that inverse dynamics estimates of each recording; the others it leaves out."""
+"""Nuisances that inverse dynamics estimates for each recording; it does not use other nuisances."""
 
 OF_CONTROLLER = SECTIONS["controller"]
-"""Parameters that measured motion does not depend on, so that known values of them may be left out."""
+"""Parameters of the controller; inverse dynamics does not depend on them and ignores their known values."""
 
 BALANCED = (*NAMES, *(name for name in LUMPED_PARAMETERS if name.startswith("ripple")))
-"""The parameters that inverse dynamics knows."""
+"""Parameters of the torque balance, which inverse dynamics can estimate."""
 
 
 @dataclass(frozen=True, eq=False)
 class MotionFit:
-    """Inverse dynamics of all rows: what it `found`, and its covariance with what its low-passes change.
+    """Inverse dynamics of all rows: its result `found`, and the covariance including the effect of filters.
 
-    `loads` are the nuisances that were estimated of each row. `covariance` (p, p) is that of the shared
-    parameters, in their order and units. `alone` is the same of each row by itself, where there are several;
-    None of one that does not show all parameters. `scale_deviation` is the standard deviation, relative, of
-    what is not known of the recordings' torque in proportion to their current.
+    `loads` are the estimated nuisances of each row. `covariance` (p, p) is that of the shared parameters, in
+    their order and units. `alone` are the fits of each row alone, if there are several rows; None for a row
+    that does not identify all parameters. `scale_deviation` is the relative standard deviation of the
+    common, unknown factor between torque and recorded current.
     """
 
     found: InverseDynamicsResult
@@ -48,7 +48,7 @@ class MotionFit:
 
 @dataclass(frozen=True, eq=False)
 class _Campaign:
-    """Rows as inverse dynamics takes them: with one set of parameters that are each recording's own."""
+    """Rows in the form of inverse dynamics: all recordings have the same set of own parameters."""
 
     recordings: tuple[Recording, ...]
     shared: tuple[str, ...]
@@ -64,10 +64,10 @@ class _Campaign:
         free: Sequence[str],
         nuisances: Sequence[str] | None,
     ) -> Self:
-        """Return the campaign with the parameters `free`, those that inverse dynamics knows."""
+        """Return the campaign with those of the parameters `free` that are in the torque balance."""
         shared = tuple(name for name in free if name in BALANCED)
-        asked = actuator.nuisances.estimated if nuisances is None else nuisances
-        loads = tuple(_loads(row, shared, asked) for row in rows)
+        estimated = actuator.nuisances.estimated if nuisances is None else nuisances
+        loads = tuple(_loads(row, shared, estimated) for row in rows)
         freed = [
             {*(SAME_PARAMETER[name] for name in of_row), *(set(row.free) & set(BALANCED) - set(shared))}
             for row, of_row in zip(rows, loads, strict=True)
@@ -75,7 +75,7 @@ class _Campaign:
         own = tuple(dict.fromkeys(name for of_row in freed for name in sorted(of_row)))
         described = lumped_parameters(actuator, own)
         known = tuple(
-            _of_temperature(row, actuator, (*shared, *of_row))
+            _warm_parameters(row, actuator, (*shared, *of_row))
             | {name: value for name, value in described.items() if name not in of_row}
             | {name: v for name, v in row.parameters.items() if name not in (*OF_CONTROLLER, "supply")}
             for row, of_row in zip(rows, freed, strict=True)
@@ -83,7 +83,7 @@ class _Campaign:
         return cls(tuple(_recording(row) for row in rows), shared, own, known, loads)
 
     def fit(self, actuator: Actuator, cutoff_hz: tuple[float, float] | None = None) -> InverseDynamicsResult:
-        """Return the result of inverse dynamics, errors as there."""
+        """Return the result of `inverse_dynamics`; raises the same errors."""
         position_hz, regression_hz = cutoff_hz or (None, None)
         return inverse_dynamics(
             self.recordings,
@@ -96,23 +96,23 @@ class _Campaign:
         )
 
 
-def _loads(row: CampaignRow, shared: Sequence[str], asked: Sequence[str]) -> tuple[str, ...]:
-    """Return the unknown loads of a row: none that is known, recorded or a free parameter."""
-    # In motion a constant load and unequal Coulomb friction are the same.
-    alike = {"load": ("offset", "coulomb_asymmetry"), "hinge": ("hinge",)}
-    taken = {*shared, *row.free, *row.known}
+def _loads(row: CampaignRow, shared: Sequence[str], estimated: Sequence[str]) -> tuple[str, ...]:
+    """Return the unknown loads of a row: `estimated`, and neither known, recorded nor a free parameter."""
+    # In motion, a constant load and asymmetric Coulomb friction have the same effect.
+    confounded = {"load": ("offset", "coulomb_asymmetry"), "hinge": ("hinge",)}
+    settled = {*shared, *row.free, *row.known}
     return tuple(
         name
         for name in LOADS
-        if name in asked
-        and name not in taken
-        and not taken & set(alike[name])
+        if name in estimated
+        and name not in settled
+        and not settled & set(confounded[name])
         and KNOWN_BY[name] not in row.recording
     )
 
 
-def _of_temperature(row: CampaignRow, actuator: Actuator, free: Sequence[str]) -> dict[str, float]:
-    """Return the torque constant and the resistance at a row's known temperature, those not `free`."""
+def _warm_parameters(row: CampaignRow, actuator: Actuator, free: Sequence[str]) -> dict[str, float]:
+    """Return torque constant and resistance at the known temperature of a row, except if `free`."""
     recording = row.completed()
     if actuator.electrical is None or KNOWN_BY["temperature"] not in recording:
         return {}
@@ -122,7 +122,7 @@ def _of_temperature(row: CampaignRow, actuator: Actuator, free: Sequence[str]) -
 
 
 def _recording(row: CampaignRow) -> Recording:
-    """Return a row's recording with channels of what is known of it."""
+    """Return the recording of a row with channels of its known load, temperature and supply."""
     recording = row.completed()
     if "supply" not in row.known or "supply_V" in recording:
         return recording
@@ -131,19 +131,19 @@ def _recording(row: CampaignRow) -> Recording:
 
 
 def check_measurable(rows: Sequence[CampaignRow], free: Sequence[str]) -> None:
-    """Refuse free parameters that measured motion does not show.
+    """Check that measured motion can identify the free parameters.
 
     Raises
     ------
     MethodError
-        One is not in the torque balance, or is shared and a recording's own at once.
+        A parameter is not in the torque balance, or is both shared and a recording's own.
     """
     own = {name for row in rows for name in row.free}
     for name in (*free, *sorted(own)):
         if name not in BALANCED:
             raise MethodError(
-                f"measured motion does not show '{name}'; leave it out, or calibrate in closed loop (loop "
-                f"'closed'). It shows {', '.join(NAMES)}, and torque ripple"
+                f"measured motion does not identify '{name}'; leave it out, or calibrate in closed loop "
+                f"(loop 'closed'). It identifies {', '.join(NAMES)}, and torque ripple"
             )
     for name in sorted(own & set(free)):
         raise MethodError(
@@ -158,22 +158,22 @@ def motion_fit(
     free: tuple[str, ...],
     nuisances: Sequence[str] | None,
 ) -> MotionFit:
-    """Return the parameters `free` by the measured motion of all `rows`; errors as `inverse_dynamics`.
+    """Return the estimates of `free` from the measured motion of all `rows`.
 
-    The estimate is repeated with half the cutoff frequencies: what that changes is added to the covariance
-    as one more standard error, in quadrature.
+    The estimate is repeated with half the cutoff frequencies; the change is added to the covariance as an
+    additional standard error, in quadrature. Raises the errors of `inverse_dynamics`.
     """
     campaign = _Campaign.of(rows, actuator, free, nuisances)
-    found = campaign.fit(actuator)
-    used = [one.frequencies for one in found.replays]
-    lower = (min(one.position_hz for one in used) / 2, min(one.regression_hz for one in used) / 2)
-    again = campaign.fit(actuator, lower)
-    change = np.array([again.values[name] - value for name, value in found.values.items()])
-    alone = tuple(_alone(row, actuator, free, nuisances) for row in rows) if len(rows) > 1 else ()
+    result = campaign.fit(actuator)
+    used = [replay.frequencies for replay in result.replays]
+    lower = (min(cutoff.position_hz for cutoff in used) / 2, min(cutoff.regression_hz for cutoff in used) / 2)
+    filtered_more = campaign.fit(actuator, lower)
+    change = np.array([filtered_more.values[name] - value for name, value in result.values.items()])
+    alone = tuple(_fit_alone(row, actuator, free, nuisances) for row in rows) if len(rows) > 1 else ()
     return MotionFit(
-        found,
+        result,
         campaign.loads,
-        found.covariance + np.outer(change, change),
+        result.covariance + np.outer(change, change),
         _scale_deviation(rows, actuator, free, nuisances),
         alone,
     )
@@ -182,23 +182,24 @@ def motion_fit(
 def _scale_deviation(
     rows: Sequence[CampaignRow], actuator: Actuator, free: Sequence[str], nuisances: Sequence[str] | None
 ) -> float:
-    """Return the relative standard deviation of all torques together: by heat of magnets and by the sensor.
+    """Return the relative standard deviation of a common factor of all torques.
 
-    A free torque constant has it in its own standard error.
+    It is due to the temperature of the magnets and the scale of the current sensor. It is 0 for a free torque
+    constant, whose own standard error includes it.
     """
     if "torque_constant" in free:
         return 0.0
     priors, variance = actuator.nuisances, 0.0
-    asked = priors.estimated if nuisances is None else nuisances
+    estimated = priors.estimated if nuisances is None else nuisances
     cold = [row for row in rows if KNOWN_BY["temperature"] not in row.completed()]
-    if "temperature" in asked and cold and actuator.electrical is not None:
+    if "temperature" in estimated and cold and actuator.electrical is not None:
         variance += (MAGNETS * priors.temperature) ** 2
-    if "current_scale" in asked and priors.current_scale is not None:
+    if "current_scale" in estimated and priors.current_scale is not None:
         variance += priors.current_scale**2
     return float(variance**0.5)
 
 
-def _alone(
+def _fit_alone(
     row: CampaignRow, actuator: Actuator, free: tuple[str, ...], nuisances: Sequence[str] | None
 ) -> MotionFit | None:
     try:
@@ -213,7 +214,7 @@ def measured_start(
     fitted: tuple[str, ...],
     nuisances: Sequence[str] | None,
 ) -> dict[str, float]:
-    """Return coordinates to start a closed-loop fit from; none where the recordings do not do for it."""
+    """Return start coordinates for a closed-loop fit; empty if inverse dynamics of the rows is impossible."""
     if not set(fitted) & set(BALANCED):
         return {}
     try:
@@ -226,13 +227,13 @@ def measured_start(
 def coordinates(actuator: Actuator, values: Mapping[str, float]) -> dict[str, float]:
     """Return the deviations of `values` from the description, in a fit's coordinates.
 
-    A value without the sign that it must have has none.
+    A value that is not positive although it must be is left out.
     """
     described, names = lumped_parameters(actuator, tuple(values)), tuple(values)
-    found = {}
+    deviations = {}
     for name, size in zip(names, sizes(actuator, names), strict=True):
         if name in SIGNED:
-            found[name] = float((values[name] - described[name]) / size)
+            deviations[name] = float((values[name] - described[name]) / size)
         elif values[name] > 0 and described[name] > 0:
-            found[name] = float(np.log(values[name] / described[name]))
-    return found
+            deviations[name] = float(np.log(values[name] / described[name]))
+    return deviations

@@ -1,4 +1,4 @@
-"""Whether a unit is calibrated in closed loop or by its measured motion, and why."""
+"""Choice between calibration in closed loop and by measured motion, with its reason."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,8 +12,9 @@ from emaphm.estimation.inverse_dynamics import ControllerCheck, controller_check
 from emaphm.estimation.uncertainty.collinearity import listed
 
 Loop: TypeAlias = Literal["auto", "closed", "measured"]
-"""Closed loop: the command goes in, all else is compared. Measured motion: position and speed go in, the
-current, voltage or duty is compared. Automatic: closed loop unless a recording contradicts the gains."""
+"""Closed loop: the command is the input, all other channels are compared. Measured motion: position and speed
+are the inputs, the current, voltage or duty is compared. "auto": closed loop unless a recording contradicts
+the gains."""
 
 LOOPS = ("auto", "closed", "measured")
 
@@ -22,7 +23,7 @@ WORDS = {"closed": "in closed loop", "measured": "by measured motion"}
 
 @dataclass(frozen=True)
 class LoopChoice:
-    """The loop that was used, "closed" or "measured", and the reason in words."""
+    """Loop that was used, "closed" or "measured", and the reason in words."""
 
     loop: str
     reason: str
@@ -38,7 +39,7 @@ CLOSED = LoopChoice("closed", "as asked for")
 def chosen_loop(
     loop: Loop, rows: Sequence[CampaignRow], actuator: Actuator, free: Sequence[str]
 ) -> LoopChoice:
-    """Return what the user asked for, or what the controller's part in the recordings asks for.
+    """Return the loop that the user requested, or the loop that a check of the controller suggests.
 
     Raises
     ------
@@ -51,7 +52,7 @@ def chosen_loop(
         return LoopChoice(loop, "as asked for")
     checks = [(row.recording.source, check) for row in rows if (check := _check(row, actuator)) is not None]
     if not checks:
-        return LoopChoice("closed", "no recording shows the controller's gains")
+        return LoopChoice("closed", "the controller's gains are not identifiable from the recordings")
     against = [
         f"{'; '.join(check.deviating)} in {source}" for source, check in checks if check.gains_contradict
     ]
@@ -59,18 +60,20 @@ def chosen_loop(
         unclear = [source for source, check in checks if check.contradicts]
         if unclear:
             return LoopChoice(
-                "closed", f"the controller's gains do not show clearly in {listed(unclear, 'and')}"
+                "closed", f"the controller's gains are not clearly identifiable from {listed(unclear, 'and')}"
             )
-        return LoopChoice("closed", "the described controller agrees with what was recorded")
-    found = f"the described controller contradicts what was recorded: {', '.join(against)}"
+        return LoopChoice("closed", "the described controller agrees with the recordings")
+    contradiction = f"the described controller contradicts the recordings: {', '.join(against)}"
     gains = sorted({*free, *(name for row in rows for name in row.free)} & set(OF_CONTROLLER))
     if gains:
-        return LoopChoice("closed", f"{found}; closed loop all the same, as '{gains[0]}' is free")
-    return LoopChoice("measured", found)
+        return LoopChoice(
+            "closed", f"{contradiction}; closed loop nevertheless, because '{gains[0]}' is free"
+        )
+    return LoopChoice("measured", contradiction)
 
 
 def _check(row: CampaignRow, actuator: Actuator) -> ControllerCheck | None:
-    """Return the check of a recording's controller, None where it cannot be checked."""
+    """Return the check of a recording's controller; None if it cannot be checked."""
     try:
         return controller_check(row.completed(), row.described(actuator))
     except EmaphmError:

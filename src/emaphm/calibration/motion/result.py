@@ -1,4 +1,4 @@
-"""The calibration that inverse dynamics of measured motion amounts to."""
+"""Result of a calibration by inverse dynamics of measured motion."""
 
 import math
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ from emaphm.estimation.replay import replay
 from emaphm.estimation.space.parameter_variation import WIDEST_FACTOR, sizes
 
 LEAST_SHARE = 1e-3
-"""Share of its description that a positive parameter's relative error refers to at least."""
+"""Least value to which the relative error of a positive parameter refers, relative to its description."""
 
 
 def described_for_motion(
@@ -37,22 +37,22 @@ def described_for_motion(
 ) -> Description:
     """Return the description with its `laws`, and the parameters to estimate by measured motion.
 
-    Where none is named they are inertia, viscous and Coulomb friction and a constant load, in addition to
-    those of the laws.
+    Default parameters are inertia, viscous and Coulomb friction and a constant load, in addition to the
+    parameters of the laws.
 
     Raises
     ------
     MethodError
-        A law or parameter cannot be found by measured motion, or the laws are to be chosen.
+        Measured motion cannot identify a law or parameter, or the laws are to be chosen automatically.
     """
     if laws == AUTO:
         raise MethodError(
-            "laws are chosen in closed loop only; name the laws, or calibrate in closed loop (loop 'closed')"
+            "laws are chosen only in closed loop; name the laws, or calibrate in closed loop (loop 'closed')"
         )
-    asked, extended = laws_named(laws, actuator), actuator
-    for law in asked:
+    requested, extended = laws_named(laws, actuator), actuator
+    for law in requested:
         extended = extended if law.is_in(extended) else law.added_to(extended)
-    of_laws = [name for law in asked for name in parameters_of(law, extended)]
+    of_laws = [name for law in requested for name in parameters_of(law, extended)]
     known = {name for row in rows for name in (*row.known, *row.free)}
     usual = [name for name in (*MECHANICS, "offset") if name not in known]
     if "coulomb_asymmetry" in of_laws:
@@ -62,18 +62,18 @@ def described_for_motion(
         raise MethodError("no parameter to calibrate; name some, such as inertia and coulomb")
     check_lumped_parameters(extended, names)
     check_measurable(rows, names)
-    return Description(extended, names, asked)
+    return Description(extended, names, requested)
 
 
 def motion_covariance(fit: MotionFit, actuator: Actuator) -> Array:
-    """Return the covariance (p, p) of the logarithms of positive parameters, and of others in their unit.
+    """Return the covariance (p, p) of the logarithms of positive parameters, and of the values of others.
 
-    Before the data a parameter is within the factor that a calibration searches.
+    The prior of a parameter is the range of the search of a calibration.
     """
     names = tuple(fit.found.parameters)
     covariance = _relative_covariance(fit, actuator)
-    if (against := motion_contradictions(fit, actuator)) is not None:
-        covariance = covariance + against.covariance
+    if (contradicting := motion_contradictions(fit, actuator)) is not None:
+        covariance = covariance + contradicting.covariance
     size = sizes(actuator, names)
     scale = np.array([s if name in SIGNED else 1.0 for name, s in zip(names, size, strict=True)])
     return np.asarray(np.outer(scale, scale) * covariance)
@@ -94,18 +94,18 @@ def _relative_covariance(fit: MotionFit, actuator: Actuator) -> Array:
     at_bound = [float(name in fit.found.at_bound) for name in names]
     widest = math.log(WIDEST_FACTOR)
     covariance = covariance + np.diag(at_bound) * widest**2
-    found = coordinates(actuator, fit.found.values)
-    scaled = common_factor(actuator, names, np.array([found.get(name, 0.0) for name in names]))
+    deviations = coordinates(actuator, fit.found.values)
+    scaled = common_factor(actuator, names, np.array([deviations.get(name, 0.0) for name in names]))
     covariance = covariance + fit.scale_deviation**2 * np.outer(scaled, scaled)
-    # Limited by a prior of that width: (C⁻¹ + 1/w²)⁻¹ = C (I + C/w²)⁻¹, for any positive semidefinite C.
+    # Combined with a prior of that width: (C⁻¹ + 1/w²)⁻¹ = C (I + C/w²)⁻¹, for any positive semidefinite C.
     limited = covariance @ np.linalg.inv(np.eye(len(names)) + covariance / widest**2)
     return np.asarray((limited + limited.T) / 2)
 
 
 def motion_alone(fit: MotionFit, actuator: Actuator) -> AloneEstimates | None:
-    """Return what each recording alone has found, in the coordinates of a fit; None of one recording.
+    """Return the estimates of each recording alone, in the coordinates of a fit; None for one recording.
 
-    One that does not show all parameters knows nothing.
+    A recording that does not identify all parameters has the prior as its estimate.
     """
     if not fit.alone:
         return None
@@ -115,34 +115,34 @@ def motion_alone(fit: MotionFit, actuator: Actuator) -> AloneEstimates | None:
         np.zeros((len(fit.alone), len(names))),
         np.tile(np.diag(widest**2), (len(fit.alone), 1, 1)),
     )
-    for r, one in enumerate(fit.alone):
-        if one is not None:
-            found = coordinates(actuator, one.found.values)
-            points[r] = [found.get(name, -widest[0]) for name in names]
-            covariances[r] = _relative_covariance(one, actuator)
+    for r, alone in enumerate(fit.alone):
+        if alone is not None:
+            deviations = coordinates(actuator, alone.found.values)
+            points[r] = [deviations.get(name, -widest[0]) for name in names]
+            covariances[r] = _relative_covariance(alone, actuator)
     ratios = np.ones(len(fit.alone))
     return AloneEstimates(points, covariances, ratios, random_effects(points, covariances, widest))
 
 
 def motion_contradictions(fit: MotionFit, actuator: Actuator) -> Contradictions | None:
-    """Return what the recordings contradict each other in; None of one recording."""
+    """Return the contradictions between the recordings; None for one recording."""
     alone = motion_alone(fit, actuator)
     widest = np.full(len(fit.found.parameters), math.log(WIDEST_FACTOR))
     return None if alone is None else contradictions(alone, widest)
 
 
 def motion_parameters(fit: MotionFit, covariance: Array, actuator: Actuator) -> dict[str, Parameter]:
-    """Return the parameters with standard errors by their `covariance` (p, p), and whether each is known."""
+    """Return the parameters with standard errors from `covariance` (p, p), and their identifiability."""
     names = tuple(fit.found.parameters)
     errors, size = np.sqrt(np.diag(covariance)), sizes(actuator, names)
     described = lumped_parameters(actuator, names)
-    against, parameters = motion_contradictions(fit, actuator), {}
+    contradicting, parameters = motion_contradictions(fit, actuator), {}
     for i, (name, error) in enumerate(zip(names, errors, strict=True)):
         value, at_bound = fit.found.values[name], name in fit.found.at_bound
-        signed, doubtful = name in SIGNED, against is not None and bool(against.contradicted[i])
+        signed, doubtful = name in SIGNED, contradicting is not None and bool(contradicting.contradicted[i])
         reasons = [_disagreement(fit, name)] if doubtful else []
-        reasons += ["at the bound of its search: the recordings do not show it"] if at_bound else []
-        reasons += _far_off(value, fit.covariance[i, i] ** 0.5, described[name]) if not signed else []
+        reasons += ["at the bound of its search: the recordings do not identify it"] if at_bound else []
+        reasons += _out_of_range(value, fit.covariance[i, i] ** 0.5, described[name]) if not signed else []
         parameters[name] = Parameter(
             value,
             float(error if signed else max(absolute_error(value, float(error)), fit.covariance[i, i] ** 0.5)),
@@ -155,10 +155,11 @@ def motion_parameters(fit: MotionFit, covariance: Array, actuator: Actuator) -> 
     return parameters
 
 
-def _far_off(value: float, error: float, described: float) -> list[str]:
-    """Return a reason where a positive value lies outside of what a calibration in closed loop searches.
+def _out_of_range(value: float, error: float, described: float) -> list[str]:
+    """Return a reason if a positive value lies outside the range of the search of a closed-loop calibration.
 
-    Least squares are linear in most parameters, and reach any value; 0 is one that recordings do not show.
+    Least squares are linear in most parameters and can yield any value. A value of 0 is that of a parameter
+    that the recordings do not identify.
     """
     if not (value > 0 and described > 0):
         return []
@@ -174,32 +175,33 @@ def _far_off(value: float, error: float, described: float) -> list[str]:
 
 
 def _disagreement(fit: MotionFit, name: str) -> str:
-    """Return what each recording alone has of a parameter, in words."""
+    """Return a sentence with the estimates of a parameter by each recording alone."""
     i = list(fit.found.parameters).index(name)
-    asked = [
-        f"{one.found.values[name]:.3g} ± {one.covariance[i, i] ** 0.5:.1g} ({one.found.replays[0].source})"
-        for one in fit.alone
-        if one is not None
+    estimates = [
+        f"{alone.found.values[name]:.3g} ± {alone.covariance[i, i] ** 0.5:.1g} "
+        f"({alone.found.replays[0].source})"
+        for alone in fit.alone
+        if alone is not None
     ]
-    return "the recordings contradict each other: alone they would have " + ", ".join(asked)
+    return "the recordings contradict each other: alone they would have " + ", ".join(estimates)
 
 
 def motion_collinear(fit: MotionFit, parameters: dict[str, Parameter]) -> tuple[CollinearParameters, ...]:
-    """Return the sets of parameters of which only a combination is known; without those known well."""
+    """Return the sets of collinear parameters, except sets whose parameters are known well nevertheless."""
 
     def unsure(name: str) -> bool:
-        one = parameters.get(name)
-        return one is not None and one.standard_error > MATTERS * abs(one.value)
+        parameter = parameters.get(name)
+        return parameter is not None and parameter.standard_error > MATTERS * abs(parameter.value)
 
     return tuple(
-        CollinearParameters(one.members, (), ())
-        for one in fit.found.collinear
-        if any(unsure(name) for name in one.members)
+        CollinearParameters(collinear.members, (), ())
+        for collinear in fit.found.collinear
+        if any(unsure(name) for name in collinear.members)
     )
 
 
 def calibrated_by_motion(fit: MotionFit, actuator: Actuator, name: str) -> Actuator:
-    """Return the actuator with the values found, called `name`.
+    """Return the actuator with the estimated values, called `name`.
 
     Raises
     ------
@@ -210,15 +212,15 @@ def calibrated_by_motion(fit: MotionFit, actuator: Actuator, name: str) -> Actua
         return with_lumped_parameters(actuator, fit.found.values, name=name)
     except ActuatorError as error:
         raise MethodError(
-            f"the measured motion asks for what cannot be: {error}; free fewer parameters, or calibrate in "
-            "closed loop (loop 'closed')"
+            f"the estimates from the measured motion are impossible: {error}; free fewer parameters, or "
+            "calibrate in closed loop (loop 'closed')"
         ) from None
 
 
 def motion_recordings(
     fit: MotionFit, rows: Sequence[CampaignRow], calibrated: Actuator
 ) -> tuple[RecordingResult, ...]:
-    """Return what was found of each recording: its force error, and its replay in closed loop."""
+    """Return the result for each recording: its force error, and its replay in closed loop."""
     return tuple(
         _recording(row, force, loads, calibrated)
         for row, force, loads in zip(rows, fit.found.replays, fit.loads, strict=True)
@@ -229,11 +231,11 @@ def _recording(
     row: CampaignRow, force: ForceReplay, loads: Sequence[str], calibrated: Actuator
 ) -> RecordingResult:
     own = {name: force.values[name] for name in row.free if name in force.values}
-    that_day = {SAME_PARAMETER[name]: force.values[SAME_PARAMETER[name]] for name in loads}
-    # What is unknown of a recording adds to the description.
-    usual = lumped_parameters(calibrated, tuple(that_day))
-    nuisances = {name: that_day[SAME_PARAMETER[name]] - usual[SAME_PARAMETER[name]] for name in loads}
-    described = with_lumped_parameters(calibrated, {**that_day, **row.parameters, **own})
+    estimated = {SAME_PARAMETER[name]: force.values[SAME_PARAMETER[name]] for name in loads}
+    # A nuisance is the difference of the estimate from the description.
+    usual = lumped_parameters(calibrated, tuple(estimated))
+    nuisances = {name: estimated[SAME_PARAMETER[name]] - usual[SAME_PARAMETER[name]] for name in loads}
+    described = with_lumped_parameters(calibrated, {**estimated, **row.parameters, **own})
     return RecordingResult(
         replay(row.completed(), described), nuisances, own, dict(row.known), None, force.relative_error
     )

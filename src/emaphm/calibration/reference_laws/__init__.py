@@ -1,1 +1,1 @@
-"""Laws of a calibration that the averaged model hardly shows: found and fitted by the reference model."""
+"""Laws that have little effect in the averaged model: calibrated with the reference model."""

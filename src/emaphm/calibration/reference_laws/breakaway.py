@@ -1,10 +1,11 @@
-"""What acts where a shaft breaks away, as far as the reference model shows it.
+"""Parameters that act at breakaway, estimated with the reference model.
 
-The ripple of a switched current breaks a resting shaft away before its mean does. The averaged model has
-less ripple or none: static friction acts on it more than on a machine, or by leaps of stick-slip. Its
-sensitivities call an estimate well known that the reference model hardly distinguishes from others. Where
-that has less of the effect than the averaged model, its residual decides: the estimate is where it is
-least, known to where it is clearly larger.
+The ripple of a switched current makes a shaft at rest break away before the mean current does. The averaged
+model has less ripple or none, so that static friction has a larger effect than in a machine, or an effect by
+jumps of stick-slip. The sensitivities of the averaged model then give a small standard error although the
+reference model hardly distinguishes different values. If the effect in the reference model is smaller than in
+the averaged model, the estimate is the value with the smallest residual of the reference model; its standard
+error follows from the distance at which the residual is clearly larger.
 """
 
 import math
@@ -20,27 +21,28 @@ from emaphm.estimation.joint.correction import compared
 from emaphm.estimation.reference.scan import EQUAL_COSTS
 
 AT_REST = ("static", "stribeck_speed", "transition_speed", "presliding_stiffness", "presliding_damping")
-"""Parameters that act where a shaft breaks away."""
+"""Parameters that act at breakaway."""
 
 STEP, RIGHT = 0.02, 0.8
-"""Change by the logarithm over which effects are compared, and the share of the averaged model's effect that
-the reference model must have to be as sensitive. Static friction has 0.99 on a six-step drive with a Stribeck
-speed, 0.6 without, and less than 0.1 with comparators."""
+"""Change of the logarithm of the parameter over which effects are compared, and least ratio of the reference
+model's effect to the averaged model's effect at which the averaged model is accepted. For static friction the
+ratio is 0.99 with a six-step drive and a Stribeck speed, 0.6 without the Stribeck speed, and less than 0.1
+with comparators."""
 
 Z = 2.0
-"""Standard errors of such a share, by the switching of the runs that it is computed from."""
+"""Number of standard errors, by switching in the runs, that is subtracted from the ratio."""
 
 FIRST, LAST = 0.01, 0.64
-"""Distances from the estimate that are tried, by the logarithm: doubled from the first to the last."""
+"""First and last distance from the estimate, by the logarithm; each distance is twice the previous one."""
 
 SAID = 2.0
-"""Ratio of standard errors, by the reference model and the averaged one, from which a warning says so."""
+"""Ratio of the standard errors of reference and averaged model above which a warning is given."""
 
 
 def with_breakaway(fit: UnitFit, seed: int) -> tuple[UnitFit, tuple[str, ...]]:
-    """Return the fit with what acts at rest as the reference model shows it, and a warning on each of these.
+    """Return the fit with the `AT_REST` parameters estimated by the reference model, and warnings.
 
-    The others keep their values: what moves shows them.
+    The other parameters keep their values, because the motion identifies them.
     """
     problems = [term.objective.problem for term in fit.joint.terms]
     if not fit.estimate.corrected or not all(map(resolves_switching, problems)):
@@ -52,7 +54,7 @@ def with_breakaway(fit: UnitFit, seed: int) -> tuple[UnitFit, tuple[str, ...]]:
         i, column = fit.free.index(name), fit.fitted.index(name)
         if reference_share(fit, column, seed) >= RIGHT:
             continue
-        shift, error = _least(_cost_along(fit, column, seed))
+        shift, error = _minimum(_cost_along(fit, column, seed))
         averaged = float(fit.standard_errors[i])
         if error <= averaged:
             continue
@@ -61,59 +63,62 @@ def with_breakaway(fit: UnitFit, seed: int) -> tuple[UnitFit, tuple[str, ...]]:
         covariance[i, i] = error**2
         if error > SAID * averaged:
             warnings.append(
-                f"{name} is known {error / averaged:.2g} times less well by the reference model, in which "
-                "the ripple of the current breaks a resting shaft away, than by the averaged one"
+                f"the standard error of {name} is {error / averaged:.2g} times as large by the reference "
+                "model, in which the ripple of the current helps a shaft at rest to break away, as by the "
+                "averaged model"
             )
     return replace(fit, deviations=deviations, covariance=covariance), tuple(warnings)
 
 
 def reference_share(fit: UnitFit, column: int, seed: int) -> float:
-    """Return how much of a fitted parameter's effect in the averaged model the reference model surely has.
+    """Return the ratio of a parameter's effect in the reference model to its effect in the averaged model.
 
-    The share Jᵀ J_ref / Jᵀ J of the effects on the residuals, less `Z` standard errors by its runs.
+    It is Jᵀ J_ref / Jᵀ J, with the effects J on the residuals, less `Z` standard errors by switching.
+    `column` is the index of the parameter in `fit.fitted`.
     """
     points = np.stack([fit.point, fit.point])
     points[:, column] += -STEP, STEP
     low, high = compared(fit.joint, points, seed, "share of an effect", column)
-    both = squares = variance = 0.0
+    products = squares = variance = 0.0
     for r, term in enumerate(fit.joint.terms):
         weight = 1 / term.residual_rms**2
         effect = low.residuals[r] - high.residuals[r]
-        both += weight * float(effect @ (low.corrected_residuals[r] - high.corrected_residuals[r]))
+        products += weight * float(effect @ (low.corrected_residuals[r] - high.corrected_residuals[r]))
         squares += weight * float(effect @ effect)
         errors = low.discrepancies[r].standard_error ** 2 + high.discrepancies[r].standard_error ** 2
         variance += weight**2 * float(effect**2 @ errors)
-    return (both - Z * math.sqrt(variance)) / squares if squares else 0.0
+    return (products - Z * math.sqrt(variance)) / squares if squares else 0.0
 
 
 def _cost_along(fit: UnitFit, column: int, seed: int) -> Callable[[float], float]:
-    """Return the reference model's misfit by the distance from the estimate, of the logarithm."""
+    """Return the misfit of the reference model as a function of the distance from the estimate."""
 
     def cost(distance: float) -> float:
         point = fit.point.copy()
         point[column] += distance
-        (found,) = compared(fit.joint, point[np.newaxis], seed, "breakaway", column)
-        return found.misfit
+        (outcome,) = compared(fit.joint, point[np.newaxis], seed, "breakaway", column)
+        return outcome.misfit
 
     return cost
 
 
-def _least(cost: Callable[[float], float]) -> tuple[float, float]:
-    """Return the distance of least cost, and its standard error: of an even distribution over equal ones.
+def _minimum(cost: Callable[[float], float]) -> tuple[float, float]:
+    """Return the distance with the smallest cost, and its standard error.
 
-    An error of `LARGEST_ERROR` where the costs are equal up to the last distance on one side.
+    The standard error is that of a uniform distribution over the interval of practically equal costs. It is
+    `LARGEST_ERROR`, at the distance 0, if the costs are equal up to the last distance on one side.
     """
-    known = {0.0: cost(0.0)}
+    costs = {0.0: cost(0.0)}
     for side in (-1.0, 1.0):
         distance = FIRST
         while distance <= LAST:
-            known[side * distance] = cost(side * distance)
-            if known[side * distance] > EQUAL_COSTS**2 * min(known.values()):
+            costs[side * distance] = cost(side * distance)
+            if costs[side * distance] > EQUAL_COSTS**2 * min(costs.values()):
                 break
             distance *= 2
-    places = sorted(known)
-    equal = [i for i, place in enumerate(places) if known[place] <= EQUAL_COSTS * min(known.values())]
-    if equal[0] == 0 or equal[-1] == len(places) - 1:
+    distances = sorted(costs)
+    equal = [i for i, place in enumerate(distances) if costs[place] <= EQUAL_COSTS * min(costs.values())]
+    if equal[0] == 0 or equal[-1] == len(distances) - 1:
         return 0.0, LARGEST_ERROR
-    low, high = places[equal[0] - 1], places[equal[-1] + 1]
-    return (places[equal[0]] + places[equal[-1]]) / 2, (high - low) / math.sqrt(12)
+    low, high = distances[equal[0] - 1], distances[equal[-1] + 1]
+    return (distances[equal[0]] + distances[equal[-1]]) / 2, (high - low) / math.sqrt(12)

@@ -1,6 +1,7 @@
-"""The lag of the current sensors, which the averaged model hardly shows: found by the reference model.
+"""Lag of the current sensors, estimated with the reference model.
 
-Where laws are chosen, the reference model is asked for the same reason whether there is one.
+The lag has little effect in the averaged model. For the same reason, the reference model decides in an
+automatic choice of laws whether there is a lag.
 """
 
 import math
@@ -20,15 +21,15 @@ from emaphm.estimation.reference.scan import CURRENT_LAGS_S, scan
 NAME = "current_lag"
 
 SHOWN = 0.9
-"""Share of the mean squared residual that the best lag leaves, all else being as without one, below which
-there is one. Healthy plants with lags of 5 and 20 µs left 0.64 to 0.88 (28 fits), those with none, or with
-other friction or another back-EMF, 0.92 to 1.1 (30). A shaft that gives leaves 0.87 and more: it is asked for
-before, and where there is one, a lag is not."""
+"""Ratio of the mean squared residuals with the best lag and without a lag, other parameters unchanged, below
+which a lag is added. The ratio of healthy plants with lags of 5 and 20 µs was 0.64 to 0.88 (28 fits), that of
+plants without lag, also with other friction or another back-EMF, 0.92 to 1.1 (30 fits). Plants with a
+compliant shaft had 0.87 and more: the shaft is therefore tested first, and with a shaft no lag is tested."""
 
 
 @dataclass(frozen=True)
 class FoundLag:
-    """A description whose lag is set, no longer free, and the lag as a parameter of the result."""
+    """Description with a fixed lag, which is no longer free, and the lag as a parameter of the result."""
 
     description: Description
     parameter: Parameter
@@ -37,32 +38,33 @@ class FoundLag:
 def with_lag_that_shows(
     rows: Sequence[CampaignRow], description: Description, settings: FitSettings
 ) -> Description:
-    """Return a description with a lag of the current sensors where the reference model shows one.
+    """Return the description, with a lag of the current sensors if the reference model indicates one.
 
-    With a described shaft that gives, as it is.
+    A description with a compliant shaft is returned unchanged.
     """
     law, prompt = LAWS["sensor-lag"], description.actuator
     if not settings.max_corrections or prompt.transmission is not None or not law.is_possible(prompt):
         return description
-    every = replace(settings, every_row=True)
+    by_row = replace(settings, every_row=True)
     fitted = fitted_parameters(rows, prompt, description.free)
-    found = searched(rows, prompt, fitted, every, description.start)
-    if not can_be_compared(found.joint):
+    without = searched(rows, prompt, fitted, by_row, description.start)
+    if not can_be_compared(without.joint):
         return description
     lagging = law.added_to(prompt)
-    variation = every.variation(lagging, fitted)
+    variation = by_row.variation(lagging, fitted)
 
-    def left(lag: float) -> float:
+    def cost(lag: float) -> float:
         actuator = with_lumped_parameters(lagging, {NAME: lag})
-        return reference_costs(every.objective(rows, actuator, variation), [found.point], settings.seed)[0]
+        joint = by_row.objective(rows, actuator, variation)
+        return reference_costs(joint, [without.point], settings.seed)[0]
 
-    (before,) = reference_costs(found.joint, [found.point], settings.seed)
-    share = min(left(lag) for lag in CURRENT_LAGS_S) / before
+    (before,) = reference_costs(without.joint, [without.point], settings.seed)
+    share = min(cost(lag) for lag in CURRENT_LAGS_S) / before
     if share >= SHOWN:
         return description
     note = (
-        f"The current sensors lag, by the reference model: with a lag {100 * share:.2g} % of the mean "
-        "squared residual is left. The averaged model, which compares the laws, hardly shows it."
+        f"The current sensors lag, by the reference model: a lag reduces the mean squared residual to "
+        f"{100 * share:.2g} %. The lag has little effect in the averaged model, which compares the laws."
     )
     return replace(
         description,
@@ -74,7 +76,7 @@ def with_lag_that_shows(
 
 
 def found_lag(rows: Sequence[CampaignRow], description: Description, settings: FitSettings) -> FoundLag:
-    """Return the lag at which the reference model fits all `rows` best, all other parameters fitted anew."""
+    """Return the lag with the best fit of the reference model to all `rows`; all parameters are refitted."""
     actuator = description.actuator
     free = tuple(name for name in description.free if name != NAME)
     fitted = fitted_parameters(rows, actuator, free)
@@ -83,13 +85,13 @@ def found_lag(rows: Sequence[CampaignRow], description: Description, settings: F
     def evaluate(lag: float) -> JointEstimate:
         nonlocal start
         lagging = with_lumped_parameters(actuator, {NAME: lag})
-        found = searched(rows, lagging, fitted, settings, start)
-        start = found.start
-        return corrected_estimate(found.joint, found.point, settings.max_corrections, settings.seed)
+        unit = searched(rows, lagging, fitted, settings, start)
+        start = unit.start
+        return corrected_estimate(unit.joint, unit.point, settings.max_corrections, settings.seed)
 
-    found = scan(CURRENT_LAGS_S, evaluate, lambda one: one.primary_variance)
-    known = found.deviation < LARGEST_ERROR
-    deviation = min(found.deviation, math.log(CURRENT_LAGS_S[-1] / CURRENT_LAGS_S[0]))
-    parameter = Parameter(found.value, absolute_error(found.value, deviation), "s", known)
-    lagging = with_lumped_parameters(actuator, {NAME: found.value})
+    best = scan(CURRENT_LAGS_S, evaluate, lambda estimate: estimate.primary_variance)
+    known = best.deviation < LARGEST_ERROR
+    deviation = min(best.deviation, math.log(CURRENT_LAGS_S[-1] / CURRENT_LAGS_S[0]))
+    parameter = Parameter(best.value, absolute_error(best.value, deviation), "s", known)
+    lagging = with_lumped_parameters(actuator, {NAME: best.value})
     return FoundLag(replace(description, actuator=lagging, free=free, start=start), parameter)

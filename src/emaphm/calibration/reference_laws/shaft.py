@@ -1,9 +1,10 @@
-"""A compliant shaft: whether there is one, its fit and its starts, by the reference model, on a grid.
+"""Compliant shaft: its detection, starts and fit by a grid search of the reference model.
 
-The averaged model shows a swing of some kilohertz wrongly, if at all, so that its best fit leads astray: a
-shaft of 985 N·m/rad was taken for one of 713, with three times its damping. The reference model with all else
-as of a stiff shaft shows both to a factor of two, and the correction of the bias goes on from there. For the
-same reason a choice of laws by the averaged model does not find the law: the reference model is asked.
+The averaged model simulates an oscillation of some kilohertz wrongly or not at all, so that its best fit is
+biased: a shaft of 985 N·m/rad was estimated as 713 N·m/rad, with three times its damping. The reference
+model, with the other parameters as for a rigid shaft, finds stiffness and damping within a factor of two; the
+correction of the bias starts from there. For the same reason, a choice of laws by the averaged model does not
+detect the law, and the reference model decides.
 """
 
 import math
@@ -39,14 +40,15 @@ NAMES = ("stiffness", "damping")
 
 @dataclass(frozen=True)
 class ShaftScanSettings:
-    """Where a shaft is looked for; `emaphm study run limits` (compliant shafts, calibrated) shows the result.
+    """Grid of the search for a shaft; `emaphm study run limits` (compliant shafts, calibrated) tests it.
 
-    Stiffnesses are `stiffness_factors` times that of the description or law, dampings `damping_ratios` of the
-    critical; about the best, once more by `finer` factors of both. `starts` of the best are corrected.
+    Stiffnesses are `stiffness_factors` times that of the description or law, dampings are `damping_ratios` of
+    the critical damping. A second grid, about the best point, has the factors `finer` of both. The `starts`
+    best points are corrected.
 
-    There is such a shaft where the best leaves less than `shown` of the mean squared residual of a rigid one.
-    Healthy foreign plants left 0.26 and 0.39 with a shaft of 62 and 986 N·m/rad, 0.69 with two further laws
-    that were not described, and 0.91 to 2.8 without such a shaft (six plants).
+    A shaft is added if the best point reduces the mean squared residual of a rigid shaft below the share
+    `shown`. The share of healthy foreign plants was 0.26 and 0.39 with a shaft of 62 and 986 N·m/rad, 0.69
+    with two further laws that were not described, and 0.91 to 2.8 without a compliant shaft (six plants).
     """
 
     stiffness_factors: tuple[float, ...] = tuple(2.0**i for i in range(-3, 6))
@@ -62,33 +64,33 @@ SCAN = ShaftScanSettings()
 def with_shaft_that_shows(
     rows: Sequence[CampaignRow], description: Description, settings: FitSettings
 ) -> Description:
-    """Return a description with a compliant shaft where the reference model shows one, else as it is."""
+    """Return the description, with a compliant shaft if the reference model indicates one."""
     law, rigid = LAWS["compliance"], description.actuator
     if not settings.max_corrections or not law.is_possible(rigid):
         return description
-    by_every_row = replace(settings, every_row=True)
+    by_row = replace(settings, every_row=True)
     fitted = fitted_parameters(rows, rigid, description.free)
-    found = searched(rows, rigid, fitted, by_every_row, description.start)
-    actuator = law.added_to(rigid, typical_motor_speed(found.joint))
+    without = searched(rows, rigid, fitted, by_row, description.start)
+    actuator = law.added_to(rigid, typical_motor_speed(without.joint))
     extended = replace(
         description,
         actuator=actuator,
         free=(*description.free, *parameters_of(law, actuator)),
         laws=(*description.laws, law),
-        start=found.start,
+        start=without.start,
     )
     shared = (*fitted, *NAMES)
-    joint = by_every_row.objective(rows, actuator, by_every_row.variation(actuator, shared))
+    joint = by_row.objective(rows, actuator, by_row.variation(actuator, shared))
     if not can_be_compared(joint):
         return description
-    (before,) = reference_costs(found.joint, [found.point], settings.seed)
-    best = _grid(joint, found, shared, settings.seed)[0][0]
+    (before,) = reference_costs(without.joint, [without.point], settings.seed)
+    best = _grid(joint, without, shared, settings.seed)[0][0]
     if best >= SCAN.shown * before:
         return description
-    left = f"{100 * best / before:.2g} %"
     note = (
-        f"The shaft gives, by the reference model: with one that does {left} of the mean squared residual is "
-        "left. The averaged model, which compares the laws, hardly shows its swing."
+        "The shaft is compliant, by the reference model: a compliant shaft reduces the mean squared residual "
+        f"to {100 * best / before:.2g} %. Its oscillation has little effect in the averaged model, which "
+        "compares the laws."
     )
     return replace(extended, law_notes=(*description.law_notes, note))
 
@@ -99,24 +101,24 @@ def fit_description(
     settings: FitSettings,
     on_progress: Progress | None = None,
 ) -> tuple[Description, UnitFit]:
-    """Return the joint fit of a description; errors as in `emaphm.calibration.calibrate`.
+    """Return the joint fit of a description; raises the errors of `emaphm.calibration.calibrate`.
 
-    A free shaft is fitted by every row, where its swing shows. All else is then fitted by means over the
-    swings, with the errors of the shaft from the first fit as its prior; the description that is returned
-    has that shaft.
+    A free shaft is fitted to every row, which contain its oscillation. The other parameters are then fitted
+    to means over the oscillation, with the shaft of the first fit and its standard errors as a prior; the
+    returned description has that shaft.
     """
     actuator, free, start = description.actuator, description.free, description.start
     if actuator.transmission is None or not set(NAMES) & set(free):
         return description, fit_unit(rows, actuator, free, settings, start, on_progress)
-    every = replace(settings, every_row=True)
+    by_row = replace(settings, every_row=True)
     first = fit_unit(
         rows,
         actuator,
         free,
-        every,
+        by_row,
         start,
         subprogress(on_progress, 0.0, 0.7),
-        shaft_starts(rows, description, every),
+        shaft_starts(rows, description, by_row),
     )
     if all(rows_of_a_mean(term.objective.problem) == 1 for term in first.joint.terms):
         return description, first
@@ -139,9 +141,9 @@ def fit_description(
 def shaft_starts(
     rows: Sequence[CampaignRow], description: Description, settings: FitSettings
 ) -> tuple[SearchedUnit, ...]:
-    """Return where fits of a description with a free shaft should start; nothing for any other.
+    """Return starts for the fit of a description with a free shaft.
 
-    Nor where the reference model cannot run, or is not to be asked.
+    Empty for other descriptions, if the reference model cannot run, or if corrections are switched off.
     """
     actuator = description.actuator
     fitted = fitted_parameters(rows, actuator, description.free)
@@ -151,24 +153,25 @@ def shaft_starts(
     if not can_be_compared(joint):
         return ()
     stiff = actuator.model_copy(update={"transmission": None})
-    others = tuple(name for name in fitted if name not in NAMES)
-    start = {name: value for name, value in description.start.items() if name in others}
-    found = searched(rows, stiff, others, settings, start)
-    grid = _grid(joint, found, fitted, settings.seed)
-    return tuple(SearchedUnit(joint, one) for _, one in grid[: SCAN.starts])
+    other_parameters = tuple(name for name in fitted if name not in NAMES)
+    start = {name: value for name, value in description.start.items() if name in other_parameters}
+    rigid = searched(rows, stiff, other_parameters, settings, start)
+    grid = _grid(joint, rigid, fitted, settings.seed)
+    return tuple(SearchedUnit(joint, point) for _, point in grid[: SCAN.starts])
 
 
 def _grid(
     joint: JointObjective, rigid: SearchedUnit, fitted: Sequence[str], seed: int
 ) -> list[tuple[float, Array]]:
-    """Return points (d,) of the parameters `fitted` with shafts, with what each leaves, the best first.
+    """Return pairs of cost and point (d,) with different shafts, sorted by the cost of the reference model.
 
-    All but the shaft's are as of the `rigid` unit; what is not shared is behind them.
+    The shared coordinates are those of the parameters `fitted`; except for the shaft, all coordinates are
+    those of the `rigid` unit.
     """
     places, count = [fitted.index(name) for name in NAMES], len(fitted)
-    others = np.delete(np.arange(count), places)
+    other_columns = np.delete(np.arange(count), places)
     point = np.zeros(joint.box.lower.size)
-    point[others], point[count:] = np.split(rigid.point, [others.size])
+    point[other_columns], point[count:] = np.split(rigid.point, [other_columns.size])
     m = joint.terms[0].objective.problem.actuator.mechanics
     described = lumped_parameters(joint.terms[0].objective.problem.actuator, NAMES)
     critical = 2 * math.sqrt(described["stiffness"] * m.inertia_motor * m.inertia_user / m.inertia)
@@ -182,8 +185,8 @@ def _grid(
         [at(factor, ratio * critical * factor**0.5) for ratio in SCAN.damping_ratios]
         for factor in SCAN.stiffness_factors
     ]
-    tried = [one for row in coarse for one in zip(reference_costs(joint, row, seed), row, strict=True)]
-    best = min(tried, key=lambda one: one[0])[1]
+    tried = [pair for row in coarse for pair in zip(reference_costs(joint, row, seed), row, strict=True)]
+    best = min(tried, key=lambda pair: pair[0])[1]
     for stiffer in SCAN.finer:
         near = []
         for damped in SCAN.finer:
@@ -191,4 +194,4 @@ def _grid(
             moved[places] += math.log(stiffer), 2 * math.log(damped)
             near.append(joint.box.project(moved))
         tried += zip(reference_costs(joint, near, seed), near, strict=True)
-    return sorted(tried, key=lambda one: one[0])
+    return sorted(tried, key=lambda pair: pair[0])

@@ -1,1 +1,1 @@
-"""What a calibration leaves open, or what makes it worthless: motion one way, a wrong sign, a missing law."""
+"""Warnings of a calibration: motion in one direction only, a wrong sign or unit, a missing law."""

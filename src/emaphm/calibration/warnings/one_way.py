@@ -1,8 +1,9 @@
-"""What recordings that never reverse leave open: parameters that act alike in them.
+"""Warnings on recordings without a reversal of motion, in which some parameters have the same effect.
 
-Moving one way, dry friction acts as a constant load does, and unequal viscous friction as equal one. Only
-the breakaway at standstill then separates them, by the friction that the model has there. On one stroke of
-EMPS that led to 8.5 N ± 0.9 N of Coulomb friction and a load of 13 N; all strokes have 20.3 N, and no load.
+In motion in one direction, dry friction has the effect of a constant load, and asymmetric viscous friction
+that of symmetric viscous friction. Only the breakaway at standstill separates them, and depends on the model
+of friction at standstill. One stroke of EMPS gave 8.5 N ± 0.9 N of Coulomb friction and a load of 13 N; all
+strokes together give 20.3 N and no load.
 """
 
 from collections.abc import Sequence
@@ -17,8 +18,8 @@ from emaphm.estimation.uncertainty.collinearity import listed
 
 
 def open_members(fit: UnitFit, sets: Sequence[CollinearParameters]) -> tuple[str, ...]:
-    """Return the parameters of collinear `sets`, if the model that was fitted reverses in no recording."""
-    names = tuple(name for name in fit.free if any(name in one.members for one in sets))
+    """Return the parameters of collinear `sets` if the fitted model reverses in no recording."""
+    names = tuple(name for name in fit.free if any(name in collinear.members for collinear in sets))
     joint = fit.joint
     one_way = all(
         moves_one_way(term.objective, joint.local(r, fit.point)) for r, term in enumerate(joint.terms)
@@ -27,10 +28,10 @@ def open_members(fit: UnitFit, sets: Sequence[CollinearParameters]) -> tuple[str
 
 
 def with_open(fit: UnitFit, names: Sequence[str]) -> UnitFit:
-    """Return the `fit` with the parameters `names` known no better than before the recordings.
+    """Return the `fit` with the variances of the priors added for the parameters `names`.
 
-    The variance of each gains that of its prior: their combined effect is taken as open too, as it is known
-    of one direction only.
+    These parameters are then known no better than before the recordings; neither is their combined effect,
+    which was observed in one direction only.
     """
     unit = fit.joint.unit
     priors = dict(zip(unit.parameters, unit.priors.tolist(), strict=True))
@@ -39,9 +40,9 @@ def with_open(fit: UnitFit, names: Sequence[str]) -> UnitFit:
 
 
 def one_way_warnings(names: Sequence[str]) -> tuple[str, ...]:
-    """Return a sentence on the parameters `names` that motion one way leaves open."""
+    """Return a sentence on the parameters `names` that motion in one direction leaves open."""
     if not names:
         return ()
     known = f"{listed(names, 'and')} {'is' if len(names) == 1 else 'are'} known no better than before it"
-    cause = "each recording moves one way only, where friction acts as a load does"
+    cause = "each recording moves one way only, where friction acts like a load"
     return (f"{cause}: {known}; calibrate on a manoeuvre that reverses",)

@@ -1,9 +1,9 @@
-"""What a calibrated model leaves that is no noise, where the recordings do not show how it differs elsewhere.
+"""Warnings on residuals that noise does not explain, and whose effect on the estimates is unknown.
 
-A standard error covers noise, and what the model lacks as far as recordings show it: it is another in each
-manoeuvre. One manoeuvre does not show that at all, and two hardly do: the standard deviation of values may be
-16 times that which two of them have (95 %). Forward strokes of EMPS have an inertia of 94.4 kg, backward ones
-of 95.7 kg, with 0.2 to 0.3 kg of standard error by their residuals alone.
+A standard error includes noise, and the errors of the model as far as recordings of different manoeuvres
+scatter. The scatter cannot be measured with one manoeuvre, and hardly with two: the true standard deviation
+may be 16 times that of two values (95 %). Forward strokes of EMPS give an inertia of 94.4 kg and backward
+strokes of 95.7 kg, with a standard error of 0.2 to 0.3 kg from the residuals alone.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,96 +20,97 @@ from emaphm.estimation.compared_channels import TORQUE_CURRENTS
 from emaphm.estimation.discrepancy import resolves_switching
 
 FEW = 2
-"""Manoeuvres of which the scatter says next to nothing."""
+"""Largest number of manoeuvres whose scatter is not informative."""
 
 COUNTED = {1: "one manoeuvre", FEW: "two manoeuvres"}
 
 SLOW, LEAST = 0.2, 0.005
-"""Share of a residual's mean square that is no white noise, and size of the residual relative to the channel,
-from which a model lacks something."""
+"""Limits of `slow_share` and of the relative residual of a channel, above which the model lacks an effect."""
 
 
 LAWS_TO_TRY = "let laws be tried (--laws auto, by two recordings or more), or name one"
 LAWS_TRIED = (
-    "of the laws that were tried none explains it: estimate what was kept too (--free), correct it, or name "
-    "a law that was not taken (--laws)"
+    "none of the tried laws explains it: estimate kept parameters as well (--free), correct them, or name a "
+    "law that was not chosen (--laws)"
 )
-"""What helps a description that lacks something, before laws were tried and after."""
+"""Advice for a description that lacks an effect, before and after laws were tried."""
 
 
 def unmodelled_warnings(
     fit: UnitFit, sources: Sequence[str], learned: ModelError, *, laws_tried: bool
 ) -> tuple[str, ...]:
-    """Return a sentence on each recording with more left than a diagnosis allows, and one on few manoeuvres.
+    """Return sentences on residuals that noise does not explain, and on too few manoeuvres.
 
     Parameters
     ----------
     sources
-        What the recordings are called.
+        Names of the recordings.
     learned
-        The error of the model by recordings left out: a diagnosis compares a residual with that one.
+        Error of the model from recordings left out, with which a diagnosis compares a residual.
     laws_tried
-        Whether laws were chosen among all.
+        Whether laws were selected automatically.
     """
     return (
         *_missing_law(fit, sources, LAWS_TRIED if laws_tried else LAWS_TO_TRY),
-        *_beyond(fit, sources, learned),
+        *_beyond_limits(fit, sources, learned),
         *_of_few_manoeuvres(fit),
     )
 
 
 def _missing_law(fit: UnitFit, sources: Sequence[str], advice: str) -> Iterator[str]:
-    """Yield a sentence on the recordings of which more is left than noise and switching."""
-    # Of a channel that the model does not resemble, another warning says more.
+    """Yield a sentence on the recordings whose residual exceeds noise and switching."""
+    # Another warning covers channels that the model does not resemble.
     lacking = [
-        (one, source)
-        for one, source in zip(fit.lacks, sources, strict=True)
-        if one.has_any and one.relative**2 <= UNRESEMBLED
+        (lack, source)
+        for lack, source in zip(fit.lacks, sources, strict=True)
+        if lack.has_any and lack.relative**2 <= UNRESEMBLED
     ]
     if not lacking:
         return
-    worst, source = max(lacking, key=lambda one: one[0].ratio)
+    worst, source = max(lacking, key=lambda pair: pair[0].ratio)
     where = f"in {len(lacking)} of {len(sources)} recordings, " if len(sources) > 1 else ""
-    left = f"{100 * worst.relative:.2g} % of {worst.result.objective.problem.primary}"
+    size = f"{100 * worst.relative:.2g} % of {worst.result.objective.problem.primary}"
     yield (
-        f"{where}up to {worst.ratio:.2g} times what noise and switching explain is left ({left}, {source}): "
-        "the description lacks a law, or is wrong in what was kept of it; the standard errors are widened by "
-        f"as large an error that looks like the parameters, and need not cover it; {advice}"
+        f"{where}the residual is up to {worst.ratio:.2g} times what noise and switching explain ({size}, "
+        f"{source}): the description lacks a law, or a kept parameter is wrong; the standard errors include "
+        "an error of this size that resembles the parameters, but need not cover the true error; "
+        f"{advice}"
     )
 
 
-def _beyond(fit: UnitFit, sources: Sequence[str], learned: ModelError) -> Iterator[str]:
+def _beyond_limits(fit: UnitFit, sources: Sequence[str], learned: ModelError) -> Iterator[str]:
+    """Yield a sentence on each recording whose residual exceeds the limits of a diagnosis."""
     allowed = 100 * RESIDUAL_LIMITS[False].model
-    for one, source in zip(fit.lacks, sources, strict=True):
-        problem = one.result.objective.problem
+    for lack, source in zip(fit.lacks, sources, strict=True):
+        problem = lack.result.objective.problem
         known = resolves_switching(problem) or learned.of(problem.primary) is not None
         if known or problem.primary not in TORQUE_CURRENTS:
             continue
-        if not residual_within_limits(problem.recorded, one.residual, problem.noise, corrected=False):
-            left = f"{100 * one.relative:.3g} % of {problem.primary}"
+        if not residual_within_limits(problem.recorded, lack.residual, problem.noise, corrected=False):
+            size = f"{100 * lack.relative:.3g} % of {problem.primary}"
             yield (
-                f"{source}: {left} is left, more than noise and the {allowed:g} % that a diagnosis allows "
-                "the model, so that no such recording is explained; add the law that acts (--laws), or "
-                "record at a higher rate, unfiltered"
+                f"{source}: the residual is {size}, more than noise and the {allowed:g} % that a diagnosis "
+                "allows for the model, so that no such recording is explained; add the missing law (--laws), "
+                "or record at a higher rate, unfiltered"
             )
 
 
 def _of_few_manoeuvres(fit: UnitFit) -> Iterator[str]:
-    """Yield a sentence where the model lacks something, and the manoeuvres are too few to show its effect."""
+    """Yield a sentence if the model lacks an effect and the manoeuvres are too few to measure it."""
     scatter = fit.contradictions is not None and bool(np.any(fit.contradictions.covariance))
     count = fit.uncertainty.manoeuvres
     if scatter or count > FEW:
         return
-    left = dict[str, float]()
-    for one in fit.lacks:
-        problem = one.result.objective.problem
-        slow = slow_share(one.residual) > max(SLOW, BY_CHANCE / problem.samples**0.5)
-        if slow and one.relative > LEAST and not resolves_switching(problem):
-            left[problem.primary] = max(one.relative, left.get(problem.primary, 0.0))
-    if left:
-        sizes = " and ".join(f"{100 * size:.2g} % of {name}" for name, size in left.items())
+    largest = dict[str, float]()
+    for lack in fit.lacks:
+        problem = lack.result.objective.problem
+        slow = slow_share(lack.residual) > max(SLOW, BY_CHANCE / problem.samples**0.5)
+        if slow and lack.relative > LEAST and not resolves_switching(problem):
+            largest[problem.primary] = max(lack.relative, largest.get(problem.primary, 0.0))
+    if largest:
+        sizes = " and ".join(f"{100 * size:.2g} % of {name}" for name, size in largest.items())
         yield (
-            f"the model leaves {sizes} that is no noise, and {COUNTED[count]} cannot show what others would "
-            "ask for: the standard errors need not cover it; calibrate on other directions, speeds and loads "
-            "too, and compare by replay"
+            f"the model leaves a residual of {sizes} that is no noise, and {COUNTED[count]} cannot show how "
+            "the estimates differ in other manoeuvres: the standard errors need not cover this difference; "
+            "calibrate on other directions, speeds and loads as well, and compare by replay"
         )

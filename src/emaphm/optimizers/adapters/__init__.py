@@ -1,4 +1,4 @@
-"""Optimisers of other libraries, called as our own are; a library is imported when its optimiser is made."""
+"""Optimisers of other libraries as `Minimiser`; a library is imported when its optimiser is made."""
 
 from emaphm.optimizers.adapters.by_name import PEERS, is_peer, peer
 

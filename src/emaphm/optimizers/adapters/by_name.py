@@ -1,4 +1,4 @@
-"""Other libraries' optimisers by the name that they have on the command line."""
+"""Optimisers of other libraries by their names on the command line."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,21 +11,21 @@ from emaphm.optimizers.adapters.scipy_de import ScipyDE
 from emaphm.optimizers.minimiser import Minimiser
 
 PEERS: dict[str, type[Minimiser]] = {"cma-es": CmaEs, "l-shade": LShade, "scipy-de": ScipyDE}
-"""The optimisers with a name of their own; those of pymoo are called ``pymoo-`` and pymoo's name."""
+"""Optimisers by name; the names of pymoo's algorithms are ``pymoo-`` and pymoo's own name."""
 
 
 def is_peer(name: str) -> bool:
-    """Return whether `name` is of another library's optimiser; after ``pymoo-`` it may still be unknown."""
+    """Return whether `name` is that of another library's optimiser; any name after ``pymoo-`` counts."""
     return name in PEERS or name.startswith(PREFIX)
 
 
 def peer(name: str) -> Callable[..., Minimiser]:
-    """Return what makes the optimiser `name` from `lower`, `upper`, `population` and `iterations`.
+    """Return a function that makes the optimiser from `lower`, `upper`, `population` and `iterations`.
 
     Raises
     ------
     MethodError
-        The name is unknown; also when the optimiser is made, if its library is not installed.
+        The name is unknown. The returned function raises it if the library is not installed.
     """
     if name in PEERS:
         return PEERS[name]

@@ -1,4 +1,4 @@
-"""CMA-ES by the library `cma`."""
+"""CMA-ES of the library `cma`."""
 
 from dataclasses import dataclass
 
@@ -11,28 +11,29 @@ from emaphm.optional_library import import_library
 from emaphm.random_streams import stream
 
 SIGMA = 0.25
-"""First standard deviation, in widths of the box: the library's advice is about a quarter."""
+"""Initial standard deviation in widths of the box; the library recommends about a quarter."""
 
 
 @dataclass(frozen=True, eq=False)
 class CmaEs(Minimiser):
     """Covariance matrix adaptation evolution strategy [1], restarted with twice the population [2].
 
-    The first start is the middle of the box, each later one a random point. Bounds, ends of a descent and
-    all else are the library's defaults. Restarts go on until the budget is spent.
+    The first start is the middle of the box, later starts are random points. The handling of bounds, the
+    stopping criteria of a descent and all other settings are the library's defaults. Restarts continue until
+    the budget is used.
 
     Parameters
     ----------
     lower, upper, iterations
         As in `Minimiser`.
     population
-        Of the first descent.
+        Population of the first descent.
 
     Raises
     ------
     MethodError
-        As in `Minimiser`; or the library is not installed, or the box has one component, with which the
-        library fails.
+        As in `Minimiser`; or the library is not installed, or the box has only one component, which the
+        library does not support.
 
     References
     ----------
@@ -49,7 +50,7 @@ class CmaEs(Minimiser):
         import_library("method 'cma-es'", "cma", "peers")
 
     def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
-        """Run the library until the budget is spent; see `Minimiser.minimise`."""
+        """Run the library until the budget is used; see `Minimiser.minimise`."""
         cma = import_library("method 'cma-es'", "cma", "peers")
         rng = stream(seed, "optimizer")
         start, population = np.full(self.lower.size, 0.5), self.population
@@ -59,8 +60,8 @@ class CmaEs(Minimiser):
                     "bounds": [0, 1],
                     "popsize": population,
                     "randn": lambda *shape: rng.standard_normal(shape),
-                    "seed": np.nan,  # leaves numpy's global numbers alone
-                    "verbose": -10,  # -9 would still look for orders in a file of the working directory
+                    "seed": np.nan,  # the library does not seed NumPy's global generator
+                    "verbose": -10,  # with -9 the library still reads options from the working directory
                 }
                 descent = cma.CMAEvolutionStrategy(start, SIGMA, options)
                 while not descent.stop():

@@ -1,4 +1,4 @@
-"""L-SHADE by the library `minionpy`."""
+"""L-SHADE of the library `minionpy`."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -13,18 +13,18 @@ from emaphm.random_streams import child_seed
 
 @dataclass(frozen=True, eq=False)
 class LShade(Minimiser):
-    """Differential evolution that learns F and CR from its successes and shrinks its population [1].
+    """Differential evolution that adapts F and CR from successful trials and reduces its population [1].
 
-    Settings are the library's defaults. They are those of [1] with two exceptions: a component outside the
-    bounds is drawn anew, not set halfway, and a population closer together than 1e-8 of the box is an end.
-    The library has one generator a thread: a fitness must not start another search of this kind.
+    Settings are the library's defaults, which are those of [1] with two exceptions: a component outside the
+    bounds is drawn again, not set halfway, and the search ends if the population is within 1e-8 of the box.
+    The library has one generator per thread: a fitness must not start another L-SHADE search.
 
     Parameters
     ----------
     lower, upper, iterations
         As in `Minimiser`.
     population
-        The first; it falls linearly to 4 as the budget is spent. 18 times the dimensions in [1].
+        Initial population; it falls linearly to 4 at the end of the budget. 18 times the dimensions in [1].
 
     Raises
     ------
@@ -57,5 +57,5 @@ class LShade(Minimiser):
             try:
                 search.optimize()
             finally:
-                del search.optimizer  # a cycle through compiled code, which is never collected
+                del search.optimizer  # a reference cycle through compiled code is never collected
         return evaluate.result()

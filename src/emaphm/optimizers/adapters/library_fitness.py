@@ -1,4 +1,4 @@
-"""The fitness as a library may call it: on points of the unit cube, within the budget."""
+"""Fitness for other libraries: a function of points of the unit cube that ends the search at the budget."""
 
 from types import TracebackType
 from typing import Self
@@ -19,29 +19,30 @@ from emaphm.optimizers.minimiser import (
 )
 
 FAR = 1e100
-"""Fitness that a library receives for inf, and for all beyond; squared and summed it stays finite."""
+"""Limit of the fitness that a library receives, also for inf; squares and sums of it are finite."""
 
 ROUNDING = 1e-9
-"""How far, in widths of the box, a library's own scaling may carry a point past a bound."""
+"""Largest distance of a point beyond a bound, by a library's own scaling, in widths of the box."""
 
 
 class LibraryFitness:
-    """Fitness for the library that an adapter calls: of points (m, d) of the unit cube, shape (m,).
+    """Fitness for a library: a function of points (m, d) of the unit cube that returns values (m,).
 
-    An adapter's `minimise` is::
+    The `minimise` of an adapter is::
 
         with LibraryFitness(self, fitness, on_population) as evaluate:
             library.search(evaluate)
         return evaluate.result()
 
-    It keeps the best point. The last population is cut to what is left of the budget; then, or when the
-    fitness fails, an exception of its own goes through the library and ends at the ``with``, which raises
-    what made the fitness fail. The library's own errors leave the ``with`` unchanged.
+    The object stores the best point. The last population is cut to the remaining budget. At the end of the
+    budget, or if the fitness raises an error, a private exception passes through the library and ends at the
+    ``with``, which raises the error of the fitness, if any. Errors of the library leave the ``with``
+    unchanged.
 
     Raises
     ------
     MethodError
-        The library asks for a point outside the bounds; or as in `Minimiser.minimise`.
+        The library evaluates a point outside the bounds; or as in `Minimiser.minimise`.
     """
 
     def __init__(self, settings: Minimiser, fitness: Fitness, on_population: OnPopulation | None) -> None:
@@ -51,7 +52,7 @@ class LibraryFitness:
         self._ended = False
         self._error: BaseException | None = None
         self._callers_warnings = np.geterr()
-        # What `FAR` makes of a library's own sums is not for the user to see.
+        # NumPy warnings that `FAR` causes in a library's own computations are suppressed.
         self._no_warnings = np.errstate(all="ignore")
 
     def __enter__(self) -> Self:
@@ -66,13 +67,13 @@ class LibraryFitness:
             try:
                 raise self._error
             finally:
-                self._error = None  # its traceback holds this very object
-        # Some libraries turn one exception into another.
+                self._error = None  # its traceback refers to this object: a reference cycle
+        # Some libraries convert one exception into another.
         return self._ended and isinstance(error, Exception | _SearchEndedError)
 
     def __call__(self, points: ArrayLike) -> Array:
-        """Return the fitness of `points` as finite numbers; after the last it ends the library."""
-        if self._ended:  # the library went on in spite of the exception
+        """Return the fitness of `points` as finite numbers; end the search at the end of the budget."""
+        if self._ended:  # the library continued in spite of the exception
             raise _SearchEndedError
         try:
             values = self._evaluate(np.array(points, float))
@@ -85,7 +86,7 @@ class LibraryFitness:
         return np.clip(values, -FAR, FAR)
 
     def result(self) -> Result:
-        """Return the best point so far, the middle of the box if none has a finite fitness."""
+        """Return the best point so far; the middle of the box if no point has a finite fitness."""
         best = self._best
         return Result(best.best_point, best.best_fitness, best.evaluations, np.array(self._history))
 
@@ -93,16 +94,16 @@ class LibraryFitness:
         if not len(unit):
             return np.empty(0)
         if not np.all(np.abs(unit - 0.5) <= 0.5 + ROUNDING):  # also refuses NaN
-            raise MethodError("the library asked for points outside the bounds; choose another method")
-        left = self._settings.budget - self._best.evaluations
-        points = from_unit(unit[:left], self._settings.lower, self._settings.upper)
+            raise MethodError("the library evaluated points outside the bounds; choose another method")
+        remaining = self._settings.budget - self._best.evaluations
+        points = from_unit(unit[:remaining], self._settings.lower, self._settings.upper)
         with np.errstate(**self._callers_warnings):
             values = checked_fitness(self._fitness(points.copy()), len(points))
             self._keep(points, values)
         return values
 
     def _keep(self, points: Array, values: Array) -> None:
-        """Count the points, keep the best and report it."""
+        """Count the points, store the best point and report it."""
         best = int(np.argmin(values))
         point, least = self._best.best_point, self._best.best_fitness
         if values[best] < least:
@@ -114,4 +115,4 @@ class LibraryFitness:
 
 
 class _SearchEndedError(BaseException):
-    """Goes through a library to end it; no ``except Exception`` on the way stops it."""
+    """Ends a search of a library; not an `Exception`, so that no ``except Exception`` catches it."""

@@ -1,4 +1,4 @@
-"""Every algorithm of pymoo for one objective that searches a box and repeats its search from a seed."""
+"""Algorithms of pymoo for one objective that search a box and are repeatable from a seed."""
 
 import pkgutil
 import re
@@ -25,29 +25,28 @@ PREFIX = "pymoo-"
 PACKAGE = "pymoo.algorithms.soo.nonconvex"
 
 TRIAL_POINTS = 200
-"""Points of a trial in addition to two populations. DIRECT and pattern search, whose numbers pymoo 0.6 draws
-from no seed, differ between two runs within 80 points."""
+"""Points of a trial in addition to two populations. DIRECT and pattern search, which pymoo 0.6 does not seed,
+differ between two runs within 80 points."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pymoo(Minimiser):
-    """An algorithm of pymoo for one objective [1], with pymoo's defaults but for its end, the budget.
+    """Algorithm of pymoo for one objective [1], with pymoo's defaults; it ends at the budget.
 
     Parameters
     ----------
     lower, upper, iterations
         As in `Minimiser`.
     population
-        Algorithms without a size of the population to set, such as Nelder and Mead's, keep their own.
+        Size of the population; algorithms without this setting, such as Nelder-Mead, have their own.
     algorithm
         A name of `pymoo_algorithms`, e.g. ``"ga"`` or ``"nelder-mead"``.
 
     Raises
     ------
     MethodError
-        As in `Minimiser`; or pymoo is not installed or has no such algorithm, or this one cannot work with
-        these settings, or searches other things than real numbers, or does not repeat its search from a
-        seed.
+        As in `Minimiser`; or pymoo is not installed or has no such algorithm, or the algorithm fails with
+        these settings, does not search real numbers, or is not repeatable from a seed.
 
     References
     ----------
@@ -66,14 +65,14 @@ class Pymoo(Minimiser):
     def minimise(self, fitness: Fitness, seed: int, on_population: OnPopulation | None = None) -> Result:
         """Run pymoo's algorithm; see `Minimiser.minimise`."""
         import_library(f"method '{PREFIX}{self.algorithm}'", "pymoo", "peers")
-        own_seed = max(1, child_seed(seed, "optimizer"))  # 0 stands for the time of day in some algorithms
+        own_seed = max(1, child_seed(seed, "optimizer"))  # some algorithms replace 0 by the time of day
         with LibraryFitness(self, fitness, on_population) as evaluate:
             _run(self.algorithm, evaluate, self.lower.size, self.population, self.budget, own_seed)
         return evaluate.result()
 
 
 def check_algorithm(algorithm: str) -> None:
-    """Refuse, by `MethodError`, a name that is none of pymoo's algorithms, and any if pymoo is missing."""
+    """Raise `MethodError` if pymoo is not installed or has no algorithm of this name."""
     import_library(f"method '{PREFIX}{algorithm}'", "pymoo", "peers")
     known = pymoo_algorithms()
     if algorithm not in known:
@@ -85,31 +84,31 @@ def check_algorithm(algorithm: str) -> None:
 def pymoo_algorithms() -> dict[str, Any]:
     """Return pymoo's classes for one objective by name: `NelderMead` is ``"nelder-mead"``."""
     base = import_module("pymoo.core.algorithm").Algorithm
-    found = {}
+    classes = {}
     for entry in pkgutil.iter_modules(import_module(PACKAGE).__path__, f"{PACKAGE}."):
         try:
             module = import_module(entry.name)
-        except Exception:  # noqa: BLE001, S112 - pymoo's way to say that an algorithm needs another library
+        except Exception:  # noqa: BLE001, S112 - pymoo raises this if an algorithm needs another library
             continue
         for name, kind in vars(module).items():
             if isinstance(kind, type) and issubclass(kind, base) and kind.__module__ == entry.name:
-                found[re.sub("(?<=[a-z])(?=[A-Z])", "-", name).lower()] = kind
-    return found
+                classes[re.sub("(?<=[a-z])(?=[A-Z])", "-", name).lower()] = kind
+    return classes
 
 
 @cache
 def _flaw(algorithm: str, dimensions: int, population: int) -> str | None:
-    """Return what keeps an algorithm from use, found by trying; None if nothing does."""
-    # Two dimensions at least: with one, chance may show too late.
+    """Return the reason why an algorithm cannot be used, from two trials; None if it can be used."""
+    # At least two dimensions: with one, two different searches may agree for too long.
     settings = algorithm, max(dimensions, 2), population
     try:
         first, second = _trial(*settings), _trial(*settings)
-    except Exception as error:  # noqa: BLE001 - whatever pymoo raises, it cannot be used
+    except Exception as error:  # noqa: BLE001 - the algorithm cannot be used, whatever pymoo raises
         return f"with population {population} pymoo says '{' '.join(str(error).split())}'"
     if any(points.dtype.kind != "f" for points in first):
         return "it does not search real numbers"
     if len(first) != len(second) or not all(map(np.array_equal, first, second)):
-        return "pymoo does not repeat its search from a seed"
+        return "pymoo's search is not repeatable from a seed"
     return None
 
 
@@ -118,19 +117,19 @@ class _TrialOverError(BaseException):
 
 
 def _trial(algorithm: str, dimensions: int, population: int) -> list[NDArray[Any]]:
-    """Return the populations of the first steps on a sphere."""
-    asked: list[NDArray[Any]] = []
+    """Return the populations of the first steps of a search on a sphere function."""
+    populations: list[NDArray[Any]] = []
     budget = TRIAL_POINTS + 2 * population
 
     def sphere(points: NDArray[Any]) -> Array:
-        asked.append(points.copy())
-        if sum(map(len, asked)) > budget:
+        populations.append(points.copy())
+        if sum(map(len, populations)) > budget:
             raise _TrialOverError
         return np.asarray(np.sum((points - 0.3) ** 2, axis=1))
 
     with suppress(_TrialOverError):
         _run(algorithm, sphere, dimensions, population, budget, seed=1)
-    return asked
+    return populations
 
 
 def _run(
@@ -142,25 +141,25 @@ def _run(
     seed: int,
 ) -> None:
     """Run pymoo on `fitness` in the unit cube."""
-    numbers = _GlobalNumbers(seed)
+    generator = _GlobalGenerator(seed)
 
     def evaluate(points: Array, out: dict[str, Array]) -> None:
-        with numbers.callers():
+        with generator.of_caller():
             out["F"] = fitness(points)
 
     problem = import_module("pymoo.core.problem").Problem(n_var=dimensions, xl=0.0, xu=1.0)
-    problem._evaluate = evaluate  # noqa: SLF001 - the method that pymoo leaves to its users to define
-    with numbers.of_search():
+    problem._evaluate = evaluate  # noqa: SLF001 - pymoo's users define this method
+    with generator.of_search():
         search = pymoo_algorithms()[algorithm](pop_size=population)
         search.setup(problem, termination=("n_eval", budget), seed=seed)
         search.run()
 
 
-class _GlobalNumbers:
-    """Numpy's global generator, which some algorithms of pymoo seed and draw from.
+class _GlobalGenerator:
+    """NumPy's global generator, which some algorithms of pymoo seed and use.
 
-    It has the search's numbers while pymoo runs, and the caller's in the fitness and after the end. One
-    search at a time has it, so that searches in several threads do not disturb each other.
+    Its state is that of the search while pymoo runs, and that of the caller in the fitness and after the
+    search. One search at a time uses it, so that searches in several threads do not affect each other.
     """
 
     _only_one = Lock()
@@ -178,7 +177,7 @@ class _GlobalNumbers:
                 self._swap()
 
     @contextmanager
-    def callers(self) -> Iterator[None]:
+    def of_caller(self) -> Iterator[None]:
         self._swap()
         self._only_one.release()
         try:

@@ -1,4 +1,4 @@
-"""Differential evolution by SciPy."""
+"""Differential evolution of SciPy."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -13,11 +13,11 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True, eq=False)
 class ScipyDE(Minimiser):
-    """`scipy.optimize.differential_evolution`, a whole generation in one call and without its final polish.
+    """`scipy.optimize.differential_evolution`, with one call per generation and without the final polish.
 
-    All else is SciPy's default: best/1/bin with F drawn from [0.5, 1] in each generation, CR = 0.7, a Latin
-    hypercube to start from, and an end where the standard deviation of the population's fitness is less than
-    1 % of its mean.
+    All other settings are SciPy's defaults: best/1/bin with F drawn from [0.5, 1] in each generation,
+    CR = 0.7, a Latin hypercube as first population; the search ends if the standard deviation of the
+    population's fitness is less than 1 % of its mean.
 
     Parameters
     ----------

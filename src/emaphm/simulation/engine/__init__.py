@@ -1,1 +1,1 @@
-"""Running a model: its inputs, plants, kernels and threads."""
+"""Execution of a model: inputs, plants, compiled kernels and threads."""

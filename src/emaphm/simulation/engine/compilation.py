@@ -1,19 +1,19 @@
-"""From a model's step in Python to machine code: LLVM vectorises its instructions and emits an object file.
+"""Compilation of a model's step to machine code: LLVM vectorises the instructions and emits an object file.
 
 A kernel advances `lanes` actuators together and records means over sample intervals. Its arguments:
 
 x : float64 (rows × lanes,), the state row by row, then a row of sums for each channel; updated in place
 p : float64 (rows × lanes,), the parameters row by row
-command, load, noise, enabled : float64, a value a step for all lanes: `load[i × load_stride]` at step i
-load_stride, noise_stride, enabled_stride : 1, or 0 where one value holds at every step
+command, load, noise, enabled : float64, one value per step for all lanes: `load[i × load_stride]` at step i
+load_stride, noise_stride, enabled_stride : 1, or 0 for a signal with one value for all steps
 step : integration step [s]
 samples : rows of the output
 substeps : steps in a sample interval
-window : steps at the start of each interval that its mean is taken over
-out : float64 (lanes, channels, row), its first `samples` columns filled with the means
+window : number of steps, from the start of each interval, over which the mean is computed
+out : float64 (lanes, channels, row); the kernel writes the means to the first `samples` columns
 
-LLVM turns the innermost loop, over lanes, into vector instructions where the number of lanes is known
-when compiling, all lanes are in one flat array, and the loop has neither branches nor calls left.
+LLVM vectorises the innermost loop, over lanes, if the number of lanes is known at compile time, all lanes
+are in one flat array, and the loop contains neither branches nor calls.
 """
 
 import threading
@@ -26,32 +26,32 @@ from emaphm.simulation.engine.model import Layout, Model
 from emaphm.simulation.engine.step_loop import kernel_of
 
 WIDEST = "avx512f", ",-prefer-256-bit"
-"""A feature of processors, and what makes LLVM use their widest registers all the same.
+"""Processor feature with the widest registers, and the LLVM option that makes LLVM use their full width.
 
-For Intel's, LLVM keeps to half of the width, as programs that need it seldom would be slowed down by a lower
-clock. A kernel computes nothing else for milliseconds: a run of the reference model takes 2.9 ms in place of
-4.8, one of the averaged model 0.044 ms in place of 0.062 (measured on one such processor, of 2023; older ones
-lower their clock more).
+By default, LLVM uses half of the width on Intel processors, because the processor lowers its clock for the
+full width, which slows down programs that seldom need it. A kernel uses these registers for milliseconds: a
+run of the reference model takes 2.9 ms instead of 4.8 ms, a run of the averaged model 0.044 ms instead of
+0.062 ms (measured on one such processor of 2023; older processors lower their clock more).
 """
 
 INTERLEAVED = 2
-"""Vectors of lanes that advance next to each other in an iteration of the innermost loop.
+"""Vectors of lanes that are interleaved in an iteration of the innermost loop.
 
-A step is a long chain of instructions that wait for each other. LLVM takes one vector at a time, as the
-registers do not suffice for two; but what two spill costs less than the waiting. In 14 processes, a run of
-the reference model took 0.62 to 1.06 of the time that it takes with one, 0.89 in the mean; where one channel
-is recorded, about 0.8 (AMD's Zen 3, AVX2).
+A step is a long chain of dependent instructions. By default LLVM uses one vector, because the registers do
+not suffice for two; but spilling two vectors costs less time than the latency of one. In 14 processes, a run
+of the reference model took 0.62 to 1.06 of the time with one vector, 0.89 on average; with one recorded
+channel about 0.8 (AMD's Zen 3, AVX2).
 """
 
 
 COMPILING = threading.Lock()
-"""Held by the one thread that compiles."""
+"""Lock of the compiler: one thread compiles at a time."""
 
 
 def compiled(model: Model, layout: Layout) -> bytes:
-    """Return the kernel of `model` as an object file for this machine, as `kernel_of` makes it.
+    """Return the kernel of `model`, built by `kernel_of`, as an object file for this machine.
 
-    It has the C arguments of `step_loop.ARGUMENTS`: pointers are to float64, integers have 64 bits.
+    Its function has the C arguments `step_loop.ARGUMENTS`: pointers to float64, integers of 64 bits.
     """
     with COMPILING:
         _let_llvm_interleave()
@@ -64,17 +64,17 @@ def compiled(model: Model, layout: Layout) -> bytes:
 
 @cache
 def _let_llvm_interleave() -> None:
-    """Have LLVM interleave as many vectors as `INTERLEAVED`, once: it ends a process that asks twice."""
+    """Set LLVM's option to interleave `INTERLEAVED` vectors; once, because LLVM aborts if it is set twice."""
     llvm.set_option("", f"-force-vector-interleave={INTERLEAVED}")
 
 
 def _optimized(kernel: str, target: Any) -> Any:
-    """Return the module `kernel` as LLVM leaves it."""
+    """Return the LLVM module of the text `kernel`, optimised."""
     module = llvm.parse_assembly(kernel)
     tuning = llvm.create_pipeline_tuning_options(speed_level=3)
     tuning.loop_vectorization = True
-    # The loops over steps and lanes are long as they are: unrolled they took as long, within 5 %, with the
-    # same bits, and 1.2 to 1.7 times the time to compile (measured where registers have 512 bits).
+    # The bodies of the loops over steps and lanes are already long. Unrolled loops had the same run time
+    # within 5 %, the same bits, and 1.2 to 1.7 times the compile time (measured with registers of 512 bits).
     tuning.loop_unrolling = False
     builder = llvm.create_pass_builder(target, tuning)
     builder.getModulePassManager().run(module, builder)
@@ -82,7 +82,7 @@ def _optimized(kernel: str, target: Any) -> Any:
 
 
 def _this_machine() -> Any:
-    """Return LLVM's description of this processor, all of its registers' width in use."""
+    """Return LLVM's target machine for this processor, with the full width of its registers."""
     features = llvm.get_host_cpu_features()
     has, use_all = WIDEST
     return llvm.Target.from_default_triple().create_target_machine(

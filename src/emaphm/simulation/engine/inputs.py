@@ -1,4 +1,4 @@
-"""What drives a run, step by step: command, load and noise, and how the rows of its output are formed."""
+"""Inputs of a run at each step: command, load and noise; and the sampling of its output."""
 
 import math
 from dataclasses import dataclass
@@ -13,23 +13,24 @@ from emaphm.errors import SignalError, nearest
 from emaphm.random_streams import stream
 
 MOST_AT_ONCE = 5_000_000
-"""Steps that a signal is evaluated at in one call; each takes some 40 bytes for a moment."""
+"""Largest number of steps at which a signal is evaluated in one call; each step takes about 40 bytes."""
 
 LARGEST_SIGNAL = 1e15
-"""Largest command [rad] or load [N·m]: beyond, products of it leave the range of floating-point numbers."""
+"""Largest command [rad] or load [N·m]: products of larger values exceed the range of float64."""
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """Command [rad], load [N·m], noise on the reference current [A], and the drive on or off, a value a step.
+    """Command [rad], load [N·m], noise on the reference current [A] and enabling of the drive at each step.
 
-    Each has shape (samples × substeps,) and is of floats; `interval` [s] is a sample's; `sampling` says
-    whether a row of output is the mean over its interval or the value at its start.
+    Each signal has shape (samples × substeps,) and type float64; `enabled` is 1 (on) or 0 (off). `interval`
+    [s] is the sample interval. A row of output is the mean over its interval or the value at its start,
+    according to `sampling`.
 
     Raises
     ------
     SignalError
-        One of the four has another shape, or is not of floats; or the sampling is neither.
+        A signal has another shape or type, or `sampling` is unknown.
     """
 
     command: Array
@@ -42,7 +43,7 @@ class Inputs:
     sampling: Sampling = "mean"
 
     def __post_init__(self) -> None:
-        """Refuse signals of another length: a kernel reads them without looking where they end."""
+        """Check shapes and types: a kernel reads the signals without a check of their length."""
         if self.sampling not in SAMPLINGS:
             raise SignalError(f"unknown sampling '{self.sampling}'{nearest(str(self.sampling), SAMPLINGS)}")
         steps = self.samples * self.substeps
@@ -67,27 +68,26 @@ class Inputs:
         enabled: Command | None = None,
         seed: int = 0,
     ) -> Self:
-        """Evaluate the inputs at every step.
+        """Return the inputs, evaluated at every step.
 
         Parameters
         ----------
         command, load
             Functions of time [s]; the load may be a number.
         samples, interval
-            Rows of the output and their distance [s].
+            Number of rows of the output, and their interval [s].
         step
-            Longest integration step [s]; the largest one that divides `interval` is taken.
+            Longest integration step [s]; the largest step up to it that divides `interval` is used.
         noise
-            White noise on the reference current, rms [A] at each step (thesis 4.1), made from `seed`.
+            White noise on the reference current, rms [A] at each step (thesis 4.1), drawn from `seed`.
         enabled
-            Function of time [s], 1 where the drive is switched on and 0 where the motor is without current;
-            on throughout where left out.
+            Function of time [s]: 1 while the drive is on, 0 while the motor is without current. Default: 1.
 
         Raises
         ------
         SignalError
-            There are no samples, interval or step are not positive, the noise is negative, or command or
-            load is not one finite value a step.
+            The number of samples, the interval or the step is not positive, the noise is negative, or command
+            or load is not one finite value per step.
         """
         if samples < 1 or not interval > 0 or not step > 0:
             raise SignalError(
@@ -117,31 +117,31 @@ class Inputs:
 
     @property
     def step(self) -> float:
-        """The integration step [s]."""
+        """Integration step [s]."""
         return self.interval / self.substeps
 
     @property
     def duration(self) -> float:
-        """How long the run takes [s]."""
+        """Duration of the run [s]."""
         return self.samples * self.interval
 
     @property
     def window(self) -> int:
-        """Steps at the start of each interval that its row is the mean of."""
+        """Number of steps, from the start of each interval, over which a row is the mean."""
         return self.substeps if self.sampling == "mean" else 1
 
     @property
     def time_s(self) -> Array:
-        """The time stamps of the rows, shape (samples,)."""
+        """Time stamps of the rows, shape (samples,) [s]."""
         return np.asarray(np.arange(self.samples) * self.interval)
 
     def rows(self, values: Array) -> Array:
-        """Return values given at every step, shape (samples × substeps,), as rows of output, (samples,)."""
+        """Return values at every step, shape (samples × substeps,), as rows of output, shape (samples,)."""
         return np.asarray(values.reshape(self.samples, self.substeps)[:, : self.window].mean(axis=1))
 
 
 def _evaluated(what: str, signal: Command, steps: int, step: float) -> Array:
-    """Return a signal at every step, (steps,); by `MOST_AT_ONCE`, as its own temporaries are as large."""
+    """Return a signal at every step, (steps,); in parts of `MOST_AT_ONCE`, to limit the memory."""
     if steps <= MOST_AT_ONCE:
         return _checked(what, signal(np.asarray(np.arange(steps) * step)), steps)
     values = np.empty(steps)

@@ -1,4 +1,4 @@
-"""Kernels ready to be called: loaded from disk, or compiled and then kept there."""
+"""Cache of compiled kernels on disk: loads a kernel, or compiles and stores it."""
 
 import ctypes
 import hashlib
@@ -16,13 +16,13 @@ from typing import Any, cast
 from emaphm.simulation.engine.model import ENTRY, Layout, Model
 
 Kernel = Callable[..., None]
-"""Takes the C arguments of `compilation.compiled`, pointers as integers; other threads may run meanwhile."""
+"""Function with the C arguments of `compilation.compiled`, pointers as integers; it releases the GIL."""
 
 ENDING = ".kernel"
-"""Of the name of a kept kernel."""
+"""Extension of the file of a stored kernel."""
 
 DIGEST = 32
-"""Bytes of a digest."""
+"""Length of a digest [bytes]."""
 
 ARRAY, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 FUNCTION = ctypes.CFUNCTYPE(
@@ -55,7 +55,7 @@ def _loaded(code: bytes) -> Kernel:
     library = llvm.JITLibraryBuilder().add_object_img(code).add_current_process().export_symbol(ENTRY)
     tracker = library.link(linker, ENTRY)
     function: Any = FUNCTION(tracker[ENTRY])
-    function.code = tracker, linker  # what they own goes when they go
+    function.code = tracker, linker  # the machine code is freed with these objects
     return cast("Kernel", function)
 
 
@@ -67,7 +67,7 @@ def _file_name(model: Model, layout: Layout) -> str:
 
 @cache
 def _machine() -> str:
-    """Return a digest of the processor that code is compiled for."""
+    """Return a digest of the processor for which code is compiled."""
     import llvmlite.binding as llvm
 
     processor = f"{sys.platform} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
@@ -75,7 +75,7 @@ def _machine() -> str:
 
 
 def _digest_of_sources() -> bytes:
-    """Return a digest of what every kernel is made of and by: the simulation's source, and LLVM."""
+    """Return a digest of what defines all kernels: the source of the simulation and llvmlite's version."""
     import llvmlite
 
     digest = hashlib.sha256(llvmlite.__version__.encode())
@@ -85,11 +85,11 @@ def _digest_of_sources() -> bytes:
 
 
 SOURCES = _digest_of_sources()
-"""As imported: a kernel of a running process must not pass for one of source that was edited meanwhile."""
+"""Digest at import: kernels of a running process are not stored for source that is edited meanwhile."""
 
 
 def _revision(model: Model, layout: Layout) -> bytes:
-    """Return a digest of what the kernel of `model` is made of, which may be built outside of the package."""
+    """Return a digest of all that defines the kernel of `model`, which may be outside of the package."""
     build: Any = model.form(layout.structure).advance
     cells = [cell.cell_contents for cell in build.__closure__ or ()]
     options = [value for value in cells if isinstance(value, str | bool)]
@@ -101,7 +101,10 @@ def _revision(model: Model, layout: Layout) -> bytes:
 
 @cache
 def kernel_folder() -> Path:
-    """Return where kernels are kept: `EMAPHM_CACHE_DIR` if set, else by the source or in the user's cache."""
+    """Return the folder of stored kernels.
+
+    `EMAPHM_CACHE_DIR` if set; otherwise `__pycache__` of this package if it is writable, or the user's cache.
+    """
     if "EMAPHM_CACHE_DIR" in os.environ:
         return Path(os.environ["EMAPHM_CACHE_DIR"])
     local = Path(__file__).parent / "__pycache__"
@@ -111,17 +114,17 @@ def kernel_folder() -> Path:
 
 
 def _read(path: Path, revision: bytes) -> bytes | None:
-    """Return the code kept at `path`, None where there is none of this `revision`, or it is damaged."""
+    """Return the code stored at `path`, or None if it is absent, damaged or of another `revision`."""
     try:
         content = path.read_bytes()
     except OSError:
         return None
-    kept, checksum, code = content[:DIGEST], content[DIGEST : 2 * DIGEST], content[2 * DIGEST :]
-    return code if kept == revision and checksum == hashlib.sha256(code).digest() else None
+    stored_revision, checksum, code = content[:DIGEST], content[DIGEST : 2 * DIGEST], content[2 * DIGEST :]
+    return code if stored_revision == revision and checksum == hashlib.sha256(code).digest() else None
 
 
 def _write(path: Path, revision: bytes, code: bytes) -> None:
-    """Keep `code` at `path`, whole or not at all; what cannot be kept is compiled anew next time."""
+    """Store `code` at `path` atomically; if it cannot be stored, the next process compiles it again."""
     part = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What a model of the actuator is, to those who run it."""
+"""Definition of a model of the actuator: its forms by kind of drive, start values and kernel layout."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -13,41 +13,42 @@ from emaphm.simulation.engine.plant import Plant
 from emaphm.simulation.engine.structure import Structure
 
 OBSERVABLE = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
-"""The first channels of every form of a model: what a rig may record and a fit compare."""
+"""First channels of every form of a model: channels that a rig may record and a fit compares."""
 
 LARGEST_PHASE = 0.7
-"""Phase by which a shaft may swing in a step [rad]: its frequency is then right to 2 %, phase² / 24."""
+"""Largest phase of a shaft's oscillation per step [rad]: the error of its frequency, phase² / 24, is 2 %."""
 
 SHORTEST_SHARE = 0.25
-"""Least share of a model's step: a shaft that swings faster still is as good as rigid."""
+"""Shortest step, relative to the model's step [-]: a shaft with a higher frequency is practically rigid."""
 
 ENTRY = "advance"
 """Name of the function in the object file of every kernel."""
 
 CACHE_LINE = 64
-"""Bytes; also those of the widest vector."""
+"""Size of a cache line and of the widest vector [bytes]."""
 
 
 class Layout(NamedTuple):
-    """What a kernel is compiled for."""
+    """Properties for which a kernel is compiled."""
 
     lanes: int
-    """Actuators that it advances together."""
+    """Number of actuators that the kernel advances together."""
     channels: int
-    """How many of the model's channels are recorded, from the first on: the others take no time."""
+    """Number of recorded channels, from the first; the kernel does not compute the others."""
     structure: Structure = Structure()
-    """Drive and optional laws."""
+    """Kind of drive and optional laws."""
     known: tuple[tuple[str, float], ...] = ()
-    """Parameters, and inputs of every step, that have one value throughout, and what it is."""
+    """Names and values of parameters and inputs that are constant and equal for all actuators."""
 
 
 @dataclass(frozen=True)
 class Initial:
-    """Where a run starts: user, motor speed [rad/s], the rotor's electrical zero, and the backlash gap.
+    """Start of a run: user angle [rad], motor speed [rad/s], rotor offset [rad] and position in the gap [-].
 
-    `angle` is the user's, gear-wise: user position / gear ratio [rad]. The motor is ahead of it by the share
-    `gap` of half of the backlash: 1 where it carries the user up, -1 down, 0 in the middle. The rotor's
-    absolute mechanical angle, which commutation and eccentricity depend on, is the motor's + rotor_offset.
+    `angle` is the position of the user divided by the gear ratio. The motor angle is `angle` plus `gap` times
+    half of the backlash: `gap` is 1 if the motor pushes the user up, -1 if it pushes down, 0 in the middle.
+    The rotor's absolute mechanical angle, on which commutation and eccentricity depend, is the motor angle
+    plus `rotor_offset`.
     """
 
     angle: float = 0.0
@@ -63,23 +64,23 @@ class Form:
     Attributes
     ----------
     channels
-        What a single run records. A batch records the first, or those that are `observable`.
+        Channels that a single run records. A batch records some or all of the `observable` channels.
     observable
-        The first of the channels: those that a rig may record and a fit compare.
+        First of the channels: channels that a rig may record and a fit compares.
     parameters
-        From plants (n) and the step [s] to the kernel's parameters by name, (n,) each.
+        Function of plants (n) and the step [s]; returns the kernel's parameters by name, (n,) each.
     initial_state
-        From plants (n), inputs and the start to the kernel's state by name, (n,) each; it may name more than
-        the kernel has.
+        Function of plants (n), inputs and the start; returns the kernel's state by name, (n,) each. It may
+        contain more names than the kernel uses.
     state_names, parameter_names
-        From a structure to the kernel's rows, in their order.
+        Functions of a structure; return the names of the kernel's rows in their order.
     advance
-        From a structure to the step of one actuator, as `step_tracing` takes it.
+        Function of a structure; returns the step of one actuator in the form of `step_tracing.traced`.
     neutral
-        By name of a parameter, the value at which a term of the equations vanishes. Where all actuators of a
-        run have that value, their kernel is compiled without the term.
+        By name of a parameter, the value at which a term of the equations vanishes. If all actuators of a run
+        have that value, their kernel is compiled without the term.
     longest_step
-        Longest integration step [s], that of the model where left out.
+        Longest integration step [s]; the step of the model if None.
     """
 
     channels: tuple[str, ...]
@@ -97,16 +98,16 @@ class Form:
 class Model:
     """A model of the actuator: its form for each kind of drive.
 
-    Two models are equal only if they are one: kernels are looked up by it in every run.
+    Models are compared by identity, because every run looks up its kernel by the model.
 
     Attributes
     ----------
     step
         Longest integration step [s].
     forms
-        By kind of drive; a drive that is missing is one that the model does not know.
+        Forms by kind of drive; the model does not support other drives.
     switches
-        Whether it switches the supply voltage, so that its outputs have no useful derivatives.
+        Whether the model switches the supply voltage, so that its outputs have no useful derivatives.
     """
 
     name: str
@@ -115,15 +116,15 @@ class Model:
     switches: bool = False
 
     def step_for(self, actuator: Actuator) -> float:
-        """Return the longest integration step [s] for `actuator`: shorter where its shaft swings fast."""
+        """Return the longest integration step [s] for `actuator`; shorter if its shaft oscillates fast."""
         form = self.forms.get(actuator.drive_kind)
         longest = self.step if form is None or form.longest_step is None else form.longest_step
         if actuator.transmission is None:
             return longest
         m = actuator.mechanics
         reduced = m.inertia_motor * m.inertia_user / m.inertia
-        swinging = LARGEST_PHASE * math.sqrt(reduced / actuator.transmission.stiffness)
-        return min(longest, max(swinging, longest * SHORTEST_SHARE))
+        oscillation_limit = LARGEST_PHASE * math.sqrt(reduced / actuator.transmission.stiffness)
+        return min(longest, max(oscillation_limit, longest * SHORTEST_SHARE))
 
     def form(self, structure: Structure) -> Form:
         """Return the form for the drive of `structure`.
@@ -131,7 +132,7 @@ class Model:
         Raises
         ------
         MethodError
-            The model has none for that drive.
+            The model has no form for that drive.
         """
         if structure.drive not in self.forms:
             raise MethodError(

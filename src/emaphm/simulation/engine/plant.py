@@ -1,4 +1,4 @@
-"""The actuators of a batch: their physical quantities side by side, faults applied."""
+"""Plants: the physical quantities of the actuators of a batch as arrays, with their faults applied."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from emaphm.simulation.laws.load_steps import STEP_PARTS, STEP_PREFIX
 from emaphm.simulation.laws.load_variation import PREFIX
 
 NO_LIMIT = 1e30
-"""Value of an absent limit; the kernels are compiled to assume that nothing is infinite."""
+"""Value of an absent limit; the kernels are compiled under the assumption that all numbers are finite."""
 
 NEVER_ZERO = (
     "inertia",
@@ -44,7 +44,7 @@ OF_POSITION_PID = (
     "speed_feedforward",
     "speed_feedback",
 )
-"""Quantities that only the controller with more than a proportional position loop has."""
+"""Quantities of the PID position controller that the proportional position loop does not have."""
 
 FRICTIONS = (
     "coulomb",
@@ -55,19 +55,19 @@ FRICTIONS = (
     "stribeck_load_motor",
     "stribeck_load_external",
 )
-"""Quantities that a fault of friction multiplies."""
+"""Quantities that a friction fault multiplies."""
 
 
 @dataclass(frozen=True)
 class Plant:
-    """Quantities of `n` actuators, each of shape (n,), SI units; turns and z have a row a phase or axis.
+    """Quantities of `n` actuators in SI units, each of shape (n,) unless stated otherwise.
 
-    Friction, backlash and position gain have their faults applied; the windings are described by the
-    healthy line-to-line values and `turns` (3, n), the fraction of healthy turns in each phase;
-    `z` (2, n) is Z (cos phi, sin phi); `ripples` (2 harmonics, n) the amplitudes of each harmonic with cosine
-    and sine; `load_variation` (coefficients, n) is a load over the run, `load_steps` (steps, 3, n) the size,
-    time and rise time of each step of one. `structure` says which of the optional laws are there; the values
-    of the others do not matter.
+    Friction, backlash and position gain include their faults. The windings are given by the healthy
+    line-to-line values and `turns` (3, n), the fraction of healthy turns in each phase. `z` (2, n) is
+    Z (cos φ, sin φ). `ripples` (2 × harmonics, n) are the amplitudes of cosine and sine of each harmonic.
+    `load_variation` (coefficients, n) are the coefficients of a varying load, `load_steps` (steps, 3, n) are
+    size, time and rise time of each load step. `structure` defines which optional laws are used; the values
+    of unused laws have no effect.
     """
 
     inertia: Array
@@ -157,17 +157,17 @@ class Plant:
         faults
             Normalised fault vectors, shape (n, 8).
         lumped_parameters
-            Parameters to set instead of the actuator's, by their names in `LUMPED_PARAMETERS`;
-            each of shape (n,) or a scalar. Friction faults multiply them. And the
-            coefficients of a load over the run, by `coefficient_names`, and its steps, by `step_names`.
+            Values that replace those of the actuator, by their names in `LUMPED_PARAMETERS`, each of shape
+            (n,) or a scalar; friction faults multiply them. In addition, the coefficients of a varying load,
+            named by `coefficient_names`, and load steps, named by `step_names`.
 
         Raises
         ------
         FaultError
-            `faults` has another shape or a value that the actuator cannot have.
+            `faults` has another shape, or a value outside the range of the actuator.
         MethodError
-            A parameter is unknown, impossible or not one value an actuator, or needs the electrical
-            description that the actuator lacks.
+            A parameter is unknown or out of range, has another shape, or needs the electrical description,
+            which the actuator lacks.
         """
         k = np.atleast_2d(np.asarray(faults, float))
         if k.ndim != 2 or k.shape[1] != len(NAMES):
@@ -185,7 +185,7 @@ class Plant:
         columns |= {"load_variation": varying, "load_steps": steps}
         described = structure_of(actuator)
         structure = described._replace(
-            # A parameter that is given has its law, whatever the description has of it.
+            # A given parameter activates its law, even if the description lacks the law.
             position_pid=described.position_pid or any(name in given for name in OF_POSITION_PID),
             load_variation=len(varying),
             load_steps=len(steps),
@@ -194,15 +194,15 @@ class Plant:
 
     @property
     def count(self) -> int:
-        """The number of actuators, n."""
+        """Number of actuators, n."""
         return int(self.inertia.size)
 
 
 def _rows(values: Sequence[ArrayLike], n: int) -> Array:
     """Return `values`, a scalar or (n,) each, as an array (rows, n)."""
     rows = np.zeros((len(values), n))
-    for row, one in zip(rows, values, strict=True):
-        row[:] = one
+    for row, value in zip(rows, values, strict=True):
+        row[:] = value
     return rows
 
 
@@ -236,7 +236,7 @@ def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:
         **{name: getattr(motor, name) or 0.0 for name in HALL_SENSORS},
         "torque_limit": motor.torque_limit or NO_LIMIT,
         "torque_lag": motor.torque_lag,
-        # An ideal current loop is one whose supply can force any current within a step.
+        # Ideal current loop: the supply can drive any current within a step.
         "supply": e.supply if e else 1e12,
         "resistance": e.resistance if e else 1.0,
         "inductance": e.inductance if e else 1e-12,
@@ -258,7 +258,7 @@ def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:
         **_of_optional_laws(actuator),
     }
     columns = np.repeat(np.array(list(scalars.values()), float)[:, np.newaxis], n, axis=1)
-    amplitudes = [value for one in actuator.ripple for value in (one.cos, one.sin)]
+    amplitudes = [value for ripple in actuator.ripple for value in (ripple.cos, ripple.sin)]
     return {
         **dict(zip(scalars, columns, strict=True)),
         "turns": np.ones((3, n)),
@@ -268,7 +268,7 @@ def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:
 
 
 def _of_optional_laws(actuator: Actuator) -> dict[str, float]:
-    """Return the values of all optional laws, 0 where they are not described."""
+    """Return the values of all optional laws; 0 for laws that are not described."""
     values = {}
     for section in ("drive", "friction", "transmission", "weight"):
         described = getattr(actuator, section)
@@ -278,7 +278,7 @@ def _of_optional_laws(actuator: Actuator) -> dict[str, float]:
 
 
 def structure_of(actuator: Actuator) -> Structure:
-    """Return which laws `actuator` has: those whose values are described."""
+    """Return the structure of `actuator`: its drive and the optional laws whose values are described."""
     c, friction, drive = actuator.controller, actuator.friction, actuator.drive
 
     def described(*names: str) -> bool:
@@ -306,7 +306,7 @@ def structure_of(actuator: Actuator) -> Structure:
         emf_shape=actuator.motor.flat_loss is not None or actuator.motor.sine_share is not None,
         commutation=any(getattr(actuator.motor, name) is not None for name in HALL_SENSORS)
         or any(getattr(drive, name, None) is not None for name in COMMUTATION),
-        ripples=tuple(Ripple(one.order, one.of == "screw") for one in actuator.ripple),
+        ripples=tuple(Ripple(ripple.order, ripple.of == "screw") for ripple in actuator.ripple),
     )
 
 
@@ -324,12 +324,12 @@ def _set_lumped_parameters(
         if name in NEVER_ZERO and np.any(column == 0):
             raise MethodError(f"parameter '{name}' must be greater than 0; correct its value")
         _column_of(name, columns)[:] = column
-    # Friction larger than what it has to balance would push a standing shaft.
+    # With static below dynamic friction, the dynamic friction would push back a shaft that breaks away.
     np.maximum(columns["static"], columns["coulomb"], out=columns["static"])
 
 
 def _column_of(name: str, columns: dict[str, Array]) -> Array:
-    """Return where a lumped parameter stands; that of a ripple, such as `ripple2_sin`, is a row of all."""
+    """Return the column of a lumped parameter; a ripple, such as `ripple2_sin`, is a row of `ripples`."""
     if not name.startswith("ripple"):
         return columns[name]
     place, part = name.removeprefix("ripple").split("_")

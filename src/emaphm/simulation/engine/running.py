@@ -1,4 +1,4 @@
-"""Running a model: one actuator with every signal, or many with their equivalent currents."""
+"""Execution of a model: one actuator with all channels, or a batch of actuators with selected channels."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,10 +17,10 @@ from emaphm.simulation.engine.plant import Plant
 from emaphm.threads import in_threads
 
 LANES = 16
-"""Actuators that a batch kernel advances together: two AVX-512 registers, four of AVX2."""
+"""Number of actuators that a batch kernel advances together: two AVX-512 or four AVX2 registers."""
 
 WORTH_A_THREAD = 200_000
-"""Group-steps (about 10 ms) below which starting threads costs more than it gains."""
+"""Number of group-steps (about 10 ms) below which threads take longer to start than they save."""
 
 
 def run(model: Model, plant: Plant, inputs: Inputs, start: Initial = Initial()) -> dict[str, Array]:  # noqa: B008
@@ -35,13 +35,13 @@ def run(model: Model, plant: Plant, inputs: Inputs, start: Initial = Initial()) 
     inputs
         Command, load and noise at every step.
     start
-        Angle and speed of the motor at the beginning, and the rotor's electrical zero.
+        Angle and speed of the motor at the start, and the offset of the rotor.
 
     Raises
     ------
     MethodError
-        There is not exactly one actuator, its windings are not described and the model needs them, or
-        the simulation did not stay finite.
+        `plant` has not exactly one actuator, its windings are not described although the model needs them,
+        or the simulation did not stay finite.
     """
     if plant.count != 1:
         raise MethodError(f"a single run takes one actuator, got {plant.count}; use observe_batch")
@@ -62,7 +62,7 @@ def observe_batch(
     channels: Sequence[str] = OBSERVABLE,
     workers: int | None = None,
 ) -> Array:
-    """Return `channels` of all actuators in `plant`, noise-free, in their units: (n, channels, samples).
+    """Return `channels` of all actuators in `plant`, without sensor noise: (n, channels, samples).
 
     Groups of `LANES` actuators run in threads.
 
@@ -73,19 +73,19 @@ def observe_batch(
     plant
         n actuators, `Plant.of(actuator, faults)` with `faults` (n, 8).
     inputs
-        Command, load and noise at every step, the same for all.
+        Command, load and noise at every step, the same for all actuators.
     start
-        Angle and speed of the motor at the beginning, and the rotor's electrical zero.
+        Angle and speed of the motor at the start, and the offset of the rotor.
     channels
-        Names of channels that are observable in the model: `OBSERVABLE`, and further ones of some drives.
+        Names of observable channels of the model: `OBSERVABLE`, and further channels of some drives.
     workers
-        Threads, one a core where left out; the result does not depend on their number, bit for bit.
+        Number of threads, default one per core; the result has the same bits for any number.
 
     Raises
     ------
     MethodError
-        The model does not know the actuators' drive, needs windings that are not described, or did not stay
-        finite.
+        The model does not support the actuators' drive, needs windings that are not described, or did not
+        stay finite.
     """
     observable = model.form(plant.structure).observable
     rows = [observable.index(name) for name in channels]
@@ -118,7 +118,7 @@ def simulate_batch(
     model
         From `emaphm.simulation.model_named`, such as `model_named("averaged")`.
     actuator
-        Its description.
+        Description of the actuator.
     faults
         Normalised fault vectors, (n, 8).
     inputs, start, workers
@@ -127,9 +127,9 @@ def simulate_batch(
     Raises
     ------
     FaultError
-        `faults` has another shape, or a value that the actuator cannot have.
+        `faults` has another shape, or a value outside the range of the actuator.
     MethodError
-        The model does not know the actuator's drive, or a run did not stay finite.
+        The model does not support the actuator's drive, or a run did not stay finite.
     """
     plant = Plant.of(actuator, faults)
     return observe_batch(model, plant, inputs, start, channels=OBSERVABLE[:1], workers=workers)[:, 0]
@@ -137,7 +137,7 @@ def simulate_batch(
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """State, with the sums of the channels, and parameters of a group of actuators, each (rows × lanes,)."""
+    """State (with the sums of the channels) and parameters of a group of actuators, each (rows × lanes,)."""
 
     state: Array
     parameters: Array
@@ -146,18 +146,18 @@ class _Block:
 def _prepared(
     model: Model, plant: Plant, inputs: Inputs, start: Initial, lanes: int, channels: int
 ) -> tuple[Kernel, list[_Block]]:
-    """Return the kernel for the plants, and these in groups of lanes.
+    """Return the kernel for the plants, and the plants in groups of `lanes`.
 
-    The last group is filled up with copies of the last plant.
+    The last group is padded with copies of the last plant.
     """
     structure, form = plant.structure, model.form(plant.structure)
     state = form.initial_state(plant, inputs, start)
     parameters = form.parameters(plant, inputs.step)
-    of_state, of_parameters = form.state_names(structure), form.parameter_names(structure)
-    variables = len(of_state) + channels
-    rows = np.zeros((variables + len(of_parameters), plant.count))
-    rows[: len(of_state)] = [state[name] for name in of_state]
-    rows[variables:] = [parameters[name] for name in of_parameters]
+    state_rows, parameter_rows = form.state_names(structure), form.parameter_names(structure)
+    variables = len(state_rows) + channels
+    rows = np.zeros((variables + len(parameter_rows), plant.count))
+    rows[: len(state_rows)] = [state[name] for name in state_rows]
+    rows[variables:] = [parameters[name] for name in parameter_rows]
     groups = -(-plant.count // lanes)
     padded = rows[:, np.minimum(np.arange(groups * lanes), plant.count - 1)]
     blocks = _aligned((groups, len(rows), lanes))
@@ -169,11 +169,11 @@ def _prepared(
 
 
 def _known(form: Form, parameters: Mapping[str, Array], inputs: Inputs) -> tuple[tuple[str, float], ...]:
-    """Return what has one value throughout, and is compiled into a kernel."""
+    """Return names and values of the constants that are compiled into the kernel, see `Layout.known`."""
     known = {name: value for name, value in form.neutral.items() if (parameters[name] == value).all()}
     if inputs.enabled.strides == (0,) and inputs.enabled[0] == 1.0:
         known["enabled"] = 1.0
-    # Motion is recorded as a step has led to, or at an instant as at the step's start.
+    # A mean uses the motion at the end of each step, an instant the motion at the start of the step.
     known["carried"] = float(inputs.sampling == "mean")
     return tuple(known.items())
 
@@ -181,7 +181,7 @@ def _known(form: Form, parameters: Mapping[str, Array], inputs: Inputs) -> tuple
 def _aligned(shape: tuple[int, ...]) -> Array:
     """Return an array that starts on a cache line.
 
-    A vector that spans two lines takes two accesses; kernels are 5 % faster without (measured).
+    A vector that spans two lines needs two accesses; kernels with aligned arrays are 5 % faster (measured).
     """
     size = math.prod(shape)
     memory = np.empty(size + CACHE_LINE // 8)
@@ -190,10 +190,11 @@ def _aligned(shape: tuple[int, ...]) -> Array:
 
 
 def _output(groups: int, lanes: int, channels: int, samples: int) -> Array:
-    """Return an array (groups, lanes, channels, samples) for kernels to write a column at a time.
+    """Return an array (groups, lanes, channels, samples) into which kernels write one column at a time.
 
-    Its rows are an odd number of cache lines apart, so that a column's entries fall into different sets of
-    the processor's cache; 2560 samples one after another would take the averaged model twice the time.
+    The distance of its rows is an odd number of cache lines, so that the entries of a column are in different
+    sets of the processor's cache; with contiguous rows of 2560 samples the averaged model takes twice the
+    time.
     """
     lines = -(-samples * 8 // CACHE_LINE) | 1
     return _aligned((groups, lanes, channels, lines * CACHE_LINE // 8))[..., :samples]

@@ -1,7 +1,7 @@
-"""A kernel about a model's step: the loops over rows, steps and lanes, in instructions of LLVM's own.
+"""Kernel of a model's step: the loops over rows, steps and lanes in LLVM instructions.
 
-Whether LLVM makes vector instructions of the innermost loop, over lanes, depends on what it is given: all
-lanes in one flat array, their number known, no branches.
+LLVM vectorises the innermost loop, over lanes, only if all lanes are in one flat array, their number is
+known, and there are no branches.
 """
 
 from collections.abc import Iterator
@@ -34,22 +34,23 @@ ARGUMENTS = {
     "out": ARRAY,
     "row": INTEGER,
 }
-"""Of a kernel, as `compilation` describes them."""
+"""Names and types of a kernel's arguments, described in `compilation`."""
 
 STACK_ALIGNMENT = CACHE_LINE
-"""Of a kernel's own stack.
+"""Alignment of a kernel's stack [bytes].
 
-Registers do not suffice for a step. LLVM would leave vectors where the caller's stack happens to end, most of
-them across two cache lines: in six processes a run of the reference model took 2.3 to 3.2 ms, aligned 2.3 to
-2.4; one of the averaged model 0.043 to 0.056, and 0.042 to 0.044 (AVX-512, four channels).
+The registers do not suffice for a step, so vectors are spilled to the stack. Without alignment, most of them
+span two cache lines. In six processes, a run of the reference model took 2.3 to 3.2 ms without alignment and
+2.3 to 2.4 ms with it; a run of the averaged model 0.043 to 0.056 ms and 0.042 to 0.044 ms (AVX-512, four
+channels).
 """
 
 
 def kernel_of(form: Form, layout: Layout) -> str:
-    """Return the LLVM module of a kernel, its function named `ENTRY`.
+    """Return the text of the LLVM module of a kernel; its function is named `ENTRY`.
 
-    The arrays of a kernel have a row for each name of state and parameters, and a column for each lane.
-    The state's rows are followed by those of the sums of the channels that `layout` has.
+    The arrays of a kernel have a row for each name of the state or of the parameters, and a column for each
+    lane. The rows of the state are followed by the rows of the sums of the channels of `layout`.
     """
     structure, channels, known = layout.structure, layout.channels, dict(layout.known)
     state, parameters = form.state_names(structure), form.parameter_names(structure)
@@ -104,14 +105,14 @@ def kernel_of(form: Form, layout: Layout) -> str:
 
 
 def _place(builder: Any, array: Any, row: Any, width: Any, column: Any) -> Any:
-    """Return the address of an element of an array of rows of `width`."""
+    """Return the address of an element of an array with rows of length `width`."""
     index = builder.add(builder.mul(row, width, flags=["nsw"]), column, flags=["nsw"])
     return builder.gep(array, [index], inbounds=True)
 
 
 @contextmanager
 def _loop(builder: Any, count: Any) -> Iterator[Any]:
-    """Give the numbers from 0 on, below `count`, to the instructions that are built inside."""
+    """Build a loop over the numbers from 0 to `count` - 1; the context builds its body."""
     before = builder.block
     head, body, after = (builder.append_basic_block() for _ in range(3))
     builder.branch(head)
@@ -127,7 +128,7 @@ def _loop(builder: Any, count: Any) -> Iterator[Any]:
 
 
 def _driving(builder: Any, arguments: dict[str, Any], known: dict[str, float], now: Any) -> StepInputs:
-    """Return what drives all lanes at step `now`; some of it is `known`."""
+    """Return the inputs of all lanes at step `now`; `known` inputs are constants."""
     step = arguments["step"]
     return StepInputs(
         command=_at_step(builder, arguments, "command", now),
@@ -143,9 +144,10 @@ def _driving(builder: Any, arguments: dict[str, Any], known: dict[str, float], n
 def _spline(
     builder: Any, arguments: dict[str, Any], parameters: tuple[str, ...], count: int, now: Any
 ) -> list[tuple[Any, Any]]:
-    """Return rows of the parameters, and their weights, that a lane's varying load has at step `now`.
+    """Return the rows and weights of the four spline coefficients that are active at step `now`.
 
-    Four of the `count` coefficients of a spline over the run; none where there is no such load.
+    The varying load has `count` coefficients, which are parameters of each lane; the list is empty if `count`
+    is 0.
     """
     if not count:
         return []
@@ -153,13 +155,13 @@ def _spline(
     per_step = builder.fdiv(REAL(float(count - MORE_THAN_INTERVALS)), builder.sitofp(steps, REAL))
     place = builder.fmul(builder.sitofp(now, REAL), per_step)
     interval = builder.fptosi(place, INTEGER)
-    along = builder.fsub(place, builder.sitofp(interval, REAL))
+    position_in_interval = builder.fsub(place, builder.sitofp(interval, REAL))
     first = builder.add(interval, INTEGER(parameters.index(coefficient_names(1)[0])), flags=["nsw"])
-    weights = spline_weights(Scalar(builder, along))
-    return [(builder.add(first, INTEGER(i), flags=["nsw"]), one.value) for i, one in enumerate(weights)]
+    weights = spline_weights(Scalar(builder, position_in_interval))
+    return [(builder.add(first, INTEGER(i), flags=["nsw"]), weight.value) for i, weight in enumerate(weights)]
 
 
 def _at_step(builder: Any, arguments: dict[str, Any], signal: str, now: Any) -> Any:
-    """Return a signal's value at step `now`, or the only one that it has."""
+    """Return the value of a signal at step `now`, or its single value if its stride is 0."""
     stride = arguments.get(f"{signal}_stride", INTEGER(1))
     return builder.load(_place(builder, arguments[signal], now, stride, INTEGER(0)))

@@ -1,10 +1,10 @@
-"""What a kernel is compiled for: the kind of drive, and the optional laws that the actuator has."""
+"""Structure of an actuator: its kind of drive and its optional laws, for which a kernel is compiled."""
 
 from typing import NamedTuple
 
 
 class Ripple(NamedTuple):
-    """A harmonic of the torque: `order` per turn of the motor, or of the screw where `screw`."""
+    """Harmonic of the torque ripple: `order` per turn of the motor, or of the screw if `screw` is true."""
 
     order: int
     screw: bool = False
@@ -13,8 +13,8 @@ class Ripple(NamedTuple):
 class Structure(NamedTuple):
     """Kind of drive and optional laws; a law that is False takes no time in a kernel.
 
-    `commutation` is one that is not by the rotor's true angle; `load_variation` is how many coefficients a
-    load has that varies over the run, `load_steps` how many times one steps.
+    `commutation` is commutation with errors of the rotor's angle; `load_variation` is the number of
+    coefficients of a load that varies over the run, `load_steps` the number of load steps.
     """
 
     drive: str = "hysteresis"
@@ -39,7 +39,7 @@ class Structure(NamedTuple):
 
     @property
     def smooth_friction(self) -> bool:
-        """Whether friction has more to it than a static and a dynamic level."""
+        """Whether friction has an optional law in addition to its static and dynamic levels."""
         return any(
             (
                 self.stribeck,

@@ -1,1 +1,1 @@
-"""The laws of physics, one subject a file: pure functions of scalars or arrays, for Python and kernels."""
+"""Laws of physics, one subject per file: pure functions of scalars or arrays, for Python and for kernels."""

@@ -1,4 +1,4 @@
-"""Angles on the circle: wrapping them, shifting them from phase to phase, and turning a direction."""
+"""Angles on the circle: wrapping, the angles of the three phases, and rotation of a direction."""
 
 from typing import Any
 
@@ -12,19 +12,19 @@ PHASE_SHIFT = 2 * np.pi / 3
 
 
 def wrap(angle: Any) -> Any:
-    """Return any angle [rad] turned into [-π, π): ((u + π) mod 2π) - π.
+    """Return any angle [rad] wrapped into [-π, π): ((u + π) mod 2π) - π.
 
-    Accurate to a rounding of the given angle. Not for kernels: a remainder is no vector instruction.
+    Accurate to the rounding of the given angle. Not for kernels: no vector instruction computes a remainder.
     """
     return np.mod(np.asarray(angle, float) + np.pi, 2 * np.pi) - np.pi
 
 
 def wrap_once(angle: Any) -> Any:
-    """Turn an angle that has left [-π, π) by less than one turn back into it.
+    """Return an angle, less than one turn outside [-π, π), wrapped into that range.
 
         u = angle - 2π   (angle ≥ π)
         u = angle + 2π   (angle < -π)
-        u = angle        elsewhere
+        u = angle        otherwise
 
     Parameters
     ----------
@@ -39,9 +39,9 @@ def wrap_once(angle: Any) -> Any:
 
 
 def phase_angles(angle: Any) -> Phases:
-    """Return the electrical angle as each phase sees it.
+    """Return the electrical angle of each phase.
 
-        u_i = θ_e - 2π (i - 1) / 3,   i = 1, 2, 3 for the phases a, b, c, turned into [-π, π)
+        u_i = θ_e - 2π (i - 1) / 3,   i = 1, 2, 3 for the phases a, b, c, wrapped into [-π, π)
 
     Parameters
     ----------
@@ -60,26 +60,26 @@ def phase_angles(angle: Any) -> Phases:
 
 
 def turn(cos: Any, sin: Any, angle: Any) -> Any:
-    """Turn a direction by a small angle, without a trigonometric function.
+    """Return a direction rotated by a small angle, without a trigonometric function.
 
         cos⁺ = cos c - sin s,   c = 1 - δ²/2 + δ⁴/24
         sin⁺ = sin c + cos s,   s = δ - δ³/6 + δ⁵/120
 
     Parameters
     ----------
-    cos, sin : of the angle before [-]
-    angle : δ, by which it is turned [rad]
+    cos, sin : cosine and sine of the angle before the rotation [-]
+    angle : δ, angle of the rotation [rad]
 
     Returns
     -------
-    cos⁺, sin⁺, of the angle after [-].
+    cos⁺, sin⁺, cosine and sine of the angle after the rotation [-].
 
     Notes
     -----
-    Each turn adds δ⁶/720 to the length, relative, and -δ⁷/840 to the angle: at 8000 rpm and a step of 50 µs
-    (δ = 0.042) 1.5e-8 of length after 0.1 s.
+    Each rotation changes the length by δ⁶/720, relative, and the angle by -δ⁷/840: at 8000 rpm and a step of
+    50 µs (δ = 0.042) the length changes by 1.5e-8 in 0.1 s.
     """
     square = angle * angle
-    by_cos = 1.0 - square * (0.5 - square * (1 / 24))
-    by_sin = angle * (1.0 - square * (1 / 6 - square * (1 / 120)))
-    return cos * by_cos - sin * by_sin, sin * by_cos + cos * by_sin
+    cos_turn = 1.0 - square * (0.5 - square * (1 / 24))
+    sin_turn = angle * (1.0 - square * (1 / 6 - square * (1 / 120)))
+    return cos * cos_turn - sin * sin_turn, sin * cos_turn + cos * sin_turn

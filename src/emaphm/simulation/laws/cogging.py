@@ -7,21 +7,21 @@ from typing import Any
 
 @cache
 def harmonic(order: int) -> Callable[..., Any]:
-    """Return the law that turns (cos θ, sin θ) into (cos nθ, sin nθ), n = `order` ≥ 1.
+    """Return the function that maps (cos θ, sin θ) to (cos nθ, sin nθ), n = `order` ≥ 1.
 
-    By the addition theorems, cos(a + b) = cos a cos b - sin a sin b, sin(a + b) = sin a cos b + cos a sin b:
-    a doubling for each binary digit of n, and one addition for each that is 1.
+    It uses the addition theorems, cos(a + b) = cos a cos b - sin a sin b, sin(a + b) = sin a cos b + cos a
+    sin b: one doubling of the angle for each binary digit of n, and one addition of θ for each digit 1.
     """
     if order == 1:
-        return _itself
+        return _first_harmonic
     if order % 2:
-        before = harmonic(order - 1)
+        lower = harmonic(order - 1)
 
-        def one_more(cos: Any, sin: Any) -> Any:
-            c, s = before(cos, sin)
+        def next_harmonic(cos: Any, sin: Any) -> Any:
+            c, s = lower(cos, sin)
             return c * cos - s * sin, s * cos + c * sin
 
-        return one_more
+        return next_harmonic
     half = harmonic(order // 2)
 
     def doubled(cos: Any, sin: Any) -> Any:
@@ -31,7 +31,7 @@ def harmonic(order: int) -> Callable[..., Any]:
     return doubled
 
 
-def _itself(cos: Any, sin: Any) -> Any:
+def _first_harmonic(cos: Any, sin: Any) -> Any:
     return cos, sin
 
 
@@ -42,18 +42,18 @@ def ripple_torque(cos: Any, sin: Any, along: Any, across: Any) -> Any:
 
     Parameters
     ----------
-    cos, sin : of n θ, θ the mechanical angle of the rotor or of the screw [-]
-    along, across : A_n, B_n [N·m]
+    cos, sin : cosine and sine of n θ, with θ the mechanical angle of the rotor or of the screw [-]
+    along, across : A_n, B_n, amplitudes of the cosine and of the sine [N·m]
 
     Returns
     -------
-    τ_n, added to the motor's torque [N·m].
+    τ_n, torque to be added to the motor's torque [N·m].
 
     Notes
     -----
-    Cogging of a motor with N_s slots and 2 P poles has the order of the least common multiple of both, and
-    its multiples; a bent screw or an uneven bearing has the first orders of the screw's turn. The amplitude
-    does not depend on current or speed.
+    Cogging of a motor with N_s slots and 2 P poles has the least common multiple of N_s and 2 P as its
+    lowest order, and multiples of it. A bent screw or an uneven bearing has the lowest orders of the screw's
+    angle. The amplitude does not depend on current or speed.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Trapezoidal commutation of a three-phase BLDC motor: the shapes of back-EMF and current over the angle."""
+"""Trapezoidal commutation of a three-phase BLDC motor: shapes of back-EMF and current over the angle."""
 
 from typing import Any
 
@@ -12,21 +12,21 @@ RAMP = np.pi / 6
 
 
 def from_zero(angle: Any) -> Any:
-    """Return how far an angle in [-π, π) is from the nearest zero of its sine, min(|u|, π - |u|) [rad]."""
+    """Return the distance of u in [-π, π) [rad] from the nearest zero of sin u: min(|u|, π - |u|) [rad]."""
     magnitude = np.abs(angle)
     return np.minimum(magnitude, np.pi - magnitude)
 
 
 def trapezoid(angle: Any) -> Any:
-    """Return the unit trapezoid: the shape of a phase's back-EMF, and of its torque per ampere.
+    """Return the unit trapezoid: the shape of a phase's back-EMF and of its torque per ampere.
 
-    It rises through 0 at 0 deg, is +1 from 30 to 150 deg, falls through 0 at 180 deg, and is odd:
+    It is odd, rises through 0 at 0 deg, is +1 from 30 to 150 deg and falls through 0 at 180 deg:
 
         s(u) = sgn(u) min(min(|u|, π - |u|) / (π/6), 1)
 
     Parameters
     ----------
-    angle : u, electrical angle as the phase sees it, in [-π, π) [rad]
+    angle : u, electrical angle of the phase, in [-π, π) [rad]
 
     Returns
     -------
@@ -40,14 +40,14 @@ def trapezoid(angle: Any) -> Any:
 
 
 def demand_sign(angle: Any) -> Any:
-    """Return what share of the reference current a phase is asked for.
+    """Return the reference current of a phase, relative to the reference current of the drive.
 
         r(u) = sgn(u)   (π/6 ≤ |u| ≤ 5π/6: the flats of the trapezoid)
-        r(u) = 0        elsewhere: the phase idles
+        r(u) = 0        otherwise: the phase idles
 
     Parameters
     ----------
-    angle : u, electrical angle as the phase sees it, in [-π, π) [rad]
+    angle : u, electrical angle of the phase, in [-π, π) [rad]
 
     Returns
     -------
@@ -61,9 +61,9 @@ def demand_sign(angle: Any) -> Any:
 
 
 def of_idle_phase(angle: Any, values: Phases) -> Any:
-    """Return the one of three values that belongs to the phase that idles.
+    """Return the value that belongs to the idle phase.
 
-    The idle phase is the one whose trapezoid is nearest to a zero. With v = θ_e modulo π, in [0, π):
+    The trapezoid of the idle phase is nearest to a zero. With v = θ_e modulo π, in [0, π), the idle phase is
 
         a   (v ≤ π/6 or v ≥ 5π/6)
         c   (π/6 < v ≤ π/2)
@@ -72,11 +72,11 @@ def of_idle_phase(angle: Any, values: Phases) -> Any:
     Parameters
     ----------
     angle : θ_e, electrical angle, in [-π, π) [rad]
-    values : what is returned while a phase idles, that is while the other two conduct
+    values : for each phase, the value to return while it idles, that is, while the two other phases conduct
 
     Returns
     -------
-    One of the three values.
+    The value of the idle phase.
 
     References
     ----------

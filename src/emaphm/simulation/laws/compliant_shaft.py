@@ -1,4 +1,4 @@
-"""A shaft that gives: a damped spring between motor and user, the backlash as a dead zone in series."""
+"""Compliant shaft: a damped spring between motor and user, with the backlash as a dead zone in series."""
 
 from typing import Any
 
@@ -8,22 +8,26 @@ from emaphm.simulation.laws.select import clip, select
 
 
 def shaft_torque(twist: Any, rate: Any, half_gap: Any, stiffness: Any, damping: Any) -> Any:
-    """Return the torque that the motor passes to the user.
+    """Return the torque that the shaft transmits from the motor to the user.
 
-    Inside the gap nothing; at its edges spring and damper in parallel, which push but do not pull:
+    Inside the gap the torque is 0. Beyond an edge of the gap, a spring and a damper act in parallel. They
+    push but do not pull: τ_s never has the sign opposite to ε.
 
-        ε = δ - clip(δ, -b, b),   τ_s = k ε + d δ̇ where ε ≠ 0 and of the sign of ε, else 0
+        ε = δ - clip(δ, -b, b)
+        τ_s = max(k ε + d δ̇, 0)   (ε > 0)
+        τ_s = min(k ε + d δ̇, 0)   (ε < 0)
+        τ_s = 0                   (ε = 0)
 
     Parameters
     ----------
-    twist : δ = θ - θ_u, by which the motor is ahead of the user, both referred to the motor [rad]
-    rate : δ̇ [rad/s]
+    twist : δ = θ - θ_u, angle of the motor less angle of the user, both referred to the motor [rad]
+    rate : δ̇, time derivative of the twist [rad/s]
     half_gap : b ≥ 0, half the backlash [rad]
     stiffness, damping : k > 0 [N·m/rad], d ≥ 0 [N·m·s/rad]
 
     Returns
     -------
-    τ_s, torque from the motor to the user [N·m].
+    τ_s, torque that drives the user and brakes the motor [N·m].
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Static rotor eccentricity: how the flux linked by a phase varies with the rotor's angle."""
+"""Static rotor eccentricity: variation of the flux linkage of each phase with the rotor's angle."""
 
 from typing import Any
 
@@ -11,16 +11,16 @@ SQRT3_2 = float(np.sqrt(3) / 2)
 
 
 def gap_factors(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Phases:
-    """Return by what factor eccentricity multiplies each phase's torque and back-EMF constant.
+    """Return the factors of eccentricity on the torque constant and back-EMF constant of each phase.
 
-    The air gap varies once per mechanical turn, g = g₀ (1 + ζ cos θ), and each phase sees it a third of a
-    turn from the next:
+    The air gap varies once per mechanical turn, g = g₀ (1 + ζ cos θ). The variation is shifted by a third of
+    a turn from phase to phase:
 
         g_i = 1 + Z cos(θ + φ + 2π (i - 1) / 3),   i = 1, 2, 3 for the phases a, b, c
 
     Parameters
     ----------
-    cos, sin : of θ, the rotor's mechanical angle [-]
+    cos, sin : cosine and sine of θ, the rotor's mechanical angle [-]
     z_cos, z_sin : Z cos φ and Z sin φ, amplitude and direction of the eccentricity, 0 ≤ Z < 1 [-]
 
     Returns
@@ -29,32 +29,34 @@ def gap_factors(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Phases:
 
     Notes
     -----
-    First order in Z. Torque and back-EMF take the same factor, so power is conserved.
+    First order in Z. Torque and back-EMF have the same factor, so power is conserved.
 
     References
     ----------
     [1] Thesis, section 4.5, Fig. 4.8 to 4.10.
     """
-    along = cos * z_cos - sin * z_sin
-    across = sin * z_cos + cos * z_sin
+    cosine = cos * z_cos - sin * z_sin
+    sine = sin * z_cos + cos * z_sin
     return Phases(
-        1.0 + along,
-        1.0 - 0.5 * along - SQRT3_2 * across,
-        1.0 - 0.5 * along + SQRT3_2 * across,
+        1.0 + cosine,
+        1.0 - 0.5 * cosine - SQRT3_2 * sine,
+        1.0 - 0.5 * cosine + SQRT3_2 * sine,
     )
 
 
 def printed_factor(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Any:
-    """Return the factor that the thesis prints for its monitor model: one period per electrical turn.
+    """Return the eccentricity factor that the thesis prints for its monitor model.
+
+    It has one period per electrical turn:
 
         g = 1 - Z (cos(u - φ) + saw(cos(6u - π)) sin(u - π))
 
-    with saw(x) = x/π - sgn x the sawtooth of period 2π that rises from -1 at 0; for x = 0, saw = -1. It is
-    evaluated without a trigonometric function: cos(6u - π) = -(4t³ - 3t), t = cos 2u = 2 cos²u - 1.
+    with the sawtooth saw(x) = x/π - sgn x, which has the period 2π and rises from -1 at x = 0 (saw(0) = -1).
+    The code needs no trigonometric function: cos(6u - π) = -(4t³ - 3t), t = cos 2u = 2 cos²u - 1.
 
     Parameters
     ----------
-    cos, sin : of u = P θ, the electrical angle [-]
+    cos, sin : cosine and sine of u = P θ, the electrical angle [-]
     z_cos, z_sin : Z cos φ and Z sin φ [-]
 
     Returns
@@ -63,8 +65,8 @@ def printed_factor(cos: Any, sin: Any, z_cos: Any, z_sin: Any) -> Any:
 
     Notes
     -----
-    Kept for comparison with the thesis. It disagrees with `gap_factors`, and with its own derivation of
-    one period per mechanical turn.
+    Kept for comparison with the thesis. It contradicts `gap_factors`, and the thesis's own derivation of one
+    period per mechanical turn.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""One equivalent winding: the two conducting phases in series (monitor and averaged model)."""
+"""Equivalent winding: the two conducting phases in series (monitor model, averaged model)."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from typing import Any
 def winding_current(current: Any, voltage: Any, conductance: Any, decay: Any) -> Any:
     """Return the current in a winding after a step under constant voltage.
 
-    The exact solution of L di/dt = v - R i over one step:
+    This is the exact solution of L di/dt = v - R i over one step:
 
         i⁺ = v/R + (i - v/R) exp(-R Δt / L)
 
@@ -23,7 +23,7 @@ def winding_current(current: Any, voltage: Any, conductance: Any, decay: Any) ->
 
     Notes
     -----
-    Stable for any step, exact as long as the voltage is constant in it. With decay = 0 the winding has no
+    Stable for any step; exact if the voltage is constant during the step. decay = 0 is a winding without
     inductance.
 
     References
@@ -35,15 +35,15 @@ def winding_current(current: Any, voltage: Any, conductance: Any, decay: Any) ->
 
 
 def mean_voltage(before: Any, after: Any, back_emf: Any, conductance: Any, decay: Any) -> Any:
-    """Return the constant voltage that takes a winding from one current to another in a step.
+    """Return the constant voltage that changes the current of a winding from i to i⁺ in one step.
 
-    `winding_current` solved for the terminal voltage:
+    This is the equation of `winding_current`, solved for the terminal voltage:
 
         u = e + (i⁺ - i exp(-R Δt / L)) R / (1 - exp(-R Δt / L))
 
     Parameters
     ----------
-    before, after : i and i⁺, at both ends of the step [A]
+    before, after : i, i⁺, currents at the start and at the end of the step [A]
     back_emf : e [V]
     conductance : 1 / R [S]
     decay : exp(-R Δt / L), in [0, 1) [-]

@@ -1,4 +1,4 @@
-"""Dry friction after Borello: one speed update that sticks, breaks away and stops exactly."""
+"""Dry friction after Borello: a speed update in which sticking, breakaway and stopping are exact."""
 
 from typing import Any
 
@@ -8,11 +8,11 @@ from emaphm.simulation.laws.select import select
 
 
 def speed_after(speed: Any, active: Any, static: Any, dynamic: Any, step_per_inertia: Any) -> Any:
-    """Advance the shaft's speed by one step under dry friction with sticking.
+    """Return the shaft's speed after one step under dry friction with sticking.
 
-    In motion, friction opposes the speed with f_d. At rest it balances the active torque up to f_s; beyond,
-    the shaft breaks away against f_d. A step that would reverse the speed ends at rest, so that the next
-    one decides afresh whether the shaft sticks:
+    In motion, friction opposes the speed with f_d. At rest, friction balances the active torque up to f_s;
+    above f_s the shaft breaks away against f_d. A step that would reverse the speed ends at rest, so that the
+    next step decides again whether the shaft sticks:
 
         ω⁺ = ω + (τ - τ_f) Δt / J,   τ_f = f_d sgn ω   (ω ≠ 0)
                                      τ_f = τ           (ω = 0, |τ| ≤ f_s)
@@ -21,7 +21,7 @@ def speed_after(speed: Any, active: Any, static: Any, dynamic: Any, step_per_ine
 
     Parameters
     ----------
-    speed : ω, motor shaft, before the step [rad/s]
+    speed : ω, speed of the motor shaft before the step [rad/s]
     active : τ, motor torque less load less viscous friction, at the motor shaft [N·m]
     static : f_s ≥ f_d, largest friction torque at rest [N·m]
     dynamic : f_d ≥ 0, friction torque in motion [N·m]
@@ -33,31 +33,31 @@ def speed_after(speed: Any, active: Any, static: Any, dynamic: Any, step_per_ine
 
     Notes
     -----
-    First order in Δt; sticking and stopping are exact. No Stribeck curve between f_s and f_d, and no
-    presliding displacement: `stribeck_factor` and `speed_through_standstill` have them.
+    First order in Δt; sticking and stopping are exact. The law has no Stribeck curve between f_s and f_d (see
+    `stribeck_factor`) and no presliding displacement (see `speed_against_bristles`).
 
     References
     ----------
     [1] L. Borello, M. D. L. Dalla Vedova: dry friction in servomechanisms; thesis, section 4.2, Fig. 4.2.
     """
-    still = speed == 0.0
-    against = np.copysign(dynamic, select(still, active, speed))
-    friction = select(still & (np.abs(active) <= static), active, against)
+    at_rest = speed == 0.0
+    dynamic_torque = np.copysign(dynamic, select(at_rest, active, speed))
+    friction = select(at_rest & (np.abs(active) <= static), active, dynamic_torque)
     following = speed + (active - friction) * step_per_inertia
     return select(speed * following < 0.0, 0.0, following)
 
 
 def dry_level(static: Any, dynamic: Any, transmitted: Any, at_low_speed: Any, stribeck: Any) -> Any:
-    """Return the level of dry friction, which the friction torque has in motion.
+    """Return the level of dry friction: the friction torque in motion.
 
         f = f_d + f_l + s (f_s - f_d + f_ls)
 
     Parameters
     ----------
-    static, dynamic : f_s ≥ f_d, dry friction at rest and at speed, of the unloaded shaft [N·m]
-    transmitted : f_l, what the transmitted torque adds (`transmitted_friction`) [N·m]
-    at_low_speed : f_ls, what it adds at low speed beyond that [N·m]
-    stribeck : s, share of the low-speed friction that is left (`stribeck_factor`) [-]
+    static, dynamic : f_s ≥ f_d, dry friction of the unloaded shaft at rest and at speed [N·m]
+    transmitted : f_l, friction due to the transmitted torque (`transmitted_friction`) [N·m]
+    at_low_speed : f_ls, additional friction due to the transmitted torque at low speed [N·m]
+    stribeck : s, factor of the low-speed friction, in [0, 1] (`stribeck_factor`) [-]
 
     Returns
     -------
@@ -72,14 +72,14 @@ def dry_level(static: Any, dynamic: Any, transmitted: Any, at_low_speed: Any, st
 
 
 def directional(speed: Any, asymmetry: Any) -> Any:
-    """Return by what factor friction is larger in one direction than on average.
+    """Return the factor of direction-dependent friction, relative to the mean of both directions.
 
         1 + a sgn ω
 
     Parameters
     ----------
-    speed : ω, or any quantity of its sign [rad/s]
-    asymmetry : a, in (-1, 1): friction is (1 + a) / (1 - a) times as large forward as backward [-]
+    speed : ω, or any quantity with the sign of ω [rad/s]
+    asymmetry : a, in (-1, 1): forward friction is (1 + a) / (1 - a) times the backward friction [-]
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""An inverter leg whose switches are both off: its diodes alone conduct."""
+"""Inverter leg with both switches off: only its diodes conduct."""
 
 from typing import Any
 
@@ -10,42 +10,44 @@ from emaphm.simulation.laws.select import clip, select
 def diode_voltage(current: Any, open_voltage: Any, half_supply: Any) -> Any:
     """Return the voltage of a leg whose switches are off.
 
-        v = -V_dc/2   (i > 0: the lower diode carries a current out of the leg)
-        v = +V_dc/2   (i < 0: the upper diode)
-        v = clip(v_o, -V_dc/2, V_dc/2)   (i = 0: both block, unless the winding drives a current through one)
+        v = -V_dc/2   (i > 0: the lower diode conducts)
+        v = +V_dc/2   (i < 0: the upper diode conducts)
+        v = clip(v_o, -V_dc/2, V_dc/2)   (i = 0: both diodes block if |v_o| ≤ V_dc/2)
 
     Parameters
     ----------
     current : i, from the leg into its winding [A]
-    open_voltage : v_o, of the terminal while no current flows: centre of the star plus back-EMF [V]
+    open_voltage : v_o, voltage of the terminal without current: star centre plus back-EMF [V]
     half_supply : V_dc / 2 [V]
 
     Returns
     -------
-    v [V].
+    v, voltage of the leg [V].
 
     Notes
     -----
-    Ideal diodes. At v = v_o the winding's current stays 0.
+    Ideal diodes. At v = v_o the current of the winding remains 0.
     """
     floating = clip(open_voltage, -half_supply, half_supply)
     return select(current > 0.0, -half_supply, select(current < 0.0, half_supply, floating))
 
 
 def diode_current(before: Any, after: Any, open_voltage: Any, half_supply: Any) -> Any:
-    """Return the current of a leg whose switches are off after a step: a diode ends it at 0.
+    """Return the current after a step of a leg whose switches are off: a diode stops the current at 0.
 
-        i⁺ = 0 where i i' < 0, or where i = 0 and |v_o| ≤ V_dc/2, else i'
+        i⁺ = 0    (i i' < 0, or i = 0 and |v_o| ≤ V_dc/2)
+        i⁺ = i'   (otherwise)
 
     Parameters
     ----------
-    before, after : i, and i' as the windings alone would have it [A]
-    open_voltage : v_o, of the terminal while no current flows [V]
+    before : i, current before the step [A]
+    after : i', current after the step without the diodes' blocking [A]
+    open_voltage : v_o, voltage of the terminal without current [V]
     half_supply : V_dc / 2 [V]
 
     Returns
     -------
-    i⁺ [A].
+    i⁺, current after the step [A].
     """
     ended = select(before * after < 0.0, 0.0, after)
     blocking = select(np.abs(open_voltage) <= half_supply, 0.0, ended)
@@ -53,24 +55,27 @@ def diode_current(before: Any, after: Any, open_voltage: Any, half_supply: Any) 
 
 
 def outgoing_after(current: Any, half_supply: Any, back_emf: Any, resistance: Any, fall: Any) -> Any:
-    """Return the current of a phase that has stopped to conduct, after a step, for an averaged model.
+    """Return the decaying current of the outgoing phase after a step, for an averaged model.
+
+    The outgoing phase is the phase whose switches the commutation has turned off. Its current decays as
 
         |i⁺| = max(|i| - f (u + 3/2 R |i|), 0),   u = V_dc/2 + sgn(i) e
         f = Δt (1 - L_p / L) / L,   1 / L_p = Σ 1 / L_i
 
-    The diode lays half the supply against it, while the mean voltages of the other two legs are opposite. As
-    one winding these two, a that continues and c that comes in, have a current that loses, in addition to
-    what their own voltage makes of it, L_c / (L_a + L_c) of
+    because the diode applies half the supply voltage against the current, and the mean voltages of the other
+    two legs are opposite to each other. These two legs, a that continues to conduct and c that starts to
+    conduct, are one equivalent winding. In addition to the effect of its own voltage, its current falls by
+    L_c / (L_a + L_c) times
 
         Δ = (|i| - |i⁺|) u / (u + 3/2 R |i|)
 
     Parameters
     ----------
-    current : i, with the sign of the current through the two conducting phases [A]
+    current : i, of the outgoing phase, with the sign of the current through the two conducting phases [A]
     half_supply : V_dc / 2 [V]
-    back_emf : e, of the phase, positive where it opposes a positive current of the pair [V]
+    back_emf : e, of the phase; positive if it opposes a positive current of the pair [V]
     resistance : R, of the phase [ohm]
-    fall : f [s/H]
+    fall : f, from the step Δt, the inductance L of the phase and L_p of the three phases in parallel [s/H]
 
     Returns
     -------
@@ -79,8 +84,8 @@ def outgoing_after(current: Any, half_supply: Any, back_emf: Any, resistance: An
     Notes
     -----
     Exact for three equal windings and small steps. Without resistance the flux linkage of the new pair is
-    conserved, L_a I = (L_a + L_c) I⁺: a healthy machine loses half its current where the controller of the
-    current is slow compared with the commutation.
+    conserved, L_a I = (L_a + L_c) I⁺: the current of a healthy machine falls to half if the current
+    controller is slow compared with the commutation.
 
     References
     ----------
@@ -89,8 +94,8 @@ def outgoing_after(current: Any, half_supply: Any, back_emf: Any, resistance: An
     """
     size = np.abs(current)
     driving = np.maximum(half_supply + np.copysign(1.0, current) * back_emf, 0.0)
-    against = driving + 1.5 * resistance * size
-    remaining = np.maximum(size - fall * against, 0.0)
-    # Where nothing is against the current, none is lost: the smallest number keeps the share finite.
-    taken = (size - remaining) * driving / np.maximum(against, 1e-30)
-    return np.copysign(remaining, current), np.copysign(taken, current)
+    opposing = driving + 1.5 * resistance * size
+    remaining = np.maximum(size - fall * opposing, 0.0)
+    # Without opposing voltage the current does not change; the small number avoids 0 / 0.
+    loss = (size - remaining) * driving / np.maximum(opposing, 1e-30)
+    return np.copysign(remaining, current), np.copysign(loss, current)

@@ -6,19 +6,19 @@ from emaphm.simulation.laws.select import select
 
 
 def switch(state: Any, error: Any, band: Any) -> Any:
-    """Return the state of a leg after its comparator has seen the current error.
+    """Return the state of a leg after its comparator has evaluated the current error.
 
         s⁺ = +1   (i_dem - i > hb)
         s⁺ = -1   (i_dem - i < -hb)
-        s⁺ = s    elsewhere
+        s⁺ = s    (otherwise)
 
     The leg's voltage is s V_dc / 2.
 
     Parameters
     ----------
-    state : s, before: +1 high, -1 low [-]
-    error : i_dem - i, demanded less actual phase current [A]
-    band : hb > 0, at which the comparator switches, on either side of 0 [A]
+    state : s, state before: +1 high, -1 low [-]
+    error : i_dem - i, reference current less actual current of the phase [A]
+    band : hb ≥ 0, magnitude of the error at which the comparator switches [A]
 
     Returns
     -------
@@ -26,7 +26,7 @@ def switch(state: Any, error: Any, band: Any) -> Any:
 
     Notes
     -----
-    No dead time, no voltage drop. The switching frequency follows from hb, inductance and supply.
+    No dead time, no voltage drop. hb, the inductance and the supply determine the switching frequency.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Load-dependent friction: what a gear or screw loses of the torque that it transmits."""
+"""Load-dependent friction: the loss of a gear or screw that is proportional to the transmitted torque."""
 
 from typing import Any
 
@@ -6,15 +6,15 @@ import numpy as np
 
 
 def transmitted_friction(motor: Any, external: Any, by_motor: Any, by_external: Any) -> Any:
-    """Return the friction torque that the transmitted torque causes.
+    """Return the friction torque due to the transmitted torque.
 
         f_l = |K_m τ_m - K_e τ_e|
 
     Parameters
     ----------
     motor : τ_m, torque of the motor [N·m]
-    external : τ_e, external torque on the shaft, that of the load with its sign turned [N·m]
-    by_motor, by_external : K_m, K_e ≥ 0, friction per torque [-]
+    external : τ_e, external torque on the shaft: the load torque with the opposite sign [N·m]
+    by_motor, by_external : K_m, K_e ≥ 0, friction torque per torque of the motor, per external torque [-]
 
     Returns
     -------
@@ -22,10 +22,10 @@ def transmitted_friction(motor: Any, external: Any, by_motor: Any, by_external: 
 
     Notes
     -----
-    With K_m = K_e = K_l this is K_l |τ_m - τ_e|: a motor that holds a load has it all on the flanks. The
-    efficiencies of a screw are this law: driving a steady load τ = -τ_e the motor gives
-    (1 + K_e) / (1 - K_m) τ, so that the efficiency is (1 - K_m) / (1 + K_e); driven by the load it holds it
-    with (1 - K_e) / (1 + K_m) τ, and the screw is self-locking where K_e ≥ 1.
+    With K_m = K_e = K_l this is K_l |τ_m - τ_e|: if the motor holds a load, both torques act on the flanks.
+    The law implies the efficiencies of a screw. A motor that drives a steady load τ = -τ_e needs the torque
+    (1 + K_e) / (1 - K_m) τ, so that the efficiency is (1 - K_m) / (1 + K_e). A motor that the load drives
+    holds it with (1 - K_e) / (1 + K_m) τ. The screw is self-locking if K_e ≥ 1.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""The drive's outer loop: from the position error to a limited speed demand."""
+"""Position loop of the drive: from the position error to a limited speed demand."""
 
 from typing import Any
 
@@ -6,13 +6,13 @@ from emaphm.simulation.laws.select import clip
 
 
 def speed_error(command: Any, position: Any, measured: Any, gain: Any, limit: Any) -> Any:
-    """Return the speed that the drive demands, less the speed that it measures.
+    """Return the speed error: the speed demand of a proportional position loop, less the measured speed.
 
         e = clip(G_prop (θ_cmd - θ_user), -ω_max, ω_max) - ω_meas
 
     Parameters
     ----------
-    command : θ_cmd, demanded position of the user [rad]
+    command : θ_cmd, commanded position of the user [rad]
     position : θ_user, position of the user [rad]
     measured : ω_meas, motor speed as the drive measures it [rad/s]
     gain : G_prop, position gain, motor speed per position error of the user [1/s]
@@ -24,7 +24,7 @@ def speed_error(command: Any, position: Any, measured: Any, gain: Any, limit: An
 
     Notes
     -----
-    Algebraic: the position is that at the start of the step. A gain fault multiplies G_prop.
+    Algebraic: the position is the position at the start of the step. A gain fault multiplies G_prop.
 
     References
     ----------
@@ -46,22 +46,22 @@ def pid_speed_error(
     feedback: Any,
     limit: Any,
 ) -> Any:
-    """Return the speed demand of a PID position loop with feed-forward, less the measured speed.
+    """Return the speed error: the speed demand of a PID position loop with feed-forward, less measured speed.
 
         e = clip(G_prop (ε + ∫ε dt / T_i + T_d dε/dt) + k_ff θ̇_cmd / τ, -ω_max, ω_max) - β ω_meas
 
     Parameters
     ----------
     error : ε, position error of the user [rad]
-    integral : ∫ε dt up to the step before [rad·s]
-    difference : ε less its value a step before [rad]
-    rate : θ̇_cmd / τ, rate of the command, as a motor speed [rad/s]
+    integral : ∫ε dt up to the previous step [rad·s]
+    difference : ε less its value one step before [rad]
+    rate : θ̇_cmd / τ, rate of the command divided by the gear ratio, as a motor speed [rad/s]
     measured : ω_meas, motor speed as the drive measures it [rad/s]
     gain : G_prop [1/s]
     integrating : 1 / T_i [1/s]
     derivative : T_d / Δt [-]
-    feedforward : k_ff, 1 where the command's whole rate is fed forward [-]
-    feedback : β, 1 for a speed loop around the motor, 0 for a drive without one [-]
+    feedforward : k_ff, 1 if the full rate of the command is fed forward [-]
+    feedback : β, 1 for a drive with a speed loop around the motor, 0 for a drive without a speed loop [-]
     limit : ω_max, largest speed demand [rad/s]
 
     Returns
@@ -70,7 +70,7 @@ def pid_speed_error(
 
     Notes
     -----
-    The integral has no anti-windup. A gain fault multiplies G_prop, and with it all three parts.
+    The integral has no anti-windup. A gain fault multiplies G_prop, and thus all three parts.
     """
     demand = gain * (error + integrating * integral + derivative * difference) + feedforward * rate
     return clip(demand, -limit, limit) - feedback * measured

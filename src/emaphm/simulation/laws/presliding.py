@@ -1,4 +1,4 @@
-"""Dry friction as the give of many bristles: a spring up to its level, with memory (Dahl, LuGre)."""
+"""Dry friction with presliding: bristles that act as springs up to the friction level (Dahl, LuGre)."""
 
 from typing import Any
 
@@ -7,13 +7,13 @@ import numpy as np
 from emaphm.simulation.laws.select import select
 
 LEAST_BRAKING = 1e-12
-"""Least speed that the full friction takes in a step [rad/s], so that none is no division by 0."""
+"""Least change of the speed by the full friction in a step [rad/s]; avoids a division by 0."""
 
 
 def speed_against_bristles(free: Any, braking: Any, held: Any, give: Any, damping: Any) -> Any:
-    """Return the speed after a step against bristles, and what they then hold.
+    """Return the speed after a step against bristle friction, and the bristles' spring force after it.
 
-    Bristles of stiffness σ_0 and damping σ_1 are bent by z, and slide at the level f:
+    Bristles of stiffness σ_0 and damping σ_1 have the deflection z, and slide at the friction level f:
 
         ż = ω - (σ_0 / f) |ω| z,   friction = σ_0 z + σ_1 ż
 
@@ -24,20 +24,21 @@ def speed_against_bristles(free: Any, braking: Any, held: Any, give: Any, dampin
 
     Parameters
     ----------
-    free : ω_0, speed that the step would lead to without dry friction [rad/s]
-    braking : β ≥ 0, what friction of its full level takes in the step [rad/s]
-    held : q, what the bent bristles take in it [rad/s]
+    free : ω_0, speed after the step without dry friction [rad/s]
+    braking : β ≥ 0, change of the speed in the step by friction of the full level [rad/s]
+    held : q, change of the speed in the step by the bristles' spring force σ_0 z [rad/s]
     give : κ > 0, square of the bristles' natural frequency times the step [-]
-    damping : η ≥ 0, share of a speed that their damping takes in the step [-]
+    damping : η ≥ 0, relative change of the speed in the step by the bristles' damping [-]
 
     Returns
     -------
-    ω⁺, speed after the step, and q⁺ [rad/s].
+    ω⁺, speed after the step, and q⁺, from which z⁺ = q⁺ J / (σ_0 Δt) [rad/s].
 
     Notes
     -----
-    Stable for any step: the equation has one solution of that sign. Of the two forms of its root, the one
-    that does not cancel is taken. Under a steady torque below the level the shaft comes to rest, bent.
+    Stable for any step: the equation has one solution with the sign s. Of the two forms of its root, the code
+    uses the form without cancellation. Under a constant torque below f the shaft comes to rest with deflected
+    bristles.
 
     References
     ----------
@@ -49,10 +50,10 @@ def speed_against_bristles(free: Any, braking: Any, held: Any, give: Any, dampin
     side = np.copysign(1.0, free - held)
     against = side * (free - held)
     linear = 1.0 + give + damping - steepness * side * (free + damping / give * held)
-    apart = np.sqrt(linear * linear + 4.0 * steepness * against)
+    discriminant_root = np.sqrt(linear * linear + 4.0 * steepness * against)
     positive = linear > 0.0
-    numerator = select(positive, 2.0 * against, apart - linear)
-    denominator = select(positive, linear + apart, 2.0 * steepness)
+    numerator = select(positive, 2.0 * against, discriminant_root - linear)
+    denominator = select(positive, linear + discriminant_root, 2.0 * steepness)
     size = numerator / denominator
     after = side * size
     return after, (held + give * after) / (1.0 + steepness * size)

@@ -1,4 +1,4 @@
-"""Pulse-width modulation: three legs that a triangular carrier switches."""
+"""Pulse-width modulation of three legs by a triangular carrier, and the delay of a sampled controller."""
 
 from typing import Any
 
@@ -9,18 +9,19 @@ from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.select import clip, select
 
 CONTROL_DELAY = 1.5
-"""Periods from sampling the currents to the middle of the period in which the answer is applied."""
+"""Delay from the sampling of the currents to the middle of the period that applies the voltage [periods]."""
 
 
 def carrier_after(phase: Any, step_per_period: Any) -> Any:
-    """Return how far the carrier is in its period after a step.
+    """Return the phase of the carrier after a step, in periods.
 
-        p⁺ = p + Δt f, less 1 where p + Δt f > 1 - Δt f / 2
+        p⁺ = p + Δt f       (p + Δt f ≤ 1 - Δt f / 2)
+        p⁺ = p + Δt f - 1   (otherwise)
 
     Parameters
     ----------
     phase : p, in [-Δt f / 2, 1 - Δt f / 2); a period begins in the step in which p < Δt f / 2 [-]
-    step_per_period : Δt f, of the step to the period [-]
+    step_per_period : Δt f, ratio of the step to the carrier's period [-]
 
     Returns
     -------
@@ -28,20 +29,20 @@ def carrier_after(phase: Any, step_per_period: Any) -> Any:
 
     Notes
     -----
-    Periods begin at the step that is nearest, and keep their frequency: roundings do not add up.
+    A period begins at the nearest step. The mean frequency is exact: rounding errors do not accumulate.
     """
     following = phase + step_per_period
     return select(following > 1.0 - 0.5 * step_per_period, following - 1.0, following)
 
 
 def triangle(phase: Any, step_per_period: Any) -> Any:
-    """Return the carrier in the middle of a step: from +1 down to -1 halfway through the period, and back.
+    """Return the carrier in the middle of a step: +1 at the start of the period, -1 at half of it.
 
         c = 4 |p + Δt f / 2 - 1/2| - 1
 
     Parameters
     ----------
-    phase : p, at the step's start [-]
+    phase : p, phase of the carrier at the start of the step [-]
     step_per_period : Δt f [-]
 
     Returns
@@ -52,7 +53,7 @@ def triangle(phase: Any, step_per_period: Any) -> Any:
 
 
 def leg_mean(duty: Any, carrier: Any, step_per_period: Any) -> Any:
-    """Return the mean state of a leg over a step: +1 while its duty is above the carrier, else -1.
+    """Return the mean state of a leg over a step: +1 while the duty is above the carrier, otherwise -1.
 
         s = clip((m - c) / (2 Δt f), -1, 1)
 
@@ -68,42 +69,42 @@ def leg_mean(duty: Any, carrier: Any, step_per_period: Any) -> Any:
 
     Notes
     -----
-    Exact where the carrier does not turn within the step: a leg that switches within it has the voltage-time
-    area of the true instant, so that the step does not round the duty. No dead time, no voltage drop.
+    Exact if the carrier does not reverse within the step: a leg that switches within the step has the exact
+    voltage-time area, so that the step does not quantise the duty. No dead time, no voltage drop.
     """
     return clip((duty - carrier) / (2.0 * step_per_period), -1.0, 1.0)
 
 
 def half_ripple(supply: Any, duty: Any, per_volt: Any) -> Any:
-    """Return by how much the current swings about its mean while two legs switch to opposite rails.
+    """Return the amplitude of the current ripple while two legs switch together to opposite rails.
 
         ΔI / 2 = V (1 - d²) / (4 L f)
 
     Parameters
     ----------
-    supply : V [V]
+    supply : V, supply voltage [V]
     duty : d, mean voltage of the pair relative to the supply, in [-1, 1] [-]
-    per_volt : 1 / (4 L f), L of the pair and f of the carrier [A/V]
+    per_volt : 1 / (4 L f), with the inductance L of the pair and the frequency f of the carrier [A/V]
 
     Returns
     -------
-    ΔI / 2, half of peak to peak [A].
+    ΔI / 2, half of the peak-to-peak ripple [A].
 
     Notes
     -----
-    Of a current that is nearly a triangle: the period is short against L / R.
+    Valid for periods that are short compared with L / R, where the ripple is nearly triangular.
     """
     return supply * (1.0 - duty * duty) * per_volt
 
 
 def centred(duty: Phases) -> Any:
-    """Return three duties moved so that the largest and the smallest are as far from 0.
+    """Return three duties shifted so that the largest and the smallest are symmetric about 0.
 
         m_i' = m_i - (max m + min m) / 2
 
     Parameters
     ----------
-    duty : m_i = 2 v_i / V_dc, v_i the phase voltages to be made [-]
+    duty : m_i = 2 v_i / V_dc, with v_i the demanded phase voltages [-]
 
     Returns
     -------
@@ -111,8 +112,8 @@ def centred(duty: Phases) -> Any:
 
     Notes
     -----
-    What is added to all three legs moves the star's centre and no current. It is what space-vector
-    modulation does, which reaches 15 % more than a plain sine and triangle.
+    A voltage that is added to all three legs changes the star centre but no current. This is equivalent to
+    space-vector modulation, whose largest voltage is 15 % above that of sine-triangle modulation.
 
     References
     ----------
@@ -123,17 +124,18 @@ def centred(duty: Phases) -> Any:
 
 
 def delay_shares(frequency: Array, step: float) -> tuple[Array, Array]:
-    """Return how an averaged model makes the delay of a sampled controller at a step of its own.
+    """Return the coefficients by which an averaged model reproduces the delay of a sampled controller.
 
-    The controller's voltage is y⁺ = y + a (v - y), and (1 - b) y + b v is applied over the step. The mean
-    delay of that, (1 - b) h / a + h / 2, is to be `CONTROL_DELAY` periods T:
+    The step h of the model may differ from the controller's period T. The lagging voltage is
+    y⁺ = y + a (v - y), and (1 - b) y + b v is applied over the step. Its mean delay, (1 - b) h / a + h / 2,
+    is set to `CONTROL_DELAY` = 1.5 periods:
 
         a = h / (1.5 T - h / 2), b = 0   (T ≥ h);   a = 1, b = 1.5 - 1.5 T / h, at most 1   (T < h)
 
     Parameters
     ----------
-    frequency : 1 / T, of the controller, shape (n,) [Hz]
-    step : h [s]
+    frequency : 1 / T, sampling frequency of the controller, shape (n,) [Hz]
+    step : h, step of the model [s]
 
     Returns
     -------
@@ -147,15 +149,15 @@ def delay_shares(frequency: Array, step: float) -> tuple[Array, Array]:
 
 
 def delayed(before: Any, demanded: Any, share: Any, at_once: Any) -> Any:
-    """Return the voltage that is applied over a step, and the lagging one after it; see `delay_shares`.
+    """Return the voltage applied over a step, (1 - b) y + b v, and the lagging voltage y⁺ = y + a (v - y).
 
     Parameters
     ----------
-    before, demanded : y, v [V]
-    share, at_once : a, b [-]
+    before, demanded : y, lagging voltage before the step; v, voltage that the controller demands [V]
+    share, at_once : a, b, from `delay_shares` [-]
 
     Returns
     -------
-    (1 - b) y + b v, y⁺ [V].
+    Applied voltage, and y⁺ [V].
     """
     return before + at_once * (demanded - before), before + share * (demanded - before)

@@ -1,32 +1,32 @@
-"""A torque constant that falls with the current."""
+"""Magnetic saturation: a torque constant that falls with the current."""
 
 from typing import Any
 
 import numpy as np
 
 LEAST = 0.1
-"""Least share of the flux that is left, so that a motor stays a motor at any current."""
+"""Least factor of the flux [-]: the torque constant remains positive at any current."""
 
 
 def flux_left(saturation: Any, current: Any) -> Any:
-    """Return the share of the magnets' flux that a current leaves.
+    """Return the factor of a current on the magnets' flux.
 
-        max(1 - κ |i|, 1/10)
+        g = max(1 - κ |i|, 1/10)
 
     Parameters
     ----------
-    saturation : κ, loss per ampere; below 0 where the flux seems to rise [1/A]
-    current : i, of the two conducting phases, or the length of the vector of all three [A]
+    saturation : κ, relative loss of flux per ampere; negative if the flux appears to rise [1/A]
+    current : i, of the two conducting phases, or the length of the current vector of all three [A]
 
     Returns
     -------
-    The factor on torque constant and back-EMF constant alike [-], which keeps e i = T ω.
+    g, factor of both the torque constant and the back-EMF constant, so that e i = T ω [-].
 
     Notes
     -----
-    First term of a series: a motor that loses a fifth at its largest current is well described by it, an iron
-    that gives way suddenly is not. What the flux stores is left out. Sensors that show too little of large
-    currents look the same, with κ < 0.
+    First term of a series: adequate for a motor that loses a fifth of its flux at its largest current, but
+    not for iron that saturates abruptly. The change of the stored magnetic energy is neglected. A current
+    sensor that shows too little at large currents has the same effect as κ < 0.
 
     References
     ----------

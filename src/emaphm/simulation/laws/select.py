@@ -1,7 +1,7 @@
-"""What a law of physics is written with, once: for NumPy arrays in Python, and for scalars inside a kernel.
+"""Selection and limits without branches, for laws that serve NumPy arrays as well as scalars of a kernel.
 
-A law uses only arithmetic and the NumPy functions that are single instructions (`engine.step_tracing`).
-Choices are made by `select`: a branch would keep LLVM from advancing several actuators per instruction.
+A law uses only arithmetic and NumPy functions that are single instructions (`engine.step_tracing`).
+Choices are made by `select`: a branch would prevent LLVM from advancing several actuators per instruction.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""Commutation that is not by the rotor's true angle: Hall sensors out of place, their hysteresis, delays."""
+"""Commutation by Hall sensors with position errors, hysteresis and delay."""
 
 from typing import Any
 
@@ -11,17 +11,17 @@ from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.select import clip, select
 
 LEAST_TURN = 1e-9
-"""Turn [rad] below which the rotor stands."""
+"""Rotation in a step below which the rotor counts as at rest [rad]."""
 
 MOST_EARLY = 0.45
-"""Error [rad] within which an edge is nearest to its own place, whatever a step turns."""
+"""Largest error of an edge [rad]: within it, the order of the edges is kept for any rotation in a step."""
 
 
 def of_sensed_idle_phase(angle: Any, values: Phases, early: Phases) -> Any:
-    """Return the one of three values that belongs to the phase that the Hall sensors let idle.
+    """Return the value that belongs to the idle phase according to the Hall sensors.
 
-    The sensor of a phase switches where the phase's flat begins, and half a turn later, but for its error δ.
-    With v = θ_e modulo π, in [0, π):
+    Without error, the sensor of a phase switches at the start of the phase's flat and half a turn later; the
+    error δ moves both edges. With v = θ_e modulo π, in [0, π), the idle phase is
 
         a   (v < π/6 - δ_a or v ≥ 5π/6 - δ_b)
         c   (π/6 - δ_a ≤ v < π/2 - δ_c)
@@ -30,12 +30,12 @@ def of_sensed_idle_phase(angle: Any, values: Phases, early: Phases) -> Any:
     Parameters
     ----------
     angle : θ_e, electrical angle, in [-π, π) [rad]
-    values : what is returned while a phase idles, that is while the other two conduct
+    values : for each phase, the value to return while it idles, that is, while the two other phases conduct
     early : δ, electrical angle by which the sensor of a phase switches too early, within ±30 degrees [rad]
 
     Returns
     -------
-    One of the three values. With δ = 0 that of `commutation.of_idle_phase`.
+    The value of the idle phase. For δ = 0 the law is `commutation.of_idle_phase`.
     """
     half_turn = select(angle < 0.0, angle + np.pi, angle)
     before = select(half_turn < RAMP - early.a, values.a, values.c)
@@ -44,16 +44,16 @@ def of_sensed_idle_phase(angle: Any, values: Phases, early: Phases) -> Any:
 
 
 def seen_angle(electrical: Any, turning: Any, lag: Any, delay: Any) -> Any:
-    """Return the electrical angle by which a drive commutates.
+    """Return the electrical angle at which a drive commutates.
 
         θ_s = θ_e - T ω_e + max(-h, 0) sgn(ω_e)
 
     Parameters
     ----------
-    electrical : θ_e, of the rotor, in [-π, π) [rad]
+    electrical : θ_e, electrical angle of the rotor, in [-π, π) [rad]
     turning : ω_e, electrical speed [rad/s]
-    lag : h; above 0 it is that of `hall_signals` [rad]
-    delay : T, by which commutation is late [s]
+    lag : h; h > 0 is a hysteresis and acts in `hall_signals`, h < 0 advances the commutation [rad]
+    delay : T, delay of the commutation [s]
 
     Returns
     -------
@@ -63,21 +63,22 @@ def seen_angle(electrical: Any, turning: Any, lag: Any, delay: Any) -> Any:
 
 
 def hall_signals(before: Phases, angles: Any, early: Phases, lag: Any) -> Any:
-    """Return what the Hall sensors show of the rotor's magnets, with hysteresis.
+    """Return the signals of the Hall sensors, with hysteresis.
 
-    The field at the sensor of a phase changes its sign where the phase's flat begins, and half a turn later,
-    but for the sensor's error δ. With e = u - π/6 + δ, and |e| ≤ π/2 from the nearest change,
+    Without error, the field at the sensor of a phase changes its sign at the start of the phase's flat and
+    half a turn later; the error δ of the sensor moves both edges. With w = u - π/6 + δ wrapped into [-π, π),
+    and e = sgn(w) min(|w|, π - |w|), the signed distance from the nearest edge:
 
         s⁺ = +1   (e > h)
         s⁺ = -1   (e < -h)
-        s⁺ = s    elsewhere
+        s⁺ = s    (otherwise)
 
     Parameters
     ----------
-    before : s, what they have shown before, `Phases` of +1 and -1 [-]
-    angles : u, `Phases` of the electrical angle as each sees it, in [-π, π) [rad]
-    early : δ, as of `of_sensed_idle_phase` [rad]
-    lag : h, hysteresis either way; none below 0 [rad]
+    before : s, signals before the step, `Phases` of +1 and -1 [-]
+    angles : u, `Phases` of the electrical angle of each phase, in [-π, π) [rad]
+    early : δ, as in `of_sensed_idle_phase` [rad]
+    lag : h, half width of the hysteresis; negative values act as 0 [rad]
 
     Returns
     -------
@@ -93,9 +94,9 @@ def hall_signals(before: Phases, angles: Any, early: Phases, lag: Any) -> Any:
 
 
 def signalled_demand(signals: Phases) -> Phases:
-    """Return what share of the reference current each phase is asked for by three Hall sensors.
+    """Return the reference current of each phase according to three Hall sensors, relative to the drive's.
 
-        r_i = (s_i - s_j) / 2,   j the phase that lags i
+        r_i = (s_i - s_j) / 2,   j the phase that lags i: r_a = (s_a - s_b) / 2 and so on
 
     Parameters
     ----------
@@ -110,33 +111,45 @@ def signalled_demand(signals: Phases) -> Phases:
 
 
 def early_by_turning(early: Phases, turning: Any, lag: Any, delay: Any) -> Any:
-    """Return by how much the edges of each sensor are early while the rotor turns in one direction.
+    """Return the angle by which the edges of each sensor are early while the rotor turns in one direction.
 
-        δ_i - h sgn(ω_e) - T ω_e, within ±0.45 rad
+        clip(δ_i - h sgn(ω_e) - T ω_e, -0.45 rad, 0.45 rad)
 
-    It is what `seen_angle` and `hall_signals` make of them, but where the direction changes between an edge
-    and its hysteresis. Parameters are those of these functions.
+    This is the combined effect of `seen_angle` and `hall_signals`, except where the direction changes within
+    the hysteresis of an edge.
+
+    Parameters
+    ----------
+    early, turning, lag, delay : δ_i [rad], ω_e [rad/s], h [rad], T [s], as in these two functions
+
+    Returns
+    -------
+    Advance of the edges, `Phases` [rad].
     """
     return clip(early - (lag * _direction(turning) + delay * turning), -MOST_EARLY, MOST_EARLY)
 
 
 def over_a_turn(angle: Any, turned: Any, values: Phases, early: Phases) -> Any:
-    """Return the mean of `of_sensed_idle_phase` while the rotor turns on, over one step of a model.
+    """Return the mean of `of_sensed_idle_phase` over one step of a model, in which the rotor turns.
 
-    With l and h the lower and the upper end of the turn from v to v + Δ, what is beyond an edge e is
+    With v = θ_e modulo π, and l and h the lower and the upper of v and v + Δ, the share of the step beyond an
+    edge e is S(e). With the values A, B, C of the phases a, b, c and the edges e_a = π/6 - δ_a,
+    e_c = π/2 - δ_c, e_b = 5π/6 - δ_b:
 
         S(e) = min(max((h - e) / (h - l), 0), 1)
+        mean = A + S(e_a) (C - A) + S(e_c) (B - C) + S(e_b) (A - B)
 
     Parameters
     ----------
-    angle : θ_e, electrical angle before the turn, in [-π, π) [rad]
-    turned : Δ, by which it turns, either way; with δ less than 30 degrees [rad]
-    values : as of `of_sensed_idle_phase`
-    early : δ, as of `of_sensed_idle_phase` [rad]
+    angle : θ_e, electrical angle before the step, in [-π, π) [rad]
+    turned : Δ, change of the electrical angle in the step; |Δ| and |δ| together below 30 degrees [rad]
+    values : A, B, C, as in `of_sensed_idle_phase`
+    early : δ, as in `of_sensed_idle_phase` [rad]
 
     Returns
     -------
-    The mean. It has no jumps over δ where the rotor turns, so that differences over δ are derivatives.
+    The mean, in the unit of the values. While the rotor turns it is a continuous function of δ, so that
+    finite differences over δ are derivatives.
     """
     half_turn = select(angle < 0.0, angle + np.pi, angle)
     upper = half_turn + np.maximum(turned, 0.0)

@@ -1,4 +1,4 @@
-"""The drive's inner loop: from the speed error to a limited reference current."""
+"""Speed loop of the drive: from the speed error to a limited reference current."""
 
 from typing import Any
 
@@ -14,18 +14,18 @@ def current_demand(
     derivative: Any,
     limit: Any,
 ) -> Any:
-    """Return the reference current: PID on the speed error, limited.
+    """Return the reference current: limited PID control of the speed error.
 
         i_ref = clip((GAP e + GAI ∫e dt + GAD de/dt) / k_t, -I_max, I_max)
 
-    with the gains already divided by the torque constant that the drive assumes, and the derivative taken
-    as the difference over one step.
+    k_t is the torque constant that the drive assumes; the gains below include it. The derivative is the
+    difference over one step.
 
     Parameters
     ----------
     error : e, speed error [rad/s]
-    integral : Σ e Δt over the steps before this one [rad]
-    difference : e less its value a step before [rad/s]
+    integral : Σ e Δt over the previous steps [rad]
+    difference : e less its value one step before [rad/s]
     proportional : GAP / k_t [A·s/rad]
     integrating : GAI / k_t [A/rad]
     derivative : GAD / (k_t Δt) [A·s/rad]
@@ -37,8 +37,8 @@ def current_demand(
 
     Notes
     -----
-    The integral goes on growing while the current is limited: there is no anti-windup. In the thesis's
-    actuator the integral and derivative gains are 0.
+    No anti-windup: the integral continues to grow while the current is limited. In the thesis's actuator the
+    integral and derivative gains are 0.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Three windings in a star whose centre is not connected."""
+"""Three windings in a star without a connected centre."""
 
 from typing import Any
 
@@ -9,10 +9,9 @@ from emaphm.simulation.laws.phases import Phases
 
 
 def star_slopes(drive: Phases, inverse: Phases, parallel: Any) -> Any:
-    """Return how fast the three phase currents change.
+    """Return the time derivatives of the three phase currents.
 
-    Each winding takes what its leg's voltage leaves over the centre's, and the centre takes the voltage
-    that keeps the sum of the currents at zero:
+    The voltage v_n of the star's centre keeps the sum of the currents at zero:
 
         di_i/dt = (d_i - v_n) / L_i,   d_i = v_i - R_i i_i - e_i
         v_n = L_p Σ d_i / L_i,         1 / L_p = Σ 1 / L_i
@@ -25,8 +24,8 @@ def star_slopes(drive: Phases, inverse: Phases, parallel: Any) -> Any:
 
     Returns
     -------
-    di_i/dt [A/s]; with Δt / L_i and L_p / Δt for 1 / L_i and L_p, the changes over an
-    explicit Euler step Δt [A].
+    di_i/dt [A/s]. With Δt / L_i and L_p / Δt in place of 1 / L_i and L_p: the changes over an explicit Euler
+    step Δt [A].
 
     Notes
     -----
@@ -41,21 +40,21 @@ def star_slopes(drive: Phases, inverse: Phases, parallel: Any) -> Any:
 
 
 def star_response(resistance: Array, inductance: Array, step: float) -> dict[str, Array]:
-    """Return what `star_currents_after` needs of the windings of a star.
+    """Return the coefficients of `star_currents_after` for the windings of a star.
 
-    In the currents x = (i_a, i_b), with i_c = -i_a - i_b, the star is M dx/dt = u - Q x,
+    With the currents x = (i_a, i_b) and i_c = -i_a - i_b, the equations of the star are M dx/dt = u - Q x,
 
-        Q = | R_a + R_c   R_c       |    M the same of L_i
+        Q = | R_a + R_c   R_c       |    M likewise, with L_i in place of R_i
             | R_c         R_b + R_c |
 
-    and Φ = exp(-M⁻¹Q Δt), of whose argument A both eigenvalues are real, α ± β:
+    and Φ = exp(A) with A = -M⁻¹Q Δt, whose two eigenvalues α ± β are real:
 
         Φ = e^α (cosh β I + (sinh β / β) (A - α I)),   α = tr A / 2, β² = α² - det A
 
     Parameters
     ----------
     resistance, inductance : R_i [ohm], L_i [H], shape (3, n)
-    step : Δt [s]
+    step : Δt, step [s]
 
     Returns
     -------
@@ -71,7 +70,7 @@ def star_response(resistance: Array, inductance: Array, step: float) -> dict[str
     bb = -step * ((l_a + l_c) * (r_b + r_c) - l_c * r_c) / of_l
     mean, half = (aa + bb) / 2, (aa - bb) / 2
     beta = np.sqrt(np.maximum(half**2 + ab * ba, 0.0))
-    # e^α cosh β and e^α sinh β / β, by eigenvalues that are both negative.
+    # e^α cosh β and e^α sinh β / β from the eigenvalues, which are both negative: no overflow.
     slow, fast = np.exp(mean + beta), np.exp(mean - beta)
     even = (slow + fast) / 2
     odd = np.where(beta > 1e-9, (slow - fast) / (2 * np.maximum(beta, 1e-9)), np.exp(mean))
@@ -99,20 +98,20 @@ def star_currents_after(
 ) -> Phases:
     """Return the three phase currents after a step under constant voltages.
 
-    The exact solution of the star's equations, the centre's voltage eliminated:
+    This is the exact solution of the star's equations, with the voltage of the centre eliminated:
 
         x_∞ = Q⁻¹ (d_a - d_c, d_b - d_c),   x⁺ = x_∞ + Φ (x - x_∞),   x = (i_a, i_b)
 
     Parameters
     ----------
-    current : i_i, before the step [A]
+    current : i_i, currents before the step [A]
     drive : d_i, leg voltage less back-EMF, constant over the step [V]
-    remaining_aa, remaining_ab, remaining_ba, remaining_bb : Φ, of `star_response` [-]
-    conductance_aa, conductance_ab, conductance_bb : Q⁻¹, of `star_response` [S]
+    remaining_aa, remaining_ab, remaining_ba, remaining_bb : Φ, from `star_response` [-]
+    conductance_aa, conductance_ab, conductance_bb : Q⁻¹, symmetric, from `star_response` [S]
 
     Returns
     -------
-    i_i⁺ [A]; i_c⁺ = -i_a⁺ - i_b⁺.
+    i_i⁺, currents after the step [A]; i_c⁺ = -i_a⁺ - i_b⁺.
 
     Notes
     -----
@@ -121,7 +120,7 @@ def star_currents_after(
     over_a, over_b = drive.a - drive.c, drive.b - drive.c
     final_a = conductance_aa * over_a + conductance_ab * over_b
     final_b = conductance_ab * over_a + conductance_bb * over_b
-    off_a, off_b = current.a - final_a, current.b - final_b
-    after_a = final_a + remaining_aa * off_a + remaining_ab * off_b
-    after_b = final_b + remaining_ba * off_a + remaining_bb * off_b
+    deviation_a, deviation_b = current.a - final_a, current.b - final_b
+    after_a = final_a + remaining_aa * deviation_a + remaining_ab * deviation_b
+    after_b = final_b + remaining_ba * deviation_a + remaining_bb * deviation_b
     return Phases(after_a, after_b, -after_a - after_b)

@@ -1,4 +1,4 @@
-"""Stribeck friction: the fall of dry friction from its static to its dynamic level as the speed grows."""
+"""Stribeck friction: dry friction falls from its static to its dynamic level as the speed rises."""
 
 from typing import Any
 
@@ -6,25 +6,25 @@ from emaphm.simulation.laws.exponential import decaying_exponential
 
 
 def stribeck_factor(speed: Any, inverse_speed: Any) -> Any:
-    """Return the share of the static friction's excess that is left at a speed.
+    """Return the Stribeck factor at a speed.
 
         s(ω) = exp(-(ω / ω_s)²)
 
-    so that dry friction is f_d + s (f_s - f_d): f_s at rest, f_d from about 2 ω_s on.
+    Dry friction is f_d + s (f_s - f_d): f_s at rest, f_d above about 2 ω_s.
 
     Parameters
     ----------
-    speed : ω, motor shaft [rad/s]
-    inverse_speed : 1 / ω_s, ω_s > 0 the Stribeck speed [s/rad]
+    speed : ω, speed of the motor shaft [rad/s]
+    inverse_speed : 1 / ω_s, with ω_s > 0 the Stribeck speed [s/rad]
 
     Returns
     -------
-    s, in (0, 1] [-], within 4e-6 (`decaying_exponential`).
+    s, in (0, 1] [-], with an error of at most 4e-6 (`decaying_exponential`).
 
     Notes
     -----
-    The Gaussian form. Mixed lubrication has no first-principles curve: exponents from 0.5 to 2 are fitted in
-    the literature, and machines with grease often fall more slowly than this one.
+    Gaussian form. No curve for mixed lubrication follows from first principles: the literature fits exponents
+    from 0.5 to 2, and the friction of greased machines often falls more slowly than in this form.
 
     References
     ----------

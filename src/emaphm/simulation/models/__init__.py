@@ -1,1 +1,1 @@
-"""The reference, monitor and averaged models of the actuator."""
+"""Reference, monitor and averaged models of the actuator."""

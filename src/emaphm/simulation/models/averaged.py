@@ -1,4 +1,4 @@
-"""The averaged model, which identification runs: no ripple, so its step may be 50 µs."""
+"""Averaged model, used for identification: without current ripple, so that its step may be 50 µs."""
 
 from emaphm.arrays import Array
 from emaphm.simulation.engine.model import Model
@@ -8,10 +8,11 @@ from emaphm.simulation.models.foc_averaged import FOC_AVERAGED
 
 
 def parameters(plant: Plant, step: float) -> dict[str, Array]:
-    """Return the kernel's parameters with the faults resolved by phase: a short is located.
+    """Return the kernel's parameters with faults by phase, so that a short can be located, (n,) each.
 
-    R = (R_s / 2)(N_i + N_j), L = (L_s / 2)(N_i² + N_j²), k = (k_e / 2)(N_i g_i + N_j g_j) for the
-    conducting phases i, j.
+    For the conducting phases i, j:
+
+        R = (R_s / 2)(N_i + N_j),  L = (L_s / 2)(N_i² + N_j²),  k = (k_e / 2)(N_i g_i + N_j g_j)
     """
     pairs, squares = single_winding.of_pairs(plant.turns) / 2, single_winding.of_pairs(plant.turns**2) / 2
     return single_winding.parameters(plant, step, pairs, squares, plant.turns)
@@ -21,7 +22,7 @@ SINGLE_WINDING = {
     drive: single_winding.form(parameters, drive)
     for drive in ("hysteresis", "current", "voltage", "six-step")
 }
-"""The forms that have one winding, by kind of drive."""
+"""Forms with one equivalent winding, by kind of drive."""
 
 AVERAGED = Model("averaged", 5e-5, {**SINGLE_WINDING, "foc": FOC_AVERAGED})
-"""The averaged model at its step of 50 µs."""
+"""Averaged model with its step of 50 µs."""

@@ -1,4 +1,4 @@
-"""Which two phases conduct, and what the recorded equivalent current shows of their current."""
+"""Conducting pair of phases of an equivalent winding, and the equivalent current of its current."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -12,22 +12,22 @@ from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.sensed_commutation import early_by_turning, of_sensed_idle_phase, over_a_turn
 
 NUMBERS = Phases(0.0, 1.0, 2.0)
-"""By which a state names the phase that idles."""
+"""Numbers of the idle phases a, b, c in a kernel's state."""
 
 
 class ConductingPair(NamedTuple):
-    """The pair by the angle of the rotor, or by Hall sensors that are out of place."""
+    """Functions of the conducting pair, by the angle of the rotor or by Hall sensors with position errors."""
 
     of_idle: Callable[..., Any]
-    """Of (state, parameters, three values): the one of the phase that idles as a step begins."""
+    """(state, parameters, three values): the value of the phase that idles at the start of the step."""
     mean: Callable[..., Any]
-    """Of (state, parameters, step [s], three values): the mean over the step of that of the idle phase."""
+    """(state, parameters, step [s], three values): mean over the step of the value of the idle phase."""
     shown: Callable[..., Any]
-    """Of (state, parameters, step [s], the pair's current): the equivalent current."""
+    """(state, parameters, step [s], current of the pair): equivalent current."""
 
 
 def conducting_pair(structure: Structure) -> ConductingPair:
-    """Return the pair of an actuator."""
+    """Return the functions of the conducting pair for an actuator of this structure."""
     return _BY_HALL_SENSORS if structure.commutation else _BY_ANGLE
 
 
@@ -39,7 +39,7 @@ def _of_idle_throughout(s: Any, p: Any, step: Any, values: Phases) -> Any:  # no
     return of_idle_phase(s.electrical, values)
 
 
-def _whole(s: Any, p: Any, step: Any, current: Any) -> Any:  # noqa: ARG001
+def _pair_current(s: Any, p: Any, step: Any, current: Any) -> Any:  # noqa: ARG001
     return current
 
 
@@ -58,10 +58,10 @@ def _early(s: Any, p: Any) -> Any:
 
 
 def _by_shape(s: Any, p: Any, step: Any, current: Any) -> Any:
-    # A phase that conducts outside the flat of its unit trapezoid counts less.
+    # The equivalent current weights each phase by its unit trapezoid, below 1 outside the flats.
     sizes = np.abs(trapezoid(phase_angles(s.electrical)))
     return current * (0.5 * _mean(s, p, step, sizes.of_pairs()))
 
 
-_BY_ANGLE = ConductingPair(_of_idle, _of_idle_throughout, _whole)
+_BY_ANGLE = ConductingPair(_of_idle, _of_idle_throughout, _pair_current)
 _BY_HALL_SENSORS = ConductingPair(_of_sensed_idle, _mean, _by_shape)

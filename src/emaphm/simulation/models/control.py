@@ -1,4 +1,4 @@
-"""The controller that all models share: from the command to what the drive is asked for."""
+"""Controller of all models: from the command to the reference current or the duty cycle."""
 
 from collections.abc import Callable
 from typing import Any
@@ -31,11 +31,11 @@ PARAMETERS = (
 
 
 NEUTRAL = {"integrating": 0.0, "derivative": 0.0, "feedback_share": 1.0}
-"""A speed loop without integral or derivative, and a feedback without lag, as the thesis's actuator has."""
+"""Values of the thesis's actuator: a speed loop without integral and derivative, a feedback without lag."""
 
 
 def state_names(structure: Structure) -> tuple[str, ...]:
-    """Return the state of the controller."""
+    """Return the names of the controller's state."""
     of_position = ("position_integral", "position_error", "commanded") if structure.position_pid else ()
     return ("feedback", "integral", "error", *of_position)
 
@@ -43,7 +43,7 @@ def state_names(structure: Structure) -> tuple[str, ...]:
 def parameters(plant: Plant, step: float) -> dict[str, Array]:
     """Return the controller's parameters, (n,) each.
 
-    The speed loop demands a current; where the drive is driven by voltage, a duty cycle.
+    The output of the speed loop is a reference current; for a drive of kind "voltage", a duty cycle.
     """
     by_voltage = plant.structure.drive == "voltage"
     unit = np.ones(plant.count) if by_voltage else plant.drive_constant
@@ -64,28 +64,28 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
 
 
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
-    """Return the controller's state at `start`, (n,) each: nothing integrated yet."""
-    off = inputs.command[0] - plant.gear_ratio * start.angle
+    """Return the controller's state at `start`, (n,) each, with integrals of 0."""
+    position_error = inputs.command[0] - plant.gear_ratio * start.angle
     zero = np.zeros(plant.count)
     if plant.structure.position_pid:
-        demand = np.clip(plant.position_gain * off, -plant.speed_limit, plant.speed_limit)
+        demand = np.clip(plant.position_gain * position_error, -plant.speed_limit, plant.speed_limit)
         error = demand - plant.speed_feedback * start.speed
     else:
-        error = speed_error(off, 0.0, start.speed, plant.position_gain, plant.speed_limit)
+        error = speed_error(position_error, 0.0, start.speed, plant.position_gain, plant.speed_limit)
     return {
         "feedback": zero + start.speed,
         "integral": zero,
         "error": zero + error,
         "position_integral": zero,
-        "position_error": zero + off,
+        "position_error": zero + position_error,
         "commanded": zero + inputs.command[0],
     }
 
 
 def steady_current(plant: Plant, inputs: Inputs, start: Initial) -> Array:
-    """Return the current that a drive has brought about which is in motion at `start`, (n,) [A].
+    """Return the steady current of a drive that is in motion at `start`, (n,) [A].
 
-    What its speed loop demands there. 0 where it starts at rest: nothing has been demanded before.
+    It is the current that the speed loop demands at `start`; 0 if the drive starts at rest.
     """
     if start.speed == 0.0:
         return np.zeros(plant.count)
@@ -95,18 +95,18 @@ def steady_current(plant: Plant, inputs: Inputs, start: Initial) -> Array:
 
 
 def steady_voltage(plant: Plant, current: Array, speed: float) -> Array:
-    """Return the voltage that keeps a `current` (n,) [A] at a `speed` [rad/s], (n,) [V], line to line.
+    """Return the voltage that maintains a `current` (n,) [A] at a `speed` [rad/s], (n,) [V], line to line.
 
         v = N (R i + k ω)
 
-    N is the mean share of healthy turns: where the phases differ, the voltage swings about that.
+    N is the mean fraction of healthy turns; if the phases differ, the voltage varies about this value.
     """
     turns = plant.turns.mean(axis=0)
     return np.asarray(turns * (plant.resistance * current + plant.torque_constant * speed))
 
 
 def control(structure: Structure) -> Callable[..., Any]:
-    """Return the law of the controller: from (state, parameters, inputs) to the demand and its next state."""
+    """Return the controller: a function of (state, parameters, inputs) that returns demand and next state."""
     return _pid if structure.position_pid else _proportional
 
 
@@ -119,11 +119,11 @@ def _proportional(s: Any, p: Any, u: Any) -> Any:
 def _pid(s: Any, p: Any, u: Any) -> Any:
     measured = approach(s.feedback, s.speed, p.feedback_share)
     commanded = approach(s.commanded, u.command, p.command_share)
-    off = commanded - p.gear_ratio * s.output
+    position_error = commanded - p.gear_ratio * s.output
     error = pid_speed_error(
-        off,
+        position_error,
         s.position_integral,
-        off - s.position_error,
+        position_error - s.position_error,
         (commanded - s.commanded) / (u.step * p.gear_ratio),
         measured,
         p.position_gain,
@@ -134,8 +134,8 @@ def _pid(s: Any, p: Any, u: Any) -> Any:
         p.speed_limit,
     )
     integrals = (u.enabled * (s.integral + error * u.step), error)
-    own = (u.enabled * (s.position_integral + off * u.step), off, commanded)
-    return _demand(s, p, error), (measured, *integrals, *own)
+    position_integral = u.enabled * (s.position_integral + position_error * u.step)
+    return _demand(s, p, error), (measured, *integrals, position_integral, position_error, commanded)
 
 
 def _demand(s: Any, p: Any, error: Any) -> Any:

@@ -1,7 +1,7 @@
-"""How a drive changes the current of one equivalent winding, and what its current sensor shows.
+"""Current loops of one equivalent winding, with the current sensor of the drive.
 
-Each loop is a function of (state, parameters, input, reference, supply, back-EMF, conductance, decay) that
-returns the current after the step, what the sensor shows of it, the mean voltage, and its own next state.
+Each loop is a function of (state, parameters, input, reference, supply, back-EMF, conductance, decay). It
+returns the current after the step, the output of the sensor, the mean voltage, and its own next state.
 """
 
 from collections.abc import Callable
@@ -19,24 +19,25 @@ from emaphm.simulation.models.conducting_pair import NUMBERS, ConductingPair, co
 
 
 def current_loop(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
-    """Return the loop of an actuator's drive, averaged or switched."""
-    loop = _loop(structure, averaged=averaged)
-    return _lagging(loop) if structure.current_lag else _exact(loop)
+    """Return the current loop of an actuator's drive, averaged or switched."""
+    loop = _loop_without_sensor(structure, averaged=averaged)
+    return _with_lagging_sensor(loop) if structure.current_lag else _with_exact_sensor(loop)
 
 
-def _loop(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
-    """Return the loop as a function that is also given what the sensor shows as the step begins.
+def _loop_without_sensor(structure: Structure, *, averaged: bool) -> Callable[..., Any]:
+    """Return the loop without its sensor.
 
-    That stands after the reference. It returns the current, the mean voltage, and its own next state.
+    The function has the output of the sensor at the start of the step as an additional argument, after the
+    reference. It returns the current, the mean voltage, and its own next state.
     """
     if not averaged:
         return _switched
     if structure.drive == "six-step":
-        return _controlled(conducting_pair(structure))
+        return _sampled_loop(conducting_pair(structure))
     return _following_lagging if structure.current_lag else _following
 
 
-def _exact(loop: Callable[..., Any]) -> Callable[..., Any]:
+def _with_exact_sensor(loop: Callable[..., Any]) -> Callable[..., Any]:
     def sensed(s: Any, p: Any, u: Any, reference: Any, *winding: Any) -> Any:
         current, voltage, own = loop(s, p, u, reference, s.current, *winding)
         return current, current, voltage, own
@@ -44,7 +45,7 @@ def _exact(loop: Callable[..., Any]) -> Callable[..., Any]:
     return sensed
 
 
-def _lagging(loop: Callable[..., Any]) -> Callable[..., Any]:
+def _with_lagging_sensor(loop: Callable[..., Any]) -> Callable[..., Any]:
     def sensed(s: Any, p: Any, u: Any, reference: Any, *winding: Any) -> Any:
         current, voltage, own = loop(s, p, u, reference, s.sensed, *winding)
         shown = approach(s.sensed, current, p.sensed_share)
@@ -87,14 +88,14 @@ def _following(
 
 
 def _following_lagging(s: Any, p: Any, u: Any, reference: Any, shown: Any, *winding: Any) -> Any:
-    # The drive sees the sensor's current, and brings that to the reference. What the comparators' late turn
-    # does to the mean is left out: with three legs it has neither the size nor always the sign of one leg's.
+    # The drive controls the output of the sensor to the reference. The effect of the comparators' delay on
+    # the mean is neglected: with three legs it differs in size, and sometimes in sign, from that of one leg.
     target = reference + p.sensed_lead * (reference - shown)
     return _following(s, p, u, target, shown, *winding)
 
 
-def _controlled(pair: ConductingPair) -> Callable[..., Any]:
-    """Return the sampled loop of a six-step drive, whose voltage follows half a period and more later."""
+def _sampled_loop(pair: ConductingPair) -> Callable[..., Any]:
+    """Return the sampled current loop of a six-step drive, with the delay of `pulse_width.delay_shares`."""
 
     def controlled(
         s: Any,
@@ -113,14 +114,14 @@ def _controlled(pair: ConductingPair) -> Callable[..., Any]:
         )
         voltage, lagging = delayed(s.voltage, demanded, p.voltage_share, p.voltage_at_once)
         idle, winding = pair.of_idle(s, p, NUMBERS), Phases.of(p, "winding")
-        both = pair.of_idle(s, p, winding.of_pairs())
+        pair_inductance = pair.of_idle(s, p, winding.of_pairs())
         fall = pair.of_idle(s, p, Phases.of(p, "fall"))
         incoming = select(s.idle == NUMBERS.a, winding.a, select(s.idle == NUMBERS.b, winding.b, winding.c))
-        share = select(idle == s.idle, s.incoming_share, incoming / both)
+        share = select(idle == s.idle, s.incoming_share, incoming / pair_inductance)
         before = select(idle == s.idle, s.outgoing, s.current)
-        outgoing, taken = outgoing_after(before, 0.5 * supply, 0.5 * back_emf, 0.5 / conductance, fall)
+        outgoing, loss = outgoing_after(before, 0.5 * supply, 0.5 * back_emf, 0.5 / conductance, fall)
         free = winding_current(s.current, voltage - back_emf, conductance, decay)
-        current = u.enabled * (free - share * taken)
+        current = u.enabled * (free - share * loss)
         own = (u.enabled * integral, u.enabled * lagging, u.enabled * outgoing, share, idle)
         return current, u.enabled * voltage, own
 

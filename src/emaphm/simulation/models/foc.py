@@ -1,8 +1,9 @@
-"""A PMSM under field-oriented control, with its pulse-width modulation: the reference model's form.
+"""Reference model of a PMSM under field-oriented control with pulse-width modulation.
 
-PI control of the currents in d (to 0) and q (to the speed loop's demand), sampled as a PWM period begins; the
-voltage that answers is applied throughout the next period, turned ahead by the angle that passes until its
-middle. Voltages and currents in d and q are line values (`laws/sine_motor.py`).
+PI controllers control the currents in d (to 0) and q (to the demand of the speed loop). They sample at the
+start of a PWM period; the resulting voltage is applied during the next period, rotated ahead by the angle
+that the rotor covers until the middle of that period. Voltages and currents in d and q are line values
+(`laws/sine_motor.py`).
 """
 
 from collections.abc import Callable
@@ -70,11 +71,11 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
 def initial_state(
     plant: Plant, inputs: Inputs, start: Initial, own: tuple[str, ...] = OWN_STATE
 ) -> dict[str, Array]:
-    """Return the kernel's state at `start`, (n,) each: at rest no current, no voltage for two periods.
+    """Return the kernel's state at `start`, (n,) each.
 
-    In motion the controller of the currents has settled: i_d = 0, i_q as the speed loop demands, and its
-    integrals are the voltages that keep them, which are applied. `own` is that of the controller and the
-    modulation.
+    At rest there is no current, and no voltage for two periods. In motion the current controllers are in
+    steady state: i_d = 0, i_q is the demand of the speed loop, and the integrals are the voltages that
+    maintain these currents, which are applied. `own` are the names of the state of controller and modulation.
     """
     mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
     angle = plant.pole_pairs * motion.rotor_angle(plant, start)
@@ -84,13 +85,13 @@ def initial_state(
 
 
 def _settled(plant: Plant, inputs: Inputs, start: Initial, cos: Array, sin: Array) -> dict[str, Array]:
-    """Return what currents and their controller have at `start`: zeros at rest."""
+    """Return the steady state of the currents and their controller at `start`; zeros at rest."""
     current = control.steady_current(plant, inputs, start)
     inductance = plant.inductance * (plant.turns**2).mean(axis=0)
     voltage_d = -plant.pole_pairs * start.speed * inductance * current
     voltage_q = control.steady_voltage(plant, current, start.speed)
     duty = centred(phase_voltages(voltage_d, voltage_q, cos, sin) / (plant.supply / 2))
-    # A phase's current has 2/√3 of the line value, its voltage 1/√3.
+    # The amplitude of a phase's current is 2/√3 of the line value, that of its voltage 1/√3.
     phases = phase_voltages(0.0, 2.0 * current, cos, sin)
     return {
         "integral_d": voltage_d,
@@ -105,9 +106,10 @@ def _settled(plant: Plant, inputs: Inputs, start: Initial, cos: Array, sin: Arra
 
 
 def turn_unit(cos: Any, sin: Any, angle: Any) -> Any:
-    """Turn the electrical direction by a small angle, and keep its length at 1.
+    """Return the electrical direction rotated by a small angle, with its length kept at 1.
 
-    Poles make the angle of a step P times the motor's, and what a turn adds to the length P⁶ times as much.
+    With P pole pairs the electrical angle of a step is P times the mechanical angle, and the error of the
+    length by a rotation is P⁶ times as large.
     """
     cos, sin = turn(cos, sin, angle)
     length = 1.5 - 0.5 * (cos * cos + sin * sin)
@@ -115,10 +117,10 @@ def turn_unit(cos: Any, sin: Any, angle: Any) -> Any:
 
 
 def advance(structure: Structure) -> Callable[..., Any]:
-    """Return the step of one actuator.
+    """Return the step of one actuator, a function of (state, parameters, inputs).
 
-    The order within a step is the thesis drive's: control, switching and back-EMF from the state at the
-    step's start, currents by explicit Euler, torque from the new currents, then the motion.
+    The order within a step is that of the thesis's drive: control, switching and back-EMF from the state at
+    the start of the step, currents by explicit Euler, torque from the new currents, then the motion.
     """
     demand_of, driven = control.control(structure), motion.driven_motion(structure)
     laws = three_phases.laws(structure)
@@ -130,7 +132,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         cos, sin = s.electrical_cos, s.electrical_sin
 
         in_d, in_q = line_currents(laws.sensed_before(s), cos, sin)
-        asked_d, asked_q, integral_d, integral_q = limited_pi_pair(
+        demanded_d, demanded_q, integral_d, integral_q = limited_pi_pair(
             -in_d,
             reference - in_q,
             s.integral_d,
@@ -141,7 +143,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
             p.period,
         )
         ahead_cos, ahead_sin = turn(cos, sin, p.angle_ahead * speed)
-        asked = centred(phase_voltages(asked_d, asked_q, ahead_cos, ahead_sin) / half_supply)
+        demanded_duty = centred(phase_voltages(demanded_d, demanded_q, ahead_cos, ahead_sin) / half_supply)
         begins = s.carrier < 0.5 * p.step_per_period
         duty = select(begins, Phases.of(s, "next"), Phases.of(s, "duty"))
         leg = leg_mean(duty, triangle(s.carrier, p.step_per_period), p.step_per_period)
@@ -179,7 +181,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
             u.enabled * select(begins, integral_q, s.integral_q),
             carrier_after(s.carrier, p.step_per_period),
             *duty,
-            *(u.enabled * select(begins, asked, Phases.of(s, "next"))),
+            *(u.enabled * select(begins, demanded_duty, Phases.of(s, "next"))),
         )
         drawn = laws.bus_after((leg * current).sum())
         own = (torque, *current, *direction, *drive, *drawn, *laws.sensor_state(sensed))
@@ -198,4 +200,4 @@ FOC = Form(
     advance=advance,
     neutral=control.NEUTRAL | motion.NEUTRAL,
 )
-"""A PMSM with field-oriented control and PWM."""
+"""PMSM with field-oriented control and PWM."""

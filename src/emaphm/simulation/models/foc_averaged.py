@@ -1,9 +1,9 @@
-"""A PMSM under field-oriented control as the averaged model has it: no ripple, a step may be a PWM period.
+"""Averaged model of a PMSM under field-oriented control: without ripple, so that a step may be a PWM period.
 
-The legs' mean voltages drive the three windings, whose currents over a step are exact for a constant voltage
-(`star_currents_after`); shorts and eccentricity are those of each phase. Angles that matter over a step are
-those in its middle. Where the step is a PWM period, the controller is that of the reference model; elsewhere
-its delay is kept on the mean (`delay_shares`).
+The mean voltages of the legs act on the three windings, whose currents over a step are exact for constant
+voltages (`star_currents_after`). Shorts and eccentricity act on each phase. Angles are taken in the middle of
+the step. If the step is a PWM period, the controller is that of the reference model; otherwise its mean delay
+is the same (`delay_shares`).
 """
 
 from collections.abc import Callable
@@ -65,7 +65,7 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
 
 
 def advance(structure: Structure) -> Callable[..., Any]:
-    """Return the step of one actuator."""
+    """Return the step of one actuator, a function of (state, parameters, inputs)."""
     demand_of, driven = control.control(structure), motion.driven_motion(structure)
     laws = three_phases.laws(structure)
 
@@ -73,9 +73,9 @@ def advance(structure: Structure) -> Callable[..., Any]:
         reference, controlled = demand_of(s, p, u)
         supply, speed = 2.0 * laws.half_supply(s, p), s.speed
 
-        seen = laws.sensed_before(s)
-        in_d, in_q = line_currents(seen, s.electrical_cos, s.electrical_sin)
-        asked_d, asked_q, integral_d, integral_q = limited_pi_pair(
+        sensed_before = laws.sensed_before(s)
+        in_d, in_q = line_currents(sensed_before, s.electrical_cos, s.electrical_sin)
+        demanded_d, demanded_q, integral_d, integral_q = limited_pi_pair(
             -in_d,
             reference - in_q,
             s.integral_d,
@@ -85,8 +85,8 @@ def advance(structure: Structure) -> Callable[..., Any]:
             supply,
             u.step,
         )
-        voltage_d, lagging_d = delayed(s.voltage_d, asked_d, p.voltage_share, p.voltage_at_once)
-        voltage_q, lagging_q = delayed(s.voltage_q, asked_q, p.voltage_share, p.voltage_at_once)
+        voltage_d, lagging_d = delayed(s.voltage_d, demanded_d, p.voltage_share, p.voltage_at_once)
+        voltage_q, lagging_q = delayed(s.voltage_q, demanded_q, p.voltage_share, p.voltage_at_once)
 
         half = 0.5 * u.step * speed
         rotor_cos, rotor_sin = turn(s.cos, s.sin, half)
@@ -110,7 +110,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         torque, following = driven(s, p, u, u.enabled * (flux * mean).sum())
 
         sensed = laws.sensed_after(s, p, current)
-        shown = 0.5 * (seen + sensed)
+        shown = 0.5 * (sensed_before + sensed)
         shown_d, shown_q = line_currents(shown, cos, sin)
         voltage_d, voltage_q = u.enabled * voltage_d, u.enabled * voltage_q
         position, speed_after, angle = motion.recorded_motion(s, p, u, following)
@@ -130,10 +130,10 @@ def advance(structure: Structure) -> Callable[..., Any]:
         )
         direction = foc.turn_unit(s.electrical_cos, s.electrical_sin, p.pole_pairs * (following[1] - s.angle))
         lagging = (integral_d, integral_q, lagging_d, lagging_q)
-        # Leg states, less what all legs share, that make the voltages of the supply.
+        # The voltages divided by half the supply voltage are the leg states, less their common part.
         drawn = laws.bus_after(2.0 * (voltage * mean).sum() / supply)
-        kept = (u.enabled * one for one in lagging)
-        own = (torque, *current, *direction, *kept, *drawn, *laws.sensor_state(sensed))
+        controller = (u.enabled * value for value in lagging)
+        own = (torque, *current, *direction, *controller, *drawn, *laws.sensor_state(sensed))
         return controlled + following + own, outputs
 
     return advance_one
@@ -149,4 +149,4 @@ FOC_AVERAGED = Form(
     advance=advance,
     neutral=control.NEUTRAL | motion.NEUTRAL,
 )
-"""A PMSM with field-oriented control, its PWM averaged."""
+"""PMSM with field-oriented control and averaged PWM."""

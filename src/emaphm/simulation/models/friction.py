@@ -1,4 +1,4 @@
-"""Friction of a shaft: which of its laws an actuator has, and how it passes standstill."""
+"""Friction of a shaft: selection of the friction laws of an actuator, and of the law at standstill."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,24 +15,24 @@ from emaphm.simulation.laws.stribeck import stribeck_factor
 
 
 def bristles(structure: Structure) -> Callable[..., Any]:
-    """Return what bristles hold [N·m], of the state: a value, or none where the actuator has none."""
-    return _bent if structure.presliding else _none_bent
+    """Return a function of the state for the bristles' torque [N·m]: a tuple, empty without bristles."""
+    return _bristle_torque if structure.presliding else _no_bristles
 
 
-def _bent(s: Any) -> Any:
+def _bristle_torque(s: Any) -> Any:
     return (s.bristles,)
 
 
-def _none_bent(s: Any) -> Any:  # noqa: ARG001
+def _no_bristles(s: Any) -> Any:  # noqa: ARG001
     return ()
 
 
 def friction(structure: Structure) -> Callable[..., Any]:
-    """Return the friction law, Borello's where the actuator has no optional one.
+    """Return the friction law; Borello's if the actuator has no optional friction law.
 
-    A function of parameters, speed, what bristles hold, motor torque, external torque (which opposes positive
-    motion), viscous coefficient, static and dynamic friction, and step per inertia. It gives the speed after
-    a step, and what bristles hold then; `()` where there are none.
+    The law is a function of parameters, speed [rad/s], the bristles' torque as from `bristles`, motor torque
+    [N·m], external torque (which opposes positive motion) [N·m], viscous coefficient, static and dynamic
+    friction, and step per inertia. It returns the speed after the step and the bristles' torque after it.
     """
     if not structure.smooth_friction:
         return _borello
@@ -63,11 +63,11 @@ def friction(structure: Structure) -> Callable[..., Any]:
             at_low_speed = transmitted_friction(
                 torque, -external, p.stribeck_load_motor, p.stribeck_load_external
             )
-        # Bristles never stick: without a Stribeck speed they know no static friction.
+        # Bristles do not stick: without a Stribeck speed their friction has no static level.
         factor = 0.0
         if stribeck or not structure.presliding:
             at = stribeck_factor(speed, p.inverse_stribeck) if stribeck else select(speed == 0.0, 1.0, 0.0)
-            # A shaft that turns back passes standstill, where friction is static.
+            # A shaft that reverses passes standstill, where friction has its static level.
             factor = select(speed * free < 0.0, 1.0, at)
         level = dry_level(static, dynamic, transmitted, at_low_speed, factor)
         if unequal:
@@ -78,10 +78,10 @@ def friction(structure: Structure) -> Callable[..., Any]:
 
 
 def _through_standstill(structure: Structure) -> Callable[..., Any]:
-    """Return how dry friction passes standstill.
+    """Return the law of dry friction at standstill.
 
-    A function of parameters, the speed without it, what its full level takes of that in the step, what
-    bristles hold, and step per inertia.
+    The law is a function of parameters, the speed after the step without dry friction, the change of speed by
+    its full level in the step, the bristles' torque, and step per inertia.
     """
     if structure.presliding:
         return _against_bristles

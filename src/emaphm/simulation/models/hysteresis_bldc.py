@@ -1,4 +1,4 @@
-"""A BLDC motor with three switched phases: hysteresis control of each current (thesis 3.1, chapter 4)."""
+"""BLDC motor with three switched phases: hysteresis control of each current (thesis 3.1, chapter 4)."""
 
 from collections.abc import Callable
 from functools import partial
@@ -48,7 +48,7 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
 
 
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
-    """Return the kernel's state at `start`, (n,) each: no current, all legs low."""
+    """Return the kernel's state at `start`, (n,) each: currents of 0, all legs low."""
     mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
     windings = three_phases.initial_state(plant)
     signals = three_phases.initial_signals(plant, mechanical["electrical"])
@@ -58,7 +58,11 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
 def outputs_of(
     active: Phases, shape: Phases, sensed: Phases, voltage: Phases, recorded: Any, torque: Any, reference: Any
 ) -> tuple[Any, ...]:
-    """Return the `CHANNELS` of a motor with trapezoidal back-EMF; `recorded` is its motion."""
+    """Return the `CHANNELS` of a motor with trapezoidal back-EMF.
+
+    `active` is the reference current of each phase relative to the drive's, `shape` the unit trapezoid,
+    `sensed` the output of the current sensors and `recorded` the motion, from `motion.recorded_motion`.
+    """
     return (
         0.5 * (shape * sensed).sum(),
         (active * voltage).sum(),
@@ -73,10 +77,10 @@ def outputs_of(
 
 
 def advance(structure: Structure) -> Callable[..., Any]:
-    """Return the step of one actuator.
+    """Return the step of one actuator, a function of (state, parameters, inputs).
 
     The order within a step is that of docs/physics.md, section 3: commutation, switching and back-EMF from
-    the state at the step's start, currents by explicit Euler, torque from the new currents, then the motion.
+    the state at the start of the step, currents by explicit Euler, torque from the new currents, then motion.
     """
     demand_of, driven = control.control(structure), motion.driven_motion(structure)
     laws = three_phases.laws(structure)
@@ -115,4 +119,4 @@ HYSTERESIS_BLDC = Form(
     advance=advance,
     neutral=control.NEUTRAL | motion.NEUTRAL,
 )
-"""The thesis's motor and drive."""
+"""BLDC motor and drive of the thesis."""

@@ -1,4 +1,4 @@
-"""The thesis's monitor model: one phase, switched by the sign of the current error (thesis 3.2, 4.4, 4.5)."""
+"""Monitor model of the thesis (3.2, 4.4, 4.5): one phase, switched by the sign of the current error."""
 
 from functools import cache
 from typing import Literal
@@ -13,13 +13,13 @@ from emaphm.simulation.models import single_winding
 
 
 def printed_shorts(plant: Plant, step: float) -> dict[str, Array]:
-    """Return the kernel's parameters with N = (N_a + N_b + N_c) / 3 at any angle: R N, L N², k N."""
+    """Return the kernel's parameters R N, L N², k N with N = (N_a + N_b + N_c) / 3 at any angle."""
     mean = np.broadcast_to(plant.turns.mean(axis=0), plant.turns.shape)
     return single_winding.parameters(plant, step, mean, mean**2, mean)
 
 
 def modulated_shorts(plant: Plant, step: float) -> dict[str, Array]:
-    """Return the kernel's parameters with N the mean of the two conducting phases: f(theta) of thesis 4.4."""
+    """Return the kernel's parameters with N the mean of the two conducting phases: f(θ) of thesis 4.4."""
     pairs = single_winding.of_pairs(plant.turns) / 2
     return single_winding.parameters(plant, step, pairs, pairs**2, plant.turns)
 
@@ -35,8 +35,8 @@ def monitor(
 ) -> Model:
     """Return the monitor model with the given forms of short circuit and eccentricity.
 
-    `printed` are the thesis's formulas; `modulated` resolves shorts by rotor sector; `reference` is the
-    eccentricity of the reference model, once per mechanical turn.
+    `printed` selects the thesis's formulas; `modulated` makes shorts depend on the rotor's sector;
+    `reference` is the eccentricity of the reference model, with one period per mechanical turn.
 
     Raises
     ------

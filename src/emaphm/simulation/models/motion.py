@@ -1,4 +1,4 @@
-"""The motion that all models share: from the motor's torque to speeds, angles and directions."""
+"""Motion of all models: from the motor's torque to speeds, angles and directions."""
 
 from collections.abc import Callable
 from functools import cache
@@ -23,22 +23,22 @@ from emaphm.simulation.laws.select import clip, select
 from emaphm.simulation.models import friction
 
 BEYOND_STOP = 0.1
-"""Start beyond an end stop [rad at the motor] that is still attributed to a sensor."""
+"""Largest start position beyond an end stop that is attributed to a sensor error [rad at the motor]."""
 
 STIFFEST = 2.0
-"""Largest (ω Δt)² of a shaft between its inertias [-]: with `MOST_DAMPED` its steps are stable. A stiffer
-shaft is taken as this stiff, which at 50 µs swings at 4.5 kHz: no recording distinguishes it from a rigid
-one."""
+"""Largest (ω Δt)² of the oscillation of a shaft between its inertias [-]: with `MOST_DAMPED` the steps are
+stable. The stiffness of a stiffer shaft is reduced to this limit. At 50 µs the limit is an oscillation at
+4.5 kHz, which no recording distinguishes from a rigid shaft."""
 
 MOST_DAMPED = 0.9
-"""Largest share of a shaft's relative speed that its damping takes in a step [-]."""
+"""Largest relative change of a shaft's relative speed in a step by its damping [-]."""
 
 SLOWEST_STRIBECK = 1e-6
-"""Least speed over which friction falls [rad/s]: at rest it is static, in motion dynamic."""
+"""Least Stribeck or transition speed [rad/s]: at this speed, friction is practically a step at rest."""
 
 
 def state_names(structure: Structure) -> tuple[str, ...]:
-    """Return the state of the motion."""
+    """Return the names of the state of the motion."""
     return (
         "speed",
         "angle",
@@ -49,13 +49,13 @@ def state_names(structure: Structure) -> tuple[str, ...]:
         *(("user_speed",) if structure.compliance else ()),
         *(("bristles",) if structure.presliding else ()),
         *(("user_cos", "user_sin") if structure.gravity else ()),
-        *(("screw_cos", "screw_sin") if any(one.screw for one in structure.ripples) else ()),
+        *(("screw_cos", "screw_sin") if any(ripple.screw for ripple in structure.ripples) else ()),
     )
 
 
 @cache
 def parameter_names(structure: Structure) -> tuple[str, ...]:
-    """Return the parameters of the motion."""
+    """Return the names of the parameters of the motion."""
     ripples = range(1, len(structure.ripples) + 1)
     harmonics = (f"ripple{i}_{part}" for i in ripples for part in ("cos", "sin"))
     steps = (name for i in range(1, structure.load_steps + 1) for name in step_names(i))
@@ -101,7 +101,7 @@ PARAMETERS = (
 
 
 NEUTRAL = {"torque_share": 1.0, "load_stiffness": 0.0}
-"""No lag from current to torque, and no load that rises with the position."""
+"""No lag from current to torque, and no load proportional to the position."""
 
 
 def parameters(plant: Plant, step: float) -> dict[str, Array]:
@@ -140,7 +140,7 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
     if structure.compliance:
         of_user = plant.user_share_of_inertia * plant.inertia
         reduced = plant.user_share_of_inertia * (plant.inertia - of_user)
-        # On neither side may friction be more in motion than at rest: a load below it would be overcome.
+        # On each side, dynamic friction must not exceed static friction, as for the sum (`engine.plant`).
         user_coulomb = plant.user_share_of_coulomb * plant.coulomb
         user_static = np.maximum(plant.user_share_of_static * plant.static, user_coulomb)
         of_motor = (1 - plant.user_share_of_static) * plant.static
@@ -170,12 +170,12 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
 
 
 def motor_angle(plant: Plant, start: Initial) -> Array:
-    """Return the motor's angle at `start`, (n,) [rad]: of each plant's backlash, the same share ahead."""
+    """Return the motor's angle at `start`, (n,) [rad]: `start.angle` plus `gap` times half the backlash."""
     return np.asarray(start.angle + start.gap * plant.backlash / 2)
 
 
 def rotor_angle(plant: Plant, start: Initial) -> Array:
-    """Return the rotor's mechanical angle at `start`, (n,) [rad], from where its electrical angle is 0."""
+    """Return the rotor's mechanical angle at `start`, (n,) [rad]; its electrical angle is 0 at 0."""
     return motor_angle(plant, start) + start.rotor_offset + plant.rotor_zero / plant.pole_pairs
 
 
@@ -185,7 +185,7 @@ def initial_state(plant: Plant, start: Initial) -> dict[str, Array]:
     Raises
     ------
     MethodError
-        It starts beyond the end stops.
+        The start position is beyond the end stops.
     """
     beyond = np.maximum(start.angle - plant.high_stop, plant.low_stop - start.angle) - plant.backlash / 2
     if np.any(beyond > BEYOND_STOP):
@@ -213,15 +213,16 @@ def initial_state(plant: Plant, start: Initial) -> dict[str, Array]:
 
 
 def motion(structure: Structure) -> Callable[..., Any]:
-    """Return the law of the motion: from (state, parameters, inputs, motor torque) to its next state.
+    """Return the law of the motion: a function of (state, parameters, inputs, motor torque).
 
-    What a torque swings by about its mean within a step may follow: it helps a shaft at rest to break away.
+    It returns the next state of the motion. An optional fifth argument is the amplitude of the torque ripple
+    within a step, which helps a shaft at rest to break away.
     """
     ripple = _ripple(structure)
     move = _compliant(structure) if structure.compliance else _rigid(structure)
-    weight, turn_user = (_weight, _turn_user) if structure.gravity else (_no_weight, _nothing)
-    stepping = _steps(structure.load_steps)
-    turn_screw = _turn_screw if any(one.screw for one in structure.ripples) else _nothing
+    weight, turn_user = (_weight, _turn_user) if structure.gravity else (_zero_torque, _no_state)
+    stepping = _load_steps(structure.load_steps)
+    turn_screw = _turn_screw if any(ripple.screw for ripple in structure.ripples) else _no_state
 
     def moved(s: Any, p: Any, u: Any, torque: Any, swing: Any = None) -> Any:
         external = u.load + p.offset + p.load_stiffness * s.output + weight(s, p) + stepping(p, u)
@@ -236,10 +237,10 @@ def motion(structure: Structure) -> Callable[..., Any]:
 
 
 def driven_motion(structure: Structure) -> Callable[..., Any]:
-    """Return the law of the motion that currents make: from (state, parameters, inputs, their torque).
+    """Return the law of torque and motion: a function of (state, parameters, inputs, torque of the currents).
 
-    It gives the motor's torque after the step, limited and with its lag, and the next state of the motion. By
-    what that torque swings within the step may follow, as in `motion`.
+    It returns the motor's torque after the step, with its limit and its lag, and the next state of the
+    motion. An optional fifth argument is the amplitude of the torque ripple, as in `motion`.
     """
     moved = motion(structure)
 
@@ -251,7 +252,10 @@ def driven_motion(structure: Structure) -> Callable[..., Any]:
 
 
 def recorded_motion(s: Any, p: Any, u: Any, following: Any) -> Any:
-    """Return position of the user, speed and angle of the motor as they are recorded."""
+    """Return the recorded position of the user, and speed and angle of the motor.
+
+    They are those at the end of the step, or at its start, according to `u.carried`.
+    """
     return (
         p.gear_ratio * (s.output + u.carried * (following[2] - s.output)),
         s.speed + u.carried * (following[0] - s.speed),
@@ -259,11 +263,11 @@ def recorded_motion(s: Any, p: Any, u: Any, following: Any) -> Any:
     )
 
 
-def _nothing(s: Any, p: Any, turned: Any) -> Any:  # noqa: ARG001
+def _no_state(s: Any, p: Any, turned: Any) -> Any:  # noqa: ARG001
     return ()
 
 
-def _no_weight(s: Any, p: Any) -> Any:  # noqa: ARG001
+def _zero_torque(s: Any, p: Any) -> Any:  # noqa: ARG001
     return 0.0
 
 
@@ -271,15 +275,15 @@ def _weight(s: Any, p: Any) -> Any:
     return gravity_load(s.user_cos, s.user_sin, p.gravity_along, p.gravity_across)
 
 
-def _steps(count: int) -> Callable[..., Any]:
-    """Return the sum of a load's `count` steps, of parameters and inputs."""
-    each = [step_names(i) for i in range(1, count + 1)]
+def _load_steps(count: int) -> Callable[..., Any]:
+    """Return the sum of `count` load steps, as a function of parameters and inputs."""
+    names_by_step = [step_names(i) for i in range(1, count + 1)]
 
     def stepping(p: Any, u: Any) -> Any:
         middle = u.time + u.step / 2
         return sum(
             step_load(getattr(p, size), getattr(p, instant), getattr(p, rise), middle, u.step)
-            for size, instant, rise in each
+            for size, instant, rise in names_by_step
         )
 
     return stepping
@@ -294,10 +298,10 @@ def _turn_screw(s: Any, p: Any, turned: Any) -> Any:
 
 
 def _ripple(structure: Structure) -> Callable[..., Any]:
-    """Return the sum of the torque's harmonics, of state and parameters."""
-    total: Callable[..., Any] = _no_weight
-    for i, one in enumerate(structure.ripples, 1):
-        total = _with_harmonic(total, harmonic(one.order), i, one.screw)
+    """Return the sum of the torque's harmonics, as a function of state and parameters."""
+    total: Callable[..., Any] = _zero_torque
+    for i, ripple in enumerate(structure.ripples, 1):
+        total = _with_harmonic(total, harmonic(ripple.order), i, ripple.screw)
     return total
 
 
@@ -313,27 +317,27 @@ def _with_harmonic(
     return total
 
 
-def _breaking_away(s: Any, torque: Any, opposing: Any, swing: Any) -> Any:
-    """Return the motor's torque, at rest with what it swings by towards where it would move."""
+def _torque_at_breakaway(s: Any, torque: Any, opposing: Any, swing: Any) -> Any:
+    """Return the motor's torque; at rest, plus the ripple's amplitude in the direction of the net torque."""
     if swing is None:
         return torque
     return torque + select(s.speed == 0.0, np.copysign(swing, torque - opposing), 0.0)
 
 
 def _rigid(structure: Structure) -> Callable[..., Any]:
-    """Return how motor and user move as one inertia, the backlash kinematic.
+    """Return the motion of motor and user as one inertia, with kinematic backlash.
 
         ω⁺ from the friction law; θ' = θ + ω⁺ Δt, θ⁺ = min(max(θ', θ_low - b), θ_high + b)
         ω⁺ = 0 where θ⁺ ≠ θ';  θ_u⁺ = follow(θ_u, θ⁺, b)
 
-    The stops hold the user's side. A shaft at a stop has speed 0 for as long as the torque pushes outward.
+    The end stops limit the user's side. A shaft at a stop has the speed 0 while the torque acts outwards.
     """
-    speed_of, bent = friction.friction(structure), friction.bristles(structure)
+    speed_of, bristle_torque = friction.friction(structure), friction.bristles(structure)
 
     def rigid(s: Any, p: Any, step: Any, torque: Any, external: Any, swing: Any) -> Any:
-        made = _breaking_away(s, torque, external, swing)
+        made = _torque_at_breakaway(s, torque, external, swing)
         free, bristles = speed_of(
-            p, s.speed, bent(s), made, external, p.viscous, p.static, p.coulomb, p.step_per_inertia
+            p, s.speed, bristle_torque(s), made, external, p.viscous, p.static, p.coulomb, p.step_per_inertia
         )
         reached = s.angle + free * step
         held = clip(reached, p.low_stop - p.half_gap, p.high_stop + p.half_gap)
@@ -343,13 +347,14 @@ def _rigid(structure: Structure) -> Callable[..., Any]:
 
 
 def _compliant(structure: Structure) -> Callable[..., Any]:
-    """Return how motor and user move as two inertias, each with its own friction, with the shaft between.
+    """Return the motion of motor and user as two inertias with separate friction, coupled by the shaft.
 
-    Speeds first, by the shaft's torque at the step's start, then the angles by the new speeds (semi-implicit
-    Euler): without numerical damping, the natural frequency ω too high by (ω Δt)²/24. What depends on the
-    transmitted torque, direction or speed squared is the motor's friction, and so are the bristles.
+    Semi-implicit Euler: the speeds follow from the shaft's torque at the start of the step, the angles from
+    the new speeds. There is no numerical damping; the natural frequency ω is too high by (ω Δt)²/24,
+    relative. Friction that depends on the transmitted torque, on the direction or on the square of the speed,
+    and the bristles, act on the motor's side.
     """
-    speed_of, bent = friction.friction(structure), friction.bristles(structure)
+    speed_of, bristle_torque = friction.friction(structure), friction.bristles(structure)
     user_friction = structure._replace(
         load_dependent=False, directional=False, quadratic=False, presliding=False
     )
@@ -360,8 +365,8 @@ def _compliant(structure: Structure) -> Callable[..., Any]:
         speed, bristles = speed_of(
             p,
             s.speed,
-            bent(s),
-            _breaking_away(s, torque, passed, swing),
+            bristle_torque(s),
+            _torque_at_breakaway(s, torque, passed, swing),
             passed,
             p.viscous - p.user_viscous,
             p.static - p.user_static,

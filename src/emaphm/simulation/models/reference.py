@@ -1,4 +1,4 @@
-"""The reference model: three phases, every switching of the inverter, a step a microsecond."""
+"""Reference model: three phases, every switching event of the inverter, a step of 1 µs."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from emaphm.simulation.models.hysteresis_bldc import HYSTERESIS_BLDC
 from emaphm.simulation.models.six_step import SIX_STEP
 
 NOT_SWITCHED = {drive: replace(SINGLE_WINDING[drive], longest_step=5e-6) for drive in ("current", "voltage")}
-"""Drives without an inverter: what is averaged over no switching is right but for its step."""
+"""Forms for drives without an inverter: the averaged forms, which are exact except for the step, at 5 µs."""
 
 REFERENCE = Model(
     "reference",
@@ -17,4 +17,4 @@ REFERENCE = Model(
     {"hysteresis": HYSTERESIS_BLDC, "six-step": SIX_STEP, "foc": FOC, **NOT_SWITCHED},
     switches=True,
 )
-"""The reference model at its step of 1 µs, or 5 µs where no inverter switches."""
+"""Reference model with its step of 1 µs, or 5 µs for drives without an inverter."""

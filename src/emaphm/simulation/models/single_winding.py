@@ -1,7 +1,7 @@
-"""The models with one equivalent winding: the monitor model, and the averaged model of all drives but one.
+"""Models with one equivalent winding: the monitor model, and the averaged model of all drives except FOC.
 
-The two conducting phases of the rotor's sector are one winding. Its rows come from three pairs of
-phases, each named by the phase that idles: pair a is b with c, and so on. A DC motor has one winding.
+The two conducting phases of the rotor's sector form one winding. Its parameters are given for three pairs of
+phases, each named by its idle phase: pair a is b with c, and so on. A DC motor has one winding.
 """
 
 from collections.abc import Callable
@@ -62,7 +62,7 @@ PARAMETERS = (
 
 
 def of_pairs(turns: Array) -> Array:
-    """Return for each phase, (3, n), the sum of the other two, which conduct while it idles."""
+    """Return for each phase, (3, n), the sum of the two other phases, which conduct while it idles."""
     return turns[[1, 2, 0]] + turns[[2, 0, 1]]
 
 
@@ -71,8 +71,8 @@ def parameters(
 ) -> dict[str, Array]:
     """Return the kernel's parameters for `plant` at `step` [s], (n,) each.
 
-    `pair_turns` (3, n) scales each pair's resistance, `pair_squares` (3, n) its inductance, and
-    `phase_turns` (3, n) each phase's share of the torque constant, all 1 when healthy.
+    `pair_turns` (3, n) are the factors of each pair's resistance, `pair_squares` (3, n) of its inductance,
+    and `phase_turns` (3, n) of each phase's part of the torque constant; all are 1 for a healthy motor.
     """
     resistance, inductance = plant.resistance * pair_turns, plant.inductance * pair_squares
     sensed_share = share_of_step(plant.current_lag, step)
@@ -80,7 +80,7 @@ def parameters(
     falls = step * (1 - 1 / (windings * (1 / windings).sum(axis=0))) / windings
     share, at_once = delay_shares(plant.pwm_frequency, step)
     frequency = np.maximum(plant.pwm_frequency, 1.0)
-    # What the lag from current to torque leaves of a ripple.
+    # Gain of the lag from current to torque at the frequency of the ripple.
     torque_share = 1 / np.hypot(1.0, 2 * np.pi * frequency * plant.torque_lag)
     rows = {
         "supply": plant.supply,
@@ -110,9 +110,9 @@ def parameters(
 
 
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
-    """Return the kernel's state at `start`, (n,) each, without current.
+    """Return the kernel's state at `start`, (n,) each, with a current of 0.
 
-    But the controller of a six-step drive in motion has settled, as in `six_step.initial_state`.
+    Exception: a six-step drive in motion is in steady state, as in `six_step.initial_state`.
     """
     own = dict.fromkeys((*OWN_STATE, *SIX_STEP_STATE), np.zeros(plant.count))
     if plant.structure.drive == "six-step":
@@ -125,16 +125,16 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
 
 
 OWN_STATE = ("torque", "current", "bus_current", "sensed")
-"""What winding, supply and sensor may add to the state."""
+"""Names of the state of winding, supply and sensor."""
 
 SIX_STEP_STATE = ("current_integral", "voltage", "outgoing", "incoming_share", "idle")
-"""What a six-step drive adds: its controller's integral and lagging voltage, the current that the outgoing
-phase still carries, the incoming phase's share of the pair's inductance, and which phase idles."""
+"""Names of the additional state of a six-step drive: integral and lagging voltage of its controller, current
+of the outgoing phase, share of the incoming phase in the pair's inductance, number of the idle phase."""
 
 
 @cache
 def state_names(structure: Structure) -> tuple[str, ...]:
-    """Return the kernel's state."""
+    """Return the names of the kernel's state."""
     return (
         *control.state_names(structure),
         *motion.state_names(structure),
@@ -148,7 +148,7 @@ def state_names(structure: Structure) -> tuple[str, ...]:
 
 @cache
 def parameter_names(structure: Structure) -> tuple[str, ...]:
-    """Return the kernel's parameters."""
+    """Return the names of the kernel's parameters."""
     return (*control.PARAMETERS, *motion.parameter_names(structure), *PARAMETERS)
 
 
@@ -161,9 +161,10 @@ def form(
 ) -> Form:
     """Return the form of a model with one winding for a kind of `drive`.
 
-    `averaged`: the current follows its reference as far as the supply can force it within a step;
-    otherwise the full supply is switched by the sign of the current error. `printed_eccentricity`: the
-    thesis's factor for the monitor model instead of the reference model's.
+    `of_plant` returns the kernel's parameters. If `averaged`, the current follows its reference as far as the
+    supply can drive it within a step; otherwise the sign of the current error switches the full supply
+    voltage. `printed_eccentricity` selects the thesis's factor for the monitor model instead of the
+    eccentricity of the reference model.
     """
 
     def advance(structure: Structure) -> Callable[..., Any]:
@@ -194,7 +195,9 @@ def _advance(
     pair = conducting_pair(structure)
     shaped = _shaped if structure.emf_shape or structure.commutation else _trapezoidal
     swing_of = _swing(pair) if structure.drive == "six-step" else _no_swing
-    supply_of, bus_after = (_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)
+    supply_of, bus_after = (
+        (_sagging_supply, _bus_state) if structure.source else (_stiff_supply, _no_bus_state)
+    )
 
     def advance(s: Any, p: Any, u: Any) -> Any:
         reference, controlled = demand_of(s, p, u)
@@ -221,10 +224,10 @@ def _advance(
 
 
 def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
-    """Return the step of a DC motor whose drive sets the duty cycle; without current where it is off."""
+    """Return the step of a DC motor whose drive sets the duty cycle; no current while the drive is off."""
     demand_of, driven = control.control(structure), motion.driven_motion(structure)
     flux_of, against = _losses(structure)
-    supply_of = _under_duty if structure.source else _stiff_under_duty
+    supply_of = _supply_under_duty if structure.source else _stiff_supply_under_duty
 
     def advance(s: Any, p: Any, u: Any) -> Any:
         duty, controlled = demand_of(s, p, u)
@@ -242,7 +245,7 @@ def _advance_by_voltage(structure: Structure) -> Callable[..., Any]:
 
 
 def _swing(pair: ConductingPair) -> Callable[..., Any]:
-    """Return by what the torque of a modulated voltage swings: of (s, p, u), the flux and the supply."""
+    """Return the amplitude of the torque ripple by PWM, a function of (s, p, u, flux, supply)."""
 
     def swing(s: Any, p: Any, u: Any, flux: Any, supply: Any) -> Any:
         per_volt = pair.of_idle(s, p, Phases.of(p, "half_ripple"))
@@ -256,9 +259,9 @@ def _no_swing(s: Any, p: Any, u: Any, flux: Any, supply: Any) -> Any:  # noqa: A
 
 
 def _losses(structure: Structure) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Return what the current leaves of a flux, and what the winding has against it for a back-EMF.
+    """Return the functions for the saturated flux, and for the back-EMF plus the inverter's voltage drop.
 
-    Each of (state, parameters, flux or back-EMF).
+    They are functions of (state, parameters, flux) and of (state, parameters, back-EMF).
     """
     return (
         _saturated if structure.saturation else _unsaturated,
@@ -271,7 +274,7 @@ def _trapezoidal(s: Any, p: Any, fluxes: Any) -> Any:  # noqa: ARG001
 
 
 def _shaped(s: Any, p: Any, fluxes: Any) -> Any:
-    # The current of the pair has the sign: of the shapes only their size counts.
+    # The current of the pair carries the sign, so the shapes enter by their magnitude.
     return np.abs(emf_shape(phase_angles(s.electrical), p.flat_loss, p.sine_share)) * fluxes
 
 
@@ -291,11 +294,11 @@ def _with_drop(s: Any, p: Any, back_emf: Any) -> Any:
     return back_emf + voltage_drop(s.current, p.drop, p.per_knee)
 
 
-def _stiff_under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:  # noqa: ARG001
+def _stiff_supply_under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:  # noqa: ARG001
     return p.supply
 
 
-def _under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:
+def _supply_under_duty(s: Any, p: Any, duty: Any, back_emf: Any) -> Any:
     return supply_under_duty(
         p.supply, p.source_resistance, duty, s.current, back_emf, p.conductance_a, p.decay_a
     )
@@ -309,17 +312,17 @@ def _printed_gaps(s: Any, p: Any) -> Any:
     return printed_factor(np.cos(s.electrical), np.sin(s.electrical), p.z_cos, p.z_sin)
 
 
-def _stiff(s: Any, p: Any) -> Any:  # noqa: ARG001
+def _stiff_supply(s: Any, p: Any) -> Any:  # noqa: ARG001
     return p.supply
 
 
-def _sagging(s: Any, p: Any) -> Any:
+def _sagging_supply(s: Any, p: Any) -> Any:
     return sagging_supply(p.supply, p.source_resistance, s.bus_current)
 
 
-def _nothing_drawn(voltage: Any, current: Any, supply: Any) -> Any:  # noqa: ARG001
+def _no_bus_state(voltage: Any, current: Any, supply: Any) -> Any:  # noqa: ARG001
     return ()
 
 
-def _drawn(voltage: Any, current: Any, supply: Any) -> Any:
+def _bus_state(voltage: Any, current: Any, supply: Any) -> Any:
     return (voltage * current / supply,)  # the inverter passes on the winding's power without loss

@@ -1,9 +1,9 @@
-"""A BLDC motor under six-step control, with its pulse-width modulation: the reference model's form.
+"""Reference model of a BLDC motor under six-step control with pulse-width modulation.
 
-PI control of the equivalent current, which does not jump where one phase takes over from another, sampled as
-a PWM period begins; the voltage that answers is applied throughout the next period. The two conducting legs
-switch together, to opposite rails; the third has its switches off, so that its current decays through a diode
-and stays 0 (`laws/idle_leg.py`).
+A PI controller controls the equivalent current, which does not jump at commutation. It samples at the start
+of a PWM period; the resulting voltage is applied during the next period. The two conducting legs switch
+together to opposite rails. The switches of the third leg are off, so that its current decays through a diode
+and remains 0 (`laws/idle_leg.py`).
 """
 
 from collections.abc import Callable
@@ -40,10 +40,11 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
 
 
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
-    """Return the kernel's state at `start`, (n,) each: at rest no current, no voltage for two periods.
+    """Return the kernel's state at `start`, (n,) each.
 
-    In motion the controller of the current has settled: the current is what the speed loop demands, in the
-    phases that conduct there, and the controller's integral is the voltage that keeps it, which is applied.
+    At rest there is no current, and no voltage for two periods. In motion the current controller is in steady
+    state: the conducting phases carry the current that the speed loop demands, and the integral is the
+    voltage that maintains this current, which is applied.
     """
     mechanical = control.initial_state(plant, inputs, start) | motion.initial_state(plant, start)
     current = control.steady_current(plant, inputs, start)
@@ -61,16 +62,16 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
 
 
 def _centre(p: Any, active: Phases, drive: Phases) -> Any:
-    """Return the voltage of the star's centre while only the two conducting phases carry current."""
+    """Return the voltage of the star's centre [V] if only the two conducting phases carry current."""
     inverse = np.abs(active) * Phases.of(p, "step_per_henry")
     return (inverse * drive).sum() / inverse.sum()
 
 
 def advance(structure: Structure) -> Callable[..., Any]:
-    """Return the step of one actuator.
+    """Return the step of one actuator, a function of (state, parameters, inputs).
 
-    The order within a step is the thesis drive's: control, switching and back-EMF from the state at the
-    step's start, currents by explicit Euler, torque from the new currents, then the motion.
+    The order within a step is that of the thesis's drive: control, switching and back-EMF from the state at
+    the start of the step, currents by explicit Euler, torque from the new currents, then the motion.
     """
     demand_of, driven = control.control(structure), motion.driven_motion(structure)
     laws = three_phases.laws(structure)
@@ -82,7 +83,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
         angle = phase_angles(s.electrical)
         (active, signals), shape = laws.commutation(s, p, angle), trapezoid(angle)
 
-        asked, integral = limited_pi(
+        demanded_voltage, integral = limited_pi(
             reference - 0.5 * (shape * laws.sensed_before(s)).sum(),
             s.current_integral,
             p.current_gain,
@@ -103,9 +104,9 @@ def advance(structure: Structure) -> Callable[..., Any]:
         idle = active == 0.0
         voltage = select(idle, diode_voltage(before, floating, half_supply), active * rail)
         free = three_phases.currents_after(before, p, voltage, back_emf)
-        kept = select(idle, diode_current(before, free, floating, half_supply), free)
-        # What a diode has ended goes on through the two conducting phases, whose sum it kept.
-        current = u.enabled * (kept - np.abs(active) * (0.5 * kept.sum()))
+        with_diode = select(idle, diode_current(before, free, floating, half_supply), free)
+        # A current that a diode has stopped is subtracted from the two conducting phases, so the sum is 0.
+        current = u.enabled * (with_diode - np.abs(active) * (0.5 * with_diode.sum()))
         torque, following = driven(s, p, u, (flux * current).sum())
 
         sensed = laws.sensed_after(s, p, current)
@@ -115,7 +116,7 @@ def advance(structure: Structure) -> Callable[..., Any]:
             u.enabled * select(begins, integral, s.current_integral),
             carrier_after(s.carrier, p.step_per_period),
             duty,
-            u.enabled * select(begins, asked / (2.0 * half_supply), s.next_duty),
+            u.enabled * select(begins, demanded_voltage / (2.0 * half_supply), s.next_duty),
         )
         drawn = laws.bus_after((voltage * current).sum() / half_supply)
         own = (torque, *current, *drive, *drawn, *laws.sensor_state(sensed), *signals)
@@ -134,4 +135,4 @@ SIX_STEP = Form(
     advance=advance,
     neutral=control.NEUTRAL | motion.NEUTRAL,
 )
-"""A BLDC motor with PI current control and PWM."""
+"""BLDC motor with PI current control and PWM."""

@@ -1,4 +1,4 @@
-"""What all models of three switched phases share: windings, supply, current sensors, recorded motion."""
+"""Common parts of all models of three switched phases: windings, supply, current and Hall sensors."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -46,7 +46,7 @@ CURRENTS, SENSED, SIGNALS = phase_names("current"), phase_names("sensed"), phase
 def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
     """Return the parameters of windings, supply and sensors at `step` [s], (n,) each.
 
-    `peak` is the amplitude of a phase's back-EMF per speed for a torque constant of 1, line to line.
+    `peak` is the amplitude of a phase's back-EMF per speed for a line-to-line torque constant of 1.
     """
     per_henry = step / (plant.inductance / 2 * plant.turns**2)
     return {
@@ -69,7 +69,7 @@ def parameters(plant: Plant, step: float, peak: float) -> dict[str, Array]:
 
 
 def current_loop_parameters(plant: Plant, step: float) -> dict[str, Array]:
-    """Return the parameters of a PI current loop, sampled once a PWM period, at `step` [s], (n,) each."""
+    """Return the parameters, at `step` [s], of a PI current loop sampled once per PWM period, (n,) each."""
     period = 1 / np.maximum(plant.pwm_frequency, 1.0)
     return {
         "current_gain": plant.current_gain,
@@ -80,7 +80,7 @@ def current_loop_parameters(plant: Plant, step: float) -> dict[str, Array]:
 
 
 def initial_state(plant: Plant) -> dict[str, Array]:
-    """Return the state of torque, windings, supply and current sensors, (n,) each: no current."""
+    """Return the state of torque, windings, supply and current sensors without current, (n,) each."""
     return dict.fromkeys(("torque", *CURRENTS, "bus_current", *SENSED), np.zeros(plant.count))
 
 
@@ -92,7 +92,7 @@ def initial_signals(plant: Plant, electrical: Array) -> dict[str, Array]:
 
 
 def optional_state_names(structure: Structure) -> tuple[str, ...]:
-    """Return the state of supply and sensors, where the actuator has their laws."""
+    """Return the names of the state of supply and sensors for the optional laws of the actuator."""
     return (
         *(("bus_current",) if structure.source else ()),
         *(SENSED if structure.current_lag else ()),
@@ -101,7 +101,7 @@ def optional_state_names(structure: Structure) -> tuple[str, ...]:
 
 
 def state_names(structure: Structure, own: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the kernel's state; `own` is that of the model's drive."""
+    """Return the names of the kernel's state; `own` are the names of the state of the model's drive."""
     return (
         *control.state_names(structure),
         *motion.state_names(structure),
@@ -113,51 +113,51 @@ def state_names(structure: Structure, own: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def parameter_names(structure: Structure, own: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the kernel's parameters; `own` are those of the model's drive."""
+    """Return the names of the kernel's parameters; `own` are those of the model's drive."""
     return (*control.PARAMETERS, *motion.parameter_names(structure), *PARAMETERS, *own)
 
 
 class Laws(NamedTuple):
-    """What windings, supply and current sensors do, by the laws that an actuator has.
+    """Laws of windings, supply and sensors for the structure of an actuator.
 
     Currents, voltages, fluxes and back-EMFs are `Phases`; s and p are state and parameters.
     """
 
     commutation: Callable[..., Any]
-    """Of (s, p, angles of the phases): what share of the reference current each phase is asked for, and the
-    next state of the sensors that say so."""
+    """(s, p, angles of the phases): reference current of each phase relative to the drive's, and the next
+    state of the Hall sensors."""
     emf_shape: Callable[..., Any]
-    """Of (p, angles of the phases, unit trapezoids there): the shapes of a back-EMF that is no sine."""
+    """(p, angles of the phases, their unit trapezoids): shapes of a back-EMF that is not sinusoidal."""
     flux: Callable[..., Any]
-    """Of (current, p, factors of the gap, shapes of the back-EMF): back-EMF per speed, torque per current."""
+    """(current, p, factors of the gap, shapes of the back-EMF): back-EMF per speed, torque per current."""
     against: Callable[..., Any]
-    """Of (current, p, back-EMF): what the windings have against them, with what the inverter takes."""
+    """(current, p, back-EMF): voltage that opposes the winding's: back-EMF plus the inverter's drop."""
     half_supply: Callable[..., Any]
-    """Of (s, p): half the supply voltage."""
+    """(s, p): half the supply voltage."""
     bus_after: Callable[..., Any]
-    """Of the sum of leg state times current: the supply's next state."""
+    """(sum of leg state times current): next state of the supply."""
     sensed_before: Callable[..., Any]
-    """Of s: what the current sensors show before a step."""
+    """(s): output of the current sensors before the step."""
     sensed_after: Callable[..., Any]
-    """Of (s, p, current): what they show after it."""
+    """(s, p, current): output of the current sensors after the step."""
     sensor_state: Callable[..., Any]
-    """Of what they show after it: their next state."""
+    """(output of the current sensors after the step): their next state."""
 
 
 def laws(structure: Structure) -> Laws:
-    """Return what windings, supply and current sensors do."""
+    """Return the laws of windings, supply and sensors for `structure`."""
     return Laws(
         _by_hall_sensors if structure.commutation else _by_angle,
         _shaped if structure.emf_shape else _trapezoidal,
         _saturated if structure.saturation else _unsaturated,
         _with_drop if structure.voltage_drop else _back_emf,
-        *((_sagging, _drawn) if structure.source else (_stiff, _nothing_drawn)),
-        *((_lagging, _lag, _kept) if structure.current_lag else (_exact, _no_lag, _none_kept)),
+        *((_sagging_supply, _bus_state) if structure.source else (_stiff_supply, _no_bus_state)),
+        *((_lagging, _lag, _lag_state) if structure.current_lag else (_exact, _no_lag, _no_sensor_state)),
     )
 
 
 def currents_after(current: Phases, p: Any, voltage: Phases, back_emf: Phases) -> Any:
-    """Return the three phase currents after an explicit Euler step [A]."""
+    """Return the three phase currents [A] after an explicit Euler step."""
     drive = voltage - Phases.of(p, "resistance") * current - back_emf
     return current + star_slopes(drive, Phases.of(p, "step_per_henry"), p.henries_per_step)
 
@@ -167,9 +167,11 @@ def _by_angle(s: Any, p: Any, angles: Phases) -> Any:  # noqa: ARG001
 
 
 def _by_hall_sensors(s: Any, p: Any, angles: Phases) -> Any:  # noqa: ARG001
-    seen = seen_angle(s.electrical, p.pole_pairs * s.speed, p.commutation_lag, p.commutation_delay)
+    commutation_angle = seen_angle(
+        s.electrical, p.pole_pairs * s.speed, p.commutation_lag, p.commutation_delay
+    )
     early = Phases.of(p, "hall")
-    signals = hall_signals(Phases.of(s, "signal"), phase_angles(seen), early, p.commutation_lag)
+    signals = hall_signals(Phases.of(s, "signal"), phase_angles(commutation_angle), early, p.commutation_lag)
     return signalled_demand(signals), tuple(signals)
 
 
@@ -186,9 +188,9 @@ def _unsaturated(current: Phases, p: Any, gap: Phases, shape: Phases) -> Any:  #
 
 
 def _saturated(current: Phases, p: Any, gap: Phases, shape: Phases) -> Any:
-    # Two conducting phases have i and -i; of three sines it is the length of their vector, line to line.
-    left = flux_left(p.saturation, np.sqrt(0.5 * (current * current).sum()))
-    return left * _unsaturated(current, p, gap, shape)
+    # |i| for two conducting phases with i and -i; the length of the vector, line to line, for three sines.
+    factor = flux_left(p.saturation, np.sqrt(0.5 * (current * current).sum()))
+    return factor * _unsaturated(current, p, gap, shape)
 
 
 def _back_emf(current: Phases, p: Any, back_emf: Phases) -> Any:  # noqa: ARG001
@@ -199,20 +201,20 @@ def _with_drop(current: Phases, p: Any, back_emf: Phases) -> Any:
     return back_emf + voltage_drop(current, p.leg_drop, p.per_knee)
 
 
-def _stiff(s: Any, p: Any) -> Any:  # noqa: ARG001
+def _stiff_supply(s: Any, p: Any) -> Any:  # noqa: ARG001
     return p.half_supply
 
 
-def _sagging(s: Any, p: Any) -> Any:
+def _sagging_supply(s: Any, p: Any) -> Any:
     return sagging_supply(p.half_supply, 0.5 * p.source_resistance, s.bus_current)
 
 
-def _nothing_drawn(switched: Any) -> Any:  # noqa: ARG001
+def _no_bus_state(switched: Any) -> Any:  # noqa: ARG001
     return ()
 
 
-def _drawn(switched: Any) -> Any:
-    # A leg that is high draws its phase's current from the supply; the currents add up to 0.
+def _bus_state(switched: Any) -> Any:
+    # A leg that is high draws its phase's current from the supply; the sum of the currents is 0.
     return (0.5 * switched,)
 
 
@@ -232,9 +234,9 @@ def _lag(s: Any, p: Any, current: Phases) -> Any:
     return approach(Phases.of(s, "sensed"), current, p.sensed_share)
 
 
-def _none_kept(sensed: Phases) -> tuple[Any, ...]:  # noqa: ARG001
+def _no_sensor_state(sensed: Phases) -> tuple[Any, ...]:  # noqa: ARG001
     return ()
 
 
-def _kept(sensed: Phases) -> tuple[Any, ...]:
+def _lag_state(sensed: Phases) -> tuple[Any, ...]:
     return tuple(sensed)
