@@ -120,7 +120,7 @@ def test_a_gain_that_a_delay_would_explain_is_not_accepted_from_the_network() ->
     near, recording = of_gain(0.46)
     reasons = answer_alone(constant_estimator(SETUP, near, 2e-3), recording, THESIS)
     assert isinstance(reasons, tuple)
-    assert "its gain may be a delay: 0.23 ms" in reasons[0]
+    assert "its gain may be a delay: a delay of 0.23 ms" in reasons[0]
     far, recording = of_gain(0.4)
     assert (
         diagnose_by(constant_estimator(SETUP, far, 2e-3), recording, THESIS, fast=True).method == "estimator"

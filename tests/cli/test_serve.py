@@ -40,7 +40,7 @@ def test_a_port_in_use(refused: Refusal, db: str) -> None:
         (("--add-token", "alice"), "--tokens FILE"),
         (("--webhook", "ftp://host"), "--webhook: give an address such as https://host/path"),
         (("--horizon", "0"), "a horizon of 0 h"),
-        (("--risk", "2"), "a risk of 2 is no probability"),
+        (("--risk", "2"), "a risk of 2 is not a probability"),
     ],
 )
 def test_options_that_cannot_be(refused: Refusal, db: str, options: tuple[str, ...], reason: str) -> None:

@@ -271,4 +271,4 @@ def test_an_estimator_answers_where_it_can(
     with History.open("h.sqlite") as history:
         kept = [json.loads(one.text) for one in history.unit("U").diagnoses()]
     assert [one["method"].startswith("estimator") for one in kept] == [True, False]
-    assert any("the estimator was not asked" in note for note in kept[1]["notes"])
+    assert any("the estimator was not used" in note for note in kept[1]["notes"])

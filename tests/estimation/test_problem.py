@@ -14,9 +14,9 @@ from emaphm.arrays import Array
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
 from emaphm.estimation import driving_signals
-from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.posing import problem_of
 from emaphm.estimation.problem import Problem
+from emaphm.estimation.rows.initial_state import initial_state
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Inputs, Plant, run

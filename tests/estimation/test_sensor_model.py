@@ -11,9 +11,9 @@ from emaphm.actuator.sensors import Sensor, Sensors
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.errors import MethodError
 from emaphm.estimation import replay
-from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.objective import faults_objective, faults_only_objective
 from emaphm.estimation.posing import problem_of
+from emaphm.estimation.rows.initial_state import initial_state
 from emaphm.estimation.sensors.sensor_model import with_unknown_errors
 from emaphm.recording import Recording
 from emaphm.recording.noise import noise_level

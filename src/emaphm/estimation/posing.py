@@ -7,9 +7,9 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.estimation.compared_channels import compared_channels
 from emaphm.estimation.driving_signals import DrivingSignals
-from emaphm.estimation.initial_state import initial_state, shows_start
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.recorded_supply import with_recorded_supply
+from emaphm.estimation.rows.initial_state import initial_state, shows_start
 from emaphm.estimation.rows.start import unknown_start
 from emaphm.estimation.sensors.counts import shared_errors, visible_count
 from emaphm.estimation.signal_size import signal_size

@@ -129,7 +129,7 @@ def rows_of_moving_start(problem: Problem, *, moves: bool) -> tuple[int, float]:
     """Return the number of first rows that depend on the motion before, and the motor's side of the gap.
 
     The number is 0 if the recording starts from rest. This applies to recordings that do not show their start
-    (`emaphm.estimation.initial_state.shows_start`). `moves` states whether the command moves there
+    (`emaphm.estimation.rows.initial_state.shows_start`). `moves` states whether the command moves there
     (`command_moves`): if so, models from rest must fit better by the factor `MOVING_START.rest` to be
     accepted; otherwise models in motion must.
     """

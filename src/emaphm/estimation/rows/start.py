@@ -18,7 +18,7 @@ def unknown_start(problem: Problem, *, shown: bool) -> UnknownStart:
     """Return the unknown part of the start.
 
     `shown` states whether the recording determines position and speed at its start
-    (`emaphm.estimation.initial_state.shows_start`); with a moving command, the start is then known.
+    (`emaphm.estimation.rows.initial_state.shows_start`); with a moving command, the start is then known.
     """
     interval, moves = problem.inputs.interval, command_moves(problem)
     if moves and not shown:

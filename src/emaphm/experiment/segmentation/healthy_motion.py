@@ -8,8 +8,8 @@ from emaphm.actuator import Actuator, Command
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
 from emaphm.estimation.driving_signals import DrivingSignals
-from emaphm.estimation.initial_state import initial_state
 from emaphm.estimation.recorded_supply import with_recorded_supply
+from emaphm.estimation.rows.initial_state import initial_state
 from emaphm.recording import Recording
 from emaphm.simulation import AVERAGED, Initial, Inputs, Plant, observe_batch
 
