@@ -286,7 +286,7 @@ def text(screws: list[Screw]) -> str:
             "not reached" if one.crossed is None else "passed between {:g} and {:g} h".format(*one.crossed)
         )
         lines.append(f"limit {one.limit:.3f} N·m: {passed}")
-        header = ("at [h]", "passes it at [h]", "90 %", "held", "likeliest law", "exponent of the speed")
+        header = ("at [h]", "passes it at [h]", "90 %", "held", "most likely law", "exponent of the speed")
         lines.append(format_table(header, [_row(one, made) for made in one.forecasts]))
         lines += [*(f"note: {note}" for note in one.forecasts[-1].notes), ""]
     return "\n".join(lines).rstrip()
