@@ -1,8 +1,8 @@
-"""The page of the spoilt recordings: what became of each class, and each undetected error.
+"""The page of the spoilt recordings: outcomes of each class, and each undetected error.
 
     python -m emaphm.report.spoilt_page studies/spoilt docs
 
-reads the results that `python -m emaphm.study.spoilt studies/spoilt` wrote, and writes ``spoilt.md``.
+reads the results of `python -m emaphm.study.spoilt studies/spoilt`, and writes ``spoilt.md``.
 """
 
 import sys
@@ -21,7 +21,7 @@ from emaphm.text_table import markdown_table
 
 
 def spoilt_page(found: Results, total: int) -> str:
-    """Return the page as Markdown, of the results `found` of `total` cases."""
+    """Return the page as Markdown, from the results `found` of `total` cases."""
     return (
         "\n".join(
             [
@@ -30,7 +30,7 @@ def spoilt_page(found: Results, total: int) -> str:
                 *_introduction(found),
                 markdown_table(["class", "cases", *OUTCOME_TITLES], rows(found)),
                 "\n## Undetected errors\n",
-                *_wrong(found),
+                *_undetected_errors(found),
                 "\n## Reasons for recordings that are not explained or refused\n",
                 *_reasons(found),
             ]
@@ -60,21 +60,22 @@ def _introduction(found: Results) -> Iterator[str]:
     )
 
 
-def _wrong(found: Results) -> Iterator[str]:
-    cases_wrong = undetected_errors(found)
-    if not cases_wrong:
+def _undetected_errors(found: Results) -> Iterator[str]:
+    wrong_cases = undetected_errors(found)
+    if not wrong_cases:
         yield "None."
-    for case, one in cases_wrong:
-        yield f"- {case.name}: {', '.join(one['wrong'])}; residual {100 * one['relative_residual']:.1f} %"
+    for case, result in wrong_cases:
+        residual = 100 * result["relative_residual"]
+        yield f"- {case.name}: {', '.join(result['wrong'])}; residual {residual:.1f} %"
 
 
 def _reasons(found: Results) -> Iterator[str]:
-    """Yield the first reason, or the message of the refusal, that stands for each class."""
-    explained: set[str] = set()
-    for case, one in found.items():
-        text = one["refusal"] or next(iter(one["reasons"]), "")
-        if text and case.spoilt_class not in explained:
-            explained.add(case.spoilt_class)
+    """Yield one line per class: the first reason, or the message of the refusal."""
+    listed: set[str] = set()
+    for case, result in found.items():
+        text = result["refusal"] or next(iter(result["reasons"]), "")
+        if text and case.spoilt_class not in listed:
+            listed.add(case.spoilt_class)
             yield f"- {case.spoilt_class} ({case.channels}): {text}"
 
 

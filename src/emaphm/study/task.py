@@ -1,4 +1,4 @@
-"""Doing one trial of a study: record the case, identify, and return what came out."""
+"""One trial of a study: simulate the recording of the case, identify the faults, and return the result."""
 
 import time
 from dataclasses import replace
@@ -25,10 +25,10 @@ from emaphm.study.trials import Trial
 from emaphm.version import VERSION
 
 HEALTHY_RECORDINGS = 3
-"""Recordings that a rig's actuator is calibrated with."""
+"""Number of healthy recordings with which the actuator of a rig is calibrated."""
 
 FIRST_HEALTHY_SEED = 1_000_000
-"""Seed of the first of them, beyond those of any case."""
+"""Seed of the first healthy recording, beyond the seeds of all cases."""
 
 CURRENTS = {"torque": "current_A", "active": "current_active_A", "magnitude": "current_magnitude_A"}
 """The reference model's channel for each form of the equivalent current."""
@@ -41,27 +41,28 @@ NOT_DIAGNOSED: dict[str, Any] = {
     "explained": None,
     "moves": None,
 }
-"""What a search alone does not say."""
+"""Columns of a diagnosis, which are null for a search without diagnosis."""
 
 
 def perform(
     actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial, expected: str, estimator_digest: str | None = None
 ) -> dict[str, Any]:
-    """Return what came of one trial (`emaphm.study.store.MEASURED`); all but `seconds` is reproducible.
+    """Return the result of one trial (`emaphm.study.store.MEASURED`), reproducible except for `seconds`.
 
-    `estimator_digest` is that of the method's estimator when the study began (`DiagnosisSettings`).
+    `estimator_digest` is the digest of the method's estimator at the start of the study
+    (`DiagnosisSettings`).
 
     Raises
     ------
     StudyError
-        The code here is not that of revision `expected`.
+        The code of this process differs from that of revision `expected`.
     """
     if revision() != expected:
         raise StudyError(
             f"this worker runs another version of the models ({revision()}; the study's is {expected}); "
             "install the same emaphm there"
         )
-    # Else the first trial of a worker would be timed with it.
+    # Otherwise the time of a worker's first trial would include the preparation.
     trial.contestant.chosen().prepare()
     if trial.rig is None:
         found = _searched(
@@ -83,9 +84,9 @@ def perform(
 def _diagnosed(
     recording: Recording, actuator: Actuator, trial: Trial, estimator_digest: str | None
 ) -> dict[str, Any]:
-    """Return what `diagnose` says, as a user gets it."""
+    """Return the result of `diagnose`, as a user would call it."""
     contestant = trial.contestant
-    # One thread a trial, here and below: a study keeps the cores busy with trials side by side.
+    # One thread per trial, here and below: a study uses the cores by parallel trials.
     settings = replace(
         contestant.settings(trial.seed),
         model=trial.model,
@@ -114,7 +115,7 @@ def _diagnosed(
 
 @lru_cache(maxsize=64)
 def _calibrated(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre) -> Actuator:
-    """Return the actuator with the rig's laws, as healthy recordings of the rig show them."""
+    """Return the actuator calibrated with the laws of the rig, on healthy recordings of the rig."""
     seeds = range(FIRST_HEALTHY_SEED, FIRST_HEALTHY_SEED + HEALTHY_RECORDINGS)
     recordings = [recorded(rig, actuator, manoeuvre, Faults(), seed) for seed in seeds]
     return calibrate(recordings, actuator, laws=rig.calibrated, workers=1).actuator
@@ -123,7 +124,7 @@ def _calibrated(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre) -> Actuator:
 def _searched(
     recording: Recording, actuator: Actuator, trial: Trial, nuisances: tuple[str, ...]
 ) -> dict[str, Any]:
-    """Return where the search ends, and its way there."""
+    """Return the end point of the search, with the curves of its convergence."""
     evaluations: list[int] = []
     fitnesses: list[float] = []
     bests: list[Array] = []
@@ -175,7 +176,7 @@ def _exact_recording(actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial) -> 
 
 @lru_cache(maxsize=64)
 def _exact(actuator: Actuator, manoeuvre: Manoeuvre, truth: tuple[float, ...]) -> Recording:
-    """Return the reference model's noise-free recording of a case; methods and runs share it."""
+    """Return the noise-free recording of a case by the reference model; all methods and runs share it."""
     return simulate(
         actuator,
         manoeuvre.chirp(actuator, manoeuvre.duration),
