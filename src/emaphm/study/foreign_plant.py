@@ -205,7 +205,7 @@ def back_emf(angle: float, ramp: float, sine: float) -> float:
 
 @_compiled
 def commutation(electrical: float, hall: Any, band: float, high: Array, sign: Array) -> None:
-    """Update the Hall states `high` (3,) and the signs of the phase currents `sign` (3,), 0 for the idle phase.
+    """Update the Hall states `high` (3,) and the signs of the phase currents `sign` (3,), 0 if idle.
 
     The Hall sensor of a phase is high over the half turn that begins with its flat, `hall` [rad] early;
     within `band` [rad] of an edge it keeps its state. A phase conducts while its sensor and the next one

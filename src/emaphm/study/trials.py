@@ -42,7 +42,7 @@ class Trial:
 
 
 def trials_of(plan: Plan, share: float = 1.0) -> tuple[Trial, ...]:
-    """Return the trials, first the first runs of all cases and methods, so that half a study covers all cases.
+    """Return the trials; the first runs of all cases and methods come first: half a study covers all cases.
 
     For a `share` in (0, 1], the first trials of each kind of case, rig, method and variant, at least one of
     each.
