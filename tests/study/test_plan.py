@@ -273,7 +273,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "one case": (
         small.with_(("worn", '"random 1"'), end="[random]\ncount = 2"),
-        ("case 'random 1'", "[random]", "give it another"),
+        ("case 'random 1'", "[random]", "rename it"),
     ),
     "hybrid by another fitness": (
         small.with_(top='fitnesses = ["least_squares", "thesis"]', end=HYBRID),

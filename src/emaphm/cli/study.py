@@ -95,7 +95,7 @@ def report(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write the tables and figures of a study, also of an unfinished one: Markdown, CSV and one HTML page.
+    """Write the tables and figures of a study, finished or unfinished: Markdown, CSV and one HTML page.
 
     For a plan with a page of its own, such as accuracy or limits, this page and its figures are written
     instead.

@@ -20,27 +20,27 @@ from emaphm.study.spoilt.source import ADC_BITS, CHANNELS, FAULTS, NOISE_A
 from emaphm.text_table import markdown_table
 
 
-def spoilt_page(found: Results, total: int) -> str:
-    """Return the page as Markdown, from the results `found` of `total` cases."""
+def spoilt_page(results_by_case: Results, total: int) -> str:
+    """Return the page as Markdown, from the results `results_by_case` of `total` cases."""
     return (
         "\n".join(
             [
                 "# Spoilt recordings\n",
-                *incomplete(len(found), total),
-                *_introduction(found),
-                markdown_table(["class", "cases", *OUTCOME_TITLES], rows(found)),
+                *incomplete(len(results_by_case), total),
+                *_introduction(results_by_case),
+                markdown_table(["class", "cases", *OUTCOME_TITLES], rows(results_by_case)),
                 "\n## Undetected errors\n",
-                *_undetected_errors(found),
+                *_undetected_errors(results_by_case),
                 "\n## Reasons for recordings that are not explained or refused\n",
-                *_reasons(found),
+                *_reasons(results_by_case),
             ]
         )
         + "\n"
     )
 
 
-def _introduction(found: Results) -> Iterator[str]:
-    spoilt = [case for case in found if not class_of(case).control]
+def _introduction(results_by_case: Results) -> Iterator[str]:
+    spoilt = [case for case in results_by_case if not class_of(case).control]
     yield (
         "Made by `python -m emaphm.study.spoilt studies/spoilt` and `python -m emaphm.report.spoilt_page "
         f"studies/spoilt docs`. {len(spoilt)} recordings of the thesis's actuator by the reference model "
@@ -60,8 +60,8 @@ def _introduction(found: Results) -> Iterator[str]:
     )
 
 
-def _undetected_errors(found: Results) -> Iterator[str]:
-    wrong_cases = undetected_errors(found)
+def _undetected_errors(results_by_case: Results) -> Iterator[str]:
+    wrong_cases = undetected_errors(results_by_case)
     if not wrong_cases:
         yield "None."
     for case, result in wrong_cases:
@@ -69,10 +69,10 @@ def _undetected_errors(found: Results) -> Iterator[str]:
         yield f"- {case.name}: {', '.join(result['wrong'])}; residual {residual:.1f} %"
 
 
-def _reasons(found: Results) -> Iterator[str]:
+def _reasons(results_by_case: Results) -> Iterator[str]:
     """Yield one line per class: the first reason, or the message of the refusal."""
     listed: set[str] = set()
-    for case, result in found.items():
+    for case, result in results_by_case.items():
         text = result["refusal"] or next(iter(result["reasons"]), "")
         if text and case.spoilt_class not in listed:
             listed.add(case.spoilt_class)

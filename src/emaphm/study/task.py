@@ -65,7 +65,7 @@ def perform(
     # Otherwise the time of a worker's first trial would include the preparation.
     trial.contestant.chosen().prepare()
     if trial.rig is None:
-        found = _searched(
+        result = _searched(
             _exact_recording(actuator, manoeuvre, trial), actuator, trial, trial.contestant.nuisances or ()
         )
     else:
@@ -75,10 +75,10 @@ def perform(
         if trial.rig.calibrated:
             actuator = _calibrated(trial.rig, actuator, manoeuvre)
         if trial.contestant.chosen().least_squares:
-            found = _diagnosed(recording, actuator, trial, estimator_digest)
+            result = _diagnosed(recording, actuator, trial, estimator_digest)
         else:
-            found = _searched(recording, actuator, trial, ())
-    return {**found, "revision": expected, "version": VERSION}
+            result = _searched(recording, actuator, trial, ())
+    return {**result, "revision": expected, "version": VERSION}
 
 
 def _diagnosed(
@@ -96,7 +96,7 @@ def _diagnosed(
     diagnosis = settings.diagnosed(recording, actuator)
     components = [diagnosis.components[name] for name in NAMES]
     return {
-        "found": [one.value for one in components],
+        "found": [estimate.value for estimate in components],
         "fitness_value": diagnosis.fitness,
         "evaluations": diagnosis.evaluations,
         "reference_runs": diagnosis.reference_runs,
@@ -104,10 +104,10 @@ def _diagnosed(
         "curve_evaluations": [],
         "curve_fitness": [],
         "curve_error_percent": [],
-        "lower95": [one.interval95[0] for one in components],
-        "upper95": [one.interval95[1] for one in components],
-        "standard_error": [one.standard_error for one in components],
-        "verdict": [one.verdict for one in components],
+        "lower95": [estimate.interval95[0] for estimate in components],
+        "upper95": [estimate.interval95[1] for estimate in components],
+        "standard_error": [estimate.standard_error for estimate in components],
+        "verdict": [estimate.verdict for estimate in components],
         "explained": diagnosis.explained,
         "moves": diagnosis.moves,
     }
@@ -139,7 +139,7 @@ def _searched(
     model = model_named(trial.model)
     # The thesis's cases have components in [0, 1], and its methods search there.
     objective = objective_for(recording, actuator, method, model, nuisances, workers=1, below_healthy=False)
-    found = search(
+    end = search(
         objective,
         SearchSettings(method, trial.contestant.max_corrections, trial.seed),
         fitness=trial.fitness,
@@ -148,8 +148,8 @@ def _searched(
     seconds = time.perf_counter() - began
     evaluated, reference_runs = objective.problem.runs.of(model)
     return {
-        "found": objective.space.faults(found.point).tolist(),
-        "fitness_value": found.cost,
+        "found": objective.space.faults(end.point).tolist(),
+        "fitness_value": end.cost,
         "evaluations": evaluated,
         "reference_runs": reference_runs,
         "seconds": seconds,

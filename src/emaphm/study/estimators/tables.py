@@ -28,7 +28,7 @@ Outcomes = Sequence[tuple[RecordingCase, str, dict[str, Any]]]
 """Recording, method and result of each trial."""
 
 
-def accuracy_table(found: Outcomes) -> str:
+def accuracy_table(outcomes: Outcomes) -> str:
     """Return a table of errors, shares and times by group and method."""
     header = (
         "recordings",
@@ -43,7 +43,7 @@ def accuracy_table(found: Outcomes) -> str:
     rows = []
     for group in ("random", "heavy", "multiple", "healthy", "small"):
         for method in METHODS:
-            moving = [r for r in _results(found, group, method) if r.get("moves")]
+            moving = [r for r in _results(outcomes, group, method) if r.get("moves")]
             if not moving:
                 continue
             errors, times = (np.array([r[key] for r in moving]) for key in ("error", "processor_s"))
@@ -63,11 +63,11 @@ def accuracy_table(found: Outcomes) -> str:
     return markdown_table(header, rows, words=2)
 
 
-def _results(found: Outcomes, group: str, method: str, label: str | None = None) -> list[dict[str, Any]]:
+def _results(outcomes: Outcomes, group: str, method: str, label: str | None = None) -> list[dict[str, Any]]:
     """Return the results of a group and a method, only of recordings with a `label` if it is given."""
     return [
         result
-        for case, by, result in found
+        for case, by, result in outcomes
         if case.group == group and by == method and label in (None, case.label)
     ]
 
@@ -80,27 +80,27 @@ def _is_explained(result: dict[str, Any]) -> bool:
     return result["outcome"] not in ("refused", "not explained")
 
 
-def coverage_table(found: Outcomes) -> str:
+def coverage_table(outcomes: Outcomes) -> str:
     """Return a table of the coverage of the intervals in recordings that move, by group and component."""
     rows = []
     for group in ("random", "heavy"):
         for method in METHODS:
-            covered = [r["covered"] for r in _results(found, group, method) if r.get("moves")]
+            covered = [r["covered"] for r in _results(outcomes, group, method) if r.get("moves")]
             if covered:
                 rows.append((f"{group}, {len(covered)}", method, *map(_percent, np.mean(covered, axis=0))))
     return markdown_table(("recordings", "method", *NAMES), rows, words=2)
 
 
-def alarms_table(found: Outcomes) -> str:
+def alarms_table(outcomes: Outcomes) -> str:
     """Return a table of the rates of false alarms on healthy recordings, and of detected small faults."""
     rows = []
     for method in METHODS:
-        healthy = [r for r in _results(found, "healthy", method) if "degraded" in r]
+        healthy = [r for r in _results(outcomes, "healthy", method) if "degraded" in r]
         if not healthy:
             continue
         rates = [_percent([any(r["degraded"]) for r in healthy])]
         for kind in SINGLE:
-            of_kind = [r for r in _results(found, "small", method, kind) if "degraded" in r]
+            of_kind = [r for r in _results(outcomes, "small", method, kind) if "degraded" in r]
             rates.append(_percent([_detected(r, kind) for r in of_kind]))
         rows.append((method, *rates))
     return markdown_table(("method", "healthy: false alarms", *SINGLE), rows)
@@ -111,15 +111,15 @@ def _detected(result: dict[str, Any], kind: str) -> bool:
     return any(called for name, called in zip(NAMES, result["degraded"], strict=True) if name in faulty)
 
 
-def unlike_table(found: Outcomes) -> str:
+def unlike_table(outcomes: Outcomes) -> str:
     """Return a table of the outcomes of foreign and spoilt recordings, and of the answering methods."""
     answered = "answered by the network alone, by least squares from it, by the full search"
     columns = (*OUTCOMES, NOT_TAKEN)
     rows = []
     for group in ("foreign", "spoilt"):
-        for label in dict.fromkeys(c.label for c, _, _ in found if c.group == group):
+        for label in dict.fromkeys(c.label for c, _, _ in outcomes if c.group == group):
             for method in (*METHODS, WITHOUT_SEARCH):
-                results = _results(found, group, method, label)
+                results = _results(outcomes, group, method, label)
                 if not results:
                     continue
                 tally = Counter(r["outcome"] for r in results)

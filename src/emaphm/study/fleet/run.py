@@ -128,7 +128,7 @@ def recorded_fleet(folder: StudyFolder) -> list[tuple[SyntheticUnit, Evidence]]:
 
 @dataclass(frozen=True, eq=False)
 class KnownFleet:
-    """The fleet of predicted units: other units, their hours of failure [h], and optionally a larger fleet."""
+    """The fleet of predicted units: other units, their hours of failure [h], and perhaps a larger fleet."""
 
     name: str
     others: tuple[Evidence, ...]
@@ -242,7 +242,7 @@ def _priors(work: Work) -> tuple[Prior, Prior | None]:
 
 
 def _tasks(work: list[Work], priors: Mapping[str, tuple[Prior, Prior | None]]) -> list[Task]:
-    """Return a task per unit with the priors of its fleet; without them, a task only identifies its result."""
+    """Return a task per unit with the priors of its fleet; without priors, it only identifies its result."""
     code = revision_of(DECIDING, NOT_DECIDING)
     return [
         Task(i, _judge, (item, *priors.get(item.fleet.name, ())), item.key(code), item.unit.serial_number)
