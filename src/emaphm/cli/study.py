@@ -44,7 +44,7 @@ def run(
     execution: Execution = Execution(),  # noqa: B008 - frozen
     share: Annotated[
         float,
-        Parameter(help="Share of the runs to do now, from 0 to 1: the first runs of each kind, e.g. 0.1."),
+        Parameter(help="Share of the runs to do now, above 0 and up to 1: the first of each kind, e.g. 0.1."),
     ] = 1.0,
     mix: Annotated[
         bool,
