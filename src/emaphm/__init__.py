@@ -1,4 +1,4 @@
-"""Faults of an electromechanical actuator, identified from a recording.
+"""Diagnosis and prognosis of electromechanical actuators from their recordings.
 
 >>> import emaphm as ema
 >>> actuator = ema.Actuator.thesis()
@@ -10,7 +10,7 @@ True
 
 from importlib import import_module
 
-TYPE_CHECKING = False  # `typing` would be the slowest import of the command's first milliseconds
+TYPE_CHECKING = False  # importing `typing` would dominate the first milliseconds of the command
 if TYPE_CHECKING:
     from typing import Any
 
@@ -107,7 +107,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> "Any":
-    """Import a public name on first use: the command line answers --help without loading a compiler."""
+    """Import a public name on first use: the command line prints --help without loading a compiler."""
     if name == "__version__":
         return import_module("emaphm.version").VERSION
     if name not in _HOME:
@@ -116,5 +116,5 @@ def __getattr__(name: str) -> "Any":
 
 
 def __dir__() -> list[str]:
-    """List the public names with the others, imported or not."""
+    """List all names of the module, including public names that are not imported yet."""
     return sorted({*globals(), *__all__})

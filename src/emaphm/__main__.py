@@ -1,4 +1,4 @@
-"""`python -m emaphm`: the command `emaphm`, where that is not on the path."""
+"""`python -m emaphm`: the command `emaphm`, for installations where it is not on the path."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""The types of arrays, their root mean square, and the runs of a flag."""
+"""Types of arrays, root mean square, and runs of True in a flag array."""
 
 from typing import TypeAlias
 
@@ -16,12 +16,12 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 
 def floats(values: ArrayLike) -> Array:
-    """Return a copy of `values` in double precision: timedelta64 as seconds, what is masked as NaN.
+    """Return a copy of `values` in double precision: timedelta64 in seconds, masked values as NaN.
 
     Raises
     ------
     TypeError
-        They are dates, complex, or no numbers; its text is what they are, and what to give.
+        The values are dates, complex or not numeric; the message names the kind and the remedy.
     """
     try:
         given = np.asanyarray(values)
@@ -37,12 +37,12 @@ def floats(values: ArrayLike) -> Array:
 
 
 def rms(values: Array) -> float:
-    """Return the root mean square of `values`, of any shape, however small or large they are."""
+    """Return the root mean square of `values` (any shape), without underflow or overflow of the squares."""
     peak = float(np.max(np.abs(values)))
     return peak * float(np.sqrt(np.mean((values / peak) ** 2))) if peak > 0 else 0.0
 
 
 def runs(true: Flags) -> list[tuple[int, int]]:
-    """Return first row and row after the last of each run of True in an array (n,)."""
+    """Return the first row, and the row after the last, of each run of True in an array (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], true, [False])).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""Linear algebra on one thread: with matrices as small as those of a diagnosis, further threads only wait."""
+"""Limit of linear algebra to one thread: for the small matrices of a diagnosis, further threads only wait."""
 
 import sys
 import threading
@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from typing import Any
 
 
-class _Limit:
-    """The limit of this process, held as long as anybody needs it."""
+class _ThreadLimit:
+    """The thread limit of this process, active while it has users."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -24,7 +24,7 @@ class _Limit:
             self._users += 1
 
     def _loaded(self) -> Any:
-        """Return the libraries that are loaded, looked for again where a module was imported since."""
+        """Return the loaded BLAS libraries; they are searched again only after further imports."""
         from threadpoolctl import ThreadpoolController
 
         if len(sys.modules) != self._modules:
@@ -38,18 +38,18 @@ class _Limit:
                 self._held.restore_original_limits()
 
 
-_LIMIT = _Limit()
+_LIMIT = _ThreadLimit()
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Keep linear algebra to one thread, in a block or in a function that this decorates.
+    """Limit linear algebra to one thread, as a context manager or a decorator.
 
-    A second thread waits for work most of the time, and takes a core while it waits: a diagnosis needs 1.6
-    times the processor time with it, on a machine that does something else also 1.5 times as long. The limit
-    is the whole process's, until the last of those leave that asked for it. The first to enter looks for the
-    libraries that are loaded by then, NumPy's and SciPy's, say, which takes a millisecond: a network's answer
-    takes two. Nobody looks again before another module is imported.
+    A second thread waits for work most of the time and occupies a core while it waits: it increases the
+    processor time of a diagnosis by a factor of 1.6, and on a busy machine also its wall time by a factor of
+    1.5. The limit applies to the whole process until its last user leaves. The first user searches the loaded
+    libraries (those of NumPy and SciPy, for instance), which takes a millisecond, compared with two for an
+    answer of a network. The search is repeated only after another module has been imported.
     """
     _LIMIT.enter()
     try:

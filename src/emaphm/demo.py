@@ -1,4 +1,4 @@
-"""The demonstration: a faulty actuator with noisy sensors, diagnosed, and compared with the truth."""
+"""Demonstration: simulation and diagnosis of a faulty actuator, compared with the true faults."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,16 +26,16 @@ NOISE = 0.05
 
 NEXT = """\
 Next:
-  emaphm init rig.toml                                  describe your own actuator, by few questions
-  emaphm design --actuator rig.toml --out command.csv   find the command that shows its faults best
+  emaphm init rig.toml                                  describe your own actuator, by a few questions
+  emaphm design --actuator rig.toml --out command.csv   find the command that identifies its faults best
   emaphm calibrate healthy.csv --actuator rig.toml --laws auto -o unit.toml
   emaphm diagnose flight.csv --actuator unit.toml --report flight.html
-  emaphm doctor                                         what is installed here, and what more there is"""
+  emaphm doctor                                         show the installed versions and available extras"""
 
 
 @dataclass(frozen=True)
 class Demo:
-    """The diagnosis, the truth, and where the report is."""
+    """The diagnosis, the true faults, and the paths of the report and the figure."""
 
     diagnosis: Diagnosis
     truth: Faults
@@ -48,7 +48,7 @@ class Demo:
         return float(error_percent(self.truth.vector, self.diagnosis.faults.vector))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the diagnosis with the truth and the error."""
+        """Return the diagnosis with the true faults and the error."""
         return {
             **self.diagnosis.to_dict(),
             "true_k": self.truth.vector.tolist(),
@@ -59,13 +59,13 @@ class Demo:
 
     def __str__(self) -> str:
         """Return the estimates with the true values."""
-        found = self.diagnosis
+        diagnosis = self.diagnosis
         lines = [
-            f"A faulty actuator was simulated, its currents recorded with {NOISE:g} A rms of noise.",
+            f"A faulty actuator was simulated; its currents were recorded with {NOISE:g} A rms of noise.",
             "",
-            found.table(self.truth),
-            *found.notes(),
-            found.summary(),
+            diagnosis.table(self.truth),
+            *diagnosis.notes(),
+            diagnosis.summary(),
             f"Error: {self.error:.2f} %. Report: {self.report}, figure: {self.figure}",
             "",
             NEXT,
@@ -76,19 +76,19 @@ class Demo:
 def run_demo(
     folder: Path, *, seed: int = 0, force: bool = False, on_progress: Callable[[float], None] | None = None
 ) -> Demo:
-    """Simulate, diagnose, and write `report.html` and `diagnosis.svg` into `folder`, made if absent.
+    """Simulate, diagnose, and write `report.html` and `diagnosis.svg` into `folder`, created if absent.
 
     Raises
     ------
     OutputError
-        The folder cannot be made, or holds these files already and `force` is not set.
+        The folder cannot be created, or contains these files already and `force` is not set.
     """
     report, figure = folder / "report.html", folder / "diagnosis.svg"
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
-            f"{folder}: cannot be made a folder ({error.strerror}); give another --out"
+            f"{folder}: this folder cannot be created ({error.strerror}); give another --out"
         ) from None
     for path in (report, figure):
         check_writable(path, force=force)

@@ -1,4 +1,4 @@
-"""What this installation is and has: versions, cores, the cache of kernels, and which extras are there."""
+"""Description of this installation: versions, cores, the cache of compiled kernels, and optional extras."""
 
 import os
 import platform
@@ -14,7 +14,7 @@ from emaphm.text_table import NOTHING, format_table
 from emaphm.version import VERSION
 
 CORE = ("numpy", "scipy", "numba", "llvmlite", "polars", "pydantic", "matplotlib")
-"""Packages whose version may change a result or its speed."""
+"""Packages whose version may change a result or its computing time."""
 
 PURPOSES = {
     "cluster": "studies and batches on a Dask cluster",
@@ -24,14 +24,14 @@ PURPOSES = {
     "peers": "optimisers of other libraries",
     "posterior": "emaphm diagnose --posterior",
     "server": "emaphm serve",
-    "train": "emaphm train; what it makes is used without",
+    "train": "emaphm train; not needed to use an estimator",
 }
-"""What each extra is for."""
+"""Purpose of each extra."""
 
 
 @dataclass(frozen=True)
 class Extra:
-    """An optional set of packages: what it is for, and what of it is missing here."""
+    """An optional set of packages: its purpose, installed versions and missing packages."""
 
     name: str
     purpose: str
@@ -40,13 +40,13 @@ class Extra:
 
     @property
     def installed(self) -> bool:
-        """Whether all its packages are there."""
+        """Whether all its packages are installed."""
         return bool(self.versions) and not self.missing
 
 
 @dataclass(frozen=True)
 class Environment:
-    """The installation that runs this program."""
+    """The installation in which this program runs."""
 
     python: str
     system: str
@@ -59,14 +59,14 @@ class Environment:
 
     @property
     def remarks(self) -> list[str]:
-        """What should be changed, each with how."""
-        found = []
-        if not self.writable:
-            found.append(
-                f"compiled kernels cannot be kept in {self.kernel_folder}: every start compiles anew, some "
-                "seconds; set EMAPHM_CACHE_DIR to a folder that you may write"
-            )
-        return found
+        """Problems of the installation, each with its remedy."""
+        if self.writable:
+            return []
+        remark = (
+            f"compiled kernels cannot be stored in {self.kernel_folder}: every start compiles them again, "
+            "which takes some seconds; set EMAPHM_CACHE_DIR to a folder with write permission"
+        )
+        return [remark]
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as JSON values."""
@@ -96,7 +96,7 @@ class Environment:
     def __str__(self) -> str:
         """Return everything as text."""
         versions = ", ".join(f"{name} {number}" for name, number in self.versions.items())
-        kept = f"{self.kernels} compiled kernels in {self.kernel_folder}"
+        kernels = f"{self.kernels} compiled kernels in {self.kernel_folder}"
         rows = [
             (
                 extra.name,
@@ -109,20 +109,20 @@ class Environment:
         lines = [
             f"emaphm {VERSION}, Python {self.python}, {self.system}, {self.cores} cores",
             versions,
-            kept,
+            kernels,
             "",
-            format_table(("extra", "state", "packages", "for"), rows),
+            format_table(("extra", "state", "packages", "purpose"), rows),
             *(["", *self.remarks] if self.remarks else []),
         ]
         return "\n".join(lines)
 
 
 def environment() -> Environment:
-    """Return what this installation is and has."""
+    """Return the description of this installation."""
     from emaphm.simulation.engine.kernel_cache import ENDING, kernel_folder
 
     folder = kernel_folder()
-    nearest_there = next(place for place in (folder, *folder.parents) if place.exists())
+    nearest_existing = next(place for place in (folder, *folder.parents) if place.exists())
     return Environment(
         python=platform.python_version(),
         system=f"{platform.system()} {platform.machine()}",
@@ -130,7 +130,7 @@ def environment() -> Environment:
         versions={name: _version(name) or "missing" for name in CORE},
         kernel_folder=folder,
         kernels=len(list(folder.glob(f"*{ENDING}"))) if folder.is_dir() else 0,
-        writable=os.access(nearest_there, os.W_OK),
+        writable=os.access(nearest_existing, os.W_OK),
         extras=tuple(_extras()),
     )
 

@@ -1,11 +1,11 @@
-"""Errors that the user can correct: each says what is wrong, where, and what to do."""
+"""Errors that the user can correct: each message names the problem, its place, and the remedy."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 
 class EmaphmError(ValueError):
-    """Base of every error that the user can correct; its text is one line."""
+    """Base class of all errors that the user can correct; the message is one line."""
 
 
 class ActuatorError(EmaphmError):
@@ -21,15 +21,15 @@ class SignalError(EmaphmError):
 
 
 class RecordingError(EmaphmError):
-    """A recording cannot be read, or what it holds cannot be used."""
+    """A recording cannot be read, or its content cannot be used."""
 
 
 class OutputError(EmaphmError):
-    """A result cannot be written where it was asked to go."""
+    """A result cannot be written to the given place."""
 
 
 class MethodError(EmaphmError):
-    """A model, method or option is unknown or does not fit what it is used on."""
+    """A model, method or option is unknown, or not applicable to the data or to another option."""
 
 
 class DivergedError(MethodError):
@@ -37,48 +37,49 @@ class DivergedError(MethodError):
 
 
 class ExecutionError(EmaphmError):
-    """Workers or a scheduler cannot be used, or results cannot be kept."""
+    """Workers or a scheduler cannot be used, or results cannot be stored."""
 
 
 class HistoryError(EmaphmError):
-    """A history cannot be opened, read or written, or what is to be added contradicts what it holds."""
+    """A history cannot be opened, read or written, or a new entry contradicts its content."""
 
 
 class HistoryUnavailableError(HistoryError):
-    """The database of a history fails, which may pass: it is held, unreachable or its disk full."""
+    """The database of a history fails, maybe temporarily: it is locked, unreachable, or its disk is full."""
 
 
 class HistoryFormError(HistoryError):
-    """A history has the form of a newer version of emaphm."""
+    """A history has the format of a newer version of emaphm."""
 
 
 class MonitoringError(EmaphmError):
-    """What is to be watched, or where events are to go, cannot be used."""
+    """The source to be watched, or the destination of events, cannot be used."""
 
 
 class PrognosisError(EmaphmError):
-    """Nothing can be predicted from what is given, or what a prediction is asked for is impossible."""
+    """The data do not permit a prediction, or a setting of the prediction is invalid."""
 
 
 class ServerError(EmaphmError):
-    """The server cannot be started as asked, or cannot keep what it was sent."""
+    """The server cannot be started with the given options, or cannot store an upload."""
 
 
 class StudyError(EmaphmError):
-    """A study's plan asks for what cannot be, its folder cannot be used, or some of its runs failed."""
+    """The plan of a study is invalid, its folder cannot be used, or some of its runs failed."""
 
 
 MOST_LISTED = 20
-"""Names listed in an error; a file may have thousands."""
+"""Largest number of names listed in an error; a file may have thousands."""
 
 LONGEST_LISTED = 60
+"""Length to which a listed name is shortened [characters]."""
 
 
 def nearest(name: str, known: Iterable[str], listed_as: str = "known", alike: float = 0.5) -> str:
-    """Return `` (did you mean 'x'?)`` for the known name closest to `name`, else the list of known names.
+    """Return `` (did you mean 'x'?)`` for the known name closest to `name`, or the list of known names.
 
-    `listed_as` is what the list begins with, `alike` the least similarity of a name that is suggested, from 0
-    to 1 as in `difflib`: more where a word of another meaning may be given.
+    `listed_as` is the first word of the list. `alike` is the smallest similarity of a suggested name, 0 to 1
+    as in `difflib`; a larger value is used where `name` may be a word of another meaning.
     """
     options = sorted(known)
     close = closest(name, options, alike)
@@ -89,10 +90,10 @@ def nearest(name: str, known: Iterable[str], listed_as: str = "known", alike: fl
 
 
 def closest(name: str, known: Iterable[str], alike: float = 0.5) -> str | None:
-    """Return the known name closest to `name`, None where none is similar; capitals do not matter."""
-    written = {one.lower(): one for one in known}
-    close = get_close_matches(name.lower(), list(written), n=1, cutoff=alike)
-    return written[close[0]] if close else None
+    """Return the known name closest to `name`, ignoring case; None if no name is similar."""
+    by_lower_case = {candidate.lower(): candidate for candidate in known}
+    close = get_close_matches(name.lower(), list(by_lower_case), n=1, cutoff=alike)
+    return by_lower_case[close[0]] if close else None
 
 
 def _short(name: str) -> str:

@@ -1,4 +1,4 @@
-"""A first description of somebody's actuator: a built-in one, changed by few answers."""
+"""First description of an actuator: a built-in description, changed by the answers to a few questions."""
 
 import json
 from collections.abc import Callable
@@ -19,9 +19,9 @@ MACHINES: dict[str, tuple[str, str]] = {
     "pmsm": ("pmsm", "three-phase permanent-magnet synchronous motor, field-oriented control"),
     "dc": ("dc", "DC motor behind an ideal current loop"),
 }
-"""Kinds of machine: the built-in actuator that each starts from, and what it is."""
+"""Kinds of machine: the built-in actuator that is the start of the description, and its explanation."""
 
-ASKED = (
+QUESTIONS = (
     ("electrical", "supply"),
     ("electrical", "resistance"),
     ("electrical", "inductance"),
@@ -32,7 +32,7 @@ ASKED = (
     ("mechanics", "gear_ratio"),
     ("mechanics", "end_stops"),
 )
-"""What a data sheet says and no calibration should have to find, section and field."""
+"""Section and field of the values that a data sheet states, so that no calibration has to estimate them."""
 
 TOLERANCED = {
     "torque_constant": "motor",
@@ -40,66 +40,66 @@ TOLERANCED = {
     "inductance": "electrical",
     "inertia": "mechanics",
 }
-"""Parameters whose values on a data sheet are those of a type, not of the unit, and their sections."""
+"""Parameters whose data-sheet values are valid for a type and not for a single unit, with their sections."""
 
 NONE = "none"
-"""Answer where there is no such thing."""
+"""Answer that leaves a value out of the description."""
 
 USUAL_TOLERANCE = 0.1
-"""Usual on the data sheets of servo motors, for torque constant and resistance."""
+"""Typical tolerance of torque constant and resistance on the data sheets of servo motors, relative."""
 
 HEADING = """\
 First description of '{name}', from the built-in '{machine}' ({meaning}).
-Values that you did not give are those of that built-in actuator: friction, inertia, backlash and the
-controller's gains are surely others on your machine. Correct what you have data for, then let
-`emaphm calibrate` find the rest from recordings of the healthy unit."""
+Values that you did not give are those of the built-in actuator; friction, inertia, backlash and the
+controller's gains will differ on your machine. Correct the values for which you have data, then estimate
+the others with `emaphm calibrate` from recordings of the healthy unit."""
 
 ENDING = """\
-What else a description may hold. Take the leading '# ' out where it applies.
+Optional sections of a description. To use a line, remove its leading '# '.
 
-[channels]                       # the names that your logger gives, its units and signs
+[channels]                       # names, units and signs of your logger's columns
 sampling = "instant"             # rows are instants; "mean": means over the interval
 command_rad = "setpoint"
 position_rad = { column = "encoder", unit = "deg" }
 current_A = { column = "motor_current", scale = -1.0 }
 
-[sensors.current_A]              # errors of a sensor that the drive does not see
+[sensors.current_A]              # errors of a sensor that is not used by the drive
 resolution = 0.01
 
-[tolerances]                     # how far a value may be off from unit to unit: 0.1 is ± 10 %
+[tolerances]                     # relative deviation of a unit from these values: 0.1 is ± 10 %
 torque_constant = 0.1
 inertia = 0.1
 
-[nuisances]                      # how large an unknown that is no fault may be, one standard deviation
+[nuisances]                      # standard deviations of unknowns that are no faults
 load = 0.1
 temperature = 20.0
 
-[[requirements]]                 # what the actuator must do: its remaining useful life ends where one fails
+[[requirements]]                 # the remaining useful life ends when a requirement fails
 component = "backlash"
 at_most = 0.6
 """
 
 
 def machine_named(name: str) -> str:
-    """Return which of `MACHINES` has a `name`: its own, or that of the built-in actuator.
+    """Return the key in `MACHINES` of a machine's `name`, its own name or that of its built-in actuator.
 
     Raises
     ------
     ActuatorError
         No such machine; the message names the nearest.
     """
-    names = {preset: machine for machine, (preset, _) in MACHINES.items()} | {one: one for one in MACHINES}
+    names = {preset: machine for machine, (preset, _) in MACHINES.items()} | {name: name for name in MACHINES}
     if name not in names:
         known = ", ".join(MACHINES)
-        meant = "" if closest(name, names) is None else nearest(name, names)
-        raise ActuatorError(f"unknown machine '{name}'{meant}; give one of {known}")
+        suggestion = "" if closest(name, names) is None else nearest(name, names)
+        raise ActuatorError(f"unknown machine '{name}'{suggestion}; give one of {known}")
     return names[name]
 
 
 def template(machine: str) -> Actuator:
-    """Return what a description of a `machine`, one of `MACHINES`, starts from."""
+    """Return the description from which that of a `machine`, one of `MACHINES`, starts."""
     described = Actuator.load(MACHINES[machine][0])
-    # The drive assumes what the motor has, until somebody says otherwise.
+    # By default, the drive assumes the torque constant of the motor.
     controller = described.controller.model_copy(update={"torque_constant": None})
     return described.model_copy(update={"name": machine, "controller": controller})
 
@@ -107,34 +107,35 @@ def template(machine: str) -> Actuator:
 def interview(
     actuator: Actuator, ask: Callable[[str, str], str], refuse: Callable[[str], None]
 ) -> tuple[Actuator, int]:
-    """Return `actuator` with the answers to few questions, and how many answers were given.
+    """Return `actuator` with the answers to a few questions, and the number of answers.
 
     Parameters
     ----------
     actuator
-        Gives the values of what is not answered.
+        Provides the values of questions without an answer.
     ask
-        Takes a question and the present value, as text; returns the answer, empty to keep the value, "none"
-        to leave out one that need not be.
+        Takes a question and the present value, as text; returns the answer: empty to keep the value, "none"
+        to leave out an optional value.
     refuse
-        Takes the reason why an answer is not accepted; the question is asked again.
+        Takes the reason why an answer is not accepted; the question is then repeated.
     """
-    actuator, given = _answered(actuator, ("name",), "name or type number", ask, refuse)
-    for section, field in ASKED:
+    actuator, given = _with_answer(actuator, ("name",), "name or type number", ask, refuse)
+    for section, field in QUESTIONS:
         described = getattr(actuator, section)
         if described is not None:
             question = _question(type(described), field, actuator.coordinates)
-            actuator, answered = _answered(actuator, (section, field), question, ask, refuse)
+            actuator, answered = _with_answer(actuator, (section, field), question, ask, refuse)
             given += answered
-    actuator, answered = _toleranced(actuator, ask, refuse)
+    actuator, answered = _with_tolerances(actuator, ask, refuse)
     return actuator, given + answered
 
 
-def _toleranced(
+def _with_tolerances(
     actuator: Actuator, ask: Callable[[str, str], str], refuse: Callable[[str], None]
 ) -> tuple[Actuator, int]:
+    """Return `actuator` with one tolerance of all `TOLERANCED` parameters, and the number of answers."""
     names = [name for name, section in TOLERANCED.items() if getattr(actuator, section) is not None]
-    question = f"tolerance of {', '.join(names)}, relative; 0 if they are this unit's own, measured"
+    question = f"tolerance of {', '.join(names)}, relative; 0 if the values were measured on this unit"
     values: Any = actuator.model_dump(mode="json", exclude_none=True)
     while True:
         answer = ask(question, _text(USUAL_TOLERANCE)).strip()
@@ -148,13 +149,14 @@ def _toleranced(
             refuse(str(error))
 
 
-def _answered(
+def _with_answer(
     actuator: Actuator,
     place: tuple[str, ...],
     question: str,
     ask: Callable[[str, str], str],
     refuse: Callable[[str], None],
 ) -> tuple[Actuator, int]:
+    """Return `actuator` with the answer to a question on the field at `place`, and the number of answers."""
     values: Any = actuator.model_dump(mode="json", exclude_none=True)
     *sections, field = place
     section = values[sections[0]] if sections else values
@@ -177,7 +179,7 @@ def _text(value: Any) -> str:
 
 
 def _value(answer: str) -> Any:
-    """Return a number, or several of them with commas between; what is neither stays text, to be refused."""
+    """Return the number in `answer`, or a list of numbers separated by commas; other text is unchanged."""
     try:
         return json.loads(f"[{answer}]" if "," in answer else answer)
     except ValueError:
@@ -189,7 +191,7 @@ def _question(section: type[BaseModel], field: str, coordinates: str) -> str:
     extra = described.json_schema_extra
     unit = unit_for(str(extra["unit"]), coordinates) if isinstance(extra, dict) else ""
     types = (described.annotation, *get_args(described.annotation))
-    # What follows a semicolon is about the file, where a value may be left out; here that keeps the value.
+    # The part after a semicolon concerns leaving the value out of the file; here, no answer keeps the value.
     meaning = str(described.description).partition(";")[0]
     or_none = f", or {NONE}" if type(None) in types else ""
     return f"{meaning} [{'whole number' if int in types else unit}]{or_none}"

@@ -1,4 +1,4 @@
-"""Reading a file that a user names; what is no regular file, or too large, is refused before it is read."""
+"""Reading of files named by a user; irregular and too large files are refused before they are read."""
 
 import hashlib
 import stat
@@ -9,7 +9,7 @@ from typing import Any
 from emaphm.errors import EmaphmError
 
 MOST_TOML_BYTES = 4 * 2**20
-"""Largest text of a description or a plan [bytes]; they have some kilobytes, a large covariance has 100."""
+"""Largest TOML of a description or a plan [bytes]; typical are some kB, with a large covariance 100 kB."""
 
 
 def checked_size(path: Path, most_bytes: int, error: type[EmaphmError]) -> int:
@@ -22,7 +22,7 @@ def checked_size(path: Path, most_bytes: int, error: type[EmaphmError]) -> int:
     most_bytes
         Largest size that is accepted [bytes].
     error
-        What is raised.
+        Type of the error that is raised.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def checked_size(path: Path, most_bytes: int, error: type[EmaphmError]) -> int:
         Of the type `error`: the file is absent, a folder, a device or pipe, too large, or not accessible.
     """
     try:
-        found = path.stat()
+        status = path.stat()
     except FileNotFoundError:
         raise error(f"{path}: no such file; check the path") from None
     except OSError as failure:
@@ -39,17 +39,17 @@ def checked_size(path: Path, most_bytes: int, error: type[EmaphmError]) -> int:
         ) from None
     except ValueError:  # a null character in the name
         raise error(f"{path}: no file can have this name; check the path") from None
-    if stat.S_ISDIR(found.st_mode):
+    if stat.S_ISDIR(status.st_mode):
         raise error(f"{path}: is a folder; give a file in it")
-    if not stat.S_ISREG(found.st_mode):
-        # A device may be endless, and a pipe may keep its reader waiting for ever.
-        raise error(f"{path}: is no regular file but a device or a pipe; copy what it gives to a file first")
-    if found.st_size > most_bytes:
+    if not stat.S_ISREG(status.st_mode):
+        # A device may be endless, and a pipe may block its reader for ever.
+        raise error(f"{path}: is a device or a pipe, not a regular file; copy its content to a file first")
+    if status.st_size > most_bytes:
         raise error(
-            f"{path}: the file has {found.st_size / 2**20:,.0f} MiB, {most_bytes / 2**20:,.0f} MiB are read "
+            f"{path}: the file has {status.st_size / 2**20:,.0f} MiB, {most_bytes / 2**20:,.0f} MiB are read "
             "at most; export less of it"
         )
-    return found.st_size
+    return status.st_size
 
 
 def read_bytes(path: Path, most_bytes: int, error: type[EmaphmError]) -> bytes:
@@ -57,7 +57,7 @@ def read_bytes(path: Path, most_bytes: int, error: type[EmaphmError]) -> bytes:
     checked_size(path, most_bytes, error)
     try:
         with path.open("rb") as file:
-            # The kernel's own files have the size 0 whatever they hold.
+            # Files of the operating system's kernel report the size 0 whatever their content.
             content = file.read(most_bytes + 1)
     except OSError as failure:
         raise error(
@@ -69,7 +69,7 @@ def read_bytes(path: Path, most_bytes: int, error: type[EmaphmError]) -> bytes:
 
 
 def is_newer_format(found: object, known: str) -> bool:
-    """Return whether a file's format, such as "emaphm detector 2", has a higher number than `known` has."""
+    """Return whether a file's format, such as "emaphm detector 2", has a higher number than `known`."""
     kind, _, number = known.rpartition(" ")
     if not isinstance(found, str) or not found.startswith(f"{kind} "):
         return False
@@ -78,7 +78,7 @@ def is_newer_format(found: object, known: str) -> bool:
 
 
 def content_digest(path: Path) -> str:
-    """Return the SHA-256 of what a file holds, empty where it cannot be read."""
+    """Return the SHA-256 of a file's content, empty if it cannot be read."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -87,16 +87,16 @@ def content_digest(path: Path) -> str:
 
 
 def read_toml(path: Path, what: str, error: type[EmaphmError]) -> dict[str, Any]:
-    """Return what a TOML file holds.
+    """Return the content of a TOML file.
 
     Parameters
     ----------
     path
         The file.
     what
-        What it is, for errors: "actuator file".
+        Kind of the file for error messages, e.g. "actuator file".
     error
-        What is raised.
+        Type of the error that is raised.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def read_toml(path: Path, what: str, error: type[EmaphmError]) -> dict[str, Any]
     except UnicodeDecodeError as failure:
         raise error(f"{path}: cannot be read as a TOML text file ({failure}); give one in UTF-8") from None
     try:
-        # TOML's line breaks are \n and \r\n, a file of an old Mac has \r.
+        # TOML permits the line breaks \n and \r\n; files of an old Mac have \r.
         return tomllib.loads(text.replace("\r\n", "\n").replace("\r", "\n"))
     except tomllib.TOMLDecodeError as failure:
         raise error(f"{path}: not valid TOML: {failure}; correct the syntax there") from None

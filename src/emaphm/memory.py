@@ -1,4 +1,4 @@
-"""What this process has computed, and need not compute again."""
+"""Cache of computed values within this process."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class Memory(Generic[T]):
-    """Up to `most` values by key, of which those not asked for the longest are forgotten first."""
+    """A cache of up to `most` values by key; the least recently used values are removed first."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -17,7 +17,7 @@ class Memory(Generic[T]):
         self._lock = Lock()
 
     def get(self, key: Hashable, compute: Callable[[], T]) -> T:
-        """Return the value of `key`, computed where it is not known; a failure is not remembered."""
+        """Return the value of `key`, computed if it is not in the cache; a failure is not cached."""
         with self._lock:
             if key in self._values:
                 self._values.move_to_end(key)

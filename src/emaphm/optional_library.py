@@ -1,4 +1,4 @@
-"""Importing a library that need not be installed."""
+"""Import of optional libraries."""
 
 from importlib import import_module
 from typing import Any
@@ -7,7 +7,7 @@ from emaphm.errors import MethodError
 
 
 def import_library(what: str, module: str, extra: str) -> Any:
-    """Return a `module` of a library that `what` needs, and that the package's `extra` installs.
+    """Return the `module` of an optional library, which the feature `what` needs and the `extra` installs.
 
     Raises
     ------
@@ -18,7 +18,7 @@ def import_library(what: str, module: str, extra: str) -> Any:
     try:
         import_module(name)
     except ModuleNotFoundError as error:
-        if error.name != name:  # it is there, but something that it needs is not
+        if error.name != name:  # the library is installed, but a module that it needs is not
             raise
         raise MethodError(
             f"{what} needs the library '{name}'; install it with: pip install 'emaphm[{extra}]'"

@@ -1,4 +1,4 @@
-"""Putting a result where it was asked to go: refused early, and never half-written."""
+"""Writing of result files: invalid places are refused early, and no file is left half-written."""
 
 import errno
 import os
@@ -14,12 +14,14 @@ REMEDIES = {
     errno.EPERM: "make the folder writable, or give another place",
     errno.EROFS: "give a place that can be written to",
 }
+"""Remedies by error number of the operating system."""
+
 OTHERWISE = "free space there, or give another place"
-"""What to do, by what the operating system says."""
+"""Remedy for all other errors."""
 
 
 def check_writable(path: str | Path, *, force: bool = False, endings: Collection[str] = ()) -> None:
-    """Refuse an output that could not be written; to be called before long work.
+    """Refuse an output file that cannot be written; to be called before long computations.
 
     Parameters
     ----------
@@ -28,30 +30,31 @@ def check_writable(path: str | Path, *, force: bool = False, endings: Collection
     force
         Whether an existing file may be replaced.
     endings
-        The file endings that are allowed, in lower case, e.g. ``(".html",)``; any where empty.
+        The allowed file endings in lower case, e.g. ``(".html",)``; if empty, all endings are allowed.
 
     Raises
     ------
     OutputError
-        The ending is not allowed, a file is there already, `path` is a folder or no regular file, or
-        its folder is missing or not writable.
+        The ending is not allowed, the file exists already, `path` is a folder or no regular file, or its
+        folder is missing or not writable.
     """
     path = Path(path)
     try:
-        complaint = _refusal(path, force, endings)
-        if complaint is None:
-            # Permission bits are no proof (root, read-only and network file systems): only trying is.
+        reason = _refusal(path, force, endings)
+        if reason is None:
+            # Permission bits are not reliable (root, read-only and network file systems): a file is created.
             probe = _temporary(path)
             probe.touch(exist_ok=False)
             probe.unlink()
     except (OSError, ValueError) as error:  # a null character in the name is a ValueError
-        reason = getattr(error, "strerror", None) or error
-        complaint = f"cannot be written there ({reason}); give another name or folder"
-    if complaint:
-        raise OutputError(f"{path}: {complaint}")
+        cause = getattr(error, "strerror", None) or error
+        reason = f"cannot be written there ({cause}); give another name or folder"
+    if reason:
+        raise OutputError(f"{path}: {reason}")
 
 
 def _refusal(path: Path, force: bool, endings: Collection[str]) -> str | None:  # noqa: PLR0911 - one a rule
+    """Return the reason why `path` is refused, with its remedy, or None."""
     if path.is_symlink() and not os.path.exists(path):  # noqa: PTH110 - Path.exists fails on a loop
         return "is a link to nowhere; remove the link, or give another name"
     if path.is_dir():
@@ -60,8 +63,8 @@ def _refusal(path: Path, force: bool, endings: Collection[str]) -> str | None:  
         ending = f"unknown file ending '{path.suffix}'" if path.suffix else "the name has no ending"
         return f"{ending}; end the name in {' or '.join(endings)}"
     if not path.parent.is_dir():
-        what = "is not a folder" if path.parent.exists() else "does not exist"
-        return f"folder '{path.parent}' {what}; create it, or give another one"
+        problem = "is not a folder" if path.parent.exists() else "does not exist"
+        return f"folder '{path.parent}' {problem}; create it, or give another one"
     if path.exists() and not path.is_file():
         return "is not a regular file; give another name"
     if path.exists() and not force:
@@ -70,25 +73,25 @@ def _refusal(path: Path, force: bool, endings: Collection[str]) -> str | None:  
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder for results, and those above it, where they are missing; `OutputError` if refused."""
+    """Create a folder for results, and its parents, if they are missing; `OutputError` if that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
-            f"{folder}: this folder cannot be made ({error.strerror or error}); give another place"
+            f"{folder}: this folder cannot be created ({error.strerror or error}); give another place"
         ) from None
 
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[Path]:
-    """Yield the path of a new file, which takes the place of `path` once the block has ended well.
+    """Yield the path of a temporary file, which replaces `path` when the block has ended without an error.
 
     Raises
     ------
     OutputError
-        The operating system refuses, e.g. because the disk is full; nothing is left behind then.
+        The operating system refuses, e.g. because the disk is full; the temporary file is then removed.
     """
-    # Resolved, so that a symbolic link stays one and its target is replaced.
+    # Resolved, so that a symbolic link is kept and its target is replaced.
     path = Path(path).resolve()
     temporary = _temporary(path)
     try:
@@ -102,5 +105,5 @@ def written_whole(path: str | Path) -> Iterator[Path]:
 
 
 def _temporary(path: Path) -> Path:
-    # In the same folder, hence the same file system: only there is a rename atomic.
+    # In the same folder, hence on the same file system: a rename is atomic only there.
     return path.parent / f".{os.urandom(16).hex()}.tmp"

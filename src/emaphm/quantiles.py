@@ -1,6 +1,7 @@
-"""Quantiles of the normal, Student's t and the chi-squared distribution, and of a sample.
+"""Quantiles of the normal, Student's t and chi-squared distributions, and of a sample.
 
-SciPy has those of distributions too, but its import alone takes longer than the search of a whole diagnosis.
+SciPy also has the quantiles of the distributions, but importing it takes longer than the search of a
+diagnosis.
 """
 
 import math
@@ -12,11 +13,11 @@ from numpy.typing import ArrayLike
 from emaphm.arrays import Array
 
 TOLERANCE = 1e-14
-"""Relative step at which Newton's iteration ends."""
+"""Relative step at which Newton's method ends."""
 
 
 def normal_quantile(probability: ArrayLike) -> Array:
-    """Return the standard normal quantiles of `probability`, any shape, each in (0, 1)."""
+    """Return the standard normal quantiles of `probability` (any shape), each in (0, 1)."""
     inverse = NormalDist().inv_cdf
     given = np.asarray(probability, float)
     return np.array([inverse(float(p)) for p in given.ravel()]).reshape(given.shape)
@@ -25,7 +26,8 @@ def normal_quantile(probability: ArrayLike) -> Array:
 def student_t_quantile(freedom: int, probability: float) -> float:
     """Return the quantile of Student's t with a whole number of degrees of freedom, at least 1.
 
-    Newton's method on the distribution function, from the median; it is concave there, so no step overshoots.
+    Newton's method on the distribution function, from the median on; the function is concave there, so no
+    step overshoots.
 
     Parameters
     ----------
@@ -67,9 +69,10 @@ def _student_t_density(freedom: int, t: float) -> float:
 
 
 def chi_squared_quantile(freedom: float, probability: float) -> float:
-    """Return the quantile of chi-squared with `freedom` degrees.
+    """Return the quantile of chi-squared with `freedom` degrees of freedom.
 
-    Of one degree exactly, the square of a normal quantile; of more to 3 % (Wilson and Hilferty 1931).
+    For one degree of freedom exact, the square of a normal quantile; for more, accurate to 3 % (Wilson and
+    Hilferty 1931).
 
     Parameters
     ----------
@@ -85,5 +88,5 @@ def chi_squared_quantile(freedom: float, probability: float) -> float:
 
 
 def sample_quantile(sample: Array, probability: float) -> float:
-    """Return a quantile of a sample (n,) that may hold `inf`: the least value not below that share of it."""
+    """Return a quantile of a sample (n,) that may contain `inf`, as one of its values (inverted CDF)."""
     return float(np.quantile(sample, probability, method="inverted_cdf"))

@@ -1,7 +1,7 @@
-"""Random numbers: each use has a stream of its own, a named child of the call's one seed.
+"""Random streams: each purpose has its own stream, a named child of the one seed of a call.
 
-Streams of different names share no numbers, whatever the names (`numpy.random.SeedSequence`), so that no
-result has chosen the noise that it is later judged by.
+Streams of different names are independent (`numpy.random.SeedSequence`), so that a result is never evaluated
+with the noise by which it was selected.
 """
 
 import hashlib
@@ -12,7 +12,7 @@ from emaphm.errors import SignalError
 
 
 def check_seed(seed: int) -> None:
-    """Refuse a seed that is below 0, which no generator takes; `SignalError` says so."""
+    """Refuse a negative seed, which random generators do not accept, with `SignalError`."""
     if seed < 0:
         raise SignalError(f"seed {seed} is negative; give 0 or more")
 
@@ -25,7 +25,7 @@ def seed_sequence(seed: int, *name: str | int) -> np.random.SeedSequence:
     seed
         0 or more.
     name
-        What the numbers are for, and which of several: ``("bias correction", "start separation", 3)``.
+        Purpose and number of the stream, e.g. ``("bias correction", "start separation", 3)``.
 
     Raises
     ------
@@ -33,16 +33,16 @@ def seed_sequence(seed: int, *name: str | int) -> np.random.SeedSequence:
         The seed is negative.
     """
     check_seed(seed)
-    # A digest has always as many words, so that no name is the beginning of another.
+    # All digests have the same number of words, so that no name is the beginning of another.
     digest = hashlib.sha256(repr(name).encode()).digest()[:16]
     return np.random.SeedSequence(seed, spawn_key=tuple(np.frombuffer(digest, "<u4").tolist()))
 
 
 def stream(seed: int, *name: str | int) -> np.random.Generator:
-    """Return the generator of the child `name` of `seed`; errors as in `seed_sequence`."""
+    """Return the random generator of the child `name` of `seed`; errors as in `seed_sequence`."""
     return np.random.default_rng(seed_sequence(seed, *name))
 
 
 def child_seed(seed: int, *name: str | int) -> int:
-    """Return a seed in [0, 2**31) for what takes a number: of the child `name` of `seed`."""
+    """Return the child `name` of `seed` as a whole number in [0, 2**31), for functions that take a seed."""
     return int(seed_sequence(seed, *name).generate_state(1)[0]) % 2**31

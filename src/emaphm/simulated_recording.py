@@ -1,4 +1,4 @@
-"""A rig in software: an actuator is driven through a manoeuvre and recorded as a real one would be."""
+"""Simulated recordings: an actuator is driven through a manoeuvre and recorded as on a real rig."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,50 +41,50 @@ def simulate(
     initial_position: float | None = None,
     seed: int = 0,
 ) -> Recording:
-    """Return the recording of `actuator` following `command` from rest, every signal included.
+    """Return the recording, with all signals, of `actuator` as it follows `command` from rest.
 
-    Signals are as the described sensors show them; what `noise` and `adc_bits` add comes after.
+    The errors of the described sensors are applied first, then `noise` and the quantisation by `adc_bits`.
 
     Parameters
     ----------
     actuator
-        Its description, for the parameters of the unit that is driven.
+        Description with the parameters of the simulated unit.
     command
-        Function of time [s], (n,), giving the user's position [rad; m if linear], (n,).
+        Function of time [s], (n,), that returns the user's position [rad; m if linear], (n,).
     faults
-        Of the unit; healthy where left out.
+        Faults of the unit; healthy by default.
     model
-        "reference", "monitor" or "averaged". The reference model adds the phases' currents and
-        voltages and the other two equivalent currents.
+        "reference", "monitor" or "averaged". The reference model also returns the currents and voltages of
+        the phases, and the other two equivalent currents.
     duration, sample_rate
-        Of the recording [s], [Hz].
+        Duration [s] and sampling rate [Hz] of the recording.
     load
-        At the motor shaft [N·m; N if linear], a number or a function of time; recorded as `load_Nm` unless
-        it is 0.
+        Load at the motor shaft [N·m; N if linear], a number or a function of time; recorded as `load_Nm`
+        unless it is 0.
     noise
         Sensor noise on every recorded current, rms [A].
     adc_bits
-        Resolution of the converters, over the ranges of `full_scales`; exact where left out.
+        Resolution of the converters [bit], over the ranges of `full_scales`; no quantisation by default.
     controller_noise
-        White noise on the reference current, rms [A] a step (thesis 4.1); the reference model only.
+        White noise on the reference current, rms [A] per step (thesis 4.1); for the reference model only.
     sampling
-        Whether rows are interval means or instants.
+        Whether rows are means over the sample interval, or instantaneous values.
     initial_position
-        Where the shaft rests first, at the user [rad; m if linear]. If left out, what the command is counted
-        from (its `about`), and 0 for one that has no such position.
+        Initial position of the shaft, at rest, at the user [rad; m if linear]. Default: the position to which
+        the command is relative (its `about`), or 0 for a command without such a position.
     seed
-        Source of all noise.
+        Seed of all noise.
 
     Raises
     ------
     FaultError
-        The friction is less than the actuator can have (`emaphm.actuator.faults.lower_bounds`).
+        The friction is lower than the actuator permits (`emaphm.actuator.faults.lower_bounds`).
     ActuatorError
         `actuator` is no `Actuator`.
     MethodError, SignalError, RecordingError
-        `command` is none; the model or the sampling is unknown, or the model did not stay finite; a duration,
-        rate or noise is impossible, the command stays where the shaft rests, the recording would be too
-        short, or it would start beyond the end stops.
+        `command` is no command; the model or the sampling is unknown; the simulation did not stay finite; a
+        duration, rate or noise is invalid; the command does not move the shaft; the recording would be too
+        short, or would start beyond the end stops.
     """
     check_actuator(actuator)
     if not callable(command):
@@ -107,7 +107,7 @@ def simulate(
     ran = run(chosen, Plant.of(actuator, faults.vector), inputs, start)
     signals = _sensed(ran, actuator, inputs.interval, seed)
     if actuator.electrical is None:
-        del signals["voltage_V"]  # an ideal current loop has no voltage to speak of
+        del signals["voltage_V"]  # an ideal current loop has no modelled voltage
     rows = {"time_s": inputs.time_s, "command_rad": _rows(command, inputs), **signals}
     if np.all(rows["command_rad"] == first):
         raise RecordingError(f"nothing was commanded: the command is {first:g} throughout; it must move")
@@ -124,7 +124,7 @@ def simulate(
 
 
 def _sensed(signals: dict[str, Array], actuator: Actuator, interval: float, seed: int) -> dict[str, Array]:
-    """Return the signals, (samples,) each, as the actuator's sensors show them, with noise and rounding."""
+    """Return the signals, (samples,) each, with errors, noise and resolution of the actuator's sensors."""
     shown = {}
     for name, signal in signals.items():
         sensor = actuator.sensors.of(name)
@@ -145,7 +145,7 @@ def _check(
     controller_noise: float,
     seed: int,
 ) -> None:
-    """Refuse what a rig cannot do, before it is set in motion."""
+    """Refuse invalid settings before the simulation starts."""
     check_seed(seed)
     if not (0 < duration < np.inf and 0 < sample_rate < np.inf):
         raise SignalError(f"duration ({duration:g} s) and sample rate ({sample_rate:g} Hz) must be above 0")
@@ -167,7 +167,7 @@ def _check(
 
 
 def _rows(signal: Command, inputs: Inputs) -> NDArray[np.float64]:
-    """Return a given signal as it is recorded: at each row's instant, or its mean over the row's interval."""
+    """Return the recorded rows of a given signal: instantaneous values, or means over the sample interval."""
     if inputs.sampling == "instant":
         return signal(inputs.time_s)
     return signal_rows(signal, inputs.time_s, inputs.interval)

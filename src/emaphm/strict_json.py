@@ -1,4 +1,4 @@
-"""Values for JSON, which has no name for numbers that are not finite."""
+"""Conversion of values for JSON, which has no numbers that are not finite."""
 
 import math
 from typing import Any

@@ -1,25 +1,25 @@
-"""Tables of text: as data for a page, aligned for a terminal, and in Markdown."""
+"""Text tables: as data for a page, aligned for a terminal, and in Markdown."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 NOTHING = "–"
-"""Stands in a cell that has no value."""
+"""Text of a cell without a value."""
 
 LARGE = 1e6
-"""Size from which on a number is written with a power of ten."""
+"""Absolute value from which a number is written with a power of ten."""
 
 
 @dataclass(frozen=True)
 class TextTable:
-    """Rows of text under a header; the first cell of a row names it."""
+    """Rows of text under a header; the first cell of a row is its name."""
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
 
 def format_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return `header` and `rows`, of as many cells each, as an aligned table of text."""
+    """Return `header` and `rows`, with equal numbers of cells, as an aligned text table."""
     widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
@@ -29,12 +29,12 @@ def format_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]], *, words: int = 1) -> str:
-    """Return a Markdown table: `words` in the first columns, numbers to the right in the others."""
+    """Return a Markdown table: the first `words` columns are left-aligned, the others right-aligned."""
     rule = ["---"] * words + ["---:"] * (len(header) - words)
     return "\n".join(f"| {' | '.join(row)} |" for row in [header, rule, *rows])
 
 
 def with_digits(value: float, digits: int = 2) -> str:
-    """Return `value` with `digits` significant digits, in full below a million: 2000 instead of 2e+03."""
+    """Return `value` with `digits` significant digits, without exponent below a million: 2000, not 2e+03."""
     shortest = f"{value:.{digits}g}"
     return f"{float(shortest):.0f}" if "e+" in shortest and abs(value) < LARGE else shortest

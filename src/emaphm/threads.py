@@ -1,4 +1,4 @@
-"""The same work on several items, in threads: a simulation lets the others run meanwhile."""
+"""Parallel evaluation of a function in threads; simulations release the interpreter lock."""
 
 import os
 from collections.abc import Callable, Iterable
@@ -17,24 +17,24 @@ def in_threads(
     workers: int | None,
     on_progress: Progress | None = None,
 ) -> list[Result]:
-    """Return what `function` makes of each of the `items`, in their order, by `workers` threads.
+    """Return the values of `function` for the `items`, in their order, evaluated by `workers` threads.
 
-    One a core where that is None. What is raised for one of them is raised in the thread that asked; it
-    also reports progress.
+    By default, one thread per core. An error for an item is raised in the calling thread, which also reports
+    progress.
     """
     items = list(items)
     workers = min(workers or os.cpu_count() or 1, len(items))
     if workers <= 1:
-        return _gathered(map(function, items), len(items), on_progress)
+        return _collected(map(function, items), len(items), on_progress)
     with ThreadPoolExecutor(workers) as pool:
-        return _gathered(pool.map(function, items), len(items), on_progress)
+        return _collected(pool.map(function, items), len(items), on_progress)
 
 
-def _gathered(results: Iterable[Result], count: int, on_progress: Progress | None) -> list[Result]:
-    """Return the results as they come."""
-    gathered = []
+def _collected(results: Iterable[Result], count: int, on_progress: Progress | None) -> list[Result]:
+    """Return the results as a list, and report progress after each."""
+    collected = []
     for result in results:
-        gathered.append(result)
+        collected.append(result)
         if on_progress:
-            on_progress(len(gathered) / count)
-    return gathered
+            on_progress(len(collected) / count)
+    return collected

@@ -1,4 +1,4 @@
-"""The version of what computed a result."""
+"""Version of the package."""
 
 from importlib.metadata import version
 

@@ -21,7 +21,7 @@ BAD_ARGUMENTS = {
     "simulate": ("'emaphm simulate' requires OUT", "See emaphm simulate --help"),
     "diagnose": ("'emaphm diagnose' requires RECORDING", "See emaphm diagnose --help"),
     "replay": ("'emaphm replay' requires RECORDING", "See emaphm replay --help"),
-    "calibrate good.csv -o out.toml": ("--free and --laws are left out", "name parameters by --free"),
+    "calibrate good.csv -o out.toml": ("--free and --laws are left out", "name parameters with --free"),
     "calibrate good.csv --free inertia": ("'emaphm calibrate' requires --out", "See emaphm calibrate --help"),
     "simulate out.csv --fault": ("--fault requires a value", "See emaphm simulate --help"),
     # faults

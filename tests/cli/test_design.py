@@ -103,7 +103,7 @@ BAD = {
     "design --channels voltage": ("current",),
     "design --noise 0": ("noise of 0 A", "more than 0"),
     "design --noise 1e300": ("--noise 1e+300 A", "current limit of 22.5 A"),
-    "design --sample-rate 1e300": ("5e+299 rows", "sample slower"),
+    "design --sample-rate 1e300": ("5e+299 rows", "a lower --sample-rate"),
     "design --sample-rate 1e6 --max-duration 2": ("2e+06 rows", "200,000 are possible"),
     "design --candidates 100000000": ("--candidates 100000000", "10,000 or fewer"),
     "design --tests 100000000": ("--tests 100000000", "1,000 or fewer"),

@@ -9,7 +9,7 @@ import pytest
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.unit.tolerances import Tolerances
-from emaphm.first_description import ASKED, ENDING, MACHINES, USUAL_TOLERANCE, template
+from emaphm.first_description import ENDING, MACHINES, QUESTIONS, USUAL_TOLERANCE, template
 
 from .conftest import Emaphm
 
@@ -37,7 +37,7 @@ def test_answers_are_in_the_description(answering: Emaphm, tmp_path: Path) -> No
     answer = answering(ANSWERS, "--json")
     assert answer.code == 0
     assert (
-        json.loads(answer.out)["answers"] == len(ASKED) + 1
+        json.loads(answer.out)["answers"] == len(QUESTIONS) + 1
     )  # and the name and the tolerance, less the one that was kept
     rig = Actuator.from_toml(tmp_path / "rig.toml")
     assert rig.name == "Rig 7"

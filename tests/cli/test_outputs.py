@@ -139,7 +139,7 @@ def test_the_demo_keeps_what_is_there(refused: Refusal, desk: Path, present: str
 @pytest.mark.parametrize("where", ["good.csv", "good.csv/demo"])
 def test_the_demo_needs_a_folder(refused: Refusal, where: str) -> None:
     message = refused("demo", "--out", where)
-    for piece in (f"{where}: cannot be made a folder", "--out"):
+    for piece in (f"{where}: this folder cannot be created", "--out"):
         assert piece in message
 
 

@@ -211,11 +211,13 @@ def test_the_table_of_all_names_units_to_be_doubted(emaphm: Emaphm, fleet: Path)
         history.add(made_up.entry("SN-1", 650.0), made_up.recording(900), made)
     chosen = ("prognose", "--all", "--no-fleet", "--actuator", "required.toml", "--workers", "1")
     lines = emaphm(*chosen).out.splitlines()
-    assert "the newest recording is not explained, and the forecast is without it: SN-1" in lines
-    assert "mostly by the prior, with fewer than 3 explained diagnoses: SN-3" in lines
+    assert "newest recording not explained, and not used in the prognosis: SN-1" in lines
+    assert "remaining useful life mostly from the prior, with fewer than 3 explained diagnoses: SN-3" in lines
     noted = asked(emaphm, *chosen)["units"]
     count = sum(bool(one["notes"]) for one in noted)
-    assert lines[-1].startswith(f"notes on {count} of 3 units; all of a unit: emaphm prognose --unit UNIT")
+    assert lines[-1].startswith(
+        f"notes on {count} of 3 units; for the notes of a unit: emaphm prognose --unit UNIT"
+    )
 
 
 def test_requirements_of_another_actuator_are_refused(fleet: Path, emaphm: Emaphm, refused: Refusal) -> None:
@@ -335,8 +337,8 @@ REFUSALS = {
     ("prognose", "--unit", "SN-1", "--seed", "-1"): "--seed -1",
     ("prognose", "--unit", "SN-1", "--load", "-1"): "a stress of load -1",
     ("prognose", "--unit", "SN-1", "--temperature", "-3"): "a temperature of -3 K",
-    ("prognose", "--unit", "SN-1", "--all"): "one of the two",
-    ("prognose",): "give --unit, or --all",
+    ("prognose", "--unit", "SN-1", "--all"): "give either --unit, or --all",
+    ("prognose",): "give either --unit, or --all",
     ("prognose", "--unit", "SN-1", "--part", "thesis"): "leave it out with --unit",
     ("prognose", "--unit", "SN-1", "--workers", "2"): "--workers and --scheduler are for --all",
     ("prognose", "--all", "--report", "out.html"): "a figure or a report is of one unit",

@@ -68,7 +68,7 @@ def test_segment_refuses_a_folder_before_it_begins(emaphm: Emaphm, flight: Path,
     # Were the stretches looked for first, the precision would be refused.
     for out, said in (
         ("cut", "stretch_002.csv: exists already"),
-        ("flight.csv", "this folder cannot be made"),
+        ("flight.csv", "this folder cannot be created"),
     ):
         code, text, err = emaphm("segment", flight, "--wanted", "2", "-o", tmp_path / out)
         assert (code, text) == (2, "")

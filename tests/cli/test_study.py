@@ -73,7 +73,7 @@ def test_run_prints_a_line_for_each_method(plan: Path, emaphm: Emaphm) -> None:
     lines = out.splitlines()
     assert lines[0] == "small: 4 of 4 runs"
     assert sorted(line.split()[0] for line in lines[3:-1]) == ["da", "dragonfly-thesis"]
-    assert lines[-1] == "Results in out; see them with: emaphm study report out"
+    assert lines[-1] == "Results in out; for tables and figures: emaphm study report out"
     results = Store.open(plan.with_name("out")).results
     for method in ("da", "dragonfly-thesis"):
         errors = results.filter(method=method)["error_percent"].to_numpy()
@@ -310,7 +310,7 @@ def test_an_interruption_says_how_to_go_on(
     kill(process.pid, number)
     out, err = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, out) == (code, b"")
-    assert err == b"emaphm: interrupted: what finished is kept in out; the same command goes on\n"
+    assert err == b"emaphm: interrupted: finished results are stored in out; the same command resumes\n"
     assert 5 <= Store.open(desk / "out").results.height < 1600
     assert not list(desk.rglob("*.tmp"))
 
@@ -323,7 +323,7 @@ def test_an_interruption_while_workers_start_leaves_no_traceback(start: Start) -
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, out) == (130, b"")
-    assert err == b"emaphm: interrupted: what finished is kept in out; the same command goes on\n"
+    assert err == b"emaphm: interrupted: finished results are stored in out; the same command resumes\n"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
@@ -346,7 +346,7 @@ def test_progress_is_shown_on_a_terminal_alone_until_an_interruption(start: Star
     os.close(terminal)
     assert (process.returncode, out) == (130, b"")
     assert b"study small" in shown
-    last = b"emaphm: interrupted: what finished is kept in out; the same command goes on\r\n"
+    last = b"emaphm: interrupted: finished results are stored in out; the same command resumes\r\n"
     assert shown.endswith(last)
     assert b"Traceback" not in shown
     assert 5 <= Store.open(desk / "out").results.height < 1600

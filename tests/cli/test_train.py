@@ -121,7 +121,7 @@ def test_a_file_that_appears_while_it_learns_is_replaced_only_by_force(
     if not force:
         assert out.read_text() == "of another training"
         assert (
-            f"new.estimator has appeared meanwhile and is left as it is; the estimator is in {other}"
+            f"new.estimator has appeared during the training and is not replaced; the estimator is in {other}"
             in said.err
         )
     assert {path.name for path in tmp_path.iterdir()} == {out.name, written.name}

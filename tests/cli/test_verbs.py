@@ -105,11 +105,11 @@ def retracted(tmp_path: Path) -> Path:
     [
         ((), 0.295, 0.305, ()),
         (("--about", "0.1"), 0.095, 0.105, ()),
-        (("--about", "0.001"), -0.004, 0.006, ("to 0.006; the end stops [0.0, 0.6] hold the shaft",)),
+        (("--about", "0.001"), -0.004, 0.006, ("to 0.006; the end stops [0.0, 0.6] limit the shaft",)),
         (("--command", "ramp", "--amplitude", "0.05"), 0.0, 0.05, ()),
         (("--command", "ramp", "--amplitude", "-0.2"), 0.2, 0.4, ()),
         (("--command", "step", "--amplitude", "0.4"), 0.0, 0.4, ()),
-        (("--command", "file.csv"), 0.2, 0.21, ("file.csv: the command begins at 0.2", "With --about 0.2")),
+        (("--command", "file.csv"), 0.2, 0.21, ("file.csv: the command starts at 0.2", "give --about 0.2")),
         (("--command", "file.csv", "--about", "0.2"), 0.2, 0.21, ()),
     ],
 )
@@ -136,7 +136,7 @@ def test_simulate_starts_where_there_is_room_and_says_what_may_not_be_meant(
 def test_a_shaft_that_overshoots_into_a_stop_is_said() -> None:
     mechanics = Actuator.thesis().mechanics.model_copy(update={"end_stops": (0.0, 0.6)})
     retracted = Actuator.thesis().model_copy(update={"mechanics": mechanics})
-    into = "the shaft runs into the end stop at 0, beyond its command"
+    into = "the shaft runs into the end stop at 0, beyond the range of its command"
     for first, last, said in ((0.1, 0.0, into), (0.0, 0.1, None), (0.1, 0.01, None)):
         columns = {"time_s": np.arange(60) / 1e3, "command_rad": np.full(60, 0.1)}
         recording = Recording(columns | {"position_rad": np.linspace(first, last, 60)})

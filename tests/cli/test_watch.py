@@ -142,7 +142,7 @@ def test_a_script_sees_that_files_are_left(arrived: Path, desk: Path) -> None:
         os.killpg(process.pid, signal.SIGTERM)  # to the process that is to judge too, as of systemd
         assert process.wait(60) == 143
         assert process.stderr.read().endswith(
-            "emaphm: interrupted: what is judged is in the history; start it again, and it goes on\n"
+            "emaphm: interrupted: finished diagnoses are in the history; the same command resumes\n"
         )
 
 
@@ -242,7 +242,7 @@ def test_files_of_the_schema_need_a_unit(desk: Path, capfd: pytest.CaptureFixtur
     out, err = capfd.readouterr()
     (event,) = [json.loads(line) for line in out.splitlines()]
     assert "its unit is not known; give --unit" in event["message"]
-    assert "watching in, a new history is made in history.sqlite" in err
+    assert "watching in, a new history is created in history.sqlite" in err
     assert (
         main(["watch", "in", "--name", "{unit}_{hours}.csv", "--once", "--settle", "0", "--db", "2.sqlite"])
         == 0

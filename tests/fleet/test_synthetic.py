@@ -139,7 +139,7 @@ def test_the_chain_runs_in_one_command_and_goes_on(
     line = ["fleet", "simulate", "-o", str(folder), "--units", "2", "--flights", "1", "--workers", "1"]
     assert main(line) == 0
     said = capsys.readouterr().out
-    assert "mostly by the prior, with fewer than 3 explained diagnoses: SYNTHETIC-0000" in said
+    assert "mostly from the prior, with fewer than 3 explained diagnoses: SYNTHETIC-0000" in said
     assert f"emaphm prognose --unit UNIT --db {folder / 'history.sqlite'}" in said
     with History.open(folder / "history.sqlite") as history:
         assert [[one.hours for one in unit.diagnoses()] for unit in history.units()] == [[80.0], [80.0]]

@@ -101,7 +101,7 @@ def test_pipes_and_devices_are_refused_unread(
     os.mkfifo(pipe)
     device.symlink_to("/dev/zero")
     for path in (pipe, device):
-        assert "no regular file" in refusal(lambda path=path: read_recording(path, thesis))  # type: ignore[misc]
+        assert "not a regular file" in refusal(lambda path=path: read_recording(path, thesis))  # type: ignore[misc]
 
 
 def test_a_null_character_in_the_name_is_refused(thesis: Actuator, refusal: Refusal) -> None:

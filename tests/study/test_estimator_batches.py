@@ -35,7 +35,7 @@ def kept(folder: Path, count: int, blocks: int) -> Path:
 def test_as_many_as_asked_are_answered(estimator: Path, tmp_path: Path) -> None:
     line = answered(estimator, kept(tmp_path, 3, 1250), most=5)
     assert line.startswith("5 recordings in ")
-    assert "a second and core; error 0.0" in line
+    assert "per second and core; error 0.0" in line
     assert "coverage 100.0 to 100.0 %" in line
 
 

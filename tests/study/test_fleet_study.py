@@ -204,7 +204,7 @@ def test_the_rate_of_a_linear_law_is_that_of_a_quadrature_over_lives(monkeypatch
     hours, true_life = np.arange(100.0, 1001.0, 100.0), 2000.0
     evidence = straight(wear.limit / true_life, error=0.0)
     for one in evidence.used:
-        component.see(one)
+        component.update(one)
     weight = np.exp(component.log_weight - component.log_weight.max())
     weight /= weight.sum()
     sampled = np.log(component.life)

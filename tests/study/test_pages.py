@@ -153,7 +153,7 @@ def test_chance_is_the_binomial_one(count: int) -> None:
 
 def verdicts(page: str) -> list[str]:
     """Return the last column of the first table."""
-    lines = page[page.index("| what |") :].splitlines()
+    lines = page[page.index("| quantity |") :].splitlines()
     rows = lines[2 : lines.index("")]
     return [line.rsplit("|")[-2].strip() for line in rows]
 

@@ -214,7 +214,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
     "runs, negative": (small.with_(("runs = 3", "runs = -1")), ("'runs'", "1", "-1")),
     "runs, too many": (
         small.with_(("runs = 3", f"runs = {MOST_RUNS}")),
-        (f"{4 * MOST_RUNS} runs are too many", "ask for fewer"),
+        (f"{4 * MOST_RUNS} runs are too many", "reduce the plan"),
     ),
     "seed": (small.with_(top="seed = -1"), ("'seed'", "-1")),
     "models, one": (small.with_(top='models = "averaged"'), ("'models'", "'averaged'")),
@@ -266,14 +266,14 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
         for key in ("models", "fitnesses", "equivalents", "noises_A")
     },
     # what does not go together
-    "one label": (small.with_(('"more"', '"few"')), ("two methods are called 'few'", "label of its own")),
+    "one label": (small.with_(('"more"', '"few"')), ("two methods are called 'few'", "a different label")),
     "one model": (
         small.with_(top='models = ["averaged", "averaged"]'),
-        ("'models' names one twice", "name each once"),
+        ("'models' contains a value twice", "give each value once"),
     ),
     "one case": (
         small.with_(("worn", '"random 1"'), end="[random]\ncount = 2"),
-        ("case 'random 1'", "[random]", "give it another"),
+        ("case 'random 1'", "[random]", "rename it"),
     ),
     "hybrid by another fitness": (
         small.with_(top='fitnesses = ["least_squares", "thesis"]', end=HYBRID),

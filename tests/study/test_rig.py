@@ -305,7 +305,7 @@ REFUSED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
         ("'drawn'", "did you mean 'hybrid'?"),
     ),
     "case of a group": (('cases = ["worn"]', 'cases = ["torn"]'), ("group 'named'", "did you mean 'worn'?")),
-    "case twice": (('cases = ["worn"]', 'cases = ["worn", "worn"]'), ("'groups.1.cases'", "named twice")),
+    "case twice": (('cases = ["worn"]', 'cases = ["worn", "worn"]'), ("'groups.1.cases'", "given twice")),
     "empty group": (('cases = ["worn"]\n', ""), ("group 'named' has no cases",)),
     "size": (("size = 0.05", "size = 0.9"), ("'groups.0.small.0.size'", "0.5")),
     "too many": (("random = 2", "random = 1000000"), ("runs are too many",)),

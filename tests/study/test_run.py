@@ -272,7 +272,7 @@ def test_a_run_that_fails_is_named_and_takes_no_other_with_it(
     message = str(refusal.value)
     assert len(message.splitlines()) == 1
     assert message.startswith(f"4 of {TOTAL} runs failed, the first: loose, few, run 1: ZeroDivisionError")
-    assert f"kept in {folder}" in message
+    assert f"stored in {folder}" in message
     # Two methods at two noises have failed; the others are there and were counted.
     assert told == [(done, TOTAL) for done in range(TOTAL - 4 + 1)]
     assert Store.open(folder).results.height == TOTAL - 4

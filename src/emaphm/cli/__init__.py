@@ -1,8 +1,8 @@
-"""The command line: it parses, calls the library, and prints."""
+"""Command line: parsing of arguments, calls of the library, and printing of results."""
 
 try:
     from emaphm.cli.entry import main
-except KeyboardInterrupt:  # from now on `main` deals with it
+except KeyboardInterrupt:  # later interruptions are handled by `main`
     raise SystemExit(130) from None
 
 __all__ = ["main"]

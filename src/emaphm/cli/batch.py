@@ -1,4 +1,4 @@
-"""The verb `diagnose` on several recordings: each by itself, or all of one unit together."""
+"""The verb `diagnose` for several recordings: one diagnosis each, or a joint diagnosis of one unit."""
 
 import sys
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from emaphm.cli.interruption import going_on
+from emaphm.cli.interruption import resumable
 from emaphm.cli.options import Common, Execution, known_values
 from emaphm.cli.output import counter, progress, show, show_line
 from emaphm.errors import MethodError, RecordingError
@@ -21,31 +21,33 @@ if TYPE_CHECKING:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Several:
-    """How several recordings are diagnosed, and where what finished is kept."""
+class BatchOptions:
+    """How several recordings are diagnosed, and where finished results are stored."""
 
     joint: Annotated[
         bool,
-        Parameter(negative="", help="One estimate of the faults of one unit, from all its recordings."),
+        Parameter(
+            negative="", help="Estimate the faults of one unit jointly, from all the recordings given."
+        ),
     ] = False
     execution: Execution = Execution()  # noqa: RUF009 - frozen
     out: Annotated[
         Path | None,
         Parameter(
             name=("--out", "-o"),
-            help="Folder that keeps the results of several recordings as they finish; the same command goes "
-            "on where it stopped.",
+            help="Folder where each result of several recordings is stored when it is finished; after an "
+            "interruption, the same command resumes.",
         ),
     ] = None
 
     @property
     def is_given(self) -> bool:
-        """Whether any of these options was given: a single recording is then a batch of one."""
+        """Whether any of these options was given; a single recording is then treated as a batch."""
         return self.joint or self.execution.is_given or self.out is not None
 
 
 def reading(by: str | None, known: tuple[str, ...]) -> "FileReading":
-    """Return how files are read, as the options --by and --known say."""
+    """Return the settings for reading files, from the options --by and --known."""
     from emaphm.fleet.sources import FileReading
 
     return FileReading(by, known_values(known))
@@ -56,17 +58,17 @@ def diagnose_several(
     actuator: "Actuator",
     chosen: "DiagnosisSettings",
     reading: "FileReading",
-    several: Several,
+    several: BatchOptions,
     common: Common,
 ) -> None:
-    """Print a table with one row a recording, or one line of JSON each; or one diagnosis of all of them.
+    """Print a table with one row per recording, or one line of JSON each; or one joint diagnosis.
 
     Raises
     ------
     MethodError
-        An option is none of a joint diagnosis.
+        An option does not apply to a joint diagnosis.
     RecordingError
-        In the end, where some could not be diagnosed; the others are done.
+        Some recordings could not be diagnosed; raised after the other recordings are done.
     """
     if several.joint:
         _check_joint(chosen, several)
@@ -80,16 +82,16 @@ def _diagnose_each(
     actuator: "Actuator",
     chosen: "DiagnosisSettings",
     reading: "FileReading",
-    several: Several,
+    several: BatchOptions,
     as_json: bool,
 ) -> None:
     from emaphm.fleet import batch_table, diagnose_all, recording_files
 
-    files, rows, broken, done = recording_files(paths), [], [], 0
+    files, rows, failures, done = recording_files(paths), [], [], 0
     out, execution = several.out, several.execution
-    how = f"what finished is kept in {out}; the same command goes on" if out else "nothing is kept"
-    # Lines on the same terminal as the progress would tear each other.
-    with going_on(how), counter("diagnosing", as_json and sys.stdout.isatty()) as count:
+    hint = f"finished results are stored in {out}; the same command resumes" if out else "nothing is stored"
+    # On one terminal, lines of results and the progress bar would interleave.
+    with resumable(hint), counter("diagnosing", as_json and sys.stdout.isatty()) as count:
         for result in diagnose_all(
             files,
             actuator,
@@ -103,41 +105,43 @@ def _diagnose_each(
             if not as_json:
                 rows.append(result.row)
             elif not show_line(result.values) and out is None:
-                return  # the others could not be read either, and no folder is to keep them
+                return  # later lines could not be printed either, and no folder would store them
             if result.error:
-                broken.append(result.error)
+                failures.append(result.error)
             else:
                 done += 1
     if not as_json:
         show({}, batch_table(rows), as_json=False)
-    if broken:
-        raise RecordingError(_failures(broken, done))
+    if failures:
+        raise RecordingError(_failure_message(failures, done))
 
 
-def _failures(broken: Sequence[str], done: int) -> str:
-    """Return what could not be diagnosed, as a sentence; the first reason stands for all."""
-    if len(broken) == 1 and not done:
-        return f"nothing could be diagnosed: {broken[0]}"
+def _failure_message(failures: Sequence[str], done: int) -> str:
+    """Return a sentence on the recordings that could not be diagnosed, with the first reason."""
+    if len(failures) == 1 and not done:
+        return f"nothing could be diagnosed: {failures[0]}"
     if not done:
-        return f"none of {len(broken)} recordings could be diagnosed; the first: {broken[0]}"
-    which = f"{len(broken)} of {len(broken) + done} recordings"
-    return f"{which} could not be diagnosed, the others are done; the first: {broken[0]}"
+        return f"none of {len(failures)} recordings could be diagnosed; the first failure: {failures[0]}"
+    share = f"{len(failures)} of {len(failures) + done} recordings"
+    return f"{share} could not be diagnosed, the others are done; the first failure: {failures[0]}"
 
 
-def _check_joint(chosen: "DiagnosisSettings", several: Several) -> None:
-    """Refuse options that a joint diagnosis does not have."""
+def _check_joint(chosen: "DiagnosisSettings", several: BatchOptions) -> None:
+    """Refuse options that do not apply to a joint diagnosis."""
     from emaphm.fleet import DiagnosisSettings
 
-    usual, execution = DiagnosisSettings(), several.execution
+    defaults, execution = DiagnosisSettings(), several.execution
     given = {"--workers": execution.workers, "--scheduler": execution.scheduler, "--out": several.out}
     named = [name for name, value in given.items() if value is not None]
     named += [
         f"--{name}"
         for name in ("method", "model", "fitness", "posterior", "estimator")
-        if getattr(chosen, name) != getattr(usual, name)
+        if getattr(chosen, name) != getattr(defaults, name)
     ]
     if named:
-        raise MethodError(f"{named[0]} is for recordings diagnosed one by one; leave it or --joint out")
+        raise MethodError(
+            f"{named[0]} is for recordings diagnosed one by one; leave out {named[0]} or --joint"
+        )
 
 
 def _diagnose_joint(
@@ -147,11 +151,13 @@ def _diagnose_joint(
     reading: "FileReading",
     common: Common,
 ) -> None:
-    """Print one diagnosis of the unit that all recordings are of."""
+    """Print the joint diagnosis of the unit from which all recordings come."""
     from emaphm.diagnosis.joint import diagnose_joint as identify
     from emaphm.fleet.sources import recording_files, recordings_in
 
-    recordings = [one for path in recording_files(paths) for one in recordings_in(path, actuator, reading)]
+    recordings = [
+        recording for path in recording_files(paths) for recording in recordings_in(path, actuator, reading)
+    ]
     with progress("diagnosing", common.as_json) as advance:
         diagnosis = identify(
             recordings,

@@ -1,4 +1,4 @@
-"""The verb `calibrate`: it reads recordings or campaigns, calls the library, and prints."""
+"""The verb `calibrate`: reads recordings or campaigns, calls the library, and prints."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,58 +27,58 @@ if TYPE_CHECKING:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Modelling:
-    """What the unit is modelled by."""
+class ModelOptions:
+    """Laws and loop of the model of the unit."""
 
     laws: Annotated[
         str | None,
         Parameter(
-            help="Laws to add, with commas between, e.g. stribeck,gravity; or 'auto': those that lower "
-            "the error in recordings left out of the fit."
+            help="Laws to add, separated by commas, e.g. stribeck,gravity; or 'auto' for the laws that "
+            "reduce the error in recordings left out of the fit. Default: none."
         ),
     ] = None
     loop: Annotated[
         Literal["auto", "closed", "measured"],
         Parameter(
-            help="closed: simulate the controller from the command; measured: compare the torque that the "
-            "measured motion requires, no controller needed; auto: closed, unless a recording contradicts "
-            "the controller's gains."
+            help="How the motion is obtained. closed: simulated from the command, with the controller; "
+            "measured: taken from the recording, and the torque that it requires is compared, without a "
+            "controller; auto: closed, unless a recording contradicts the controller's gains."
         ),
     ] = "auto"
 
     @property
     def chosen_laws(self) -> str | list[str] | None:
-        """The laws to add, or "auto"; None where left out."""
+        """The laws to add, or "auto"; None if the option is left out."""
         names = None if self.laws is None else names_in(self.laws)
         return names[0] if names == ["auto"] else names
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Fitting:
-    """What else is estimated, and by which models."""
+class FitOptions:
+    """Bias correction, and nuisances that are estimated with the parameters."""
 
     correction: Annotated[
-        bool, Parameter(help="Correct the model's bias by a few runs of the reference model.")
+        bool, Parameter(help="Correct the bias of the fitted model with a few runs of the reference model.")
     ] = True
     nuisance: Annotated[
         str | None,
         Parameter(
-            help="What is unknown of each recording, with commas between: load, hinge, load_variation, "
-            "temperature, supply, inertia, delay, current_offset, current_scale, current_drift, "
-            "current_delay, and the same of voltage, position and speed; or 'none'. As the TOML says if "
-            "left out, less what a free parameter cannot be separated from."
+            help="Nuisance parameters to estimate for each recording, separated by commas: load, hinge, "
+            "load_variation, temperature, supply, inertia, delay, current_offset, current_scale, "
+            "current_drift, current_delay, and likewise for voltage, position and speed; or 'none'. Default: "
+            "the TOML's [nuisances], except those that cannot be separated from a free parameter."
         ),
     ] = None
 
     @property
     def nuisances(self) -> list[str] | None:
-        """The nuisances of each recording; None where left out."""
+        """The nuisances of each recording; None if the option is left out."""
         return None if self.nuisance is None else names_in(self.nuisance)
 
     @property
     def max_corrections(self) -> int:
-        """Most corrections of the model's bias."""
+        """Largest number of bias-correction iterations."""
         from emaphm.estimation.bias_correction import MAX_CORRECTIONS
 
         return MAX_CORRECTIONS if self.correction else 0
@@ -92,26 +92,27 @@ def calibrate(
     free: Annotated[
         str | None,
         Parameter(
-            help="Parameters to estimate, with commas between, e.g. inertia,viscous,coulomb. With --laws it "
-            "may be left out: the usual ones that the recordings identify."
+            help="Parameters to estimate, separated by commas, e.g. inertia,viscous,coulomb. Default with "
+            "--laws: the usual parameters, as far as the recordings identify them."
         ),
     ] = None,
-    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Calibrated TOML to write.")],
-    modelling: Modelling = Modelling(),
+    out: Annotated[Path, Parameter(name=("--out", "-o"), help="Calibrated description to write: .toml.")],
+    modelling: ModelOptions = ModelOptions(),
     actuator: ActuatorFile = "thesis",
-    fitting: Fitting = Fitting(),
+    fitting: FitOptions = FitOptions(),
     figure: FigureFile = None,
     common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
-    """Estimate physical parameters of a healthy unit from its recordings; write them with their covariance.
+    """Estimate parameters of a healthy unit from its recordings, and write them with their covariance.
 
-    All are fitted at once. The calibrated description's [baseline] is the prior of later diagnoses.
+    All recordings are fitted jointly. The [baseline] of the calibrated description is the prior of later
+    diagnoses.
     """
     common.check((out, (".toml",)), (figure, FIGURES))
     if free is None and modelling.laws is None:
         raise MethodError(
-            "nothing to calibrate: --free and --laws are left out; name parameters by --free, e.g. "
-            "--free inertia,coulomb, or laws by --laws, e.g. --laws auto"
+            "nothing to calibrate: --free and --laws are left out; name parameters with --free, e.g. "
+            "--free inertia,coulomb, or laws with --laws, e.g. --laws auto"
         )
     described = described_actuator(actuator)
     recorded = _recordings(recording, described)
@@ -131,8 +132,8 @@ def calibrate(
             on_progress=advance,
         )
     files = ", ".join(path.name for path in recording)
-    found = ", ".join(result.parameters)
-    comments = f"Calibrated on {files}: {found}; the rest as in '{described.name}'.\n{result}"
+    estimated = ", ".join(result.parameters)
+    comments = f"Calibrated on {files}: {estimated}; all other values as in '{described.name}'.\n{result}"
     result.actuator.to_toml(out, comments=comments)
     text = f"{result}\n\nCalibrated description written to {out}"
     common.show(result.to_dict(), text)
@@ -140,7 +141,7 @@ def calibrate(
 
 
 def _recordings(paths: "Sequence[Path]", actuator: "Actuator") -> "list[Any]":
-    """Return the recordings in files and in campaigns, with what is known of them.
+    """Return the recordings in files and campaigns; those of campaigns have their known values.
 
     A file that is given twice is refused: its noise would count as that of two independent recordings.
     """
@@ -150,16 +151,17 @@ def _recordings(paths: "Sequence[Path]", actuator: "Actuator") -> "list[Any]":
     given: dict[Path, Path] = {}
 
     def read_once(path: Path, actuator: "Actuator") -> Any:
-        before = given.setdefault(path.resolve(), path)
-        if before is not path:
-            spelled = "" if before == path else f", as {before}"
+        first = given.setdefault(path.resolve(), path)
+        if first is not path:
+            spelled = "" if first == path else f", as {first}"
             raise RecordingError(
-                f"{path}: this file is given twice{spelled}, and would count as two recordings; leave one "
-                "of the two out"
+                f"{path}: this file is given twice{spelled}, and would count as two recordings; give it once"
             )
         return recording_of(path, actuator)
 
     for path in paths:
-        is_one = not is_campaign(path)
-        recorded += [read_once(path, actuator)] if is_one else read_campaign(path, actuator, read_once)
+        if is_campaign(path):
+            recorded += read_campaign(path, actuator, read_once)
+        else:
+            recorded.append(read_once(path, actuator))
     return recorded

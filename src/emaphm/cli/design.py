@@ -1,4 +1,4 @@
-"""The verb that plans a test: the precision that a manoeuvre will give, and a better one."""
+"""The verb `design`: the precision expected from a manoeuvre, and the search for a better manoeuvre."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,55 +19,61 @@ from emaphm.cli.output import draw, progress, say
 from emaphm.errors import MethodError, SignalError
 
 MOST_CANDIDATES, MOST_TESTS = 10_000, 1_000
-"""Work that is begun: a candidate takes some milliseconds, a test some tenths of a second."""
+"""Largest accepted numbers: a candidate takes some milliseconds, a test some tenths of a second."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Largest:
-    """What a better command may be at most."""
+class CommandLimits:
+    """Upper limits for the commands of the search."""
 
     max_amplitude: Annotated[
         float | None,
-        Parameter(help="Largest command of a better one, at the user [rad]; as given if left out."),
+        Parameter(
+            help="Largest amplitude of a better command, at the user [rad; m if linear]; default as in the "
+            "given command."
+        ),
     ] = None
     max_frequency: Annotated[
-        float | None, Parameter(help="Its highest frequency [Hz]; as given if left out.")
+        float | None,
+        Parameter(help="Highest frequency of a better command [Hz]; default as in the given command."),
     ] = None
     max_duration: Annotated[
-        float | None, Parameter(help="Its longest duration [s]; as given if left out.")
+        float | None,
+        Parameter(help="Longest duration of a better command [s]; default as in the given command."),
     ] = None
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Effort:
-    """How much is tried."""
+    """Numbers of candidates and of simulated tests."""
 
     candidates: Annotated[
         int,
         Parameter(
             converter=whole_number,
-            help="Chirps to try in search of a better one; 0 to report on the given one only.",
+            help="Number of chirps tried in the search for a better command; 0 evaluates the given command "
+            "only.",
         ),
     ] = 48
     tests: Annotated[
         int,
         Parameter(
             converter=whole_number,
-            help="Simulated tests that prove the given manoeuvre and the best found: 4 or more; 0 for no "
-            "proof, with --candidates 0.",
+            help="Number of simulated tests with random faults, which check the predictions for the given "
+            "and the best manoeuvre: 4 or more; 0 omits the check, and needs --candidates 0.",
         ),
     ] = 12
 
     def check(self, rows: float) -> None:
-        """Refuse what would take more memory or time than there is; `rows` are those of a command."""
+        """Refuse numbers that need too much time, or `rows` of a command that need too much memory."""
         from emaphm.recording.plausibility import MOST_ROWS
 
         if rows > MOST_ROWS:
             raise SignalError(
-                f"--sample-rate and the duration make {rows:.3g} rows, {MOST_ROWS:,} are possible; "
-                "sample slower"
+                f"--sample-rate and the duration give {rows:.3g} rows, {MOST_ROWS:,} are possible; "
+                "give a lower --sample-rate"
             )
         for option, number, most in (
             ("--candidates", self.candidates, MOST_CANDIDATES),
@@ -81,28 +87,32 @@ def design(
     *,
     actuator: ActuatorFile = "thesis",
     manoeuvre: Manoeuvre = Manoeuvre(),  # noqa: B008 - frozen
-    largest: Largest = Largest(),
+    largest: CommandLimits = CommandLimits(),
     channels: Annotated[
         str,
         Parameter(
-            help="What will be recorded, with commas between: current, voltage, position, speed; or columns "
-            "such as current_A."
+            help="Channels that will be recorded, separated by commas: current, voltage, position, speed, or "
+            "columns such as current_A."
         ),
     ] = "current",
-    noise: Annotated[float, Parameter(help="Noise of the current's sensor, rms [A].")] = 0.05,
+    noise: Annotated[float, Parameter(help="Noise of the current sensor, rms [A].")] = 0.05,
     effort: Effort = Effort(),
     out: Annotated[
         Path | None,
         Parameter(
-            name=("--out", "-o"), help="Command found (the given one if none is better), to write: .csv."
+            name=("--out", "-o"),
+            help="Write the best command (the given command if no other is better): .csv.",
         ),
     ] = None,
     figure: Annotated[
-        Path | None, Parameter(help="Draw commands and intervals, given and found: .png, .svg or .pdf.")
+        Path | None,
+        Parameter(
+            help="Write a figure of the given and the best command, with intervals: .png, .svg or .pdf."
+        ),
     ] = None,
     common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
-    """Say before a test how well its manoeuvre will identify each fault, and find a better manoeuvre."""
+    """Predict how well a manoeuvre will identify each fault, and search for a better manoeuvre."""
     from emaphm.experiment import design as plan
     from emaphm.output_files import written_whole
 

@@ -26,21 +26,21 @@ if TYPE_CHECKING:
     from emaphm.detection import Detector, DetectorResult
     from emaphm.recording import Recording
 
-app = App(name="detect", help="Say whether cycles are like healthy ones, whatever the cause.")
+app = App(name="detect", help="Detect cycles that are not like healthy ones, whatever the cause.")
 
-DetectorFile = Annotated[Path, Parameter(help="Detector that 'detect learn' wrote: .json.")]
+DetectorFile = Annotated[Path, Parameter(help="Detector written by 'emaphm detect learn': .json.")]
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Detection:
-    """How a detector learns from healthy recordings, and how often it may be wrong of them."""
+    """How a detector learns from healthy recordings, and its rate of false alarms."""
 
     group: Annotated[
         Literal["file", "folder"] | None,
         Parameter(
-            help="What holds the cycles of one run: each file, or all files of a folder. Where left out: "
-            "folders, if there are several and one has several files; else files."
+            help="Where the cycles of one run are: in one file, or in all files of one folder. Default: "
+            "folder if there are several folders and one of them has several files, otherwise file."
         ),
     ] = None
     subtract_model: Annotated[
@@ -48,25 +48,27 @@ class Detection:
         Parameter(
             name=("--subtract-model", "--model"),
             negative=("--no-subtract-model", "--no-model"),
-            help="Take off what the actuator's model explains; else channels as measured.",
+            help="Subtract the output of the actuator's model from the channels; otherwise use the measured "
+            "channels.",
         ),
     ] = True
     false_alarm_rate: Annotated[
-        float, Parameter(help="Share of healthy cycles that may be called not like healthy.")
+        float, Parameter(help="Accepted share of healthy cycles that are called not like healthy.")
     ] = 0.01
     seeded: Annotated[
         tuple[str, ...],
         Parameter(
             negative="",
             show_default=False,
-            help="NAME=FILE, a recording with a known fault, to compare others with; may be repeated.",
+            help="Recording with a known fault, as NAME=FILE, with which alarms are compared; may be "
+            "repeated.",
         ),
     ] = ()
 
     def learned(
         self, files: Sequence[Path], recordings: "Sequence[Recording]", by: str, actuator: "Actuator"
     ) -> "Detector":
-        """Return the detector of `recordings` in `files`, with each file or folder `by` as one run."""
+        """Return the detector learned from `recordings` in `files`; each file or folder (`by`) is one run."""
         from emaphm.detection import DETECTOR, Detector
 
         return Detector.learn(
@@ -79,14 +81,14 @@ class Detection:
 
 @app.command
 def learn(
-    *recording: Annotated[Path, Parameter(help=f"Healthy recordings of one cycle each: {RECORDING_KINDS}.")],
+    *recording: Annotated[Path, Parameter(help=f"Healthy recordings, each of one cycle: {RECORDING_KINDS}.")],
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Detector to write: .json.")],
     detection: Detection = Detection(),
     actuator: ActuatorFile = "thesis",
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Learn from healthy recordings what healthy looks like, and write it to one file."""
+    """Learn a detector of deviations from healthy recordings, and write it to a file."""
     check_output(out, (".json",), force=force)
     described = described_actuator(actuator)
     recordings = [recording_of(path, described) for path in recording]
@@ -106,7 +108,7 @@ def learn(
     repeated = [name for name in shared_channels(recordings) if name not in detector.channels]
     text = str(detector)
     if repeated:
-        text += f"\nNot looked at, as the same in all recordings row by row: {', '.join(repeated)}."
+        text += f"\nIgnored, because equal in all recordings row by row: {', '.join(repeated)}."
     values = {
         "detector": str(out),
         "group": by,
@@ -120,54 +122,61 @@ def learn(
 @app.command
 def judge(
     detector: DetectorFile,
-    *recording: Annotated[Path, Parameter(help=f"Recordings of one cycle each: {RECORDING_KINDS}.")],
+    *recording: Annotated[Path, Parameter(help=f"Recordings, each of one cycle: {RECORDING_KINDS}.")],
     together: Annotated[
-        bool, Parameter(negative="", help="Judge the mean of all, as the cycles of one run.")
+        bool, Parameter(negative="", help="Judge the mean of all recordings, as cycles of one run.")
     ] = False,
     figure: Annotated[
         Path | None,
-        Parameter(help="Draw T² and Q against the thresholds, and where they come from: .png, .svg, .pdf."),
+        Parameter(
+            help="Write a figure of T² and Q relative to their thresholds, with the contributions of "
+            "channels and segments: .png, .svg or .pdf."
+        ),
     ] = None,
     actuator: ActuatorFile = "thesis",
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Say of recordings whether they are like the healthy ones, and if not, where."""
+    """Decide whether recordings are like the healthy ones, and locate deviations by channel and segment."""
     check_output(figure, FIGURES, force=force)
     from emaphm.detection import Detector
 
-    known = Detector.load(detector)
-    described = known.actuator or described_actuator(actuator)
+    learned = Detector.load(detector)
+    described = learned.actuator or described_actuator(actuator)
     recordings = [recording_of(path, described) for path in recording]
     if not recordings:
         raise MethodError("no recording to judge; name one or more files")
-    results = [known.judge(recordings)] if together else [known.judge(one) for one in recordings]
-    worst = max(results, key=lambda one: one.excess)
-    alarms = sum(not one.like_healthy for one in results)
-    values = {"not_like_healthy": alarms, "of": len(results), "results": [one.to_dict() for one in results]}
+    results = [learned.judge(recordings)] if together else [learned.judge(cycle) for cycle in recordings]
+    worst = max(results, key=lambda result: result.excess)
+    alarms = sum(not result.like_healthy for result in results)
+    values = {
+        "not_like_healthy": alarms,
+        "of": len(results),
+        "results": [result.to_dict() for result in results],
+    }
     show(values, _text(results, worst), as_json)
     draw(worst, figure)
 
 
 def healthy_check(path: Path, recording: "Recording") -> "DetectorResult":
-    """Return what the detector in a file says of a recording."""
+    """Return the result of the detector in a file for a recording."""
     from emaphm.detection import Detector
 
     return Detector.load(path).judge(recording)
 
 
 def _grouping(files: Sequence[Path]) -> tuple[Literal["file", "folder"], list[str]]:
-    """Return what holds the cycles of a run, as far as the places of the files say, and a note on it.
+    """Return whether a file or a folder contains the cycles of one run, from the files' paths, and notes.
 
-    Cycles of a run taken for runs of their own have several times the stated rate of false alarms; runs taken
-    for cycles only make for wider thresholds, or are refused as too few.
+    If cycles of one run were counted as separate runs, the rate of false alarms would be several times the
+    stated rate. Runs counted as cycles only widen the thresholds, or are refused because they are too few.
     """
     folders = Counter(path.resolve().parent for path in files)
     if len(folders) == 1 or max(folders.values(), default=1) == 1:
         return "file", []
     note = (
         f"{len(files)} files in {len(folders)} folders: all files of a folder count as cycles of one run "
-        "(--group folder); if each file is a run of its own, give --group file"
+        "(--group folder); if each file is a separate run, give --group file"
     )
     return "folder", [note]
 
@@ -175,13 +184,13 @@ def _grouping(files: Sequence[Path]) -> tuple[Literal["file", "folder"], list[st
 def _text(results: "list[DetectorResult]", worst: "DetectorResult") -> str:
     if len(results) == 1:
         return str(worst)
-    lines = [f"{one.recording}: {one.sentence}." for one in results]
-    alarms = sum(not one.like_healthy for one in results)
+    lines = [f"{result.recording}: {result.sentence}." for result in results]
+    alarms = sum(not result.like_healthy for result in results)
     return "\n".join([*lines, f"{alarms} of {len(results)} are not like healthy. {worst.shown}."])
 
 
 def _examples(seeded: tuple[str, ...], actuator: "Actuator") -> dict[str, list[Any]]:
-    """Return the recordings that the --seeded options name, by fault."""
+    """Return the recordings of the --seeded options by fault."""
     examples: dict[str, list[Any]] = {}
     for assignment in seeded:
         name, separator, path = assignment.partition("=")

@@ -1,4 +1,4 @@
-"""The verb `diagnose`: of one recording itself; of several as `emaphm.cli.batch` does."""
+"""The verb `diagnose`, for one recording; several recordings are passed to `emaphm.cli.batch`."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from emaphm.cli import batch
-from emaphm.cli.batch import Several
+from emaphm.cli.batch import BatchOptions
 from emaphm.cli.detect import healthy_check
 from emaphm.cli.options import (
     ActuatorFile,
@@ -38,45 +38,53 @@ class Method:
     method: Annotated[
         str,
         Parameter(
-            help="hybrid; genetic, particle-swarm, differential-evolution, grey-wolf, dragonfly (or ga, pso, "
-            "de, gwo, da), dragonfly-thesis, random; cma-es, l-shade, scipy-de, pymoo-NAME. Any but hybrid "
-            "may end in +lsq: it finds the starts, least squares do the rest."
+            help="Method of identification: hybrid; genetic, particle-swarm, differential-evolution, "
+            "grey-wolf, dragonfly (or ga, pso, de, gwo, da), dragonfly-thesis, random; cma-es, l-shade, "
+            "scipy-de, pymoo-NAME. Every method except hybrid may be followed by +lsq: its result is then "
+            "the start of a least-squares fit."
         ),
     ] = "hybrid"
     model: Annotated[str, Parameter(help="Model to fit: averaged, monitor or reference.")] = "averaged"
     fitness: Annotated[
-        str, Parameter(help="What an optimiser minimises: least_squares, thesis or total_least_squares.")
+        str,
+        Parameter(
+            help="Objective that an optimiser minimises: least_squares, thesis or total_least_squares."
+        ),
     ] = "least_squares"
     correction: Annotated[
-        bool, Parameter(help="Correct the model's bias by a few runs of the reference model (hybrid, +lsq).")
+        bool,
+        Parameter(
+            help="Correct the bias of the fitted model with a few runs of the reference model (hybrid, +lsq)."
+        ),
     ] = True
     nuisance: Annotated[
         str | None,
         Parameter(
-            help="What is estimated with the faults, with commas between: load, hinge, load_variation, "
-            "temperature, supply, inertia, delay, current_offset, current_scale, current_drift, "
-            "current_delay, and the same of voltage, position and speed; or 'none'. As the TOML says if "
-            "left out, and what deviates significantly."
+            help="Nuisance parameters to estimate with the faults, separated by commas: load, hinge, "
+            "load_variation, temperature, supply, inertia, delay, current_offset, current_scale, "
+            "current_drift, current_delay, and likewise for voltage, position and speed; or 'none'. Default: "
+            "the TOML's [nuisances], and those that deviate significantly."
         ),
     ] = None
     posterior: Annotated[
         bool,
         Parameter(
             negative="",
-            help="Sample the posterior too, for estimates at a bound: 5 to 20 times as long as the search, "
-            "minutes where a recording has thousands of rows.",
+            help="Also sample the posterior, for estimates at a bound: takes 5 to 20 times as long as the "
+            "search, minutes for a recording with thousands of rows.",
         ),
     ] = False
     estimator: Annotated[
         Path | None,
         Parameter(
-            help="Begin where an estimator of 'emaphm train' says, in place of a search of all the range."
+            help="Estimator written by 'emaphm train', whose answer is the start in place of a search of the "
+            "full range."
         ),
     ] = None
     fast: Fast = False
 
     def settings(self, seed: int) -> "DiagnosisSettings":
-        """Return what the options say, as the library takes it."""
+        """Return the options as settings of the library, with `seed`."""
         from emaphm.estimation.bias_correction import MAX_CORRECTIONS
         from emaphm.fleet import DiagnosisSettings
 
@@ -100,17 +108,21 @@ def diagnose(
     method: Method = Method(),
     healthy: Annotated[
         Path | None,
-        Parameter(help="Also say whether the recording is like healthy ones: a file of 'detect learn'."),
+        Parameter(
+            help="Detector written by 'emaphm detect learn', .json: also decide whether the recording is "
+            "like healthy ones."
+        ),
     ] = None,
     by: By = None,
     known: KnownList = (),
     report: Annotated[Path | None, Parameter(help="Write a report of one recording: .html.")] = None,
-    several: Several = Several(),  # noqa: B008 - frozen
+    several: BatchOptions = BatchOptions(),  # noqa: B008 - frozen
     common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
-    """Say which faults explain a recording, and how sure that is; of several, each in a row of a table.
+    """Identify the faults that explain a recording, with their uncertainty.
 
-    With --json, several recordings are one line of JSON each, in the order given.
+    Several recordings give a table with one row each, or with --json one line of JSON each, in the given
+    order.
     """
     common.check((report, (".html",)))
     described = described_actuator(actuator)
@@ -121,9 +133,9 @@ def diagnose(
         _diagnose_one(recorded, described, method, healthy, report, common)
         return
     if report:
-        raise MethodError("--report is of one recording; diagnose that one alone, without --joint")
+        raise MethodError("--report is of one recording; diagnose this recording alone, without --joint")
     if healthy:
-        raise MethodError("--healthy is for one recording; judge several by 'emaphm detect judge'")
+        raise MethodError("--healthy is for one recording; use 'emaphm detect judge' for several")
     settings, reading = method.settings(common.seed), batch.reading(by, known)
     batch.diagnose_several((recording, *further), described, settings, reading, several, common)
 
@@ -137,12 +149,12 @@ def _diagnose_one(
     common: Common,
 ) -> None:
     check = None if healthy is None else healthy_check(healthy, recording)
-    # Not before: what cannot be read is refused without waiting for a compiler to be loaded.
+    # Not earlier: unreadable files are refused without waiting for the compiler to be loaded.
     settings = method.settings(common.seed)
     with progress("diagnosing", common.as_json) as advance:
         diagnosis = settings.diagnosed(recording, actuator, workers=None, on_progress=advance)
     diagnosis = replace(diagnosis, healthy_check=check)
-    # First: a full disk must not take the answer too.
+    # Before the report: a full disk must not lose the answer too.
     common.show(diagnosis.to_dict(), str(diagnosis))
     if report:
         from emaphm.report import write_report

@@ -1,12 +1,12 @@
-"""`emaphm doctor`: what is installed."""
+"""The verb `doctor`: the installed versions and the environment."""
 
 from emaphm.cli.options import AsJson
 from emaphm.cli.output import show
 
 
 def doctor(*, as_json: AsJson = False) -> None:
-    """Say versions, cores, the cache of compiled kernels, and which extras are there."""
+    """Show versions, processor cores, the cache of compiled kernels, and the installed extras."""
     from emaphm.environment import environment
 
-    found = environment()
-    show(found.to_dict(), str(found), as_json)
+    result = environment()
+    show(result.to_dict(), str(result), as_json)

@@ -1,4 +1,4 @@
-"""`emaphm init`: a first description of an actuator, from few questions or from a built-in one."""
+"""The verb `init`: a first description of an actuator, from a few questions or a built-in description."""
 
 import sys
 from pathlib import Path
@@ -17,13 +17,14 @@ def init(
     machine: Annotated[
         str | None,
         Parameter(
-            name="--from", help="bldc (or thesis), six-step, pmsm or dc: write that one, without questions."
+            name="--from",
+            help="Built-in description to write without questions: bldc (or thesis), six-step, pmsm or dc.",
         ),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write a commented description of an actuator, to be completed and calibrated."""
+    """Write a commented description of an actuator, to be completed and then calibrated."""
     from emaphm.first_description import ENDING, HEADING, MACHINES, interview, machine_named, template
 
     check_output(out, (".toml",), force=force)
@@ -32,28 +33,32 @@ def init(
         machine = machine_named(machine)
         described = template(machine)
     else:
-        say_plainly("An empty answer keeps the value in brackets; it can be changed in the file at any time.")
+        say_plainly(
+            "An empty answer keeps the value in brackets; all values can be changed in the file later."
+        )
         width = max(map(len, MACHINES))
         for name, (_, meaning) in MACHINES.items():
             say_plainly(f"  {name:{width}}  {meaning}")
-        machine = _machine()
+        machine = _ask_machine()
         described, answers = interview(template(machine), _ask, say_plainly)
     heading = HEADING.format(name=described.name, machine=machine, meaning=MACHINES[machine][1])
     described.to_toml(out, comments=heading, ending=ENDING)
     unit = out.with_name(f"{out.stem}-calibrated.toml")
     text = (
-        f"{out} written. Correct what you have data for. Then, for a command that shows the faults,\n"
+        f"{out} written. Correct the values for which you have data. Then design a command that identifies "
+        "the faults:\n"
         f"  emaphm design --actuator {out} --out command.csv\n"
-        "on recordings of the healthy unit,\n"
+        "Calibrate with recordings of the healthy unit:\n"
         f"  emaphm calibrate healthy.csv --actuator {out} --free inertia,coulomb,viscous -o {unit}\n"
-        "and on those of its flights\n"
+        "Diagnose the recordings of its flights:\n"
         f"  emaphm diagnose flight.csv --actuator {unit}"
     )
     answer = {"actuator": str(out), "name": described.name, "machine": machine, "answers": answers}
     show(answer, text, as_json)
 
 
-def _machine() -> str:
+def _ask_machine() -> str:
+    """Ask for the kind of machine until the answer is valid; return it."""
     from emaphm.first_description import machine_named
 
     while True:
@@ -64,12 +69,12 @@ def _machine() -> str:
 
 
 def _ask(question: str, present: str) -> str:
-    """Return the line that answers; the question goes to stderr, where no answer of ours is expected."""
+    """Ask a question on stderr, which carries no results, and return the answer from stdin."""
     say_plainly(f"{question} ({present}): ", end="")
     line = sys.stdin.readline() if sys.stdin else ""
     if not line:
         raise SignalError(
-            "init: the answers ended before the questions, and nothing was written; answer them all, or give "
-            "--from bldc, six-step, pmsm or dc"
+            "init: the answers ended before the questions, and nothing was written; answer all questions, or "
+            "give --from bldc, six-step, pmsm or dc"
         )
     return line

@@ -1,7 +1,7 @@
-"""Interruptions of the command, by Ctrl-C or SIGTERM; remembered, as some never arrive where they should.
+"""Interruptions of the command, by Ctrl-C or SIGTERM; they are recorded, because Python loses some of them.
 
-A `KeyboardInterrupt` that comes while NumPy is imported becomes an ImportError (3 of 300, at random times of
-the first 0.8 s), Python drops one that it raises in a destructor, and a library in C prints one and goes on
+A `KeyboardInterrupt` during the import of NumPy becomes an ImportError (3 of 300, at random times of the
+first 0.8 s); Python drops a `KeyboardInterrupt` raised in a destructor; a C library prints it and continues
 (1 of 105).
 """
 
@@ -22,22 +22,22 @@ _received: list[int] = []
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - as `signal` calls it
-    """Remember the signal `number`, and raise a KeyboardInterrupt: to be given to `signal.signal`."""
+    """Record the signal `number` and raise a KeyboardInterrupt; a handler for `signal.signal`."""
     _received.append(number)
     raise KeyboardInterrupt
 
 
-def print_no_lost_one() -> None:
-    """Let Python print no KeyboardInterrupt, neither one that it drops nor one that a library in C prints."""
-    sys.unraisablehook, sys.excepthook = _dropped, _printed
+def hide_lost_interruptions() -> None:
+    """Stop Python from printing a KeyboardInterrupt that it drops, or that a C library would print."""
+    sys.unraisablehook, sys.excepthook = _print_unraisable, _print_exception
 
 
-def _dropped(unraisable: "UnraisableHookArgs") -> None:
+def _print_unraisable(unraisable: "UnraisableHookArgs") -> None:
     if unraisable.exc_type is not KeyboardInterrupt:
         sys.__unraisablehook__(unraisable)
 
 
-def _printed(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+def _print_exception(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
     if kind is not KeyboardInterrupt:
         sys.__excepthook__(kind, error, trace)
 
@@ -48,30 +48,30 @@ def is_interrupted() -> bool:
 
 
 def raise_again() -> None:
-    """Raise a KeyboardInterrupt where there was one: the work goes on, so it was lost."""
+    """Raise a KeyboardInterrupt if a signal was received: the work continues, so the first one was lost."""
     if _received:
         raise KeyboardInterrupt
 
 
 @contextmanager
-def going_on(how: str) -> "Iterator[None]":
-    """Let an interruption of the body say `how` to go on."""
+def resumable(hint: str) -> "Iterator[None]":
+    """Add `hint`, on how to resume the work, to an interruption of the body."""
     try:
         yield
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(how) from None
+        raise KeyboardInterrupt(hint) from None
     except Exception:
         if not is_interrupted():
             raise
-        raise KeyboardInterrupt(how) from None
+        raise KeyboardInterrupt(hint) from None
 
 
-def awaited() -> list[signal.Signals]:
-    """Return the signals that interrupt this process: in a shell's background, SIGINT is none of them."""
-    usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
-    return [number for number, handler in usual.items() if signal.getsignal(number) is handler]
+def handled_signals() -> list[signal.Signals]:
+    """Return the signals that interrupt this process; without SIGINT in the background of a shell."""
+    defaults = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+    return [number for number, handler in defaults.items() if signal.getsignal(number) is handler]
 
 
 def exit_code() -> int:
-    """Return the exit code of a command that was interrupted, as shells give it."""
+    """Return the exit code of an interrupted command, by the convention of shells: 128 + signal number."""
     return 128 + _received[0] if _received else INTERRUPTED

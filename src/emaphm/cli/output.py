@@ -1,4 +1,4 @@
-"""How verbs answer: text or JSON on stdout, progress on stderr, figures in files."""
+"""Output of the verbs: text or JSON on stdout, progress on stderr, figures in files."""
 
 import errno
 import json
@@ -22,7 +22,7 @@ UNWRITABLE = {
     errno.EBADF: "it is not open for writing",
     errno.EIO: "the device fails",
 }
-"""What may happen to stdout, and is no defect of ours."""
+"""Reasons why stdout cannot be written that are no defect of the program, by error number."""
 
 _lost: list[OSError] = []
 
@@ -30,24 +30,24 @@ _lost: list[OSError] = []
 def show(values: dict[str, Any], text: str, as_json: bool) -> None:
     """Print the answer, as JSON or as text.
 
-    Where the reader of a pipe has left (`emaphm … | head`) or stdout is full, nothing is printed and the verb
-    goes on: the files that were asked for are still to be written, and what failed is still to be said.
+    If the reader of a pipe has left (`emaphm … | head`) or the disk is full, nothing is printed and the verb
+    continues: it still has to write the requested files and to report failures.
     """
     _print(_json(values) if as_json else text)
 
 
 def show_line(values: "Mapping[str, Any]") -> bool:
-    """Print one object of many as a line of JSON, at once: whoever reads the pipe need not wait for all.
+    """Print one of several objects as a line of JSON, without buffering: a pipe's reader gets it at once.
 
     Returns
     -------
-    Whether it could be printed: somebody reads the pipe, and the disk is not full.
+    Whether it was printed: False if the pipe has no reader or the disk is full.
     """
     return _print(_json(values), flush=True)
 
 
 def show_at_once(text: str) -> bool:
-    """Print a line that somebody waits for while the verb goes on; return whether that could be."""
+    """Print a line without buffering, while the verb continues; return whether it was printed."""
     return _print(text, flush=True)
 
 
@@ -61,9 +61,9 @@ def _print(text: str, *, flush: bool = False) -> bool:
 
 
 def lose_stdout(error: OSError) -> None:
-    """Remember why stdout cannot be written, for `reason_lost`, and drop what is printed from now on.
+    """Record for `reason_lost` why stdout cannot be written, and drop all later output.
 
-    A reader of a pipe that has left is no failure.
+    A pipe without a reader is not recorded, because it is no failure.
     """
     if not isinstance(error, BrokenPipeError):
         _lost.append(error)
@@ -71,27 +71,27 @@ def lose_stdout(error: OSError) -> None:
 
 
 def reason_lost() -> str | None:
-    """Return why stdout could not be written since this was asked last, None where it could."""
+    """Return why stdout could not be written since the last call, None if it could."""
     first = next(iter(_lost), None)
     _lost.clear()
     return None if first is None else UNWRITABLE.get(first.errno or 0, first.strerror)
 
 
 def discard_stdout() -> None:
-    """Send what is still buffered nowhere, or the interpreter would fail on it when it exits."""
+    """Discard the buffered output; otherwise the interpreter would fail to write it when it exits."""
     _discard(sys.stdout)
 
 
 def say(line: str) -> None:
-    """Print a line for people on stderr, whether or not somebody reads it."""
+    """Print a line for people on stderr, with the command's name; ignore a stderr without reader."""
     say_plainly(f"emaphm: {line}")
 
 
 def say_plainly(text: str, end: str = "\n") -> None:
-    """Print a text for people on stderr, without the command's name, whether or not somebody reads it."""
+    """Print a text for people on stderr, without the command's name; ignore a stderr without reader."""
     try:
         print(text, end=end, file=sys.stderr, flush=True)
-    except OSError:  # nobody reads it (`2>&1 | true`); the exit code and the files say enough
+    except OSError:  # no reader (`2>&1 | true`); the exit code and the files remain
         _discard(sys.stderr)
 
 
@@ -104,7 +104,7 @@ def _json(values: "Mapping[str, Any]") -> str:
 
 
 def draw(result: Any, figure: Path | None) -> None:
-    """Save the figure of a result where one was asked for."""
+    """Save the figure of a result in the file `figure`, if it is given."""
     from emaphm.output_files import written_whole
 
     if figure is not None:
@@ -113,8 +113,13 @@ def draw(result: Any, figure: Path | None) -> None:
 
 
 @contextmanager
-def progress(what: str, quiet: bool) -> "Iterator[Callable[[float], None] | None]":
-    """Show a progress bar on stderr while the body runs, if a person is watching."""
+def progress(label: str, quiet: bool) -> "Iterator[Callable[[float], None] | None]":
+    """Show a progress bar on stderr while the body runs, if stderr is a terminal and not `quiet`.
+
+    Yields
+    ------
+    A function of the finished share (0 to 1), or None without a bar.
+    """
     if quiet or not sys.stderr.isatty():
         yield None
         return
@@ -122,7 +127,7 @@ def progress(what: str, quiet: bool) -> "Iterator[Callable[[float], None] | None
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=1.0)
+        task = bar.add_task(label, total=1.0)
 
         def advance(fraction: float) -> None:
             raise_again()
@@ -132,8 +137,13 @@ def progress(what: str, quiet: bool) -> "Iterator[Callable[[float], None] | None
 
 
 @contextmanager
-def counter(what: str, quiet: bool) -> "Iterator[Callable[[int, int], None] | None]":
-    """Show runs done and the time left on stderr while the body runs, if a person is watching."""
+def counter(label: str, quiet: bool) -> "Iterator[Callable[[int, int], None] | None]":
+    """Show the finished tasks and the remaining time on stderr while the body runs, as `progress` does.
+
+    Yields
+    ------
+    A function of the numbers of finished tasks and of all tasks, or None without a bar.
+    """
     if quiet or not sys.stderr.isatty():
         yield None
         return
@@ -147,9 +157,9 @@ def counter(what: str, quiet: bool) -> "Iterator[Callable[[int, int], None] | No
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    # Runs of different methods differ in length: the estimate is taken from the last minute and more.
+    # Runs of different methods differ in duration: the speed is averaged over the last two minutes.
     with Progress(*columns, console=Console(stderr=True), speed_estimate_period=120) as bar:
-        task = bar.add_task(what, total=None)
+        task = bar.add_task(label, total=None)
 
         def count(done: int, total: int) -> None:
             raise_again()

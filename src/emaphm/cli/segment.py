@@ -1,4 +1,4 @@
-"""The verb that cuts a long recording into stretches that identify something."""
+"""The verb `segment`: cuts a long recording into stretches that identify faults."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,26 +21,32 @@ def segment(
     actuator: ActuatorFile = "thesis",
     wanted: Annotated[
         float,
-        Parameter(help="Largest half-width of the 95 % interval of a component that a stretch identifies."),
+        Parameter(
+            help="Largest half-width of a component's 95 % interval for which a stretch counts as "
+            "identifying the component."
+        ),
     ] = 0.1,
-    longest: Annotated[float, Parameter(help="Longest stretch [s].")] = 60.0,
+    longest: Annotated[float, Parameter(help="Longest duration of a stretch [s].")] = 60.0,
     out: Annotated[
         Path | None,
-        Parameter(name=("--out", "-o"), help="Folder for the stretches that identify something, as .csv."),
+        Parameter(
+            name=("--out", "-o"),
+            help="Folder for the stretches that identify at least one component, as .csv.",
+        ),
     ] = None,
     common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
-    """Cut a long recording into stretches that will identify faults, and say why the others will not."""
+    """Cut a long recording into stretches that will identify faults, with the reasons for unsuitable ones."""
     from emaphm.experiment.segmentation import check_folder, segments
 
     common.check()
     described = described_actuator(actuator)
-    whole = recording_of(recording, described)
+    recorded = recording_of(recording, described)
     if out is not None:
         check_folder(out, force=common.force)
     with progress("segmenting", common.as_json) as advance:
         result = segments(
-            whole, described, wanted=wanted, longest_s=longest, seed=common.seed, on_progress=advance
+            recorded, described, wanted=wanted, longest_s=longest, seed=common.seed, on_progress=advance
         )
     text, values = str(result), result.to_dict()
     if out is not None:

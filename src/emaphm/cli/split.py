@@ -1,4 +1,4 @@
-"""The verb that cuts a long file into recordings."""
+"""The verb `split`: cuts a long file into recordings."""
 
 import re
 from pathlib import Path
@@ -18,8 +18,8 @@ DESCRIPTION = "actuator.toml"
 
 HEADING = """\
 Describes the recordings that `emaphm split` has written into this folder. Their columns have the names
-and SI units of emaphm, so [channels] names none; they have been cut and cleaned, so [reading] does not
-ask for it again."""
+and SI units of emaphm, so [channels] is not needed. They have already been cut and cleaned, so [reading]
+does not request it again."""
 
 
 def split(
@@ -32,10 +32,10 @@ def split(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Cut a long file into recordings, convert and clean them, and write each to a file of its own.
+    """Cut a long file into recordings, convert and clean them, and write each to a separate file.
 
-    Where neither --by nor the TOML says by what, it is cut where time jumps or masks leave a hole. The folder
-    gets the actuator's description too, for the names and units that the new files have.
+    Without --by and without [reading] split in the TOML, the file is cut where time jumps or masks leave a
+    gap. The folder also gets a description of the actuator with the names and units of the new files.
     """
     from emaphm.cli.options import known_values
     from emaphm.recording import read_recordings
@@ -45,58 +45,62 @@ def split(
     described = described_actuator(actuator)
     _check_description(actuator, out / DESCRIPTION)
     refused: list[str] = []
-    found = read_recordings(
+    recordings = read_recordings(
         recording,
         described,
         split=by or described.reading.split or STRETCHES,
         known=known_values(known),
         on_refused=refused.append,
     )
-    files = _write(found, recording, out, force=force)
+    files = _write(recordings, recording, out, force=force)
     _write_description(described, out / DESCRIPTION, force=force)
     summary: dict[str, Any] = {
         "recordings": [
             {
                 "file": str(file),
-                "samples": one.samples,
-                "duration_s": one.duration_s,
-                "labels": dict(one.labels),
-                "notes": list(one.notes),
+                "samples": piece.samples,
+                "duration_s": piece.duration_s,
+                "labels": dict(piece.labels),
+                "notes": list(piece.notes),
             }
-            for file, one in zip(files, found, strict=True)
+            for file, piece in zip(files, recordings, strict=True)
         ],
         "refused": refused,
         "actuator": str(out / DESCRIPTION),
         "version": VERSION,
     }
-    show(summary, _text(found, files, refused, out), as_json)
+    show(summary, _text(recordings, files, refused, out), as_json)
 
 
 def _check_description(given: str, written: Path) -> None:
-    """Refuse to write over the description that was given: it says how the original is read."""
+    """Refuse to overwrite the given description: it is needed to read the original file."""
     if written.exists() and Path(given).exists() and written.samefile(given):
         raise OutputError(
-            f"{written}: is the description that was given, which says how the original is read; choose "
-            "another folder with --out"
+            f"{written}: is the description given with --actuator, which is needed to read the original "
+            "file; choose another folder with --out"
         )
 
 
-def _write(found: "list[Recording]", path: Path, out: Path, *, force: bool) -> list[Path]:
+def _write(recordings: "list[Recording]", path: Path, out: Path, *, force: bool) -> list[Path]:
+    """Write the recordings of the file `path` into the folder `out`; return their files."""
     from emaphm.output_files import check_writable, make_folder
     from emaphm.recording import write_recording
 
     ending = ".csv" if path.suffix.lower() == ".csv" else ".parquet"
-    files = [out / f"{path.stem}_{_slug(one, number)}{ending}" for number, one in enumerate(found, 1)]
+    files = [
+        out / f"{path.stem}_{_slug(recording, number)}{ending}"
+        for number, recording in enumerate(recordings, 1)
+    ]
     make_folder(out)
     for file in (*files, out / DESCRIPTION):
         check_writable(file, force=force, endings=(ending, ".toml"))
-    for file, one in zip(files, found, strict=True):
-        write_recording(one, file, force=force)
+    for file, recording in zip(files, recordings, strict=True):
+        write_recording(recording, file, force=force)
     return files
 
 
 def _slug(recording: "Recording", number: int) -> str:
-    """Return the number of a recording and what it is called, in characters of file names."""
+    """Return the number and name of a recording, in characters that are valid in file names."""
     _, _, name = recording.source.rpartition(": ")
     name = name if recording.source.endswith(f": {name}") else ""
     return "_".join(filter(None, (f"{number:04d}", re.sub(r"[^\w.+-]+", "_", name).strip("_")[:80])))
@@ -108,22 +112,23 @@ def _write_description(actuator: "Actuator", path: Path, *, force: bool) -> None
     from emaphm.output_files import check_writable
 
     check_writable(path, force=force, endings=(".toml",))
-    plain = Channels(sampling=actuator.channels.sampling)
-    # What the first search for outliers has left, or was not to look for, is measured.
+    standard_channels = Channels(sampling=actuator.channels.sampling)
+    # The first search has removed the outliers, if it was enabled: a second one would remove measured values.
     cleaned = Reading(outliers=False)
-    actuator.model_copy(update={"channels": plain, "reading": cleaned}).to_toml(path, comments=HEADING)
+    changes = {"channels": standard_channels, "reading": cleaned}
+    actuator.model_copy(update=changes).to_toml(path, comments=HEADING)
 
 
-def _text(found: "list[Recording]", files: list[Path], refused: list[str], out: Path) -> str:
+def _text(recordings: "list[Recording]", files: list[Path], refused: list[str], out: Path) -> str:
+    """Return the table of the written files, with the pieces that were left out and the notes."""
     from emaphm.text_table import format_table
 
     rows = [
-        (file.name, str(one.samples), f"{one.duration_s:.4g}", str(len(one.notes)))
-        for file, one in zip(files, found, strict=True)
+        (file.name, str(piece.samples), f"{piece.duration_s:.4g}", str(len(piece.notes)))
+        for file, piece in zip(files, recordings, strict=True)
     ]
     table = format_table(("file", "rows", "duration [s]", "notes"), rows)
     left_out = [f"Left out: {reason}" for reason in refused]
-    notes = dict.fromkeys(f"Note: {note}." for one in found for note in one.notes)
-    return "\n".join(
-        [table, *left_out, *notes, f"Written to {out}; describe with --actuator {out / DESCRIPTION}"]
-    )
+    notes = dict.fromkeys(f"Note: {note}." for piece in recordings for note in piece.notes)
+    last = f"Written to {out}; to read these files, give --actuator {out / DESCRIPTION}"
+    return "\n".join([table, *left_out, *notes, last])

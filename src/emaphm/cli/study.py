@@ -1,11 +1,11 @@
-"""`emaphm study …`: comparing methods over many cases."""
+"""The verbs `study run`, `study report` and `study plans`: comparison of methods over many cases."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from emaphm.cli.interruption import going_on
+from emaphm.cli.interruption import resumable
 from emaphm.cli.options import (
     AsJson,
     Execution,
@@ -25,34 +25,42 @@ COLUMNS = {
     "mean_evaluations": ("evaluations", ".0f"),
     "median_seconds": ("time of a run, s", ".2f"),
 }
-"""What is said of a method, by its name in the JSON: the column's heading and its format."""
+"""Heading and number format of each printed column, by its key in the JSON."""
 
-app = App(name="study", help="Compare methods of identification over many cases.")
+app = App(name="study", help="Compare methods of identification over many cases with known faults.")
 
 
 @app.command
 def run(
-    plan: Annotated[str, Parameter(help="TOML of the plan, or the name of one that 'study plans' lists.")],
+    plan: Annotated[
+        str,
+        Parameter(help="Plan: a TOML file, or the name of a built-in plan listed by 'emaphm study plans'."),
+    ],
     *,
     out: Annotated[
-        Path, Parameter(name=("--out", "-o"), help="Folder for the results, new or of this plan.")
+        Path,
+        Parameter(name=("--out", "-o"), help="Folder for the results: a new one, or one of the same plan."),
     ],
     execution: Execution = Execution(),  # noqa: B008 - frozen
     share: Annotated[
-        float, Parameter(help="Share of the runs to do now, the first of each kind: e.g. 0.1 for a trial.")
+        float,
+        Parameter(help="Share of the runs to do now, above 0 and up to 1: the first of each kind, e.g. 0.1."),
     ] = 1.0,
     mix: Annotated[
-        bool, Parameter(negative="", help="Let results of another version of the models stand.")
+        bool,
+        Parameter(
+            negative="", help="Keep results computed with another version of the models in the folder."
+        ),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Do what is missing of a plan; start it again, and it goes on where it stopped."""
+    """Do the runs of a plan whose results are missing; after an interruption, the same command resumes."""
     execution.check()
     from emaphm.study import Plan, run_study
 
     loaded = Plan.load(plan)
-    how = f"what finished is kept in {out}; the same command goes on"
-    with going_on(how), counter(f"study {loaded.name}", as_json) as count:
+    hint = f"finished results are stored in {out}; the same command resumes"
+    with resumable(hint), counter(f"study {loaded.name}", as_json) as count:
         store = run_study(
             loaded,
             out,
@@ -72,30 +80,31 @@ def run(
     }
     show(
         values,
-        f"{_summary(store, methods)}\nResults in {out}; see them with: emaphm study report {out}",
+        f"{_summary(store, methods)}\nResults in {out}; for tables and figures: emaphm study report {out}",
         as_json,
     )
 
 
 @app.command
 def report(
-    folder: Annotated[Path, Parameter(help="Folder that 'emaphm study run' wrote.")],
+    folder: Annotated[Path, Parameter(help="Folder with the results of 'emaphm study run'.")],
     *,
     out: Annotated[
-        Path | None, Parameter(name=("--out", "-o"), help="Folder for the report; FOLDER/report if left out.")
+        Path | None, Parameter(name=("--out", "-o"), help="Folder for the report; default FOLDER/report.")
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write the tables and figures of a study, finished or not: Markdown, CSV and one HTML page.
+    """Write the tables and figures of a study, finished or unfinished: Markdown, CSV and one HTML page.
 
-    A plan that names a page of its own, as accuracy and limits do, gives that page and its figures instead.
+    For a plan with a page of its own, such as accuracy or limits, this page and its figures are written
+    instead.
     """
     from emaphm.study import Store
 
     if out is not None and not force and out.is_dir() and any(out.iterdir()):
         raise OutputError(
-            f"{out}: holds files already; give another folder with --out, or --force to write there"
+            f"{out}: contains files already; give another folder with --out, or --force to write there"
         )
     store, place = Store.open(folder), out or folder / "report"
     plan, total = store.plan, store.plan.total
@@ -121,7 +130,12 @@ def report(
 
 @app.command
 def plans(
-    name: Annotated[str | None, Parameter(help="Print this plan's TOML, to start one's own from.")] = None,
+    name: Annotated[
+        str | None,
+        Parameter(
+            help="Print the TOML of this plan, as a template for a new plan; by default, list all plans."
+        ),
+    ] = None,
     *,
     as_json: AsJson = False,
 ) -> None:
@@ -135,11 +149,14 @@ def plans(
             raise StudyError(f"unknown plan '{name}'{nearest(name, BUILT_IN)}; only built-in ones are listed")
         show({"name": name, "toml": built_in_text(name)}, built_in_text(name).rstrip(), as_json)
         return
-    every = [Plan.load(built_in) for built_in in BUILT_IN]
+    built_in_plans = [Plan.load(built_in) for built_in in BUILT_IN]
     values = {
-        "plans": [{"name": plan.name, "runs": plan.total, "description": plan.description} for plan in every]
+        "plans": [
+            {"name": plan.name, "runs": plan.total, "description": plan.description}
+            for plan in built_in_plans
+        ]
     }
-    show(values, "\n".join(map(_line, every)), as_json)
+    show(values, "\n".join(map(_line, built_in_plans)), as_json)
 
 
 def _line(plan: "Plan") -> str:
@@ -147,9 +164,10 @@ def _line(plan: "Plan") -> str:
 
 
 def _methods(store: "Store") -> list[dict[str, Any]]:
-    """Return each method's errors, over the runs that all methods have finished.
+    """Return the errors of each method, over the runs that all methods have finished.
 
-    Of a study with several variants, those of each, with what they differ by.
+    A study with several variants has one row per variant and method, with the columns that distinguish
+    variants.
     """
     import polars as pl
 
@@ -170,7 +188,7 @@ def _methods(store: "Store") -> list[dict[str, Any]]:
 
 
 def _summary(store: "Store", methods: list[dict[str, Any]]) -> str:
-    """Return how far a study is, and each of its `methods`, as a table of text."""
+    """Return the progress of a study, and a text table of its `methods`."""
     from emaphm.text_table import format_table
 
     total = store.plan.total
@@ -183,8 +201,9 @@ def _summary(store: "Store", methods: list[dict[str, Any]]) -> str:
     header = tuple(COLUMNS.get(name, (name.replace("_", " "),))[0] for name in methods[0])
     rows = [
         tuple(
-            format(value, COLUMNS[name][1]) if name in COLUMNS else str(value) for name, value in one.items()
+            format(value, COLUMNS[name][1]) if name in COLUMNS else str(value)
+            for name, value in method.items()
         )
-        for one in methods
+        for method in methods
     ]
     return f"{summary}\n{format_table(header, rows)}"

@@ -1,4 +1,4 @@
-"""The verb `train`: it makes a setup, calls the library, and prints how good the estimator is."""
+"""The verb `train`: reads the setup, calls the library, and prints the accuracy of the estimator."""
 
 import os
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from emaphm.cli.interruption import going_on
+from emaphm.cli.interruption import resumable
 from emaphm.cli.options import (
     ActuatorFile,
     Common,
@@ -34,30 +34,31 @@ ENDING = ".estimator"
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Recorded:
-    """What is recorded in service, how exactly, and what is unknown of it."""
+class RecordedOptions:
+    """Recorded channels in service, their noise and resolution, and the nuisances."""
 
     channels: Annotated[
         str,
         Parameter(
-            help="What is recorded, with commas between: columns such as current_A, or for short current, "
-            "voltage, position, speed."
+            help="Recorded channels, separated by commas: columns such as current_A, or the short names "
+            "current, voltage, position, speed."
         ),
     ] = "current_A,voltage_V"
     noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.05
-    adc_bits: Annotated[str, Parameter(help="Resolution of the sensors' converters; 'exact' for none.")] = (
-        "12"
-    )
+    adc_bits: Annotated[
+        str,
+        Parameter(help="Resolution of the sensors' converters [bit], 4 to 24; 'exact' for no quantisation."),
+    ] = "12"
     nuisance: Annotated[
         str | None,
         Parameter(
-            help="What is unknown and no fault, with commas between, as for diagnose; or 'none'. As the TOML "
-            "says if left out."
+            help="Nuisance parameters to estimate with the faults, separated by commas, as for 'emaphm "
+            "diagnose'; or 'none'. Default: the TOML's [nuisances]."
         ),
     ] = None
 
     def setup(self, actuator: "Actuator", driven: "Command", manoeuvre: Manoeuvre) -> "RecordingSetup":
-        """Return what the estimator is for: these recordings of an actuator that is driven so."""
+        """Return the setup for which the estimator is trained: actuator, command and recorded channels."""
         from emaphm.amortized.recording_setup import RecordingSetup
 
         return RecordingSetup.of(
@@ -75,29 +76,34 @@ class Recorded:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Learning:
-    """How much is learnt from, and where that is kept."""
+class TrainingOptions:
+    """Size of the training, and the folder of its simulations."""
 
     simulations: Annotated[
-        int, Parameter(converter=whole_number, help="How many to learn from: more, and it errs less.")
+        int,
+        Parameter(
+            converter=whole_number,
+            help="Number of simulations for the training; more simulations reduce the error.",
+        ),
     ] = 196_608
     epochs: Annotated[
         int | None,
         Parameter(
             converter=whole_number,
-            help="Most passes of the first network over them; it stops when it learns no more.",
+            help="Largest number of epochs of the first network; training stops earlier when the validation "
+            "loss no longer falls. Default 40, fewer if the simulations are many.",
         ),
     ] = None
     folder: Annotated[
         Path | None,
         Parameter(
-            help="Where simulations are kept, to go on after an interruption or with more of them; "
-            "OUT.training if left out, which is removed in the end."
+            help="Folder for the simulations, to resume after an interruption or to train with more of them "
+            "later. Default OUT.training, which is removed at the end."
         ),
     ] = None
 
     def settings(self) -> "TrainingSettings":
-        """Return the settings of the training; `MethodError` where there can be none."""
+        """Return the settings of the training; `MethodError` if they are invalid."""
         from emaphm.amortized.networks.training import TRAINING
 
         if self.epochs is None:
@@ -112,14 +118,15 @@ def train(
     out: Annotated[Path, Parameter(name=("--out", "-o"), help=f"Estimator to write: {ENDING}.")],
     actuator: ActuatorFile = "thesis",
     manoeuvre: Manoeuvre = Manoeuvre(),  # noqa: B008 - frozen
-    recorded: Recorded = Recorded(),
-    learning: Learning = Learning(),
+    recorded: RecordedOptions = RecordedOptions(),
+    learning: TrainingOptions = TrainingOptions(),
     execution: Execution = Execution(),  # noqa: B008 - frozen
     common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
-    """Train an estimator for one actuator and manoeuvre, which `diagnose --estimator` asks.
+    """Train an estimator of faults for one actuator and manoeuvre, for `diagnose --estimator`.
 
-    Simulates the reference model with random faults, then trains a network to name them from the channels.
+    Simulates the reference model with random faults, then trains a network to estimate them from the
+    channels.
     """
     common.check((out, (ENDING,)))
     execution.check()
@@ -133,8 +140,8 @@ def train(
         say(jump)
     setup = recorded.setup(described, driven, manoeuvre)
     place = learning.folder or out.with_name(f"{out.name}.training")
-    kept = f"simulations are kept in {place}; the same command goes on"
-    with going_on(kept), counter("simulating", common.as_json) as on_shard:
+    hint = f"simulations are stored in {place}; the same command resumes"
+    with resumable(hint), counter("simulating", common.as_json) as on_shard:
         estimator = train_estimator(
             setup,
             driven,
@@ -145,8 +152,8 @@ def train(
             scheduler=execution.scheduler,
             settings=settings,
             on_shard=on_shard,
-            on_stage=_printed(quiet=common.as_json),
-            on_epoch=_printed(quiet=common.as_json),
+            on_stage=_stderr_printer(quiet=common.as_json),
+            on_epoch=_stderr_printer(quiet=common.as_json),
         )
     written = _saved(estimator, out, place, force=common.force)
     if learning.folder is None:
@@ -156,22 +163,22 @@ def train(
 
 
 def _saved(estimator: "Estimator", out: Path, folder: Path, *, force: bool) -> Path:
-    """Return where the estimator is now: in `out`, or next to a file that has appeared there meanwhile.
+    """Save the estimator in `out`, or under a free name if a file has appeared there; return its path.
 
-    `OutputError` where it cannot be written there; it is in the training folder then, unless that is as full.
+    `OutputError` if it cannot be written; it is then saved in the training folder, if that is writable.
     """
-    written = out if force else _not_taken(out)
+    written = out if force else _free_path(out)
     try:
         estimator.save(written)
     except OutputError as error:
-        raise OutputError(f"{error}{_spared(estimator, folder / out.name)}") from None
+        raise OutputError(f"{error}{_save_copy(estimator, folder / out.name)}") from None
     if written != out:
-        say(f"{out} has appeared meanwhile and is left as it is; the estimator is in {written}")
+        say(f"{out} has appeared during the training and is not replaced; the estimator is in {written}")
     return written
 
 
-def _spared(estimator: "Estimator", path: Path) -> str:
-    """Save an estimator elsewhere and return what says so, nothing where that is not writable either."""
+def _save_copy(estimator: "Estimator", path: Path) -> str:
+    """Save an estimator in `path` and return a note on it, or "" if `path` is not writable."""
     try:
         estimator.save(path)
     except OutputError:
@@ -179,8 +186,8 @@ def _spared(estimator: "Estimator", path: Path) -> str:
     return f"; the estimator is in {path}: copy it from there"
 
 
-def _not_taken(out: Path) -> Path:
-    """Return `out`, or a name next to it where there is something by now: training takes hours."""
+def _free_path(out: Path) -> Path:
+    """Return `out`, or a numbered name if a file exists there by now: training takes hours."""
     names = (out.with_stem(f"{out.stem}-{number}") for number in count(2))
     return next(path for path in chain([out], names) if not os.path.lexists(path))
 
@@ -194,9 +201,9 @@ def _bits(text: str) -> int | None:
         raise MethodError(f"--adc-bits {text}: give a whole number, or 'exact'") from None
 
 
-def _printed(*, quiet: bool) -> "Callable[[object], None] | None":
-    """Return what prints each stage and epoch on stderr, for whoever watches or keeps a log of it."""
-    return None if quiet else lambda what: say_plainly(str(what))
+def _stderr_printer(*, quiet: bool) -> "Callable[[object], None] | None":
+    """Return a function that prints each stage and epoch on stderr, None if `quiet`."""
+    return None if quiet else lambda step: say_plainly(str(step))
 
 
 def _values(estimator: "Estimator", out: Path, size: int) -> dict[str, Any]:
@@ -215,16 +222,16 @@ def _text(estimator: "Estimator", out: Path, size: int) -> str:
     from emaphm.text_table import format_table
 
     facts = estimator.facts
-    judged = facts["judgement"]
+    accuracy = facts["judgement"]
     rows = [
-        (name, f"{100 * share:.1f} %", f"{judged['rank_chi2'][name]:.1f}")
-        for name, share in judged["coverage95"].items()
+        (name, f"{100 * share:.1f} %", f"{accuracy['rank_chi2'][name]:.1f}")
+        for name, share in accuracy["coverage95"].items()
     ]
-    header = ("coordinate", "truth in the 95 % interval", f"χ² of ranks, ≤ {judged['rank_chi2_limit']:.1f}")
+    header = ("coordinate", "truth in the 95 % interval", f"χ² of ranks, ≤ {accuracy['rank_chi2_limit']:.1f}")
     errors = (
-        f"{judged['draws']} held-out simulations: error {judged['median_error_percent']:.2f} % (median), "
-        f"{judged['p95_error_percent']:.2f} % (95th percentile); {100 * judged['not_believed']:.1f} % are "
-        "not believed."
+        f"{accuracy['draws']} held-out simulations: error {accuracy['median_error_percent']:.2f} % (median), "
+        f"{accuracy['p95_error_percent']:.2f} % (95th percentile); {100 * accuracy['not_believed']:.1f} % "
+        "of the answers are not accepted: these recordings would be searched."
     )
     costs = (
         f"{facts['simulations']} simulations in {facts['simulation_seconds']:.0f} s, {facts['epochs']} "

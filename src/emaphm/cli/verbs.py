@@ -1,4 +1,4 @@
-"""The verbs `demo`, `simulate` and `replay`: each parses, calls the library, and prints."""
+"""The verbs `demo`, `simulate` and `replay`: each reads its options, calls the library, and prints."""
 
 import math
 from pathlib import Path
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from emaphm.recording import Recording
 
 AT_STOP = 1e-3
-"""Distance from an end stop, of the travel, within which a shaft starts there."""
+"""Distance from an end stop, relative to the travel, within which a shaft counts as starting at the stop."""
 
 
 def demo(
@@ -41,7 +41,7 @@ def demo(
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Folder for the report.")] = Path("demo"),
     common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
-    """Simulate a faulty actuator with noisy sensors, diagnose it, and print estimates with true values."""
+    """Simulate a faulty actuator with noisy sensors, diagnose it, and print the estimates and true values."""
     from emaphm.demo import run_demo
 
     common.check()
@@ -53,15 +53,23 @@ def demo(
 def simulate(
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Recording to write: .csv or .parquet.")],
     *,
-    model: Annotated[str, Parameter(help="reference, monitor or averaged.")] = "reference",
+    model: Annotated[str, Parameter(help="Model to simulate: reference, monitor or averaged.")] = "reference",
     manoeuvre: Manoeuvre = Manoeuvre(),  # noqa: B008 - frozen
     fault: FaultList = (),
     noise: Annotated[float, Parameter(help="Sensor noise on the currents, rms [A].")] = 0.0,
     adc_bits: Annotated[
-        int | None, Parameter(converter=whole_number, help="Resolution of the sensors' converters.")
+        int | None,
+        Parameter(
+            converter=whole_number,
+            help="Resolution of the sensors' converters [bit], 4 to 24; no quantisation by default.",
+        ),
     ] = None,
     load: Annotated[
-        str, Parameter(help="At the motor [N·m]: a number, or a file with time_s and load_Nm.")
+        str,
+        Parameter(
+            help="Load at the motor [N·m; N if linear]: a number, or a file with the columns time_s and "
+            "load_Nm."
+        ),
     ] = "0",
     actuator: ActuatorFile = "thesis",
     common: Common = Common(),  # noqa: B008 - frozen
@@ -74,7 +82,7 @@ def simulate(
 
     common.check((out, ENDINGS))
     if not 0 <= noise < math.inf:
-        raise SignalError(f"--noise {noise:g} is no rms; give 0 or more")
+        raise SignalError(f"--noise {noise:g} is no valid rms; give 0 or more")
     described, faults = described_actuator(actuator), fault_vector(fault)
     driven = manoeuvre.command_for(described)
     with progress("simulating", common.as_json):
@@ -113,17 +121,17 @@ def simulate(
 
 
 def beyond_stops(recording: "Recording", actuator: "Actuator") -> str | None:
-    """Return that a simulated shaft was driven into an end stop, which may not be meant, None otherwise."""
+    """Return a note if a simulated shaft was driven into an end stop, perhaps by mistake; otherwise None."""
     command, position = recording["command_rad"], recording["position_rad"]
     lowest, highest, stops = float(command.min()), float(command.max()), actuator.mechanics.end_stops
     if stops is None:
         return None
     if not actuator.mechanics.encloses(lowest, highest):
-        return f"the command goes from {lowest:g} to {highest:g}; the end stops {list(stops)} hold the shaft"
-    for stop, farthest in zip(stops, (position.min(), position.max()), strict=True):
-        starts_there = abs(position[0] - stop) < AT_STOP * (stops[1] - stops[0])
-        if not stops[0] < farthest < stops[1] and not starts_there:
-            return f"the shaft runs into the end stop at {stop:g}, beyond its command"
+        return f"the command goes from {lowest:g} to {highest:g}; the end stops {list(stops)} limit the shaft"
+    for stop, extreme in zip(stops, (position.min(), position.max()), strict=True):
+        starts_at_stop = abs(position[0] - stop) < AT_STOP * (stops[1] - stops[0])
+        if not stops[0] < extreme < stops[1] and not starts_at_stop:
+            return f"the shaft runs into the end stop at {stop:g}, beyond the range of its command"
     return None
 
 
@@ -131,24 +139,25 @@ def replay(
     recording: RecordingFile,
     *further: RecordingFile,
     actuator: ActuatorFile = "thesis",
-    model: Annotated[str, Parameter(help="averaged, monitor or reference.")] = "averaged",
+    model: Annotated[str, Parameter(help="Model to simulate: averaged, monitor or reference.")] = "averaged",
     fault: FaultList = (),
     known: KnownList = (),
     series: Annotated[
-        Path | None, Parameter(help="Write time and each channel, measured and modelled: .csv or .parquet.")
+        Path | None,
+        Parameter(help="Write time and all channels, measured and modelled: .csv or .parquet."),
     ] = None,
     figure: FigureFile = None,
     seed: Annotated[
         int,
         Parameter(
             converter=whole_number,
-            help="Taken as by the verbs that draw numbers; a replay draws none, so it changes nothing.",
+            help="Accepted as by the other verbs; without effect, because a replay has no random numbers.",
         ),
     ] = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a model on the command and load of recordings, and compare it channel by channel."""
+    """Simulate a model with the command and load of recordings, and compare it with each recorded channel."""
     check_seed(seed)
     check_output(series, (".csv", ".parquet"), force=force)
     check_output(figure, FIGURES, force=force)

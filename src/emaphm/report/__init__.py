@@ -1,4 +1,4 @@
-"""Reports as pages: of a diagnosis (HTML), of a study (HTML, Markdown and CSV)."""
+"""Reports: of a diagnosis or prognosis (HTML), and of a study (HTML, Markdown and CSV)."""
 
 from emaphm.report.write import write_report
 

@@ -1,4 +1,4 @@
-"""The page of the study `accuracy`: what was asked of the diagnosis and what it reached."""
+"""The page of the study `accuracy`: requirements on the diagnosis, and results."""
 
 from collections.abc import Iterator
 
@@ -31,14 +31,14 @@ from emaphm.text_table import markdown_table
 MET = {True: "yes", False: "no", None: "–"}
 
 NEAR_PERCENT = 2.0
-"""Error that the thesis's multiple faults are to stay within."""
+"""Largest allowed error for the thesis's multiple faults [%]."""
 
 Line = tuple[str, str, str, bool | None]
-"""What, asked, reached, met."""
+"""A row of the table of requirements: quantity, required value, result, and whether it is met."""
 
 
 class Results:
-    """The trials of the study, by row of a page and kind of case."""
+    """The trials of the study, selected by row of a page and kind of case."""
 
     def __init__(self, plan: Plan, runs: pl.DataFrame) -> None:
         self.plan = plan
@@ -48,17 +48,17 @@ class Results:
         self.described, self.multiple, self.heavy, self.base = plan.sections
 
     def of(self, row: PageRow, kind: str, size: float | None = None) -> pl.DataFrame:
-        """Return the trials of a row, of small faults those of one `size`; none is an error."""
-        chosen = self.have(row, kind)
+        """Return the trials of a row, for small faults those of one `size`; `StudyError` without any."""
+        chosen = self.finished(row, kind)
         if size is not None:
-            chosen = chosen.filter(pl.Series([single_fault(one)[1] == size for one in chosen["truth"]]))
+            chosen = chosen.filter(pl.Series([single_fault(truth)[1] == size for truth in chosen["truth"]]))
         if chosen.is_empty():
-            raise StudyError(f"no run of '{row.text}' with {kind} cases is finished; go on with the study")
+            raise StudyError(f"no run of '{row.text}' with {kind} cases is finished; continue the study")
         return chosen
 
-    def have(self, row: PageRow, kind: str) -> pl.DataFrame:
-        """Return the trials of a row, none where it has no such cases."""
-        # The multiple-fault case has a group of its own, on a rig that others use as well.
+    def finished(self, row: PageRow, kind: str) -> pl.DataFrame:
+        """Return the finished trials of a row with cases of a `kind`; empty if there are none."""
+        # The multiple-fault case has its own group, on a rig that other groups also use.
         named = pl.col("case") == "multiple"
         named = named if kind == "multiple" else ~named
         return self.runs.filter(
@@ -69,11 +69,11 @@ class Results:
         )
 
     def sizes(self, row: PageRow) -> list[float]:
-        """Return the sizes of a row's small faults."""
-        return sorted({single_fault(truth)[1] for truth in self.have(row, "small")["truth"]})
+        """Return the sizes of the small faults of a row."""
+        return sorted({single_fault(truth)[1] for truth in self.finished(row, "small")["truth"]})
 
     def small(self, row: PageRow, size: float) -> dict[str, pl.DataFrame]:
-        """Return the small faults of one size by kind."""
+        """Return the trials with small faults of one size, by kind of fault."""
         rows = self.of(row, "small", size)
         kinds = pl.Series([single_fault(truth)[0] for truth in rows["truth"]])
         return {kind: rows.filter(kinds == kind) for kind in SINGLE if (kinds == kind).any()}
@@ -108,7 +108,7 @@ def accuracy_page(plan: Plan, runs: pl.DataFrame) -> str:
         introduction,
         "## Requirements and results\n",
         markdown_table(
-            ["what", "asked", "reached", "met"],
+            ["quantity", "required", "result", "met"],
             [[*line[:3], MET[line[3]]] for line in (*_without_noise(results), *_on_rig(results))],
         ),
         "",
@@ -120,39 +120,39 @@ def accuracy_page(plan: Plan, runs: pl.DataFrame) -> str:
 
 def _without_noise(results: Results) -> Iterator[Line]:
     row = results.described.rows[0]
-    one, many = errors(results.of(row, "named")), errors(results.of(row, "random"))
+    single, random = errors(results.of(row, "named")), errors(results.of(row, "random"))
     yield (
-        f"{len(one)} single faults, noise-free: mean / worst",
+        f"{len(single)} single faults, noise-free: mean / worst",
         "≤ 0.3 / 0.8 %",
-        f"{one.mean():.2f} / {one.max():.2f} %",
-        bool(one.mean() <= 0.3 and one.max() <= 0.8),
+        f"{single.mean():.2f} / {single.max():.2f} %",
+        bool(single.mean() <= 0.3 and single.max() <= 0.8),
     )
-    middle, most = float(np.median(many)), float(np.percentile(many, 95))
+    median, p95 = float(np.median(random)), float(np.percentile(random, 95))
     yield (
-        f"{len(many)} random vectors, noise-free: median / 95th percentile",
+        f"{len(random)} random vectors, noise-free: median / 95th percentile",
         "≤ 0.5 / 2 %",
-        f"{middle:.2f} / {most:.2f} %",
-        middle <= 0.5 and most <= 2,
+        f"{median:.2f} / {p95:.2f} %",
+        median <= 0.5 and p95 <= 2,
     )
     for row in results.multiple.rows:
-        found = errors(results.of(row, "multiple"))
+        multiple = errors(results.of(row, "multiple"))
         yield (
             f"the thesis's multiple faults, {row.text}",
             f"≤ {NEAR_PERCENT:g} % in all",
-            f"{_within(found)}, the worst {found.max():.2f} %",
-            bool(found.max() <= NEAR_PERCENT),
+            f"{_within(multiple)}, the worst {multiple.max():.2f} %",
+            bool(multiple.max() <= NEAR_PERCENT),
         )
 
 
 def _on_rig(results: Results) -> Iterator[Line]:
     main, alone = results.base.rows[:2]
     rows = results.of(main, "random")
-    middle, most = float(np.median(errors(rows))), float(np.percentile(errors(rows), 95))
+    median, p95 = float(np.median(errors(rows))), float(np.percentile(errors(rows), 95))
     yield (
         f"base setting, {main.text}, {rows.height} random vectors: median / 95th percentile",
         "≤ 2 / 6 %",
-        f"{middle:.2f} / {most:.2f} %",
-        middle <= 2 and most <= 6,
+        f"{median:.2f} / {p95:.2f} %",
+        median <= 2 and p95 <= 6,
     )
     for row in (main, alone):
         rows = results.of(row, "random")
@@ -165,12 +165,12 @@ def _on_rig(results: Results) -> Iterator[Line]:
             bool(shares[low] >= 0.92 and shares[high] <= 0.98),
         )
     healthy = results.of(main, "healthy")
-    alarmed = false_alarms(healthy)
+    alarm_rate = false_alarms(healthy)
     yield (
         f"base setting, {main.text}, {healthy.height} healthy recordings: false alarms over all components",
         "≤ 0.5 %",
-        f"{100 * alarmed:.2f} %",
-        alarmed <= 0.005,
+        f"{100 * alarm_rate:.2f} %",
+        alarm_rate <= 0.005,
     )
     size = results.sizes(main)[0]
     small = results.small(main, size)
@@ -194,10 +194,8 @@ def _described(results: Results) -> Iterator[str]:
     )
     rows = []
     for row in section.rows:
-        one = errors(results.of(row, "named"))
-        rows.append(
-            [row.text, f"{one.mean():.2f} / {one.max():.2f}", quantiles(errors(results.of(row, "random")))]
-        )
+        single, random = errors(results.of(row, "named")), errors(results.of(row, "random"))
+        rows.append([row.text, f"{single.mean():.2f} / {single.max():.2f}", quantiles(random)])
     yield markdown_table(
         [
             section.label,
@@ -220,8 +218,8 @@ def _multiple(results: Results) -> Iterator[str]:
     )
     rows = []
     for row in results.multiple.rows:
-        found = errors(results.of(row, "multiple"))
-        rows.append([row.text, ", ".join(f"{error:.2f}" for error in found), _within(found)])
+        percents = errors(results.of(row, "multiple"))
+        rows.append([row.text, ", ".join(f"{error:.2f}" for error in percents), _within(percents)])
     yield markdown_table([results.multiple.label, "error of each, %", f"at most {NEAR_PERCENT:g} %"], rows)
 
 
@@ -235,17 +233,17 @@ def _heavy(results: Results) -> Iterator[str]:
     )
     rows = []
     for row in results.heavy.rows:
-        every = results.of(row, "heavy")
-        moved = every.filter(pl.col("moves"))
-        found = errors(moved)
+        heavy = results.of(row, "heavy")
+        moved = heavy.filter(pl.col("moves"))
+        percents = errors(moved)
         wrong = moved.filter(pl.col("error_percent") > 5)
         rows.append(
             [
                 row.text,
-                f"{moved.height} of {every.height}",
-                quantiles(found),
-                f"{100 * np.mean(found <= 2):.0f} %",
-                f"{100 * np.mean(found <= 5):.0f} %",
+                f"{moved.height} of {heavy.height}",
+                quantiles(percents),
+                f"{100 * np.mean(percents <= 2):.0f} %",
+                f"{100 * np.mean(percents <= 5):.0f} %",
                 f"{100 * min(coverage(moved)):.0f} %",
                 f"{wrong['explained'].sum()} of {wrong.height}",
             ]
@@ -281,7 +279,7 @@ def _base(results: Results) -> Iterator[str]:
         "with the faults unless the row says otherwise. The faults are drawn as above. Times are wall times "
         "of a diagnosis, with one diagnosis per worker at the same time.\n"
     )
-    yield _errors(results, section)
+    yield _error_rows(results, section)
     yield (
         "\nCoverage: share of the random cases whose 95 % interval contains the truth. If the true coverage "
         f"is 95 %, the observed coverage is {', '.join(chances)} in 19 of 20 studies; a larger value means "
@@ -289,7 +287,8 @@ def _base(results: Results) -> Iterator[str]:
     )
     header = [section.label, *NAMES]
     yield markdown_table(
-        header, [[name, *(f"{100 * one:.1f} %" for one in coverage(rows))] for name, rows in random.items()]
+        header,
+        [[name, *(f"{100 * share:.1f} %" for share in coverage(rows))] for name, rows in random.items()],
     )
     yield (
         "\nMedian half-width of these intervals, in the unit of the components (1 is the whole range). "
@@ -298,7 +297,7 @@ def _base(results: Results) -> Iterator[str]:
     yield markdown_table(
         header,
         [
-            [name, *(f"{one:.4f}" for one in np.median(half_widths(rows), axis=0))]
+            [name, *(f"{width:.4f}" for width in np.median(half_widths(rows), axis=0))]
             for name, rows in random.items()
         ],
     )
@@ -306,16 +305,16 @@ def _base(results: Results) -> Iterator[str]:
         "\nHealthy recordings. A false alarm is a component called degraded; the phase of the eccentricity "
         "is not counted, because it has the verdict of the eccentricity.\n"
     )
-    yield _healthy(results, section)
+    yield _healthy_rows(results, section)
     yield (
         "\nSingle small faults, with all other components healthy: share of recordings in which the faulty "
         "component is called degraded, and share of the other components that are called degraded. Sizes are "
         "values of the component; for the gain, the size is the distance from its healthy value 0.5.\n"
     )
-    yield _small(results, section)
+    yield _small_fault_rows(results, section)
 
 
-def _errors(results: Results, section: PageSection) -> str:
+def _error_rows(results: Results, section: PageSection) -> str:
     rows = []
     for row in section.rows:
         cases = results.of(row, "random")
@@ -340,7 +339,7 @@ def _errors(results: Results, section: PageSection) -> str:
     )
 
 
-def _healthy(results: Results, section: PageSection) -> str:
+def _healthy_rows(results: Results, section: PageSection) -> str:
     rows = []
     for row in section.rows:
         cases = results.of(row, "healthy")
@@ -350,7 +349,7 @@ def _healthy(results: Results, section: PageSection) -> str:
                 str(cases.height),
                 f"{100 * false_alarms(cases):.2f} %",
                 f"{100 * recordings_alarmed(cases):.1f} %",
-                _raised_by(cases),
+                _alarm_counts(cases),
                 f"{100 * min(coverage(cases)):.1f} %",
                 f"{100 * explained(cases):.1f} %",
                 quantiles(errors(cases)),
@@ -371,13 +370,13 @@ def _healthy(results: Results, section: PageSection) -> str:
     )
 
 
-def _raised_by(rows: pl.DataFrame) -> str:
-    """Return which components raised how many alarms."""
+def _alarm_counts(rows: pl.DataFrame) -> str:
+    """Return the number of alarms of each component with alarms."""
     counts = alarms(rows).sum(axis=0)
     return ", ".join(f"{name} {n}" for name, n in zip(COMPONENTS, counts, strict=True) if n) or "none"
 
 
-def _small(results: Results, section: PageSection) -> str:
+def _small_fault_rows(results: Results, section: PageSection) -> str:
     rows = []
     for row in section.rows:
         for size in results.sizes(row):
@@ -394,5 +393,6 @@ def _small(results: Results, section: PageSection) -> str:
     return markdown_table(header, rows)
 
 
-def _within(found: np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:
-    return f"{np.sum(found <= NEAR_PERCENT)} of {len(found)}"
+def _within(percents: np.ndarray[tuple[int], np.dtype[np.float64]]) -> str:
+    """Return the number of errors [%] of at most `NEAR_PERCENT`, as "n of m"."""
+    return f"{np.sum(percents <= NEAR_PERCENT)} of {len(percents)}"

@@ -1,10 +1,10 @@
-"""The thesis's comparison of methods, redone: the page of four studies, its tables and figures.
+"""The page that repeats the thesis's comparison of methods: text, tables and figures of four studies.
 
     python -m emaphm.report.comparison_page studies docs/comparison
 
-reads the studies `thesis`, `forms`, `monitor` and `hybrids` in the folder `studies` and writes the page
-next to the second folder. The page's text is in comparison.md.jinja; each finding that it states is checked
-here against the results, so that it cannot outlive them.
+reads the studies `thesis`, `forms`, `monitor` and `hybrids` in the folder `studies` and writes the page next
+to the second folder. The text of the page is in comparison.md.jinja. Each finding stated there is checked
+here against the results, so that the text cannot become outdated unnoticed.
 """
 
 import sys
@@ -31,7 +31,7 @@ SINGLE, SEVERAL = "single faults", "several faults"
 
 
 def finished(studies: Path) -> dict[str, Store]:
-    """Return the studies in a folder by name; `StudyError` where one is missing or not complete."""
+    """Return the studies in a folder by name; `StudyError` if one is missing or not complete."""
     stores = {name: Store.open(studies / name) for name in PLANS}
     for name, store in stores.items():
         if store.results.height < store.plan.total:
@@ -43,26 +43,29 @@ def finished(studies: Path) -> dict[str, Store]:
 
 
 def thesis_seconds() -> float:
-    """Return what the thesis's runs took by its own times, ten runs a case, the dragonfly's not doubled."""
+    """Return the total time [s] of the thesis's runs, ten per case, by its printed times.
+
+    The dragonfly's times are taken from its own tables, where they are not doubled.
+    """
     cases = [case for case, faults in published.CASES.items() if len(faults) == 1]
     others = sum(published.MEAN_SECONDS[case][m] for case in cases for m in published.METHODS if m != "DA")
     return 10 * (others + sum(published.DRAGONFLY_SECONDS.values()))
 
 
 def means(store: Store, kind: str) -> dict[str, dict[str, Any]]:
-    """Return each method's row of `by_method` over the cases of one kind."""
+    """Return the row of `by_method` of each method, over the cases of one kind."""
     rows = by_method(store.results).filter(pl.col("kind") == kind)
     return {row["method"]: row for row in rows.iter_rows(named=True)}
 
 
 def case_means(store: Store, method: str) -> dict[str, float]:
-    """Return a method's mean error [%] by case."""
+    """Return the mean error of a method [%] by case."""
     rows = by_case(store.results).filter(pl.col("method") == method)
     return dict(zip(rows["case"], rows["mean"], strict=True))
 
 
 def methods_table(store: Store) -> str:
-    """Return error and cost of each method on the single faults, and on the multiple-fault case."""
+    """Return a table of error and cost of each method for the single faults and the multiple faults."""
     single, several = means(store, SINGLE), means(store, SEVERAL)
     rows = [
         [
@@ -95,23 +98,24 @@ def methods_table(store: Store) -> str:
 
 
 def variants_table(store: Store, key: str) -> str:
-    """Return the mean error of a study's methods on single and several faults, by one of its variants."""
+    """Return a table of the methods' mean errors for single and several faults, by variant of the study."""
     rows = by_method(store.results)
     lines = []
     for variant in rows.select(VARIANT).unique(maintain_order=True).iter_rows(named=True):
-        mine = rows.filter(pl.all_horizontal(pl.col(name) == value for name, value in variant.items()))
-        for method in mine["method"].unique(maintain_order=True):
-            of = {row["kind"]: row for row in mine.filter(pl.col("method") == method).iter_rows(named=True)}
+        of_variant = rows.filter(pl.all_horizontal(pl.col(name) == value for name, value in variant.items()))
+        for method in of_variant["method"].unique(maintain_order=True):
+            of_method = of_variant.filter(pl.col("method") == method)
+            by_kind = {row["kind"]: row for row in of_method.iter_rows(named=True)}
             name = method if key == "method" else f"{variant['equivalent']}, {variant['fitness']}"
-            one, other = of[SINGLE], of[SEVERAL]
+            single, several = by_kind[SINGLE], by_kind[SEVERAL]
             lines.append(
                 [
                     name,
-                    f"{one['mean']:.2f}",
-                    f"{one['median']:.2f}",
-                    f"{other['mean']:.1f}",
-                    f"{other['worst']:.1f}",
-                    f"{one['evaluations']:.0f}",
+                    f"{single['mean']:.2f}",
+                    f"{single['median']:.2f}",
+                    f"{several['mean']:.1f}",
+                    f"{several['worst']:.1f}",
+                    f"{single['evaluations']:.0f}",
                 ]
             )
     header = [
@@ -126,7 +130,7 @@ def variants_table(store: Store, key: str) -> str:
 
 
 def hybrids_table(store: Store) -> str:
-    """Return error and cost of the hybrids, over all cases together."""
+    """Return a table of error and cost of the hybrids, over all cases together."""
     error = pl.col("error_percent")
     random = pl.col("case").str.starts_with("random")
     rows = store.results.group_by("method", maintain_order=True).agg(
@@ -159,7 +163,7 @@ def hybrids_table(store: Store) -> str:
 
 
 def contradictions_table() -> str:
-    """Return the dragonfly's printed means and the means of its rows, recomputed."""
+    """Return a table of the dragonfly's printed means, and of the means recomputed from its printed rows."""
     rows = published.dragonfly_means()
     counted = published.contradicting_rows().group_by("case").len()
     counts = dict(zip(counted["case"], counted["len"], strict=True))
@@ -184,22 +188,22 @@ def contradictions_table() -> str:
 
 
 def check(holds: bool, finding: str) -> None:
-    """Refuse to write a page whose text is not what the results say."""
+    """Refuse to write a page with a finding that the results contradict."""
     if not holds:
         raise StudyError(f"no longer true, rewrite report/comparison.md.jinja: {finding}")
 
 
 def facts(stores: dict[str, Store]) -> dict[str, Any]:
-    """Return the numbers in the page's text."""
+    """Return the numbers in the text of the page."""
     thesis = stores["thesis"]
     single, several = means(thesis, SINGLE), means(thesis, SEVERAL)
     scans = fitness_study(Actuator.thesis())
-    theirs = (pl.col("model") == "monitor") & (pl.col("equivalent") == "magnitude")
-    ours = (pl.col("model") == "averaged") & (pl.col("equivalent") == "torque")
+    of_thesis = (pl.col("model") == "monitor") & (pl.col("equivalent") == "magnitude")
+    of_emaphm = (pl.col("model") == "averaged") & (pl.col("equivalent") == "torque")
     bias = pl.col("bias_points").abs()
     biases = {
         name: scans.filter(chosen, pl.col("fitness") == fitness).select(bias.mean()).item()
-        for name, chosen, fitness in (("theirs", theirs, "thesis"), ("ours", ours, "least_squares"))
+        for name, chosen, fitness in (("theirs", of_thesis, "thesis"), ("ours", of_emaphm, "least_squares"))
     }
     forms = by_method(stores["forms"].results).filter(pl.col("kind") == SINGLE)
     monitor = means(stores["monitor"], SINGLE)
@@ -231,7 +235,7 @@ def facts(stores: dict[str, Store]) -> dict[str, Any]:
 
 
 def check_findings(results: dict[str, Any]) -> None:
-    """Check what the page's text says in words."""
+    """Check the findings that the text of the page states in words."""
     single, several, printed = results["single"], results["several"], results["printed"]
     for method in ("GA", "PSO", "DE"):
         check(single[method]["mean"] <= printed[method], f"{method} is at or below its printed mean")
@@ -239,7 +243,7 @@ def check_findings(results: dict[str, Any]) -> None:
     check(single["DA"]["mean"] < printed["DA"], "the corrected dragonfly is better than the printed one")
     check(single["DA as listed"]["mean"] > printed["DA"], "the dragonfly as listed is worse than printed")
     check(single["hybrid"]["mean"] < min(printed.values()), "hybrid beats the best printed mean")
-    check(single["hybrid"]["evaluations"] <= 1000, "hybrid takes at most a tenth of the evaluations")
+    check(single["hybrid"]["evaluations"] <= 1000, "hybrid needs at most a tenth of the evaluations")
     swarms = ("GA", "PSO", "DE", "GWO", "DA")
     check(max(several[m]["within_5"] for m in swarms) <= 0.1, "no swarm finds the multiple faults")
     check(several["hybrid"]["within_5"] >= 0.9, "hybrid finds the multiple faults")
@@ -253,7 +257,7 @@ def check_findings(results: dict[str, Any]) -> None:
 
 
 def write_comparison(stores: dict[str, Store], folder: Path) -> None:
-    """Write the page next to `folder`, and into it the report of the study `thesis`."""
+    """Write the page next to `folder`, and the report of the study `thesis` into `folder`."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     results, thesis = facts(stores), stores["thesis"]
@@ -268,7 +272,7 @@ def write_comparison(stores: dict[str, Store], folder: Path) -> None:
     with plain_style():
         (folder / "figures" / "scans.svg").write_bytes(svg(draw_scans(results["scans"])))
     check_findings(results)
-    environment = Environment(  # noqa: S701 - Markdown, of our own numbers
+    environment = Environment(  # noqa: S701 - Markdown with computed numbers only
         loader=PackageLoader("emaphm", "report"),
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -277,7 +281,7 @@ def write_comparison(stores: dict[str, Store], folder: Path) -> None:
     page = environment.get_template("comparison.md.jinja").render(
         **results,
         folder=folder.name,
-        warnings=mixed([one for store in stores.values() for one in store.results["revision"]]),
+        warnings=mixed([revision for store in stores.values() for revision in store.results["revision"]]),
         methods_table=methods_table(thesis),
         fitness_table=fitness_table(results["scans"]),
         forms_table=variants_table(stores["forms"], "current, fitness"),

@@ -9,10 +9,10 @@ from emaphm.report.page import render
 from emaphm.text_table import TextTable, markdown_table
 
 SPECIAL = re.compile(r"([\\`*_{}\[\]<>|~$&#]|^[-+=])")
-"""What Markdown could take for markup: anywhere, or at the beginning of a line."""
+"""Characters that Markdown could interpret as markup: anywhere, or at the beginning of a line."""
 
 NUMBERED = re.compile(r"^(\d+)([.)])(?=\s|$)")
-"""A beginning that Markdown would take for an item's number."""
+"""Beginning of a line that Markdown would interpret as the number of a list item."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A paragraph; a `warning` is set off from the others."""
+    """A paragraph; a `warning` is emphasised."""
 
     text: str
     warning: bool = False
@@ -47,7 +47,7 @@ class Facts:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure as SVG, kept in the file `name` next to the Markdown; `words` describe it."""
+    """A figure as SVG; for Markdown, it is stored in the file `name`. `words` are its alternative text."""
 
     name: str
     words: str
@@ -56,7 +56,7 @@ class Picture:
 
     @property
     def uri(self) -> str:
-        """The figure as the address of an image."""
+        """The figure as a data URI."""
         return svg_uri(self.svg)
 
 
@@ -77,18 +77,18 @@ class Document:
         return tuple(block for block in self.blocks if isinstance(block, Picture))
 
     def to_markdown(self) -> str:
-        """Return the document as Markdown, its figures as links to their files."""
+        """Return the document as Markdown, with links to the files of its figures."""
         parts = [f"# {escaped(self.title)}", escaped(self.subtitle), *map(_markdown, self.blocks)]
         return "\n\n".join(part for part in parts if part) + "\n"
 
     def to_html(self) -> str:
-        """Return the document as one HTML page with its figures inside."""
+        """Return the document as one HTML page with embedded figures."""
         blocks = [(type(block).__name__, block) for block in self.blocks]
         return render("document.html.jinja", document=self, blocks=blocks)
 
 
 def escaped(text: str) -> str:
-    """Return `text` on one line, as Markdown that shows it as it is."""
+    """Return `text` on one line, escaped so that Markdown shows it unchanged."""
     marked = SPECIAL.sub(r"\\\1", " ".join(text.split()))
     return NUMBERED.sub(r"\1\\\2", marked)
 

@@ -1,4 +1,4 @@
-"""The page of a study of a drive: how well faults are found behind it."""
+"""The page of a study of a drive: accuracy of the diagnosis of an actuator with this drive."""
 
 from collections.abc import Callable
 
@@ -21,7 +21,7 @@ HEADINGS = {
     "pmsm": "A motor under field-oriented control",
     "six_step": "A motor under six-step control",
 }
-"""By page."""
+"""Title of each page."""
 
 HEADER = (
     "single faults: mean / worst error, %",
@@ -58,29 +58,30 @@ def drive_page(plan: Plan, runs: pl.DataFrame) -> str:
 
 
 def _cells(row: PageRow, runs: pl.DataFrame) -> list[str]:
-    """Return the cells of a row, in the order of `HEADER`; a dash where the plan has no such cases."""
-    mine = runs.filter(pl.col("rig") == row.rig, pl.col("method") == row.method)
+    """Return the cells of a row, in the order of `HEADER`; a dash if the plan has no such cases."""
+    trials = runs.filter(pl.col("rig") == row.rig, pl.col("method") == row.method)
     single, random, small, healthy = (
-        mine.filter(pl.col("case_kind") == kind) for kind in ("named", "random", "small", "healthy")
+        trials.filter(pl.col("case_kind") == kind) for kind in ("named", "random", "small", "healthy")
     )
     if random.is_empty():
-        raise StudyError(f"no run of '{row.rig}' with random cases is finished; go on with the study")
-    found = errors(random)
+        raise StudyError(f"no run of '{row.rig}' with random cases is finished; continue the study")
+    percents = errors(random)
+    median, p95, worst = map(_digits, (np.median(percents), np.percentile(percents, 95), percents.max()))
     return [
-        _where(single, lambda rows: f"{_size(errors(rows).mean())} / {_size(errors(rows).max())}"),
-        f"{_size(np.median(found))} / {_size(np.percentile(found, 95))} / {_size(found.max())}",
+        _cell_or_dash(single, lambda rows: f"{_digits(errors(rows).mean())} / {_digits(errors(rows).max())}"),
+        f"{median} / {p95} / {worst}",
         str(random.height),
         f"{100 * coverage(random).mean():.0f} %",
         percent(explained(random)),
-        _where(small, lambda rows: f"{100 * detection(rows):.0f} %"),
-        _where(healthy, lambda rows: f"{100 * false_alarms(rows):.1f} %"),
+        _cell_or_dash(small, lambda rows: f"{100 * detection(rows):.0f} %"),
+        _cell_or_dash(healthy, lambda rows: f"{100 * false_alarms(rows):.1f} %"),
     ]
 
 
-def _size(error: float) -> str:
-    """Return an error with two digits, and all of those before the point."""
+def _digits(error: float) -> str:
+    """Return an error with two significant digits, from 100 on as a whole number."""
     return f"{error:.2g}" if error < 99.5 else f"{error:.0f}"
 
 
-def _where(rows: pl.DataFrame, cell: Callable[[pl.DataFrame], str]) -> str:
+def _cell_or_dash(rows: pl.DataFrame, cell: Callable[[pl.DataFrame], str]) -> str:
     return "–" if rows.is_empty() else cell(rows)

@@ -1,4 +1,4 @@
-"""The pages of studies that vary one thing about the base setting: limits, plants, loads, data sheets."""
+"""The pages of studies that vary one condition of the base setting: limits, plants, loads, data sheets."""
 
 from collections.abc import Iterator, Mapping
 
@@ -29,13 +29,13 @@ TITLES = {
     "loads": "Loads that vary",
     "data_sheets": "A unit and its data sheet",
 }
-"""What the pages of this form are called."""
+"""Titles of the pages of this form."""
 
 Rates = Mapping[PageRow, SettingRates]
 
 
 def limits_page(plan: Plan, runs: pl.DataFrame, folder: str) -> tuple[str, dict[str, bytes]]:
-    """Return the page as Markdown, and its figures as SVG by name; the page links to them in `folder`.
+    """Return the page as Markdown with links to figures in `folder`, and the figures as SVG by name.
 
     `runs` are the finished trials of `plan`.
 
@@ -65,19 +65,19 @@ def limits_page(plan: Plan, runs: pl.DataFrame, folder: str) -> tuple[str, dict[
             with plain_style():
                 figures[section.figure] = svg(draw_limits(section, rates))
             lines.append(f"![{section.title.lower()}]({folder}/{section.figure}.svg)\n")
-            lines.append(_reading(section, rates) + "\n")
+            lines.append(_error_sentence(section, rates) + "\n")
         lines.append(_table(section, rates))
     return "\n".join(lines) + "\n", figures
 
 
 def _base(plan: Plan) -> PageRow:
-    """Return a row of the first rig and the first method, which all others are compared with."""
+    """Return the row of the first rig and the first method, the base of all comparisons."""
     rig, method = plan.rigs[0].label, plan.methods[0].label
     for section in plan.sections:
         for row in section.rows:
             if (row.rig, row.method) == (rig, method):
                 return row
-    raise StudyError(f"no section has a row of rig '{rig}' by method '{method}', the base setting; add one")
+    raise StudyError(f"no section has a row of rig '{rig}' and method '{method}', the base setting; add one")
 
 
 def _introduction(plan: Plan, runs: pl.DataFrame, base: PageRow, rates: Rates) -> Iterator[str]:
@@ -91,8 +91,8 @@ def _introduction(plan: Plan, runs: pl.DataFrame, base: PageRow, rates: Rates) -
         "diagnosis estimates load and temperature with the faults, and also each nuisance that a recording "
         "shows to deviate from the description.\n"
     )
-    mine = runs.filter(pl.col("rig") == base.rig, pl.col("method") == base.method)
-    small, healthy = (mine.filter(pl.col("case_kind") == kind) for kind in ("small", "healthy"))
+    of_base = runs.filter(pl.col("rig") == base.rig, pl.col("method") == base.method)
+    small, healthy = (of_base.filter(pl.col("case_kind") == kind) for kind in ("small", "healthy"))
     size = single_fault(small["truth"][0].to_list())[1]
     count = rates[base].cases
     components = (len(COMPONENTS) - 1) * small.height + len(COMPONENTS) * healthy.height
@@ -109,29 +109,29 @@ def _introduction(plan: Plan, runs: pl.DataFrame, base: PageRow, rates: Rates) -
 
 
 def _overconfident(plan: Plan, rates: Rates) -> Iterator[str]:
-    """Yield the settings whose intervals are too narrow though the recordings are called explained."""
+    """Yield the settings whose intervals are too narrow although the recordings are called explained."""
     named: dict[tuple[str, str], tuple[str, SettingRates]] = {}
     for section in plan.sections:
         several = len({row.method for row in section.rows}) > 1
         for row in section.rows:
             name = f"{section.label}: {row.text}{f', {row.method}' if several else ''}"
             named.setdefault((row.rig, row.method), (name, rates[row]))
-    found = [(name, one) for name, one in named.values() if one.overconfident]
+    overconfident = [(name, setting) for name, setting in named.values() if setting.overconfident]
     yield (
         "Settings with a component whose coverage is lower than chance allows, although more than half of "
         "the recordings are explained: "
-        + (f"{len(found)} of {len(named)}.\n" if found else f"none of {len(named)}.")
+        + (f"{len(overconfident)} of {len(named)}.\n" if overconfident else f"none of {len(named)}.")
     )
-    for name, one in found:
+    for name, setting in overconfident:
         yield (
-            f"- {name}: the 95 % interval of {one.least_covered} contains the truth in "
-            f"{100 * one.least_coverage:.0f} % of the cases, {100 * one.explained:.0f} % of the recordings "
-            f"are explained, median error {one.median:.2f} %"
+            f"- {name}: the 95 % interval of {setting.least_covered} contains the truth in "
+            f"{100 * setting.least_coverage:.0f} % of the cases, {100 * setting.explained:.0f} % of the "
+            f"recordings are explained, median error {setting.median:.2f} %"
         )
 
 
-def _reading(section: PageSection, rates: Rates) -> str:
-    """Return what a section does to the median error, and what estimating more changes about it."""
+def _error_sentence(section: PageSection, rates: Rates) -> str:
+    """Return a sentence on the range of the median error in a section, and its change with other methods."""
     first = section.rows[0].method
     by_default = {row.text: rates[row].median for row in section.rows if row.method == first}
     least, largest = (pick(by_default, key=by_default.__getitem__) for pick in (min, max))

@@ -4,7 +4,7 @@ from typing import Any
 
 
 def render(template: str, **values: Any) -> str:
-    """Return the page of `template` with `values` put in; text in them is escaped."""
+    """Return the page of `template` with `values` inserted; their text is escaped."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(

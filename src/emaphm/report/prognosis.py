@@ -15,12 +15,12 @@ from emaphm.report.document import Block, Document, Facts, Heading, Items, Parag
 
 
 def write_prognosis(prognosis: Prognosis, path: str | Path, *, force: bool = False) -> None:
-    """Write `prognosis` as one HTML file that needs nothing else; the same prognosis gives the same bytes.
+    """Write `prognosis` as one self-contained HTML file; the same prognosis gives the same bytes.
 
     Raises
     ------
     OutputError
-        See `emaphm.output_files.check_writable`; also if writing fails. No file is left then.
+        See `emaphm.output_files.check_writable`; also if writing fails, and then no file is left.
     """
     check_writable(path, force=force, endings=(".html", ".htm"))
     page = document(prognosis).to_html()
@@ -74,7 +74,7 @@ def document(prognosis: Prognosis) -> Document:
             Picture(
                 "fan.svg",
                 "Fan chart of the remaining useful life",
-                "RUL as it was forecast at earlier diagnoses, from what was known then.",
+                "RUL as forecast at earlier diagnoses, from the data known at that time.",
                 fan,
             )
         )

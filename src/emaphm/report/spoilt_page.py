@@ -1,8 +1,8 @@
-"""The page of the spoilt recordings: what became of each class, and each undetected error.
+"""The page of the spoilt recordings: outcomes of each class, and each undetected error.
 
     python -m emaphm.report.spoilt_page studies/spoilt docs
 
-reads the results that `python -m emaphm.study.spoilt studies/spoilt` wrote, and writes ``spoilt.md``.
+reads the results of `python -m emaphm.study.spoilt studies/spoilt`, and writes ``spoilt.md``.
 """
 
 import sys
@@ -20,27 +20,27 @@ from emaphm.study.spoilt.source import ADC_BITS, CHANNELS, FAULTS, NOISE_A
 from emaphm.text_table import markdown_table
 
 
-def spoilt_page(found: Results, total: int) -> str:
-    """Return the page as Markdown, of the results `found` of `total` cases."""
+def spoilt_page(results_by_case: Results, total: int) -> str:
+    """Return the page as Markdown, from the results `results_by_case` of `total` cases."""
     return (
         "\n".join(
             [
                 "# Spoilt recordings\n",
-                *incomplete(len(found), total),
-                *_introduction(found),
-                markdown_table(["class", "cases", *OUTCOME_TITLES], rows(found)),
+                *incomplete(len(results_by_case), total),
+                *_introduction(results_by_case),
+                markdown_table(["class", "cases", *OUTCOME_TITLES], rows(results_by_case)),
                 "\n## Undetected errors\n",
-                *_wrong(found),
+                *_undetected_errors(results_by_case),
                 "\n## Reasons for recordings that are not explained or refused\n",
-                *_reasons(found),
+                *_reasons(results_by_case),
             ]
         )
         + "\n"
     )
 
 
-def _introduction(found: Results) -> Iterator[str]:
-    spoilt = [case for case in found if not class_of(case).control]
+def _introduction(results_by_case: Results) -> Iterator[str]:
+    spoilt = [case for case in results_by_case if not class_of(case).control]
     yield (
         "Made by `python -m emaphm.study.spoilt studies/spoilt` and `python -m emaphm.report.spoilt_page "
         f"studies/spoilt docs`. {len(spoilt)} recordings of the thesis's actuator by the reference model "
@@ -60,21 +60,22 @@ def _introduction(found: Results) -> Iterator[str]:
     )
 
 
-def _wrong(found: Results) -> Iterator[str]:
-    cases_wrong = undetected_errors(found)
-    if not cases_wrong:
+def _undetected_errors(results_by_case: Results) -> Iterator[str]:
+    wrong_cases = undetected_errors(results_by_case)
+    if not wrong_cases:
         yield "None."
-    for case, one in cases_wrong:
-        yield f"- {case.name}: {', '.join(one['wrong'])}; residual {100 * one['relative_residual']:.1f} %"
+    for case, result in wrong_cases:
+        residual = 100 * result["relative_residual"]
+        yield f"- {case.name}: {', '.join(result['wrong'])}; residual {residual:.1f} %"
 
 
-def _reasons(found: Results) -> Iterator[str]:
-    """Yield the first reason, or the message of the refusal, that stands for each class."""
-    explained: set[str] = set()
-    for case, one in found.items():
-        text = one["refusal"] or next(iter(one["reasons"]), "")
-        if text and case.spoilt_class not in explained:
-            explained.add(case.spoilt_class)
+def _reasons(results_by_case: Results) -> Iterator[str]:
+    """Yield one line per class: the first reason, or the message of the refusal."""
+    listed: set[str] = set()
+    for case, result in results_by_case.items():
+        text = result["refusal"] or next(iter(result["reasons"]), "")
+        if text and case.spoilt_class not in listed:
+            listed.add(case.spoilt_class)
             yield f"- {case.spoilt_class} ({case.channels}): {text}"
 
 

@@ -70,18 +70,18 @@ def write_study_report(
 ) -> list[Path]:
     """Write report.md, report.html, figures/*.svg and tables/*.csv to `folder`; return their paths.
 
-    An earlier report's files are replaced, each as a whole. The same runs give the same bytes.
+    Files of an earlier report are replaced, each atomically. The same runs give the same bytes.
 
     Parameters
     ----------
     runs
-        The finished runs (`emaphm.study.store.SCHEMA`), of a study that need not be complete.
+        The finished runs (`emaphm.study.store.SCHEMA`); the study may be incomplete.
     title, description
         Name of the study, and the question that it answers.
     total_runs
-        Runs of the complete study.
+        Number of runs of the complete study.
     environment
-        Machine, versions and the like on which the runs were made, by name.
+        Machine, versions and similar facts about the runs, by name.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def write_study_report(
     contents = {
         **{f"figures/{picture.name}": picture.svg for picture in document.pictures},
         **{f"tables/{name}.csv": frame.write_csv().encode() for name, frame in tables(runs).items()},
-        # A plan's names need not be valid text: what cannot be encoded becomes a question mark.
+        # Names in a plan may be invalid text: characters that cannot be encoded become question marks.
         "report.md": document.to_markdown().encode(errors="replace"),
         "report.html": document.to_html().encode(errors="replace"),
     }
@@ -109,7 +109,7 @@ def write_study_report(
 
 
 def tables(runs: pl.DataFrame) -> dict[str, pl.DataFrame]:
-    """Return what the CSV files hold, by their names: the numbers of the report, unrounded, and the runs."""
+    """Return the content of the CSV files by name: the unrounded numbers of the report, and the runs."""
     cases, methods = by_case(runs), by_method(runs)
     identity = (*VARIANT, "kind", "method")
     success = [f"within_{limit}" for limit in LIMITS_PERCENT]
@@ -135,7 +135,7 @@ def _document(
     blocks += _extent(runs, total_runs)
     names = variant_names(runs)
     if len(names) > 1:
-        blocks += _across(runs)
+        blocks += _variant_comparison(runs)
     for number, (variant, name) in enumerate(names.items(), 1):
         of_variant = runs.filter(
             pl.all_horizontal(pl.col(key) == value for key, value in zip(VARIANT, variant, strict=True))
@@ -168,9 +168,9 @@ def _extent(runs: pl.DataFrame, total_runs: int) -> Iterator[Block]:
         yield Paragraph(several, warning=True)
 
 
-def _across(runs: pl.DataFrame) -> Iterator[Block]:
+def _variant_comparison(runs: pl.DataFrame) -> Iterator[Block]:
     yield Heading(2, "Comparison of the variants")
-    for kind in _kinds(runs):
+    for kind in _case_kinds(runs):
         table = variant_table(runs, kind)
         if table.rows:
             yield Paragraph(
@@ -228,14 +228,14 @@ def _summaries(runs: pl.DataFrame) -> Iterator[Block]:
         kept = set(common["case"])
         cases = runs.sort("index")["case"].unique(maintain_order=True)
         left_out = [case for case in cases if case not in kept]
-        whole = f", and with them all of {_listed(left_out)}" if left_out else ""
+        whole_cases = f", and with them all of {_listed(left_out)}" if left_out else ""
         yield Paragraph(
             f"Not every method has the same runs. The averages leave out {runs.height - common.height} of "
-            f"{runs.height} runs whose case and seed a method lacks{whole}, so that all methods are compared "
-            "on the same recordings; the tables and figures by case have all runs.",
+            f"{runs.height} runs whose case and seed a method lacks{whole_cases}, so that all methods are "
+            "compared on the same recordings; the tables and figures by case have all runs.",
             warning=True,
         )
-    for kind in _kinds(runs):
+    for kind in _case_kinds(runs):
         table = summary_table(runs, kind)
         if table.rows:
             yield Paragraph(f"Cases with {kind}, least mean error first.")
@@ -258,7 +258,7 @@ def _is_printed(runs: pl.DataFrame) -> bool:
 
 
 def _friedman(runs: pl.DataFrame) -> str:
-    """Return the result of Friedman's test on one variant, in words."""
+    """Return the result of Friedman's test for one variant, in words."""
     test = friedman(runs).row(0, named=True)
     left_out = f" {test['incomplete']} further pairs lack a method." if test["incomplete"] else ""
     basis = f"All methods have finished {test['blocks']} pairs of case and seed.{left_out}"
@@ -283,12 +283,12 @@ def _origin(runs: pl.DataFrame, total_runs: int) -> dict[str, str]:
     }
 
 
-def _kinds(runs: pl.DataFrame) -> list[str]:
+def _case_kinds(runs: pl.DataFrame) -> list[str]:
     return prepared(runs)["kind"].unique(maintain_order=True).to_list()
 
 
 def _could_differ(runs: pl.DataFrame) -> bool:
-    """Return whether a method that wins every run of some pair would differ significantly from the other."""
+    """Return whether any pair has enough runs for a significant difference if one method wins all of them."""
     tests = pairs(runs).drop_nulls("p")
     return any(tests.height * 2 / 2.0**blocks <= SIGNIFICANT for blocks in tests["blocks"])
 

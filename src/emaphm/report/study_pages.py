@@ -1,4 +1,4 @@
-"""The page of a study that has one of its own, written with its figures."""
+"""Writing of the special page of a study, with its figures."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ def write_study_page(store: Store, folder: str | Path) -> list[Path]:
     Raises
     ------
     StudyError
-        A row of the page has no finished trial yet, or the plan lacks what the page shows.
+        A row of the page has no finished trial yet, or the plan lacks data that the page needs.
     OutputError
         A file cannot be written.
     """

@@ -1,4 +1,4 @@
-"""What the report of a study says about its figures and tables."""
+"""Texts of the report of a study: captions of figures and explanations of tables."""
 
 from emaphm.study.analysis.ranks import SIGNIFICANT
 

@@ -1,4 +1,4 @@
-"""What the report of a diagnosis says: its headline, its table, its lists."""
+"""Texts of the report of a diagnosis: headline, table and lists."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ LABELS = {
     "eccentricity_phase": "eccentricity direction",
     "gain": "position gain",
 }
-"""The components in words."""
+"""Names of the components for readers."""
 
 FITNESS_UNITS = {"least_squares": "A²", "thesis": "A²·s", "total_least_squares": "A²·s"}
 
 
 @dataclass(frozen=True)
 class Headline:
-    """The verdict: in a few words, in `sentences`, and as a `kind`: "healthy", "degraded" or "doubtful"."""
+    """The verdict in a few words, in `sentences`, and as a `kind`: "healthy", "degraded" or "doubtful"."""
 
     words: str
     sentences: tuple[str, ...]
@@ -33,9 +33,9 @@ class Headline:
 
 
 def headline(diagnosis: Diagnosis) -> Headline:
-    """Return the verdict: which components are degraded, healthy or inconclusive, if reliable."""
+    """Return the verdict: the degraded, healthy and inconclusive components, and whether it is reliable."""
     degraded, healthy, undecided = (
-        _of_verdict(name, diagnosis) for name in ("degraded", "healthy", "cannot tell")
+        _components_with(verdict, diagnosis) for verdict in ("degraded", "healthy", "cannot tell")
     )
     shorts = [
         f"{100 * share:.1f} % of {'another' if i else 'one winding'}"
@@ -59,16 +59,16 @@ def headline(diagnosis: Diagnosis) -> Headline:
         if sensors:
             words += " A sensor has a fault too."
         return Headline(words, (*sentences, explanation), "degraded")
-    found = "No fault of the actuator found, but of a sensor" if sensors else "No fault found"
+    finding = "No fault of the actuator found, but of a sensor" if sensors else "No fault found"
     if undecided:
-        words = f"{found}{'; some' if sensors else ', but some'} components are inconclusive."
+        words = f"{finding}{'; some' if sensors else ', but some'} components are inconclusive."
     else:
-        words = f"{found}." if sensors else "Healthy: no fault found."
+        words = f"{finding}." if sensors else "Healthy: no fault found."
     return Headline(words, (*sentences, explanation), "healthy")
 
 
 def _size(name: str, diagnosis: Diagnosis) -> str:
-    """Return the size of a degraded component in words, with the direction of an eccentricity."""
+    """Return the physical size of a degraded component, with the direction of an eccentricity."""
     if not diagnosis.components[name].identifiable:
         return f"that of {LABELS[name]} is not identifiable"
     meanings = physical_text(diagnosis.faults, diagnosis.actuator)
@@ -76,7 +76,7 @@ def _size(name: str, diagnosis: Diagnosis) -> str:
     return f"{meanings[name]} {meanings['eccentricity_phase']}" if directed else meanings[name]
 
 
-def _of_verdict(verdict: str, diagnosis: Diagnosis) -> list[str]:
+def _components_with(verdict: str, diagnosis: Diagnosis) -> list[str]:
     return [name for name in COMPONENTS if diagnosis.components[name].verdict == verdict]
 
 
@@ -94,7 +94,7 @@ def _explanation(diagnosis: Diagnosis) -> str:
 
 
 def component_table(diagnosis: Diagnosis, truth: Faults | None) -> TextTable:
-    """Return a row for each component; where its verdict has a reason, that is given instead of a meaning."""
+    """Return a table with a row per component; the reason of a verdict replaces the physical meaning."""
     meanings = physical_text(diagnosis.faults, diagnosis.actuator)
     components, posterior = diagnosis.components, diagnosis.posterior
     columns: dict[str, list[str]] = {
@@ -104,7 +104,7 @@ def component_table(diagnosis: Diagnosis, truth: Faults | None) -> TextTable:
     }
     if posterior:
         columns["95\u00a0% credible interval"] = [
-            _interval(posterior.interval95[name], one.limits) for name, one in components.items()
+            _interval(posterior.interval95[name], estimate.limits) for name, estimate in components.items()
         ]
     if truth is not None:
         columns["True value"] = [_true(name, truth) for name in components]
@@ -114,7 +114,7 @@ def component_table(diagnosis: Diagnosis, truth: Faults | None) -> TextTable:
 
 
 def _interval(ends: tuple[float, float], limits: tuple[float, float]) -> str:
-    """Return an interval as text; one that is all of the component's range says nothing."""
+    """Return an interval as text, or a dash if it is the full range of the component."""
     low, high = ends
     return NOTHING if ends == limits else f"{low:z.4f} to {high:z.4f}"
 
@@ -125,7 +125,7 @@ def _true(name: str, truth: Faults) -> str:
 
 
 def inconclusive(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Return pairs of the inconclusive components, in words, that share a reason, and that reason."""
+    """Return pairs of the names of inconclusive components that share a reason, and this reason."""
     by_reason: dict[str, list[str]] = {}
     for name, estimate in diagnosis.components.items():
         if estimate.verdict == "cannot tell":
@@ -138,7 +138,7 @@ def _sentence(opening: str, items: Sequence[str]) -> str:
 
 
 def computation(diagnosis: Diagnosis) -> dict[str, str]:
-    """Return how the diagnosis was computed, item by item."""
+    """Return the facts on the computation of the diagnosis, by name."""
     time = diagnosis.time_s
     interval = (time[-1] - time[0]) / (time.size - 1)
     rows = f"{time.size} rows at {1 / interval:.6g} Hz, {time.size * interval:.4g} s"

@@ -1,4 +1,4 @@
-"""Writing the report of a diagnosis."""
+"""Writing of the report of a diagnosis."""
 
 from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING
@@ -26,7 +26,7 @@ TEMPLATE = "diagnosis.html.jinja"
 def write_report(
     diagnosis: Diagnosis, path: str | Path, *, truth: Faults | None = None, force: bool = False
 ) -> None:
-    """Write `diagnosis` as one HTML file that needs nothing else: figures and style are inside.
+    """Write `diagnosis` as one self-contained HTML file with embedded figures and style.
 
     The same diagnosis gives the same bytes.
 
@@ -35,19 +35,19 @@ def write_report(
     path
         An .html or .htm file.
     truth
-        The true faults, shown next to the estimates, where they are known.
+        The true faults, shown next to the estimates, if they are known.
     force
         Whether an existing file may be replaced.
 
     Raises
     ------
     OutputError
-        See `emaphm.output_files.check_writable`; also if writing fails. No file is left then.
+        See `emaphm.output_files.check_writable`; also if writing fails, and then no file is left.
     """
     check_writable(path, force=force, endings=(".html", ".htm"))
     page = _page(diagnosis, truth)
     with written_whole(path) as temporary:
-        # A recording's name need not be valid text: what cannot be encoded becomes a question mark.
+        # A recording's name may be invalid text: characters that cannot be encoded become question marks.
         temporary.write_text(page, encoding="utf-8", errors="replace")
 
 
@@ -66,7 +66,7 @@ def _page(diagnosis: Diagnosis, truth: Faults | None) -> str:
     return render(
         TEMPLATE,
         diagnosis=diagnosis,
-        # Cut at either system's separator: a diagnosis may be reported on another machine.
+        # Both systems' separators are accepted: a diagnosis may be reported on another machine.
         name=PureWindowsPath(diagnosis.recording).name or diagnosis.recording,
         headline=headline(diagnosis),
         table=component_table(diagnosis, truth),

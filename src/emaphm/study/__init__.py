@@ -1,4 +1,4 @@
-"""Comparing methods of identification over many cases: plans, execution, tables."""
+"""Comparison of identification methods over many cases: plans, execution, tables."""
 
 from emaphm.study.plan import BUILT_IN, Plan
 from emaphm.study.run import run_study

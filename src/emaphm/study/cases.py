@@ -1,4 +1,4 @@
-"""The faults of a study's cases: given by name, or drawn from the number of the case."""
+"""The faults of a study's cases: named in the plan, or drawn with the number of the case as the seed."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ from emaphm.experiment.test_setup import LARGEST_SHORT
 from emaphm.study.rig import Label
 
 MOST_RUNS = 1_000_000
-"""Of a whole plan: each is a row that is held in memory."""
+"""Largest number of runs of a plan: each is a row in memory."""
 
 Count = Annotated[int, Field(ge=1, le=MOST_RUNS)]
 CountOrNone = Annotated[int, Field(ge=0, le=MOST_RUNS)]
 
 SINGLE = ("friction", "backlash", "short", "eccentricity", "gain")
-"""Kinds of small faults; a short is in any phase, an eccentricity in any direction."""
+"""Kinds of small faults; the phase of a short and the direction of an eccentricity are random."""
 
 HEAVY_SHORTS = (0.5, 0.85)
 """Range of the shorts of a heavy case, in each phase."""
@@ -31,7 +31,7 @@ CaseKind = Literal["named", "random", "heavy", "small", "healthy"]
 
 @dataclass(frozen=True)
 class Case:
-    """A fault vector and its name; `number` counts the `of` cases of its kind and small fault, from 0."""
+    """A fault vector and its name; `number`, from 0, is its index among the `of` cases of its kind."""
 
     name: str
     kind: CaseKind
@@ -46,7 +46,7 @@ class Case:
 
 
 class RandomCases(Section):
-    """Cases "random 1" and on: vectors drawn from [0, 1], their shorts from [0, `largest_short`]."""
+    """Cases "random 1", "random 2", …: vectors drawn from [0, 1], with shorts from [0, `largest_short`]."""
 
     count: Count
     seed: Annotated[int, Field(ge=0)] = 0
@@ -71,11 +71,11 @@ class SmallFaults(Section):
 
 
 class Group(Section):
-    """Cases that run on some of a plan's rigs by some of its methods; on all of either where left out.
+    """Cases that are run on some rigs of a plan with some of its methods; by default on all, with all.
 
-    `cases` names some of the plan's; `random`, `heavy` and `healthy` count cases that are drawn, `small`
-    lists small single faults. Case n of a kind is drawn from seed n (plus the plan's), as are its rig, its
-    recording and its search; run r of n in `runs` has seed n · runs + r.
+    `cases` selects named cases of the plan; `random`, `heavy` and `healthy` are numbers of drawn cases;
+    `small` lists small single faults. Case n of a kind has the seed n (plus that of the plan) for its faults,
+    rig, recording and search; run r of case n has the seed n · runs + r.
     """
 
     label: Label
@@ -92,11 +92,11 @@ class Group(Section):
     @classmethod
     def _once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
         if len(set(map(repr, values))) < len(values):
-            raise StudyError("one is named twice; name each once")
+            raise StudyError("a value is given twice; give each value once")
         return values
 
     def all_cases(self, named: Mapping[str, Mapping[str, float]], seed: int) -> Iterator[Case]:
-        """Yield the cases, those named from `named`, the others drawn from `seed` on."""
+        """Yield the cases: named cases from `named`, the others drawn with seeds from `seed` on."""
         for n, name in enumerate(self.cases):
             yield Case.of_faults(name, "named", Faults.from_mapping(named[name]), n, len(self.cases))
         for n in range(self.random):
@@ -120,14 +120,14 @@ class Group(Section):
 
 
 def random_faults(seed: int) -> Faults:
-    """Return faults with shorts up to `LARGEST_SHORT`, all else anywhere in [0, 1]."""
+    """Return random faults: shorts in [0, `LARGEST_SHORT`], all other components in [0, 1]."""
     vector = np.random.default_rng(seed).random(len(NAMES))
     vector[2:5] *= LARGEST_SHORT
     return Faults.from_vector(vector)
 
 
 def heavy_faults(seed: int) -> Faults:
-    """Return faults with `HEAVY_SHORTS` in each phase, all else anywhere in [0, 1]."""
+    """Return random faults: shorts within `HEAVY_SHORTS` in each phase, all other components in [0, 1]."""
     low, high = HEAVY_SHORTS
     vector = np.random.default_rng(seed).random(len(NAMES))
     vector[2:5] = low + (high - low) * vector[2:5]
@@ -135,7 +135,7 @@ def heavy_faults(seed: int) -> Faults:
 
 
 def small_fault(kind: str, size: float, seed: int) -> Faults:
-    """Return a single fault of `kind` in `SINGLE`: its component at `size`, a gain that far from healthy."""
+    """Return a single fault of a `kind` in `SINGLE`: the component at `size`, a gain at healthy ± `size`."""
     rng = np.random.default_rng([seed, 2])
     phase, direction, sign = rng.choice(list("abc")), rng.random(), rng.choice([-1, 1])
     if kind == "short":

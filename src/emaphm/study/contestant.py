@@ -1,4 +1,4 @@
-"""A method that takes part in a study, with its settings."""
+"""A method that is compared in a study, with its settings."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,14 +16,14 @@ from emaphm.study.rig import Label
 
 
 class Contestant(BaseModel):
-    """A method: its name, a label where the name is not enough, and settings of its own.
+    """A method: its name, a label that distinguishes it from others of this name, and its settings.
 
-    A method with least squares makes at most `max_corrections` bias corrections (`turns` is another spelling
-    of that key), and estimates `nuisances` with the faults. Left out, these are what `diagnose` estimates by
-    default where the recordings come from a rig, and none where they are those of the actuator as described.
-    `estimator` is the file of an estimator (`emaphm train`) that its searches begin with, on recordings of a
-    rig; if `fast`, its answer is taken as it is. Any other key is a setting of the optimiser, e.g. population
-    or iterations.
+    A method with least squares makes at most `max_corrections` bias corrections (`turns` is another name of
+    this key), and estimates `nuisances` with the faults. By default, these are the default nuisances of
+    `diagnose` for recordings of a rig, and none for recordings of the actuator as described. `estimator` is
+    the file of an estimator (`emaphm train`) whose answer is the start of searches on recordings of a rig; if
+    `fast`, the answer is returned without a search. Any other key is a setting of the optimiser, e.g.
+    population or iterations.
     """
 
     model_config = ConfigDict(frozen=True, extra="allow")
@@ -87,5 +87,5 @@ class Contestant(BaseModel):
         return f"{self.label}: {', '.join([method.name, *settings])}"
 
     def chosen(self) -> Method:
-        """Return the method at its settings; `MethodError` where it or one of them is unknown."""
+        """Return the method with its settings; `MethodError` if the method or a setting is unknown."""
         return method_named(self.method, self.model_extra)

@@ -1,11 +1,11 @@
-"""A plant that is not our reference model, used only as a source of recordings.
+"""An independent plant model, different from the reference model, that is used only to simulate recordings.
 
-Three phases under hysteresis switching as in the reference model, written anew without the package's kernels.
-In addition, each by itself or together: smooth friction after Stribeck or of bristles that bend, a compliant
-shaft between motor and user with the backlash as a dead zone in series, a back-EMF that is no perfect
-trapezoid, Hall sensors out of place or with hysteresis, commutation that is late, and current sensors that
-lag, for the drive as for the recorder. The speed loop is proportional; lags in the loop, load stiffness and
-end stops are not built.
+Three phases under hysteresis switching as in the reference model, implemented without the package's kernels.
+Optional features, alone or combined: smooth Stribeck friction, or bristle friction; a compliant shaft between
+motor and user with the backlash as a dead zone in series; a back-EMF that is not a perfect trapezoid;
+displaced Hall sensors, or Hall sensors with hysteresis; late commutation; and current sensors with a lag, for
+drive and recorder. The speed loop is proportional; lags in the loop, load stiffness and end stops are not
+modelled.
 """
 
 import math
@@ -41,9 +41,9 @@ CHANNELS = (
 
 
 class _Parameters(NamedTuple):
-    """What the kernel is given, SI units; a triple is of the phases, or of motor, user and both as one.
+    """Parameters of the kernel in SI units; triples are of the phases, or of motor, user and both lumped.
 
-    `bristles` are the stiffness and the damping of bent bristles, of each of the three that move.
+    `bristles` are the stiffness and the damping of the bristles of motor, user and both lumped.
     """
 
     gain: float
@@ -92,10 +92,10 @@ def simulate(
     adc_bits: int | None = None,
     seed: int = 0,
 ) -> Recording:
-    """Return the recording of the foreign plant following `command` from rest, at what that is counted from.
+    """Return the recording of the foreign plant as it follows `command` from rest at its initial position.
 
-    Rows are means over the sample interval, as those of `emaphm.simulate`, whose parameters these are.
-    `actuator` has windings and limits of speed and torque; its load is `mechanics.offset`.
+    Parameters as for `emaphm.simulate`; rows are means over the sample interval, as there. The description
+    `actuator` must have windings and limits of speed and torque; its load is `mechanics.offset`.
     """
     samples = round(duration * sample_rate)
     substeps = int(np.ceil(1 / (sample_rate * STEP_S) * (1 - 1e-9)))
@@ -166,7 +166,7 @@ def _parameters(actuator: Actuator, faults: Faults, features: ForeignFeatures, s
 
 
 def _bristles(friction: Stribeck | Bristles | None, static: Triple, inertia: Triple) -> tuple[Triple, Triple]:
-    """Return stiffness [N·m/rad] and damping [N·m·s/rad]: bristles of all parts bend as far; none without."""
+    """Return stiffness [N·m/rad] and damping [N·m·s/rad] of the bristles, with equal bends of all parts."""
     if not isinstance(friction, Bristles):
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     stiffness = _three([level / friction.bend for level in static])
@@ -189,7 +189,7 @@ def _compiled(function: Any) -> Any:
 
 @_compiled
 def trapezoid(angle: float, ramp: float) -> float:
-    """Return the unit trapezoid at an electrical angle in [0, 2 pi), `ramp` [rad] from zero to its flat."""
+    """Return the unit trapezoid at an electrical angle in [0, 2 pi), with `ramp` [rad] from zero to flat."""
     half = angle % np.pi
     level: float = min(min(half, np.pi - half) / ramp, 1.0)
     return level if angle < np.pi else -level
@@ -197,7 +197,7 @@ def trapezoid(angle: float, ramp: float) -> float:
 
 @_compiled
 def back_emf(angle: float, ramp: float, sine: float) -> float:
-    """Return a phase's back-EMF per flux: a trapezoid with some of a sine of the same peak line to line."""
+    """Return the back-EMF of a phase per flux: a trapezoid and a sine of the same line-to-line peak."""
     part = sine * 2 / math.sqrt(3) * math.sin(angle)
     shape: float = (1 - sine) * trapezoid(angle, ramp) + part
     return shape
@@ -205,10 +205,11 @@ def back_emf(angle: float, ramp: float, sine: float) -> float:
 
 @_compiled
 def commutation(electrical: float, hall: Any, band: float, high: Array, sign: Array) -> None:
-    """Fill `sign` (3,) with the sign of the current of each phase, 0 of the idle one, and `high` (3,) anew.
+    """Update the Hall states `high` (3,) and the signs of the phase currents `sign` (3,), 0 if idle.
 
-    A phase's Hall sensor is high over the half turn that begins with its flat, `hall` [rad] early; within
-    `band` [rad] of an edge it stays as it was. A phase conducts while its own sensor and the next differ.
+    The Hall sensor of a phase is high over the half turn that begins with its flat, `hall` [rad] early;
+    within `band` [rad] of an edge it keeps its state. A phase conducts while its sensor and the next one
+    differ.
     """
     for phase in range(3):
         own = (electrical - 2 * np.pi / 3 * phase - np.pi / 6 + hall[phase]) % (2 * np.pi)
@@ -220,7 +221,7 @@ def commutation(electrical: float, hall: Any, band: float, high: Array, sign: Ar
 
 @_compiled
 def sliding_level(w: float, static: float, dynamic: float, speed: float) -> float:
-    """Return the level of Stribeck's friction [N·m] at speed `w` [rad/s]."""
+    """Return the level of Stribeck friction [N·m] at speed `w` [rad/s]."""
     level: float = dynamic + (static - dynamic) * math.exp(-((w / speed) ** 2))
     return level
 
@@ -234,9 +235,9 @@ def stribeck_torque(w: float, static: float, dynamic: float, speed: float, smoot
 
 @_compiled
 def shaft_torque(twist: float, rate: float, half_gap: float, stiffness: float, damping: float) -> float:
-    """Return what the motor passes to the user [N·m], `twist` [rad] and its `rate` [rad/s] ahead of it.
+    """Return the torque from motor to user [N·m], from the `twist` [rad] of the shaft and its `rate` [rad/s].
 
-    Nothing inside the gap; at its edge spring and damper, which push but do not pull.
+    Zero inside the gap; at its edge a spring and a damper, which push but do not pull.
     """
     if twist > half_gap:
         return max(stiffness * (twist - half_gap) + damping * rate, 0.0)
@@ -247,10 +248,10 @@ def shaft_torque(twist: float, rate: float, half_gap: float, stiffness: float, d
 
 @_compiled
 def against_dry_friction(w: float, torque: float, inertia: float, p: Any, part: int, step: float) -> float:
-    """Return the speed [rad/s] after a step under `torque` [N·m] and Stribeck's friction, else Borello's.
+    """Return the speed [rad/s] after a step under `torque` [N·m] and Stribeck friction, or else Borello's.
 
-    The latter sticks up to its static level, breaks away against the dynamic one, and stops at 0 before going
-    the other way.
+    Borello friction sticks up to its static level, breaks away against its dynamic level, and stops at 0
+    before a reversal.
     """
     static, dynamic = p.static[part], p.dynamic[part]
     if p.stribeck_speed > 0:
@@ -268,13 +269,13 @@ def against_dry_friction(w: float, torque: float, inertia: float, p: Any, part: 
 def against_bristles(
     w: float, torque: float, inertia: float, p: Any, part: int, bend: Array, step: float
 ) -> float:
-    """Return the speed [rad/s] after a step under `torque` [N·m] and bristles (LuGre), whose bend follows.
+    """Return the speed [rad/s] after a step under `torque` [N·m] and bristle friction (LuGre); update `bend`.
 
-    z' = w - k |w| z / level, and they brake by k z + c z'.
+    z' = w - k |w| z / level; the friction torque is k z + c z'.
     """
     stiffness, damping = p.bristles[0][part], p.bristles[1][part]
     sliding = sliding_level(w, p.static[part], p.dynamic[part], p.stribeck_speed) / stiffness
-    # Exact at this speed: stiff bristles are at their level within much less than a step.
+    # Exact for this speed: stiff bristles reach their level in much less than a step.
     bent = (math.copysign(sliding, w) - bend[part]) * -math.expm1(-abs(w) / sliding * step)
     bend[part] += bent
     following: float = w + (torque - stiffness * bend[part] - damping * bent / step) * step / inertia
@@ -298,9 +299,9 @@ def speed_after(w: float, torque: float, p: Any, part: int, bend: Array, step: f
 def move(
     p: Any, torque: float, w: float, theta: float, user_w: float, user: float, bend: Array, step: float
 ) -> tuple[float, float, float, float]:
-    """Return speed and angle of motor and of user after a step under the motor's `torque` [N·m].
+    """Return speed and angle of motor and user after a step under the motor's `torque` [N·m].
 
-    `bend` (3,) is what bristles of motor, user and both as one are bent by, and follows.
+    `bend` (3,), the bend of the bristles of motor, user and both lumped, is updated.
     """
     if p.stiffness > 0:
         passed = shaft_torque(theta - user, w - user_w, p.half_gap, p.stiffness, p.damping)

@@ -1,4 +1,4 @@
-"""What a study asks: which methods, on which cases and rigs, how often; and its TOML."""
+"""The plan of a study: methods, cases, rigs and numbers of runs, read from TOML."""
 
 import itertools
 import math
@@ -41,7 +41,7 @@ BUILT_IN = (
 
 
 class PageRow(Section):
-    """A row of a page's table: its `text`, and the rig and method whose results stand in it."""
+    """A row of a page's table: its `text`, and the rig and method whose results it shows."""
 
     text: str
     rig: Label
@@ -51,8 +51,8 @@ class PageRow(Section):
 class PageSection(Section):
     """A section of a plan's page: a table of rigs and methods under a title.
 
-    `label` names what varies from row to row, `note` explains it, and `figure` is the name of the figure that
-    the rows are also drawn in, where they are.
+    `label` names the condition that varies between rows, `note` explains it, and `figure` is the name of the
+    figure of these rows, empty without a figure.
     """
 
     title: Label
@@ -65,9 +65,9 @@ class PageSection(Section):
 class Plan(Section):
     """A comparison: every case × method × model × fitness × current × noise or rig, `runs` times each.
 
-    Read from TOML by `load`. A case maps fault names to values in [0, 1]; those left out are healthy. Where
-    there are `groups`, each says which cases run on which rigs by which methods, and how often. `page` is the
-    page that a report of the study makes, from its `sections`; the general one where left out.
+    Read from TOML by `load`. A case maps fault names to values in [0, 1]; other faults are healthy. If there
+    are `groups`, each defines which cases are run on which rigs with which methods, and how often. `page` is
+    the page that a report of the study writes from its `sections`; by default, the general report.
     """
 
     name: Label
@@ -112,18 +112,18 @@ class Plan(Section):
         return cases
 
     @model_validator(mode="after")
-    def _asks_for_something(self) -> Self:
+    def _check_content(self) -> Self:
         for key in ("models", "fitnesses", "equivalents", "noises_A", "methods"):
             values = getattr(self, key)
             if not values:
                 raise StudyError(f"'{key}' is empty, so there is nothing to run; name at least one")
             if len(set(map(str, values))) < len(values):
-                raise StudyError(f"'{key}' names one twice; name each once")
-        for what, items in (("methods", self.methods), ("rigs", self.rigs), ("groups", self.groups)):
+                raise StudyError(f"'{key}' contains a value twice; give each value once")
+        for kind, items in (("methods", self.methods), ("rigs", self.rigs), ("groups", self.groups)):
             labels = [item.label for item in items]
             for label in labels:
                 if labels.count(label) > 1:
-                    raise StudyError(f"two {what} are called '{label}'; give each a label of its own")
+                    raise StudyError(f"two {kind} are called '{label}'; give each a different label")
         self._check_cases_and_runs()
         self._check_rigs()
         self._check_names()
@@ -141,11 +141,11 @@ class Plan(Section):
                 self._check_known(f"group '{group.label}'", "method", group.methods, self.method_named)
         elif not self.all_cases:
             raise StudyError("no cases, so there is nothing to run; add [cases] or [random]")
-        twice = self.cases.keys() & (self.random.cases if self.random else {})
-        if twice:
-            raise StudyError(f"case '{min(twice)}' bears a name of [random]; give it another")
+        duplicates = self.cases.keys() & (self.random.cases if self.random else {})
+        if duplicates:
+            raise StudyError(f"case '{min(duplicates)}' has the name of a case of [random]; rename it")
         if self.total > MOST_RUNS:
-            raise StudyError(f"{self.total} runs are too many; {MOST_RUNS} are possible: ask for fewer")
+            raise StudyError(f"{self.total} runs are too many; {MOST_RUNS} are possible: reduce the plan")
 
     def _check_rigs(self) -> None:
         if self.groups and not self.rigs:
@@ -159,11 +159,11 @@ class Plan(Section):
             self._check_known(where, "rig", [row.rig for row in section.rows], self.rig_named)
             self._check_known(where, "method", [row.method for row in section.rows], self.method_named)
 
-    def _check_known(self, where: str, what: str, names: Iterable[str], known: Iterable[str]) -> None:
+    def _check_known(self, where: str, kind: str, names: Iterable[str], known: Iterable[str]) -> None:
         options = list(known)
         for name in names:
             if name not in options:
-                raise StudyError(f"{where}: unknown {what} '{name}'{nearest(name, options)}")
+                raise StudyError(f"{where}: unknown {kind} '{name}'{nearest(name, options)}")
 
     def _check_names(self) -> None:
         for model, fitness, contestant in itertools.product(self.models, self.fitnesses, self.methods):
@@ -171,18 +171,18 @@ class Plan(Section):
             check_fitness(method, fitness)
             if method.least_squares and switches:
                 raise StudyError(
-                    f"method '{contestant.method}' needs derivatives, which drown in the {model} model's "
-                    "switching; leave out one of the two"
+                    f"method '{contestant.method}' needs derivatives, which the switching of the {model} "
+                    f"model prevents; leave out one of the two"
                 )
 
     @classmethod
     def load(cls, name: str | Path) -> Self:
-        """Return the built-in plan `name`, or the one in the TOML file of that path.
+        """Return the built-in plan `name`, or the plan in the TOML file with this path.
 
         Raises
         ------
         StudyError
-            There is no such plan, or it asks for what cannot be; the message names file, key and remedy.
+            There is no such plan, or it is invalid; the message names file, key and remedy.
         """
         if str(name) in BUILT_IN:
             return cls.from_toml_text(built_in_text(str(name)), where=f"plan '{name}'")
@@ -193,13 +193,13 @@ class Plan(Section):
             )
         values = read_toml(path, "plan file", StudyError)
         actuator = values.get("actuator")
-        if isinstance(actuator, str) and (path.parent / actuator).is_file():  # next to the plan first
+        if isinstance(actuator, str) and (path.parent / actuator).is_file():  # preferred: next to the plan
             values["actuator"] = str(path.parent / actuator)
         return cls._of(values, str(path))
 
     @classmethod
     def from_toml_text(cls, text: str, *, where: str = "plan") -> Self:
-        """Return the plan in `text`, from `where`."""
+        """Return the plan in a TOML `text`; `where` is its name in error messages."""
         try:
             values = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
@@ -211,11 +211,11 @@ class Plan(Section):
         try:
             return cls.model_validate(values)
         except ValidationError as error:
-            raise StudyError(f"{where}: {_complaint(error)}") from None
+            raise StudyError(f"{where}: {_message(error)}") from None
 
     @property
     def all_cases(self) -> dict[str, dict[str, float]]:
-        """The named cases and the random ones."""
+        """The named and the random cases, by name."""
         return {**self.cases, **(self.random.cases if self.random else {})}
 
     @property
@@ -230,7 +230,7 @@ class Plan(Section):
 
     @property
     def facts(self) -> dict[str, str]:
-        """What a reader of the results needs to know, item by item."""
+        """Facts on recordings, rigs, methods and seed for readers of the results, by name."""
         m = self.manoeuvre
         chirp = f"chirp of {m.amplitude:g} rad, {m.start_hz:g} to {m.stop_hz:g} Hz in {m.duration:g} s"
         at = f" about {about:g} rad" if (about := m.chirp(self.actuator, m.duration).about) else ""
@@ -264,7 +264,7 @@ def built_in_text(name: str) -> str:
     return files("emaphm.study").joinpath("plans", f"{name}.toml").read_text(encoding="utf-8")
 
 
-def _complaint(error: ValidationError) -> str:
+def _message(error: ValidationError) -> str:
     first = error.errors()[0]
-    # What is wrong with the plan as a whole has no key of its own.
+    # An error of the plan as a whole has no key.
     return validation_message(error, Plan) if first["loc"] else str(first["ctx"]["error"])

@@ -1,4 +1,4 @@
-"""Recordings as a rig makes them: with noise, converters, and an actuator that deviates from nominal."""
+"""Recordings of a rig: with noise, converters, and an actuator that deviates from its description."""
 
 from functools import partial
 
@@ -14,9 +14,9 @@ from emaphm.study.rig import Manoeuvre, Rig, VaryingLoad
 
 
 def actuator_on(rig: Rig, actuator: Actuator, seed: int) -> Actuator:
-    """Return `actuator` with what is unknown on the rig, drawn from `seed`.
+    """Return `actuator` with the unknown quantities of the rig, drawn with `seed`.
 
-    Rigs that share a range share the draw from it: each quantity has its own place in the stream.
+    Rigs with the same range have the same draw from it: each quantity has a fixed place in the stream.
     """
     shares = np.random.default_rng([seed, 1]).random(4)
     load, heat, supply, inertia = (
@@ -38,7 +38,7 @@ def actuator_on(rig: Rig, actuator: Actuator, seed: int) -> Actuator:
 
 
 def unit_on(rig: Rig, actuator: Actuator, seed: int) -> Actuator:
-    """Return the unit that `actuator` describes, drawn from `seed` within the rig's tolerances."""
+    """Return a unit of the description `actuator`, drawn with `seed` within the tolerances of the rig."""
     tolerances = rig.tolerances
     if tolerances is None:
         return actuator
@@ -54,7 +54,7 @@ def unit_on(rig: Rig, actuator: Actuator, seed: int) -> Actuator:
 
 
 def load_at(load: VaryingLoad, time: Array, duration: float) -> Array:
-    """Return what varies with time of a load [N·m], of the shape of `time` [s]."""
+    """Return the time-varying part of a load [N·m] at `time` [s], in the same shape."""
     swinging = load.swing * np.sin(2 * np.pi * load.frequency * time)
     there = _shift(load, time - duration / 2)
     if load.lasts is not None:
@@ -63,12 +63,12 @@ def load_at(load: VaryingLoad, time: Array, duration: float) -> Array:
 
 
 def _shift(load: VaryingLoad, since: Array) -> Array:
-    """Return the share of a step that is there at times `since` its middle [s]."""
+    """Return the share of a step that has been reached at the times `since` its middle [s]."""
     return np.clip(since / load.rise + 0.5, 0.0, 1.0) if load.rise else np.asarray(since >= 0, float)
 
 
 def recorded(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre, faults: Faults, seed: int) -> Recording:
-    """Return what `rig` records of `actuator` with `faults`; all that is random is drawn from `seed`."""
+    """Return the recording by `rig` of `actuator` with `faults`; all random draws come from `seed`."""
     duration = manoeuvre.duration if rig.duration is None else rig.duration
     rate = manoeuvre.sample_rate if rig.sample_rate is None else rig.sample_rate
     command = manoeuvre.chirp(actuator, duration)

@@ -1,4 +1,4 @@
-"""Which code decides what a trial finds."""
+"""Fingerprint of the code that decides the results of a study's trials."""
 
 from emaphm.diagnosis import deciding_code as diagnosis
 from emaphm.execution.revision import revision_of
@@ -14,19 +14,19 @@ DECIDING = (
     "study/contestant.py",
     "study/foreign_plant.py",
 )
-"""The rooms and files whose code decides what a trial finds.
+"""Folders and files of the package whose code decides the results of trials.
 
-Cases, rigs and settings of methods are values of the plan, which identify a result by themselves
+Cases, rigs and settings of methods are values of the plan, which are part of a result's key
 (`emaphm.study.store.tasks`).
 """
 
 NOT_DECIDING = (*diagnosis.NOT_DECIDING, "recording/io", "diagnosis/wording.py", "calibration/text.py")
-"""Parts of these rooms that read files or put words: a study does not pass through them."""
+"""Parts of these folders that read files or write text: a study does not use them."""
 
 
 def revision() -> str:
     """Return a fingerprint of the code and libraries that decide results, and of Python's version.
 
-    Docstrings, comments and layout do not count, nor what draws or prints.
+    Docstrings, comments, layout, and code that draws or prints have no influence.
     """
     return revision_of(DECIDING, NOT_DECIDING)

@@ -1,7 +1,7 @@
-"""How the recordings of a study are made: the manoeuvre, and the rig with all that is unknown on it.
+"""Settings of a study's recordings: the manoeuvre, and the rig with its unknown quantities.
 
-These are values alone, which identify the results of a study (`emaphm.study.store.tasks`); what is made of
-them is in `emaphm.study.record`, whose code identifies results too.
+This module contains only values, which are part of the keys of results (`emaphm.study.store.tasks`). The code
+that uses them is in `emaphm.study.record`, and is part of the fingerprint of results.
 """
 
 from typing import Annotated, Any, Literal, Self
@@ -38,7 +38,7 @@ Relative = Annotated[float, Field(gt=-1, le=10)]
 
 
 class Manoeuvre(Section):
-    """The chirp that cases are recorded on: amplitude [rad], frequencies [Hz], duration [s], rate [Hz]."""
+    """The chirp of the recordings: amplitude [rad], frequencies [Hz], duration [s], sampling rate [Hz]."""
 
     amplitude: float = 5e-3
     start_hz: NotNegative = 0.0
@@ -47,7 +47,7 @@ class Manoeuvre(Section):
     sample_rate: SampleRate = 5000.0
 
     def chirp(self, actuator: Actuator, duration: float) -> Chirp:
-        """Return the command of `duration` [s], about 0 or in the middle of the travel of `actuator`."""
+        """Return the command of `duration` [s], about 0 or about the middle of the travel of `actuator`."""
         about = actuator.mechanics.start_for(-self.amplitude, self.amplitude)
         return Chirp(self.amplitude, self.start_hz, self.stop_hz, duration, about)
 
@@ -72,10 +72,10 @@ class Stribeck(Section):
 
 
 class Bristles(Section):
-    """Friction that gives before it slides: Canudas de Wit's LuGre, with Stribeck's levels.
+    """Friction with presliding: the LuGre model of Canudas de Wit, with Stribeck's levels.
 
-    Bristles bend by `bend` at the static level of a healthy plant [rad], at the motor; the levels fall over
-    `speed` [rad/s]; `damping` is a share of the critical one.
+    `bend` is the bend of the bristles at the static level of a healthy plant, at the motor [rad]; the levels
+    fall over `speed` [rad/s]; `damping` is relative to critical damping.
     """
 
     bend: Positive
@@ -101,11 +101,11 @@ class Shaft(Section):
 
 
 class ForeignFeatures(Section):
-    """What a foreign plant has that the reference model has not; nothing by default.
+    """Features of a foreign plant that the reference model lacks; none by default.
 
-    `hall` is how early the Hall sensor of each phase switches and `hall_hysteresis` how late in either
-    direction [electrical degrees], `commutation_delay` how late the drive is, `sensor_lag` the time constant
-    of the current sensors [s].
+    `hall` is the lead with which the Hall sensor of each phase switches, `hall_hysteresis` its delay in
+    either direction [electrical degrees]; `commutation_delay` is the delay of the commutation [s],
+    `sensor_lag` the time constant of the current sensors [s].
     """
 
     friction: Stribeck | Bristles | None = None
@@ -118,11 +118,11 @@ class ForeignFeatures(Section):
 
 
 class VaryingLoad(Section):
-    """A load at the motor that varies while it is recorded, in addition to the constant one.
+    """A load at the motor that varies during the recording, in addition to the constant load.
 
-    It swings by `swing` [N·m] at `frequency` [Hz], drifts by `drift` [N·m/s], and rises with the user's
-    position by `hinge` [N·m/rad]. In the middle it steps by `step` [N·m], at once or over `rise` [s], to stay
-    or for `lasts` [s].
+    It contains a sine of amplitude `swing` [N·m] and `frequency` [Hz], a ramp of `drift` [N·m/s], and a load
+    stiffness `hinge` [N·m/rad] on the user's position. In the middle of the recording it steps by `step`
+    [N·m], within `rise` [s], until the end or for `lasts` [s].
     """
 
     swing: float = 0.0
@@ -135,41 +135,42 @@ class VaryingLoad(Section):
 
 
 class Rig(Section):
-    """What is recorded, how, and of an actuator that deviates from its description by how much.
+    """Recorded channels, noise and converters, and the deviations of the actuator from its description.
 
-    The defaults are the base setting of the pages: noise, converters, load and temperature unknown; current
-    and line voltage recorded. Load, heat, supply and inertia are drawn anew for each case, from their ranges.
+    The defaults are the base setting of the pages: noise and converters; load and temperature unknown;
+    current and line voltage recorded. Load, heat, supply and inertia are drawn for each case from their
+    ranges.
 
     Parameters
     ----------
     label
-        What results call the rig.
+        Name of the rig in the results.
     channels
-        Recorded in addition to time and command; `current_A` among them.
+        Channels recorded in addition to time and command; must contain `current_A`.
     noise
         White noise on the current, rms [A].
     adc_bits
-        Resolution of the converters of all channels; "exact" for none.
+        Resolution of the converters of all channels [bit]; "exact" for no quantisation.
     sample_rate, duration
-        In place of the manoeuvre's, where given [Hz], [s].
+        Sampling rate [Hz] and duration [s]; by default those of the manoeuvre.
     load
         Range of a constant load at the motor shaft, added to the nominal one [N·m].
     heat
         Range of the temperature rise of windings and magnets [K].
     supply, inertia
-        Ranges of their relative deviations.
+        Ranges of the relative deviations of supply voltage and inertia.
     tolerances, stated
-        Of the described parameters: those of each case's unit are drawn from them, and the description that a
-        diagnosis is given states them, or passes for exact.
+        Tolerances of described parameters, from which those of each case's unit are drawn; if `stated`, the
+        description that the diagnosis uses contains the tolerances, otherwise its parameters count as exact.
     controller_noise
-        White noise on the reference current, rms [A] a step (thesis 4.1); the reference model only.
+        White noise on the reference current, rms [A] per step (thesis 4.1); for the reference model only.
     varying_load
-        A load that varies; the reference model only.
+        A load that varies; for the reference model only.
     foreign
-        Features of a plant that is not the reference model, which then makes the recording.
+        Features of a foreign plant, which then simulates the recording in place of the reference model.
     calibrated
-        Laws that the actuator is calibrated with, on three healthy recordings of the rig, beforehand; "auto"
-        leaves their choice to the calibration.
+        Laws with which the actuator is calibrated before, on three healthy recordings of the rig; with
+        "auto", the calibration selects the laws.
     """
 
     label: Label
@@ -219,7 +220,7 @@ class Rig(Section):
         return ends
 
     @model_validator(mode="after")
-    def _foreign_plant_can_have_it(self) -> "Rig":
+    def _check_foreign_plant(self) -> "Rig":
         if self.foreign is not None and self.controller_noise:
             raise StudyError("a foreign plant's controller has no noise; leave out 'controller_noise'")
         if self.foreign is not None and self.varying_load is not None:
@@ -227,7 +228,7 @@ class Rig(Section):
         return self
 
     @model_validator(mode="after")
-    def _something_is_stated(self) -> "Rig":
+    def _check_stated(self) -> "Rig":
         if self.stated and self.tolerances is None:
             raise StudyError(
                 "there are no 'tolerances' that could be stated; give some, or leave out 'stated'"

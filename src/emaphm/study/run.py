@@ -1,4 +1,4 @@
-"""Running a study: what is missing is done, on this machine or a cluster, and kept as it finishes."""
+"""Execution of a study on this machine or a cluster: missing trials are run, and each result is stored."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,44 +20,44 @@ def run_study(
     mix: bool = False,
     on_run: OnTask | None = None,
 ) -> Store:
-    """Do what is missing of `plan` in `folder`, and return its store with every result.
+    """Run the trials of `plan` whose results are missing in `folder`, and return its store with all results.
 
-    Results do not depend on the number of workers, on where they are, or on interruptions. The store's
-    `damaged` are the trials whose rows were damaged; they have been done again.
+    Results do not depend on the number of workers, on their machines, or on interruptions. `damaged` of the
+    store are the trials whose rows were damaged; they have been run again.
 
     Parameters
     ----------
     share
-        Share of the trials to do now, in (0, 1]: the first of each kind. The folder is the whole plan's, so
-        that a later call goes on with the others.
+        Share of the trials to run now, in (0, 1]: the first of each kind. The folder belongs to the whole
+        plan, so that a later call continues with the other trials.
     workers
-        Processes on this machine; one a core where left out.
+        Number of processes on this machine; by default one per core.
     scheduler
-        Address of a Dask scheduler, e.g. ``tcp://10.0.0.1:8786``, to run on its workers instead.
+        Address of a Dask scheduler, e.g. ``tcp://10.0.0.1:8786``, whose workers run the trials instead.
     mix
-        Whether results of another version of the models, in the folder already, may stand.
+        Whether results of another version of the models that are already in the folder are kept.
     on_run
-        Called at the start and after each trial: how many are done, of how many.
+        Called at the start and after each trial with the numbers of finished trials and of all trials.
 
     Raises
     ------
     StudyError
-        The folder cannot be used, or some trials failed; those that did not are kept.
+        The folder cannot be used, or some trials failed; results of the others are stored.
     ExecutionError, OutputError
-        The workers, the scheduler or the file of results cannot be used; what finished is kept.
+        The workers, the scheduler or the file of results cannot be used; finished results are stored.
     """
-    asked = tasks(plan, trials_of(plan, share))
+    selected = tasks(plan, trials_of(plan, share))
     check_workers(scheduler)
     store = Store.create(folder, plan, mix=mix)
     with store.locked():
-        store = Store.create(folder, plan, mix=mix)  # another study may have added to it meanwhile
+        store = Store.create(folder, plan, mix=mix)  # opened again: another process may have added results
         store.clear()
         done = set(store.results["index"])
-        failures = run_tasks(asked, store.kept, workers=workers, scheduler=scheduler, on_task=on_run)
+        failures = run_tasks(selected, store.kept, workers=workers, scheduler=scheduler, on_task=on_run)
     if failures:
-        missing = sum(task.index not in done for task in asked)
+        missing = sum(task.index not in done for task in selected)
         raise StudyError(
             f"{len(failures)} of {missing} runs failed, the first: {failures[0]}; "
-            f"what finished is kept in {folder}"
+            f"finished results are stored in {folder}"
         )
     return replace(Store.open(folder), damaged=store.damaged)

@@ -1,8 +1,8 @@
-"""Recordings with one fault of a sensor each, and what a diagnosis says of them.
+"""Study of recordings with one sensor fault each: detection of this fault, and accuracy of the diagnosis.
 
-``python -m emaphm.study.sensor_errors 5`` prints the table of docs/sensor_faults.md, of 5 cases a fault;
-``--sensor``, ``--fault`` and ``--channels`` choose one row of it, and what else is recorded; ``--nuisances``
-what is estimated with the faults.
+``python -m emaphm.study.sensor_errors 5`` prints the table of docs/sensor_faults.md, with 5 cases per fault;
+``--sensor`` and ``--fault`` select a row of it, ``--channels`` the recorded channels, ``--nuisances`` the
+nuisances estimated with the faults.
 """
 
 import argparse
@@ -35,14 +35,15 @@ ALL: tuple[tuple[str | None, Kind | None], ...] = (
     (None, None),
     *((channel, kind) for channel in CHANNELS for kind in KINDS),
 )
-"""Sensors and their faults, first a recording without any."""
+"""Sensors and their faults; the first is a recording without a sensor fault."""
 
 
 @dataclass(frozen=True)
 class ErrorSizes:
-    """The faults of the study: `bias` and `drift` of the channel's range, `scale` of its value.
+    """Sizes of the sensor faults: `bias` and `drift` relative to the channel's range, `scale` to its value.
 
-    `delay` in rows; `held` is a share of the rows, `frozen` of the duration, `clipped` of the largest value.
+    `delay` is in rows; `held` is a share of the rows, `frozen` of the duration, `clipped` of the largest
+    value.
     """
 
     bias: float = 0.01
@@ -60,11 +61,11 @@ SIZES = ErrorSizes()
 def spoilt(recording: Recording, channel: str, kind: Kind, actuator: Actuator, seed: int) -> Recording:
     """Return `recording` with one fault of the sensor of `channel`, of the size in `SIZES`."""
     values = np.array(recording[channel])
-    reach, rows = full_scales(actuator)[channel], values.size
+    full_scale, rows = full_scales(actuator)[channel], values.size
     makers: Mapping[Kind, Callable[[], Array]] = {
-        "bias": lambda: values + SIZES.bias * reach,
+        "bias": lambda: values + SIZES.bias * full_scale,
         "scale": lambda: values * (1 + SIZES.scale),
-        "drift": lambda: values + SIZES.drift * reach * np.linspace(0.0, 1.0, rows),
+        "drift": lambda: values + SIZES.drift * full_scale * np.linspace(0.0, 1.0, rows),
         "delay": lambda: np.concatenate([np.full(SIZES.delay, values[0]), values[: -SIZES.delay]]),
         "held": lambda: _held(values, seed),
         "frozen": lambda: _frozen(values),
@@ -89,10 +90,10 @@ def _frozen(values: Array) -> Array:
 
 @dataclass(frozen=True)
 class SensorFaultOutcome:
-    """What a diagnosis said: whether a fault of a sensor was `named`, `rightly`, and what of it is wrong.
+    """Result of a diagnosis: whether a sensor fault was `named`, and `rightly`; and the `wrong` components.
 
-    `estimated` says whether it was a parameter of the estimate, named or too small to be. `error` is that of
-    the fault vector [%], `held` the share of the components inside their intervals.
+    `estimated`: whether the sensor fault was a parameter of the estimate, also if it was too small to be
+    named. `error`: error of the fault vector [%]. `held`: share of the components within their intervals.
     """
 
     estimated: bool
@@ -105,9 +106,9 @@ class SensorFaultOutcome:
 
 
 def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind | None) -> SensorFaultOutcome:
-    """Return the outcome of a recording whose sensor of `channel` has a fault of `kind`, None without one."""
-    found = {(one.channel, one.kind) for one in diagnosis.sensor_faults}
-    rightly = found == {(channel, kind)} if kind else not found
+    """Return the outcome of a recording whose sensor of `channel` has a fault of a `kind`, or none (None)."""
+    named = {(fault.channel, fault.kind) for fault in diagnosis.sensor_faults}
+    rightly = named == {(channel, kind)} if kind else not named
     wrong = tuple(wrong_components(diagnosis, truth)) if diagnosis.explained else ()
     held = [
         holds(name, diagnosis.interval[name], true) for name, true in zip(NAMES, truth.vector, strict=True)
@@ -116,7 +117,7 @@ def judged(diagnosis: Diagnosis, truth: Faults, channel: str | None, kind: Kind 
     nuisance = f"{sensor_of(channel or '')}_{'offset' if kind == 'bias' else kind}"
     estimated = nuisance in diagnosis.nuisances
     return SensorFaultOutcome(
-        estimated, bool(found), rightly, diagnosis.explained, wrong, error, float(np.mean(held))
+        estimated, bool(named), rightly, diagnosis.explained, wrong, error, float(np.mean(held))
     )
 
 
@@ -127,7 +128,7 @@ def rows(
     channels: tuple[str, ...] = CHANNELS,
     nuisances: Sequence[str] | None = None,
 ) -> Iterator[tuple[str, ...]]:
-    """Yield rows of text, one of each of `faults`, as `HEADER` has them, of `count` cases with `channels`.
+    """Yield a row of text with the columns of `HEADER` for each of `faults`, from `count` cases each.
 
     `nuisances` as in `emaphm.diagnosis.diagnose`.
     """
@@ -139,21 +140,21 @@ def rows(
             recording = recorded(rig, actuator, Manoeuvre(), truth, seed)
             if channel is not None and kind is not None:
                 recording = spoilt(recording, channel, kind, actuator, seed)
-            found = diagnose(recording, actuator, nuisances=nuisances, seed=seed, workers=1)
-            outcomes.append(judged(found, truth, channel, kind))
+            diagnosis = diagnose(recording, actuator, nuisances=nuisances, seed=seed, workers=1)
+            outcomes.append(judged(diagnosis, truth, channel, kind))
         counted = (
-            [one.estimated for one in outcomes],
-            [one.named for one in outcomes],
-            [one.rightly for one in outcomes],
-            [one.explained for one in outcomes],
-            [bool(one.wrong) for one in outcomes],
+            [outcome.estimated for outcome in outcomes],
+            [outcome.named for outcome in outcomes],
+            [outcome.rightly for outcome in outcomes],
+            [outcome.explained for outcome in outcomes],
+            [bool(outcome.wrong) for outcome in outcomes],
         )
         yield (
             channel or "none",
             kind or "-",
-            *(f"{sum(what)} of {count}" for what in counted),
-            f"{np.median([one.error for one in outcomes]):.2f} %",
-            f"{100 * np.mean([one.held for one in outcomes]):.0f} %",
+            *(f"{sum(flags)} of {count}" for flags in counted),
+            f"{np.median([outcome.error for outcome in outcomes]):.2f} %",
+            f"{100 * np.mean([outcome.held for outcome in outcomes]):.0f} %",
         )
 
 
@@ -171,26 +172,28 @@ HEADER = (
 
 
 def main() -> None:
-    """Print the table that the command line asks for."""
+    """Print the table for the arguments of the command line."""
     parser = argparse.ArgumentParser(prog="python -m emaphm.study.sensor_errors", description=__doc__)
-    parser.add_argument("cases", type=int, nargs="?", default=1, help="random fault vectors of each fault")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first of them")
-    parser.add_argument("--sensor", choices=CHANNELS, help="a channel; all if left out")
-    parser.add_argument("--fault", choices=KINDS, help="a fault; all if left out")
-    parser.add_argument("--channels", nargs="+", choices=CHANNELS, default=CHANNELS, help="what is recorded")
     parser.add_argument(
-        "--nuisances", nargs="+", help="what is estimated; the default looks for what deviates"
+        "cases", type=int, nargs="?", default=1, help="number of random fault vectors per sensor fault"
     )
-    asked = parser.parse_args()
+    parser.add_argument("--first", type=int, default=0, help="seed of the first fault vector")
+    parser.add_argument("--sensor", choices=CHANNELS, help="channel of the sensor; default all channels")
+    parser.add_argument("--fault", choices=KINDS, help="kind of sensor fault; default all kinds")
+    parser.add_argument("--channels", nargs="+", choices=CHANNELS, default=CHANNELS, help="recorded channels")
+    parser.add_argument(
+        "--nuisances", nargs="+", help="estimated nuisances; default those that deviate significantly"
+    )
+    arguments = parser.parse_args()
     chosen = [
         (channel, kind)
         for channel, kind in ALL
-        if asked.sensor in (None, channel)
-        and asked.fault in (None, kind)
-        and (channel is None or channel in asked.channels)
+        if arguments.sensor in (None, channel)
+        and arguments.fault in (None, kind)
+        and (channel is None or channel in arguments.channels)
     ]
     table = []
-    for row in rows(asked.cases, asked.first, chosen, tuple(asked.channels), asked.nuisances):
+    for row in rows(arguments.cases, arguments.first, chosen, tuple(arguments.channels), arguments.nuisances):
         table.append(row)
         sys.stderr.write(" | ".join(row) + "\n")
     sys.stdout.write(format_table(HEADER, table) + "\n")

@@ -1,7 +1,7 @@
-"""The folder of a study: its plan, and a file of results with one row a trial.
+"""The folder of a study: its plan, and a file of results with one row per trial.
 
-A study that was stopped at any moment goes on where it stood. What identifies a trial comes from the plan,
-and its results are found under a digest of all that decides them: no other's can take their place.
+A study can be stopped at any time and resumed. The plan identifies a trial; the key of its result is a digest
+of everything that decides the result, so that results cannot be mistaken for each other.
 """
 
 import hashlib
@@ -42,8 +42,8 @@ IDENTITY: Schema = {
     "seed": pl.Int64,
     "truth": pl.List(pl.Float64),
 }
-"""What a trial is, as its plan says. `index` numbers it in the plan; `truth` is a fault vector; `rig` is
-empty where the recording is the noise-free one of the actuator as described."""
+"""Columns that identify a trial. `index` is its number in the plan; `truth` is a fault vector; `rig` is empty
+for the noise-free recording of the actuator as described."""
 
 MEASURED: Schema = {
     "found": pl.List(pl.Float64),
@@ -63,9 +63,9 @@ MEASURED: Schema = {
     "revision": pl.String,
     "version": pl.String,
 }
-"""What came of it. `found` is a fault vector; the curves are the best so far after each population; `seconds`
-is the wall time of the identification. Intervals, standard errors and verdicts, by component, and the flags
-of a diagnosis are null where a search alone was made."""
+"""Columns with the result of a trial. `found` is a fault vector; the curves are the best values after each
+population; `seconds` is the wall time of the identification. Intervals, standard errors and verdicts, by
+component, and the flags of a diagnosis are null for a search without diagnosis."""
 
 SCHEMA: Schema = {
     **IDENTITY,
@@ -74,8 +74,8 @@ SCHEMA: Schema = {
     "wall_seconds": pl.Float64,
     "cpu_seconds": pl.Float64,
 }
-"""Columns of the results, one row a trial: also the error of `found`, and wall and processor time of the
-whole trial, its recording included."""
+"""Columns of the results, one row per trial: in addition the error of `found`, and the wall and processor
+time of the whole trial with its recording."""
 
 PLAN = "plan.json"
 
@@ -85,7 +85,7 @@ class Store:
     """The folder of one study.
 
     `damaged` names the trials whose row is damaged; these count as missing. `elapsed_seconds` is the wall
-    time in which the study was under way, without its pauses.
+    time for which the study was running, without interruptions.
     """
 
     folder: Path
@@ -96,14 +96,14 @@ class Store:
 
     @classmethod
     def create(cls, folder: str | Path, plan: Plan, *, mix: bool = False) -> Self:
-        """Return the store of `plan` in `folder`, made where it is missing, with what is finished there.
+        """Return the store of `plan` in `folder`, created if it is missing, with its finished results.
 
-        `mix` lets results of another version of the models stand.
+        `mix` permits results of another version of the models.
 
         Raises
         ------
         StudyError
-            The folder holds something else, another plan's results, or results of another version.
+            The folder contains other files, results of another plan, or results of another version.
         ExecutionError, OutputError
             Its results are damaged, or cannot be read.
         """
@@ -111,7 +111,7 @@ class Store:
         if not (folder / PLAN).exists():
             _folder(folder).begin(plan.model_dump_json(indent=1))
         store = cls.open(folder)
-        differing = difference(*(one.model_dump(mode="json") for one in (store.plan, plan)))
+        differing = difference(*(compared.model_dump(mode="json") for compared in (store.plan, plan)))
         if differing:
             raise StudyError(
                 f"{folder} holds results of another plan: {differing}; give another folder with -o"
@@ -121,7 +121,7 @@ class Store:
 
     @classmethod
     def open(cls, folder: str | Path) -> Self:
-        """Return the store in `folder` as it is; errors as in `create`."""
+        """Return the existing store in `folder`; errors as in `create`."""
         folder = Path(folder)
         try:
             values = json.loads((folder / PLAN).read_text(encoding="utf-8"))
@@ -133,8 +133,8 @@ class Store:
         except (OSError, ValueError, RecursionError) as error:
             reason = str(error).splitlines()[0]
             raise StudyError(
-                f"{folder / PLAN}: cannot be read as a plan ({reason}); put back what stood there, or give "
-                "another folder with -o"
+                f"{folder / PLAN}: cannot be read as a plan ({reason}); restore the file, or give another "
+                "folder with -o"
             ) from None
         trials = trials_of(plan)
         kept = ResultStore(_folder(folder).results)
@@ -159,28 +159,28 @@ class Store:
         if others and not mix:
             raise StudyError(
                 f"{self.folder} holds results of another version of the models ({', '.join(others)}; this is "
-                f"{revision()}); give another folder with -o, or --mix to let them stand"
+                f"{revision()}); give another folder with -o, or --mix to keep them"
             )
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep every other study out of the folder while the body runs, however the process ends."""
+        """Lock the folder against other processes while the body runs; released also if the process dies."""
         with _folder(self.folder).locked():
             yield
 
     def clear(self) -> None:
-        """Remove what a killed study left half-written."""
+        """Remove half-written files of a killed process."""
         _folder(self.folder).clear()
 
 
 def tasks(plan: Plan, trials: tuple[Trial, ...]) -> list[Task]:
-    """Return the tasks that `trials` of `plan` come to; a task's key covers all that decides its result."""
+    """Return the tasks of the `trials` of `plan`; a task's key covers everything that decides its result."""
     common = {
         "columns": sorted(MEASURED),
         "plan": plan.model_dump(mode="json", include={"actuator", "manoeuvre"}),
     }
     base = hashlib.sha256(json.dumps(common, sort_keys=True).encode())
-    dumped = {id(one): one.model_dump(mode="json") for one in (*plan.methods, *plan.rigs)}
+    dumped = {id(part): part.model_dump(mode="json") for part in (*plan.methods, *plan.rigs)}
     dumped[id(None)] = {}
     estimators: dict[int, str] = {}
     for method in plan.methods:
@@ -198,21 +198,21 @@ def tasks(plan: Plan, trials: tuple[Trial, ...]) -> list[Task]:
 
 
 def _content(estimator: str) -> str:
-    """Return a digest of what an estimator's file holds: results of another one are others."""
+    """Return a digest of an estimator's file: another estimator gives other results."""
     digest = content_digest(Path(estimator))
     if not digest:
-        raise StudyError(f"{estimator}: the estimator of the study cannot be read; put it there again")
+        raise StudyError(f"{estimator}: the estimator of the study cannot be read; restore the file")
     return digest
 
 
 def name_of(trial: Trial) -> str:
-    """Return what messages call a trial."""
+    """Return the name of a trial for messages."""
     rig = () if trial.rig is None else (trial.rig.label,)
     return ", ".join((*rig, trial.case, trial.contestant.label, f"run {trial.run}"))
 
 
 def identity(trial: Trial) -> dict[str, Any]:
-    """Return the columns `IDENTITY` of a trial's row."""
+    """Return the columns `IDENTITY` of the row of a trial."""
     return {
         "index": trial.index,
         "group": trial.group,

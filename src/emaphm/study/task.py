@@ -1,4 +1,4 @@
-"""Doing one trial of a study: record the case, identify, and return what came out."""
+"""One trial of a study: simulate the recording of the case, identify the faults, and return the result."""
 
 import time
 from dataclasses import replace
@@ -25,10 +25,10 @@ from emaphm.study.trials import Trial
 from emaphm.version import VERSION
 
 HEALTHY_RECORDINGS = 3
-"""Recordings that a rig's actuator is calibrated with."""
+"""Number of healthy recordings with which the actuator of a rig is calibrated."""
 
 FIRST_HEALTHY_SEED = 1_000_000
-"""Seed of the first of them, beyond those of any case."""
+"""Seed of the first healthy recording, beyond the seeds of all cases."""
 
 CURRENTS = {"torque": "current_A", "active": "current_active_A", "magnitude": "current_magnitude_A"}
 """The reference model's channel for each form of the equivalent current."""
@@ -41,30 +41,31 @@ NOT_DIAGNOSED: dict[str, Any] = {
     "explained": None,
     "moves": None,
 }
-"""What a search alone does not say."""
+"""Columns of a diagnosis, which are null for a search without diagnosis."""
 
 
 def perform(
     actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial, expected: str, estimator_digest: str | None = None
 ) -> dict[str, Any]:
-    """Return what came of one trial (`emaphm.study.store.MEASURED`); all but `seconds` is reproducible.
+    """Return the result of one trial (`emaphm.study.store.MEASURED`), reproducible except for `seconds`.
 
-    `estimator_digest` is that of the method's estimator when the study began (`DiagnosisSettings`).
+    `estimator_digest` is the digest of the method's estimator at the start of the study
+    (`DiagnosisSettings`).
 
     Raises
     ------
     StudyError
-        The code here is not that of revision `expected`.
+        The code of this process differs from that of revision `expected`.
     """
     if revision() != expected:
         raise StudyError(
             f"this worker runs another version of the models ({revision()}; the study's is {expected}); "
             "install the same emaphm there"
         )
-    # Else the first trial of a worker would be timed with it.
+    # Otherwise the time of a worker's first trial would include the preparation.
     trial.contestant.chosen().prepare()
     if trial.rig is None:
-        found = _searched(
+        result = _searched(
             _exact_recording(actuator, manoeuvre, trial), actuator, trial, trial.contestant.nuisances or ()
         )
     else:
@@ -74,18 +75,18 @@ def perform(
         if trial.rig.calibrated:
             actuator = _calibrated(trial.rig, actuator, manoeuvre)
         if trial.contestant.chosen().least_squares:
-            found = _diagnosed(recording, actuator, trial, estimator_digest)
+            result = _diagnosed(recording, actuator, trial, estimator_digest)
         else:
-            found = _searched(recording, actuator, trial, ())
-    return {**found, "revision": expected, "version": VERSION}
+            result = _searched(recording, actuator, trial, ())
+    return {**result, "revision": expected, "version": VERSION}
 
 
 def _diagnosed(
     recording: Recording, actuator: Actuator, trial: Trial, estimator_digest: str | None
 ) -> dict[str, Any]:
-    """Return what `diagnose` says, as a user gets it."""
+    """Return the result of `diagnose`, as a user would call it."""
     contestant = trial.contestant
-    # One thread a trial, here and below: a study keeps the cores busy with trials side by side.
+    # One thread per trial, here and below: a study uses the cores by parallel trials.
     settings = replace(
         contestant.settings(trial.seed),
         model=trial.model,
@@ -95,7 +96,7 @@ def _diagnosed(
     diagnosis = settings.diagnosed(recording, actuator)
     components = [diagnosis.components[name] for name in NAMES]
     return {
-        "found": [one.value for one in components],
+        "found": [estimate.value for estimate in components],
         "fitness_value": diagnosis.fitness,
         "evaluations": diagnosis.evaluations,
         "reference_runs": diagnosis.reference_runs,
@@ -103,10 +104,10 @@ def _diagnosed(
         "curve_evaluations": [],
         "curve_fitness": [],
         "curve_error_percent": [],
-        "lower95": [one.interval95[0] for one in components],
-        "upper95": [one.interval95[1] for one in components],
-        "standard_error": [one.standard_error for one in components],
-        "verdict": [one.verdict for one in components],
+        "lower95": [estimate.interval95[0] for estimate in components],
+        "upper95": [estimate.interval95[1] for estimate in components],
+        "standard_error": [estimate.standard_error for estimate in components],
+        "verdict": [estimate.verdict for estimate in components],
         "explained": diagnosis.explained,
         "moves": diagnosis.moves,
     }
@@ -114,7 +115,7 @@ def _diagnosed(
 
 @lru_cache(maxsize=64)
 def _calibrated(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre) -> Actuator:
-    """Return the actuator with the rig's laws, as healthy recordings of the rig show them."""
+    """Return the actuator calibrated with the laws of the rig, on healthy recordings of the rig."""
     seeds = range(FIRST_HEALTHY_SEED, FIRST_HEALTHY_SEED + HEALTHY_RECORDINGS)
     recordings = [recorded(rig, actuator, manoeuvre, Faults(), seed) for seed in seeds]
     return calibrate(recordings, actuator, laws=rig.calibrated, workers=1).actuator
@@ -123,7 +124,7 @@ def _calibrated(rig: Rig, actuator: Actuator, manoeuvre: Manoeuvre) -> Actuator:
 def _searched(
     recording: Recording, actuator: Actuator, trial: Trial, nuisances: tuple[str, ...]
 ) -> dict[str, Any]:
-    """Return where the search ends, and its way there."""
+    """Return the end point of the search, with the curves of its convergence."""
     evaluations: list[int] = []
     fitnesses: list[float] = []
     bests: list[Array] = []
@@ -138,7 +139,7 @@ def _searched(
     model = model_named(trial.model)
     # The thesis's cases have components in [0, 1], and its methods search there.
     objective = objective_for(recording, actuator, method, model, nuisances, workers=1, below_healthy=False)
-    found = search(
+    end = search(
         objective,
         SearchSettings(method, trial.contestant.max_corrections, trial.seed),
         fitness=trial.fitness,
@@ -147,8 +148,8 @@ def _searched(
     seconds = time.perf_counter() - began
     evaluated, reference_runs = objective.problem.runs.of(model)
     return {
-        "found": objective.space.faults(found.point).tolist(),
-        "fitness_value": found.cost,
+        "found": objective.space.faults(end.point).tolist(),
+        "fitness_value": end.cost,
         "evaluations": evaluated,
         "reference_runs": reference_runs,
         "seconds": seconds,
@@ -175,7 +176,7 @@ def _exact_recording(actuator: Actuator, manoeuvre: Manoeuvre, trial: Trial) -> 
 
 @lru_cache(maxsize=64)
 def _exact(actuator: Actuator, manoeuvre: Manoeuvre, truth: tuple[float, ...]) -> Recording:
-    """Return the reference model's noise-free recording of a case; methods and runs share it."""
+    """Return the noise-free recording of a case by the reference model; all methods and runs share it."""
     return simulate(
         actuator,
         manoeuvre.chirp(actuator, manoeuvre.duration),

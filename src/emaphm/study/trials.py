@@ -1,4 +1,4 @@
-"""The trials that a plan comes to: which method runs on which case, with which seed."""
+"""The trials of a plan: combinations of method and case with their seeds."""
 
 import hashlib
 import itertools
@@ -16,11 +16,12 @@ from emaphm.study.rig import Rig
 
 @dataclass(frozen=True)
 class Trial:
-    """One run of a method on a case. `index` numbers it in the plan; all randomness comes from `seed`.
+    """One run of a method on a case. `index` is its number in the plan; all randomness comes from `seed`.
 
-    `rig` makes the recording; without one it is that of the actuator as described, with white noise of
-    `noise_A` [A rms] on the current. `run` counts the repetitions of a case. `rank` is the trial's place
-    among the `of` trials that differ from it in case and repetition alone: a share has the first of each.
+    `rig` records the case; without a rig, the recording is that of the actuator as described, with white
+    noise of `noise_A` [A rms] on the current. `run` is the number of the repetition. `rank` is the number of
+    the trial among the `of` trials that differ only in case and repetition: a share consists of the first
+    ones.
     """
 
     index: int
@@ -41,9 +42,10 @@ class Trial:
 
 
 def trials_of(plan: Plan, share: float = 1.0) -> tuple[Trial, ...]:
-    """Return the trials; the first runs of every case and method come first, so that half a study shows all.
+    """Return the trials; the first runs of all cases and methods come first: half a study covers all cases.
 
-    Of a `share` in (0, 1], the first of each kind of case, rig, method and variant, at least one of each.
+    For a `share` in (0, 1], the first trials of each kind of case, rig, method and variant, at least one of
+    each.
 
     Raises
     ------
@@ -52,11 +54,11 @@ def trials_of(plan: Plan, share: float = 1.0) -> tuple[Trial, ...]:
     """
     if not 0 < share <= 1:
         raise StudyError(f"a share of {share:g} cannot be taken; give more than 0, up to 1")
-    every = _of_groups(plan) if plan.groups else _of_everything(plan)
-    return tuple(trial for trial in every if trial.rank < max(1, round(share * trial.of)))
+    trials = _trials_of_groups(plan) if plan.groups else _all_combinations(plan)
+    return tuple(trial for trial in trials if trial.rank < max(1, round(share * trial.of)))
 
 
-def _of_everything(plan: Plan) -> Iterator[Trial]:
+def _all_combinations(plan: Plan) -> Iterator[Trial]:
     combinations = itertools.product(
         range(plan.runs),
         plan.models,
@@ -89,17 +91,17 @@ def _of_everything(plan: Plan) -> Iterator[Trial]:
         )
 
 
-def _of_groups(plan: Plan) -> Iterator[Trial]:
-    """Yield the trials of the groups, the first of each first."""
-    found = []
+def _trials_of_groups(plan: Plan) -> Iterator[Trial]:
+    """Yield the trials of the groups, ordered by rank."""
+    ordered = []
     for group in plan.groups:
         rigs = [plan.rig_named[label] for label in group.rigs] or plan.rigs
         methods = [plan.method_named[label] for label in group.methods] or plan.methods
         for case, run in itertools.product(group.all_cases(plan.cases, plan.seed), range(group.runs)):
             combinations = itertools.product(plan.models, plan.fitnesses, rigs, methods)
-            found += [(group, case, run, *combination) for combination in combinations]
-    found.sort(key=lambda one: _rank(one[0], one[1], one[2]))
-    for index, (group, case, run, model, fitness, rig, contestant) in enumerate(found):
+            ordered += [(group, case, run, *combination) for combination in combinations]
+    ordered.sort(key=lambda row: _rank(row[0], row[1], row[2]))
+    for index, (group, case, run, model, fitness, rig, contestant) in enumerate(ordered):
         rank = _rank(group, case, run)
         yield Trial(
             index=index,

@@ -1,4 +1,4 @@
-"""Options of the verbs: single ones, groups of one subject, and how their text becomes objects."""
+"""Options of the verbs: single options, groups of options, and the conversion of their text to objects."""
 
 from emaphm.cli.options.groups import Common, Execution
 from emaphm.cli.options.manoeuvre import Manoeuvre

@@ -1,4 +1,4 @@
-"""The options of a manoeuvre: a command by name or from a file, its duration, and the rows a second."""
+"""Options of a manoeuvre: a named command or one from a file, its duration, and the sampling rate."""
 
 import math
 from dataclasses import dataclass
@@ -16,54 +16,57 @@ if TYPE_CHECKING:
     from emaphm.actuator import Actuator, Command
 
 AMPLITUDE = 5e-3
-"""Of a command by name [rad]."""
+"""Default amplitude of a named command, at the user [rad]."""
 
 REST_BEFORE_STEP = 0.1
-"""Share of the duration after which a step by name begins: without a rest its rows would be all the same."""
+"""Share of the duration after which the named step begins: without a rest, all its rows would be equal."""
 
 FREQUENCIES = {"chirp": 15.0, "decaying-chirp": 15.0, "sine": 4.0}
-"""Of the commands that have one: of the sine, and the last of a chirp [Hz]."""
+"""Default frequency of the named commands that have one: of the sine, and the final one of a chirp [Hz]."""
 
-BY_NAME = ("chirp", "decaying-chirp", "step", "ramp", "sine")
+NAMED_COMMANDS = ("chirp", "decaying-chirp", "step", "ramp", "sine")
 
-ONE_WAY = ("step", "ramp")
-"""Of these the commands that leave their start to one side only."""
+ONE_SIDED = ("step", "ramp")
+"""Named commands that move to one side of their start only."""
 
 JUMP = 0.05
-"""Distance of a command's first value from the resting shaft, of what it covers, from which it is a jump."""
+"""Distance from the resting shaft to a command's first value that counts as a jump, relative to the command's
+range."""
 
-ROWS_SEEN = 10_000
-"""Times at which a command is looked at for what it covers."""
+EVALUATED_TIMES = 10_000
+"""Number of times at which a command is evaluated to find its range."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Manoeuvre:
-    """What `simulate`, `design` and `train` take of a manoeuvre."""
+    """Options of a manoeuvre, for `simulate`, `design` and `train`."""
 
     command: Annotated[
         str,
         Parameter(
-            help="chirp, decaying-chirp, step (after a tenth of the duration), ramp, sine, or a file with "
-            "time_s and command_rad."
+            help="Command: chirp, decaying-chirp, step (after a tenth of the duration), ramp or sine; or a "
+            "file with the columns time_s and command_rad."
         ),
     ] = "chirp"
     amplitude: Annotated[
-        float | None, Parameter(help="Of a command by name, at the user [rad]; 0.005 if left out.")
+        float | None,
+        Parameter(help="Amplitude of a named command, at the user [rad; m if linear]; default 0.005."),
     ] = None
     frequency: Annotated[
-        float | None, Parameter(help="Of the sine, or the last of a chirp [Hz]; 4 and 15 if left out.")
+        float | None,
+        Parameter(help="Frequency of the sine, default 4, or final frequency of a chirp, default 15 [Hz]."),
     ] = None
     about: Annotated[
         float | None,
         Parameter(
-            help="Where the shaft rests first, at the user [rad]; a command by name is counted from there. "
-            "0 if left out; where an end stop is too near for a command by name, such that the command is in "
-            "the middle of the travel."
+            help="Initial position of the shaft, at rest, at the user [rad; m if linear]; a named command is "
+            "relative to it. Default 0; if an end stop is too near for a named command, the position that "
+            "puts the command in the middle of the travel."
         ),
     ] = None
-    duration: Annotated[float, Parameter(help="Of the recording [s].")] = 0.5
-    sample_rate: Annotated[float, Parameter(help="Rows a second [Hz].")] = 5000.0
+    duration: Annotated[float, Parameter(help="Duration of the recording [s].")] = 0.5
+    sample_rate: Annotated[float, Parameter(help="Sampling rate of the recording [Hz].")] = 5000.0
 
     def command_for(self, actuator: "Actuator") -> "Command":
         """Return the command, with room between the end stops of `actuator`.
@@ -71,35 +74,35 @@ class Manoeuvre:
         Raises
         ------
         SignalError
-            It is unknown, not finite, or what the options say of it does not fit together.
+            The command is unknown or not finite, or its options contradict each other.
         """
         self._check()
-        if self.command in BY_NAME:
-            return self._by_name(actuator)
+        if self.command in NAMED_COMMANDS:
+            return self._named_command(actuator)
         if not Path(self.command).suffix:
             raise SignalError(
-                f"unknown command '{self.command}' (known: {', '.join(BY_NAME)}); or give a file such as "
-                "command.csv"
+                f"unknown command '{self.command}' (known: {', '.join(NAMED_COMMANDS)}); or give a file such "
+                "as command.csv"
             )
         if self.amplitude is not None:
-            raise SignalError(f"--amplitude is of {', '.join(BY_NAME)}; leave it out with a file")
+            raise SignalError(f"--amplitude is of {', '.join(NAMED_COMMANDS)}; leave it out with a file")
         return signal_in(self.command, "command_rad", self.duration)
 
     def jump_of(self, command: "Command") -> str | None:
-        """Return that a command from a file begins elsewhere than the shaft rests; None where it does not."""
-        if self.command in BY_NAME:
+        """Return a note if a command from a file starts away from the resting shaft, otherwise None."""
+        if self.command in NAMED_COMMANDS:
             return None
         import numpy as np
 
         from emaphm.actuator.commands import rest_position
 
-        values = command(np.linspace(0.0, self.duration, ROWS_SEEN))
+        values = command(np.linspace(0.0, self.duration, EVALUATED_TIMES))
         first, start = float(values[0]), rest_position(command, self.about)
         if abs(first - start) <= JUMP * np.ptp(values):
             return None
         return (
-            f"{self.command}: the command begins at {first:g}, the shaft at {start:g}: it jumps there. With "
-            f"--about {first:g} it would rest there"
+            f"{self.command}: the command starts at {first:g}, but the shaft rests at {start:g}, so the "
+            f"command begins with a jump; to start the shaft at {first:g}, give --about {first:g}"
         )
 
     def _check(self) -> None:
@@ -118,22 +121,22 @@ class Manoeuvre:
         if self._highest_hz > self.sample_rate / 2 > 0:
             raise SignalError(
                 f"--frequency {self._highest_hz:g} Hz is above half of the {self.sample_rate:g} rows a "
-                "second, which would show another motion; give a lower one, or a higher --sample-rate"
+                "second (aliasing); give a lower frequency, or a higher --sample-rate"
             )
 
     @property
     def _highest_hz(self) -> float:
         return FREQUENCIES.get(self.command, 0.0) if self.frequency is None else self.frequency
 
-    def _by_name(self, actuator: "Actuator") -> "Command":
+    def _named_command(self, actuator: "Actuator") -> "Command":
         from emaphm.actuator import Chirp, DecayingChirp, Ramp, Sine, Step
 
         amplitude = AMPLITUDE if self.amplitude is None else self.amplitude
         duration, highest = self.duration, self._highest_hz
         about = self.about
         if about is None:
-            ways = (0.0, amplitude) if self.command in ONE_WAY else (-amplitude, amplitude)
-            about = actuator.mechanics.start_for(min(ways), max(ways))
+            extremes = (0.0, amplitude) if self.command in ONE_SIDED else (-amplitude, amplitude)
+            about = actuator.mechanics.start_for(min(extremes), max(extremes))
         makers: dict[str, Callable[[], Command]] = {
             "chirp": lambda: Chirp(amplitude, stop_hz=highest, duration=duration, about=about),
             "decaying-chirp": lambda: DecayingChirp(

@@ -1,4 +1,4 @@
-"""Single options that several verbs take, each with its name and its help."""
+"""Single options that several verbs share, each with its name and its help."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def whole_number(_: Any, tokens: "Sequence[Token]") -> int:
-    """Return a whole number; 1.5 is refused, where the usual conversion would round it."""
+    """Return a whole number; 1.5 is refused, whereas the default conversion would round it."""
     try:
         return int(tokens[0].value)
     except ValueError:
@@ -24,14 +24,16 @@ AsJson = Annotated[
 ]
 Seed = Annotated[
     int,
-    Parameter(converter=whole_number, help="Source of all randomness; the same seed gives the same numbers."),
+    Parameter(
+        converter=whole_number, help="Seed of the random numbers; the same seed gives the same results."
+    ),
 ]
 Force = Annotated[bool, Parameter(negative="", help="Replace existing output files.")]
 ActuatorFile = Annotated[
     str,
     Parameter(
-        help="TOML description of the actuator, or a built-in one: 'thesis' (or 'bldc'), 'six-step', 'pmsm', "
-        "'dc'."
+        help="TOML description of the actuator, or the name of a built-in one: 'thesis' (or 'bldc'), "
+        "'six-step', 'pmsm', 'dc'."
     ),
 ]
 FaultList = Annotated[
@@ -40,23 +42,31 @@ FaultList = Annotated[
         name="--fault",
         negative="",
         show_default=False,
-        help="NAME=VALUE, from 0 to 1; friction may be less; may be repeated.",
+        help="Normalised fault as NAME=VALUE, e.g. backlash=0.2: from 0 to 1, friction also below 0; may be "
+        "repeated; healthy by default.",
     ),
 ]
 RECORDING_KINDS = ".csv, .parquet, .mat, .tdms, .h5, .hdf5 or .mf4"
 RecordingFile = Annotated[Path, Parameter(help=f"Recording: {RECORDING_KINDS}.")]
-RecordingsAt = Annotated[Path, Parameter(help=f"Recordings: {RECORDING_KINDS}; or a folder of them.")]
+RecordingsAt = Annotated[
+    Path, Parameter(help=f"Recording: {RECORDING_KINDS}; or a folder with several recordings.")
+]
 Workers = Annotated[
-    int | None, Parameter(converter=whole_number, help="Processes side by side; one a core if left out.")
+    int | None, Parameter(converter=whole_number, help="Number of parallel processes; default one per core.")
 ]
 Scheduler = Annotated[
-    str | None, Parameter(help="Address of a Dask scheduler to run on, e.g. tcp://10.0.0.1:8786.")
+    str | None,
+    Parameter(
+        help="Address of a Dask scheduler whose workers run the tasks, e.g. tcp://10.0.0.1:8786; by default "
+        "they run on this machine."
+    ),
 ]
 By = Annotated[
     str | None,
     Parameter(
-        help="What a file is cut by: columns with commas between, 'period' of the command, its 'rests', or "
-        "'stretches' without a gap. As the TOML says if left out."
+        help="How a file is split into recordings: at each change of the columns named, separated by commas; "
+        "by 'period' or 'rests' of the command; or into 'stretches' without a gap. Default: the TOML's "
+        "[reading]."
     ),
 ]
 KnownList = Annotated[
@@ -65,13 +75,20 @@ KnownList = Annotated[
         name="--known",
         negative="",
         show_default=False,
-        help="NAME=VALUE that holds for the whole file: a channel in its SI unit, such as temperature_K=300, "
-        "or a label, such as serial=A17; may be repeated.",
+        help="Constant of the whole file as NAME=VALUE: a channel in its SI unit, e.g. temperature_K=300, or "
+        "a label, e.g. serial=A17; may be repeated.",
     ),
 ]
 Fast = Annotated[
-    bool, Parameter(negative="", help="Take the estimator's answer as it is: milliseconds, less exact.")
+    bool,
+    Parameter(
+        negative="",
+        help="Return the answer of --estimator without refining it: this takes milliseconds, but is less "
+        "accurate.",
+    ),
 ]
-FigureFile = Annotated[Path | None, Parameter(help="Draw measured against model: .png, .svg or .pdf.")]
+FigureFile = Annotated[
+    Path | None, Parameter(help="Write a figure of the measured and modelled channels: .png, .svg or .pdf.")
+]
 
 FIGURES = (".png", ".svg", ".pdf")

@@ -1,4 +1,4 @@
-"""How the text of options becomes objects, and what is refused of it."""
+"""Conversion of the text of options to objects, with refusal of invalid text."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,23 +9,23 @@ if TYPE_CHECKING:
     from emaphm.actuator import Actuator, Faults, Load, Sampled
 
 CLOSE = 0.85
-"""Likeness of a name to a channel's from which on it is taken for a slip."""
+"""Similarity ratio of a name to a channel's name from which it is taken for a misspelling."""
 
 
 def check_seed(seed: int) -> None:
-    """Refuse a seed that no generator takes."""
+    """Refuse a negative seed, which random generators do not accept."""
     if seed < 0:
         raise SignalError(f"--seed {seed} is negative; give 0 or more")
 
 
 def check_fast(fast: bool, estimator: Path | None) -> None:
-    """Refuse --fast without the estimator whose answer it takes."""
+    """Refuse --fast without an estimator."""
     if fast and estimator is None:
-        raise MethodError("--fast takes an estimator's answer; name its file: --estimator FILE")
+        raise MethodError("--fast returns an estimator's answer; name its file: --estimator FILE")
 
 
 def check_output(path: Path | None, endings: tuple[str, ...], *, force: bool) -> None:
-    """Refuse an output that could not be written, before the work that it would be lost with."""
+    """Refuse an output that cannot be written, before the work whose result would be lost."""
     from emaphm.output_files import check_writable
 
     if path is not None:
@@ -33,21 +33,21 @@ def check_output(path: Path | None, endings: tuple[str, ...], *, force: bool) ->
 
 
 def described_actuator(name: str) -> "Actuator":
-    """Return the actuator that --actuator names."""
+    """Return the actuator named by --actuator."""
     from emaphm.actuator import Actuator
 
     return Actuator.load(name)
 
 
 def recording_of(path: Path, actuator: "Actuator", known: tuple[str, ...] = ()) -> Any:
-    """Return the recording in a file, its channels as `actuator` and the --known options say."""
+    """Return the recording in a file, with the channels of `actuator` and the values of --known."""
     from emaphm.recording import read_recording
 
     return read_recording(path, actuator, known=known_values(known))
 
 
 def known_values(assignments: tuple[str, ...]) -> dict[str, float | str]:
-    """Return what the --known options say: numbers of channels, texts of labels."""
+    """Return the values of the --known options by name: numbers of channels, texts of labels."""
     from emaphm.actuator.quantity import unit_for
     from emaphm.recording.schema import SCHEMA
 
@@ -71,7 +71,7 @@ def known_values(assignments: tuple[str, ...]) -> dict[str, float | str]:
 
 
 def _check_label(name: str, value: str) -> None:
-    """Refuse a number under a name that is nearly a channel's: as a label it would count for nothing."""
+    """Refuse a number whose name resembles a channel's: as a label it would have no effect."""
     from difflib import get_close_matches
 
     from emaphm.recording.schema import SCHEMA
@@ -80,8 +80,9 @@ def _check_label(name: str, value: str) -> None:
         float(value)
     except ValueError:
         return
-    channels = {one.lower().rpartition("_")[0]: one for one in ("load_Nm", "temperature_K", "supply_V")}
-    channels |= {one.lower(): one for one in SCHEMA}
+    with_unit = ("load_Nm", "temperature_K", "supply_V")
+    channels = {channel.lower().rpartition("_")[0]: channel for channel in with_unit}
+    channels |= {channel.lower(): channel for channel in SCHEMA}
     for close in get_close_matches(name.lower(), channels, n=1, cutoff=CLOSE):
         raise RecordingError(
             f"--known {name}={value}: no channel has that name (did you mean '{channels[close]}'?); for a "
@@ -90,7 +91,7 @@ def _check_label(name: str, value: str) -> None:
 
 
 def fault_vector(assignments: tuple[str, ...]) -> "Faults":
-    """Return the faults that the --fault options set."""
+    """Return the faults set by the --fault options."""
     from emaphm.actuator import Faults
 
     values = {}
@@ -106,7 +107,7 @@ def fault_vector(assignments: tuple[str, ...]) -> "Faults":
 
 
 def load_named(value: str, duration: float) -> "Load":
-    """Return the load that --load gives: a number, or a file."""
+    """Return the load given by --load: a number, or the signal in a file."""
     try:
         return float(value)
     except ValueError:
@@ -116,7 +117,7 @@ def load_named(value: str, duration: float) -> "Load":
 
 
 def signal_in(path: str, name: str, duration: float) -> "Sampled":
-    """Return the signal `name` in a file, which must have rows within the `duration` [s] of a simulation."""
+    """Return the signal `name` in a file; it must have rows within the `duration` [s] of the simulation."""
     from emaphm.recording import read_signal
 
     signal = read_signal(path, name)
@@ -130,7 +131,7 @@ def signal_in(path: str, name: str, duration: float) -> "Sampled":
 
 
 def names_in(text: str) -> list[str]:
-    """Return the names in `text`, which has commas between them; nothing for "none"."""
+    """Return the names in `text`, separated by commas; an empty list for "none"."""
     names = [name.strip() for name in text.split(",") if name.strip()]
     if "none" in names and len(names) > 1:
         raise MethodError(f"'{text}': give 'none' alone, or the names")

@@ -1,1 +1,1 @@
-"""The verbs on units and fleets: their history, requirements, life, and watching them in service."""
+"""Verbs for units and fleets: history, requirements, remaining useful life, and monitoring in service."""

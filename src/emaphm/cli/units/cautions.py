@@ -1,26 +1,29 @@
-"""What is said below a table of many prognoses: whose life is in doubt, and where to look."""
+"""Cautions below a table of prognoses: units with an uncertain remaining useful life, or with notes."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 
 def cautions(prognoses: Sequence[Mapping[str, Any]], more: str) -> list[str]:
-    """Return lines on prognoses, each as `emaphm prognose --json` prints it.
+    """Return the lines of caution for `prognoses`, in the form that `emaphm prognose --json` prints.
 
-    `more` is the command that shows all of a unit.
+    `more` is the command that shows the notes of one unit.
     """
     from emaphm.prognosis.notes.life import ENOUGH, without_rate
 
-    few = [one["unit"] for one in prognoses if without_rate(one["diagnoses"]["used"])]
-    odd = [one["unit"] for one in prognoses if not one["diagnoses"]["newest_explained"]]
-    noted = [one["unit"] for one in prognoses if one["notes"]]
+    from_prior = [made["unit"] for made in prognoses if without_rate(made["diagnoses"]["used"])]
+    unexplained = [made["unit"] for made in prognoses if not made["diagnoses"]["newest_explained"]]
+    noted = [made["unit"] for made in prognoses if made["notes"]]
     lines = []
-    if few:
-        lines.append(f"mostly by the prior, with fewer than {ENOUGH} explained diagnoses: {', '.join(few)}")
-    if odd:
+    if from_prior:
         lines.append(
-            f"the newest recording is not explained, and the forecast is without it: {', '.join(odd)}"
+            "remaining useful life mostly from the prior, with fewer than "
+            f"{ENOUGH} explained diagnoses: {', '.join(from_prior)}"
+        )
+    if unexplained:
+        lines.append(
+            "newest recording not explained, and not used in the prognosis: " + ", ".join(unexplained)
         )
     if noted:
-        lines.append(f"notes on {len(noted)} of {len(prognoses)} units; all of a unit: {more}")
+        lines.append(f"notes on {len(noted)} of {len(prognoses)} units; for the notes of a unit: {more}")
     return lines

@@ -1,4 +1,4 @@
-"""Options of what makes events and of where these go, the same for `watch` and `serve`."""
+"""Options on events and their receiver, shared by `watch` and `serve`."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
@@ -10,27 +10,28 @@ if TYPE_CHECKING:
 
 WebhookAddress = Annotated[
     str | None,
-    Parameter(env_var="EMAPHM_WEBHOOK", help="Address that is sent each event by POST, as JSON."),
+    Parameter(env_var="EMAPHM_WEBHOOK", help="URL to which each event is sent as JSON by an HTTP POST."),
 ]
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class FailureEvents:
-    """From when on a remaining useful life makes an event."""
+    """Conditions under which a prognosis raises an event."""
 
     horizon: Annotated[
         float,
-        Parameter(help="Flight hours from now on, within which a probable failure makes an event [h]."),
+        Parameter(help="Flight hours from now on for which the probability of failure is computed [h]."),
     ] = 200.0
     risk: Annotated[
-        float, Parameter(help="Probability of failure within the horizon from which an event is made.")
+        float,
+        Parameter(help="Probability of failure within --horizon from which an event is raised, 0 to 1."),
     ] = 0.05
 
     def settings(self) -> "PrognosisSettings":
-        """Return the settings of prognoses and their events; `PrognosisError` where they cannot be."""
+        """Return the settings of prognoses and their events; `PrognosisError` if they are invalid."""
         from emaphm.monitoring import WATCH
         from emaphm.prognosis import Question
 
-        Question(self.horizon, self.risk)  # refuses what cannot be
+        Question(self.horizon, self.risk)  # refuses invalid values
         return replace(WATCH.prognosis, horizon=self.horizon, risk=self.risk)

@@ -1,4 +1,4 @@
-"""`emaphm fleet …`: many units at once."""
+"""The verb `fleet simulate`: a synthetic fleet with its ground truth, diagnoses and prognoses."""
 
 import shlex
 from contextlib import ExitStack, contextmanager
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from emaphm.cli.interruption import going_on
+from emaphm.cli.interruption import resumable
 from emaphm.cli.options import (
     AsJson,
     Execution,
@@ -25,26 +25,26 @@ if TYPE_CHECKING:
     from emaphm.execution import OnTask
     from emaphm.fleet.synthetic import FleetFolder, FleetPlan, SyntheticUnit
 
-app = App(name="fleet", help="Many units at once: a synthetic fleet with its ground truth.")
+app = App(name="fleet", help="Simulate a synthetic fleet with known ground truth.")
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Fleet:
-    """Which fleet is made."""
+    """Size, flights and population of the fleet."""
 
     units: Annotated[int, Parameter(converter=whole_number, help="Number of units.")] = 10
     flights: Annotated[
-        int, Parameter(converter=whole_number, help="Most recorded check flights of a unit.")
+        int, Parameter(converter=whole_number, help="Largest number of recorded check flights per unit.")
     ] = 20
     interval: Annotated[float, Parameter(help="Flight hours between two check flights [h].")] = 80.0
-    population: Annotated[str, Parameter(help="What units are drawn from: 'fleet', or 'development'.")] = (
-        "fleet"
-    )
+    population: Annotated[
+        str, Parameter(help="Population from which units are drawn: 'fleet' or 'development'.")
+    ] = "fleet"
     seed: Seed = 0
 
     def plan(self) -> "FleetPlan":
-        """Return the plan of the fleet; errors where there can be none."""
+        """Return the plan of the fleet; raises an error if it is invalid."""
         from emaphm.fleet.synthetic import FleetPlan
 
         return FleetPlan(self.units, self.flights, self.interval, self.seed, self.population)
@@ -54,23 +54,29 @@ class Fleet:
 def simulate(
     *,
     out: Annotated[
-        Path, Parameter(name=("--out", "-o"), help="Folder of the fleet, new or of the same fleet.")
+        Path,
+        Parameter(name=("--out", "-o"), help="Folder of the fleet: a new one, or one of the same fleet."),
     ],
     fleet: Fleet = Fleet(),
     simulate_only: Annotated[
-        bool, Parameter(negative="", help="Make recordings and truth; do not diagnose them.")
+        bool, Parameter(negative="", help="Write recordings and ground truth only, without diagnoses.")
     ] = False,
-    horizon: Annotated[float, Parameter(help="How far is planned: flight hours from now on [h].")] = 1000.0,
+    horizon: Annotated[
+        float, Parameter(help="Planning horizon of the prognoses: flight hours from now on [h].")
+    ] = 1000.0,
     db: Annotated[
         str | None,
-        Parameter(help="SQLite file, or postgresql://USER@HOST:PORT/DATABASE; a file in --out if left out."),
+        Parameter(
+            help="Database of the history: an SQLite file, or postgresql://USER@HOST:PORT/DATABASE; default "
+            "a file in --out."
+        ),
     ] = None,
     execution: Execution = Execution(),  # noqa: B008 - frozen
     as_json: AsJson = False,
 ) -> None:
-    """Make a synthetic fleet, diagnose its recordings, and predict the life of each unit that still works.
+    """Simulate a synthetic fleet, diagnose its recordings, and predict the RUL of each unit that still works.
 
-    Start it again, and it goes on where it stopped.
+    After an interruption, the same command resumes.
     """
     check_seed(fleet.seed)
     execution.check()
@@ -79,16 +85,17 @@ def simulate(
 
     horizon = Question(horizon).horizon
     plan, folder = fleet.plan(), FleetFolder(out)
-    with going_on(f"what finished is kept in {out}; the same command goes on"), _steps(as_json) as on_step:
+    hint = f"finished results are stored in {out}; the same command resumes"
+    with resumable(hint), _step_counters(as_json) as on_step:
         chain = Chain(plan, folder, execution.workers, execution.scheduler, db, horizon, on_step)
         made = run_chain(chain, simulate_only=simulate_only)
-    held = db or str(folder.history)
-    _show(folder, made, plan.interval, held, simulate_only=simulate_only, as_json=as_json)
+    address = db or str(folder.history)
+    _show(folder, made, plan.interval, address, simulate_only=simulate_only, as_json=as_json)
 
 
 @contextmanager
-def _steps(quiet: bool) -> "Iterator[Callable[[str], OnTask | None]]":
-    """Yield what begins the progress of a step and ends that of the one before."""
+def _step_counters(quiet: bool) -> "Iterator[Callable[[str], OnTask | None]]":
+    """Yield a function that starts the progress of a step and ends the progress of the previous step."""
     with ExitStack() as stack:
 
         def begin(step: str) -> "OnTask | None":
@@ -102,7 +109,7 @@ def _show(
     folder: "FleetFolder",
     units: "list[SyntheticUnit]",
     interval: float,
-    held: str,
+    address: str,
     *,
     simulate_only: bool,
     as_json: bool,
@@ -111,7 +118,7 @@ def _show(
     from emaphm.history.storage.address import Address
     from emaphm.text_table import NOTHING, format_table
 
-    found = {} if simulate_only else {one["unit"]: one for one in prognoses(folder)}
+    made = {} if simulate_only else {prognosis["unit"]: prognosis for prognosis in prognoses(folder)}
     values: dict[str, Any] = {
         "synthetic": True,
         "folder": str(folder.path),
@@ -123,7 +130,7 @@ def _show(
                 "recordings": int(unit.check_flights(interval).size),
                 "failure_hours": unit.failure,
                 "failed": unit.failed,
-                "prognosis": found.get(unit.serial_number),
+                "prognosis": made.get(unit.serial_number),
             }
             for unit in units
         ],
@@ -133,30 +140,31 @@ def _show(
             unit.serial_number,
             str(unit.check_flights(interval).size),
             NOTHING if unit.failure is None else f"failed at {unit.failure:,.0f} h ({unit.failed})",
-            *_life(found.get(unit.serial_number)),
+            *_life(made.get(unit.serial_number)),
         )
         for unit in units
     ]
-    header = ("synthetic unit", "recordings", "true end", "RUL, h", "90 %, h", "by", "advice")
+    header = ("synthetic unit", "recordings", "true end", "RUL, h", "90 %, h", "component", "advice")
     summary = f"{len(units)} synthetic units, {values['recordings']} recordings, in {folder.path}"
-    more = f"emaphm prognose --unit UNIT --db {shlex.quote(Address.of(held).shown)}"
-    lines = [format_table(header, rows), *cautions(list(found.values()), more), summary]
+    more = f"emaphm prognose --unit UNIT --db {shlex.quote(Address.of(address).shown)}"
+    lines = [format_table(header, rows), *cautions(list(made.values()), more), summary]
     show(values, "\n".join(lines), as_json)
 
 
-def _life(one: dict[str, Any] | None) -> tuple[str, str, str, str]:
+def _life(prognosis: dict[str, Any] | None) -> tuple[str, str, str, str]:
+    """Return the median and interval of the RUL, the component and the advice, as text."""
     from emaphm.prognosis.advice import advice_in_words
     from emaphm.text_table import NOTHING
 
-    if one is None:
+    if prognosis is None:
         return (NOTHING,) * 4
-    rul, advice = one["rul_hours"], one["advice"]
+    rul, advice = prognosis["rul_hours"], prognosis["advice"]
     median, low, high = (
         "none in sight" if x is None else f"{x:,.0f}" for x in (rul["median"], *rul["interval90"])
     )
     return (
         median,
         f"{low} to {high}",
-        one["component"] or NOTHING,
+        prognosis["component"] or NOTHING,
         advice_in_words(advice),
     )

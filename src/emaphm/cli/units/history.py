@@ -1,4 +1,4 @@
-"""`emaphm history …`: units over their flights."""
+"""The verbs `history …`: diagnoses, removals and shop findings of units over their flights."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,20 +19,22 @@ if TYPE_CHECKING:
     from emaphm.history import Finding
     from emaphm.history.views import UnitState
 
-app = App(name="history", help="Keep diagnoses of units over their flights, removals and shop findings.")
+app = App(
+    name="history", help="Store and show diagnoses of units over their flights, removals and shop findings."
+)
 
 app.command(add)
 
 
 @app.command(name="list")
 def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False) -> None:
-    """List the units, each with its hours and its latest diagnosis."""
+    """List the units with their flight hours and latest diagnoses."""
     from emaphm.history import History
     from emaphm.text_table import format_table
 
     with History.open(db) as history:
         history.check_part_number(part)
-        lines = [_overview(one) for one in history.states(part)]
+        lines = [_overview(state) for state in history.states(part)]
     header = (
         "part number",
         "serial number",
@@ -40,7 +42,7 @@ def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False)
         "cycles",
         "recordings",
         "explained",
-        "degraded at the last",
+        "degraded in the latest",
     )
     rows = [
         (
@@ -50,7 +52,7 @@ def list_units(*, part: Part = None, db: Database = DB, as_json: AsJson = False)
             number(line["cycles"]),
             str(line["recordings"]),
             str(line["explained"]),
-            _last(line),
+            _latest_verdict(line),
         )
         for line in lines
     ]
@@ -64,7 +66,7 @@ def show_unit(
     db: Database = DB,
     as_json: AsJson = False,
 ) -> None:
-    """Show what the history holds of a unit, by hours; its JSON has the blocks of ISO 13374."""
+    """Show all entries of a unit by flight hours; with --json, in the processing blocks of ISO 13374."""
     from emaphm.history import History
     from emaphm.history.blocks import unit_blocks
 
@@ -76,13 +78,15 @@ def show_unit(
 @app.command
 def export(
     *,
-    out: Annotated[Path, Parameter(name=("--out", "-o"), help="File to write: .json, .csv or .parquet.")],
+    out: Annotated[
+        Path, Parameter(name=("--out", "-o"), help="File to write: .json; or a table, .csv or .parquet.")
+    ],
     part: Part = None,
     db: Database = DB,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write the history: .json with the blocks of ISO 13374, .csv or .parquet with a row a diagnosis."""
+    """Write the history to a file: .json with the blocks of ISO 13374, or a table of all diagnoses."""
     from emaphm.history import History
     from emaphm.history.export import export as write
 
@@ -97,13 +101,17 @@ def removal(
     unit: Unit,
     hours: Hours,
     reason: Annotated[
-        str, Parameter(help="failed or suspected, as seen on the aircraft; scheduled; other.")
+        str,
+        Parameter(
+            help="Reason of the removal: failed or suspected, as observed on the aircraft; scheduled; or "
+            "other."
+        ),
     ] = "other",
     note: Note = "",
     db: Database = DB,
     as_json: AsJson = False,
 ) -> None:
-    """Add that a unit was taken off its aircraft."""
+    """Record the removal of a unit from its aircraft."""
     from dataclasses import asdict
 
     from emaphm.history import History, Removal
@@ -120,28 +128,33 @@ def removal(
 @Parameter(name="*")
 @dataclass(frozen=True)
 class ShopFinding:
-    """What a shop found of one component."""
+    """The finding of a shop on one component."""
 
     component: Annotated[
         str,
         Parameter(
-            help="friction, backlash, short_a, short_b, short_c, eccentricity, gain; or unit, with a note."
+            help="Component: friction, backlash, short_a, short_b, short_c, eccentricity, gain; or unit, "
+            "with a note."
         ),
     ]
     condition: Annotated[
-        str, Parameter(help="failed, degraded (worn, but within its limits) or healthy (no fault found).")
+        str,
+        Parameter(
+            help="Condition of the component: failed, degraded (worn, but within its limits) or healthy (no "
+            "fault found)."
+        ),
     ]
     level: Annotated[
         float | None,
         Parameter(
-            help="The fault as the shop measured it, from 0 to 1 as in a diagnosis; a friction from -1."
+            help="Normalised fault measured by the shop, from 0 to 1 (friction from -1), as in a diagnosis."
         ),
     ] = None
-    replaced: Annotated[bool, Parameter(negative="", help="The component was replaced.")] = False
+    replaced: Annotated[bool, Parameter(negative="", help="Record that the component was replaced.")] = False
     note: Note = ""
 
     def entry(self, hours: float) -> "Finding":
-        """Return the entry for the history, at flight `hours` [h]; `HistoryError` where it cannot be."""
+        """Return the entry for the history, at flight `hours` [h]; `HistoryError` if it is invalid."""
         from emaphm.history import Finding
 
         return Finding(hours, self.component, self.condition, self.level, self.replaced, self.note)
@@ -156,7 +169,7 @@ def finding(
     db: Database = DB,
     as_json: AsJson = False,
 ) -> None:
-    """Add what a shop found of a component, and whether it replaced it."""
+    """Record the finding of a shop on a component, and whether the component was replaced."""
     from dataclasses import asdict
 
     from emaphm.history import History
@@ -176,19 +189,24 @@ def finding(
 
 @app.command
 def withdraw(
-    kind: Annotated[str, Parameter(help="recording, removal or finding.")],
+    kind: Annotated[str, Parameter(help="Kind of the entry: recording, removal or finding.")],
     *,
     unit: Unit,
     hours: Hours,
-    reason: Annotated[str, Parameter(help="Why it was wrong, for whoever reads the history later.")],
+    reason: Annotated[
+        str, Parameter(help="Reason why the entry is wrong; it is stored for later readers of the history.")
+    ],
     which: Annotated[
         str | None,
-        Parameter(help="A recording's name or hash, or a finding's component, where there are several."),
+        Parameter(
+            help="Name or hash of the recording, or component of the finding; required if the unit has "
+            "several at these hours."
+        ),
     ] = None,
     db: Database = DB,
     as_json: AsJson = False,
 ) -> None:
-    """Take out an entry that was made wrongly; it counts no longer, and stays on record with the reason."""
+    """Withdraw a wrong entry: it is no longer used, but remains in the history with the reason."""
     from dataclasses import asdict
 
     from emaphm.history import History, Mistake
@@ -196,7 +214,7 @@ def withdraw(
     mistake = Mistake(kind, hours, reason, which)
     with History.open(db) as history:
         made = history.withdraw(unit, mistake)
-        gone = all(one.serial_number != unit for one in history.units())
+        gone = all(stored.serial_number != unit for stored in history.units())
     values = {"unit": unit, "unit_left": not gone, **asdict(made)}
     last = "; it was its only recording, so the unit is no longer in the history" if gone else ""
     show(values, f"{named(values)} of {unit} at {hours:.9g} h is withdrawn{last}", as_json)
@@ -206,17 +224,17 @@ def _with_note(text: str, implausible: str | None) -> str:
     return text if implausible is None else f"{text}\nNote: {implausible}."
 
 
-def _overview(one: "UnitState") -> dict[str, Any]:
+def _overview(state: "UnitState") -> dict[str, Any]:
     from emaphm.actuator.faults import degraded_in, health_in
 
-    document = one.document
+    document = state.document
     return {
-        "part_number": one.part_number,
-        "serial_number": one.serial_number,
-        "hours": one.hours,
-        "cycles": one.cycles,
-        "recordings": one.recordings,
-        "explained": one.explained,
+        "part_number": state.part_number,
+        "serial_number": state.serial_number,
+        "hours": state.hours,
+        "cycles": state.cycles,
+        "recordings": state.recordings,
+        "explained": state.explained,
         "last": {
             "explained": document["explained"],
             "health": health_in(document),
@@ -226,9 +244,10 @@ def _overview(one: "UnitState") -> dict[str, Any]:
     }
 
 
-def _last(line: dict[str, Any]) -> str:
-    last = line["last"]
-    return ", ".join(last["degraded"]) or ("none" if last["health"] == "healthy" else last["health"])
+def _latest_verdict(line: dict[str, Any]) -> str:
+    """Return the degraded components of a unit's latest diagnosis, "none", or "cannot tell"."""
+    latest = line["last"]
+    return ", ".join(latest["degraded"]) or ("none" if latest["health"] == "healthy" else latest["health"])
 
 
 def _added(added: bool) -> str:

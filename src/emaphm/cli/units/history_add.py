@@ -1,4 +1,4 @@
-"""The verb `history add`: recordings of a flight are diagnosed and kept."""
+"""The verb `history add`: diagnoses the recordings of a flight and stores the results in the history."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,29 +34,31 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Flight:
-    """The flight that recordings are of."""
+    """The flight during which recordings were made."""
 
     unit: Unit
     hours: Hours
     cycles: Annotated[
-        int | None, Parameter(converter=whole_number, help="Cycles of the unit since it was new.")
+        int | None,
+        Parameter(converter=whole_number, help="Number of cycles of the unit since it was new."),
     ] = None
     position: Annotated[
-        str | None, Parameter(help="Place on the aircraft; as at the last flight if left out.")
+        str | None,
+        Parameter(help="Position of the unit on the aircraft; default as at its last flight."),
     ] = None
     part: Annotated[
-        str | None, Parameter(help="Part number of the unit; the actuator's name if left out.")
+        str | None, Parameter(help="Part number of the unit; default the name of the actuator.")
     ] = None
     load: Annotated[
         float | None,
-        Parameter(help="Mean size of the load since the flight before [N·m, N of a linear actuator]."),
+        Parameter(help="Mean absolute load since the previous flight [N·m; N if linear]."),
     ] = None
     temperature: Annotated[
-        float | None, Parameter(help="Mean temperature of the unit since the flight before [K].")
+        float | None, Parameter(help="Mean temperature of the unit since the previous flight [K].")
     ] = None
 
     def entry(self, actuator: "Actuator", *, late: bool) -> "Entry":
-        """Return what is added to the history; `HistoryError` where it cannot be."""
+        """Return the entry for the history; `HistoryError` if it is invalid."""
         from emaphm.history import Entry
 
         part = self.part or actuator.name
@@ -74,21 +76,26 @@ class Flight:
 
 def add(
     recording: RecordingFile,
-    *further: Annotated[Path, Parameter(help="More recordings of the same flight.")],
+    *further: Annotated[Path, Parameter(help="Further recordings of the same flight.")],
     flight: Flight,
     actuator: ActuatorFile = "thesis",
     db: Database = DB,
     estimator: Annotated[
-        Path | None, Parameter(help="Begin where an estimator of 'emaphm train' says.")
+        Path | None,
+        Parameter(help="Estimator written by 'emaphm train', whose answer is the start of the search."),
     ] = None,
     fast: Fast = False,
     late: Annotated[
-        bool, Parameter(negative="", help="These hours may be below the unit's latest: an old recording.")
+        bool,
+        Parameter(
+            negative="",
+            help="Accept flight hours below the latest hours of the unit, for an old recording.",
+        ),
     ] = False,
     seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Diagnose recordings of one flight and add them; what is in the history already is left as it is."""
+    """Diagnose recordings of one flight and add them to the history; recordings stored before are skipped."""
     check_seed(seed)
     check_fast(fast, estimator)
     described = described_actuator(actuator)
@@ -97,32 +104,34 @@ def add(
 
     entry = flight.entry(described, late=late)
     recordings = [recording_of(path, described) for path in (recording, *further)]
-    asked = None if estimator is None else str(estimator)
-    settings = DiagnosisSettings(seed=seed, estimator=asked, fast=fast)
-    settings.check_estimator()  # before a history is made
+    estimator_file = None if estimator is None else str(estimator)
+    settings = DiagnosisSettings(seed=seed, estimator=estimator_file, fast=fast)
+    settings.check_estimator()  # before a history is created
     with History.open(db, create=True) as history:
-        known = [one.serial_number for one in history.units()]
-        kept = _added(history, entry, recordings, described, settings, quiet=as_json)
+        known = [stored.serial_number for stored in history.units()]
+        kept = _add_missing(history, entry, recordings, described, settings, quiet=as_json)
         notes = history.unit(flight.unit).description_notes()
     is_new = flight.unit not in known
     values = {
         "unit": flight.unit,
         "part_number": entry.part_number,
         "new_unit": is_new,
-        "similar_units": [one for one in known if is_new and _letters(one) == _letters(flight.unit)],
+        "similar_units": [
+            serial for serial in known if is_new and _normalised(serial) == _normalised(flight.unit)
+        ],
         "hours": flight.hours,
         "cycles": kept[-1][1].flight.cycles,
         "db": history.database.address.shown,
         "recordings": [
-            _recording(one.source, found, added=added)
-            for one, (added, found) in zip(recordings, kept, strict=True)
+            _recording_values(recorded.source, diagnosis, added=added)
+            for recorded, (added, diagnosis) in zip(recordings, kept, strict=True)
         ],
         "notes": list(notes),
     }
     show(values, _text(values), as_json)
 
 
-def _added(
+def _add_missing(
     history: "History",
     entry: "Entry",
     recordings: "Sequence[Recording]",
@@ -131,30 +140,35 @@ def _added(
     *,
     quiet: bool,
 ) -> "list[tuple[bool, KeptDiagnosis]]":
-    """Diagnose and add what the history lacks; return of each recording whether it did, and what it holds."""
+    """Diagnose and add the recordings that the history lacks.
+
+    Returns
+    -------
+    For each recording, whether it was added, and its stored diagnosis.
+    """
 
     def is_missing(recording: "Recording") -> bool:
         return history.missing(entry, recording, actuator, settings.seed, settings.method_names)
 
-    # What cannot be added is refused before anything is diagnosed.
-    for one in recordings:
-        is_missing(one)
+    # Invalid recordings are refused before any is diagnosed.
+    for recording in recordings:
+        is_missing(recording)
     kept = []
-    for one in recordings:
-        # Asked anew: the same recording may have been given twice.
-        added = is_missing(one)
+    for recording in recordings:
+        # Checked again: the same recording may have been given twice.
+        added = is_missing(recording)
         if added:
-            with progress(f"diagnosing {one.source}", quiet) as advance:
-                diagnosis = settings.diagnosed(one, actuator, workers=None, on_progress=advance)
-            added = history.add(entry, one, diagnosis, actuator).added
-        found = history.kept(one, actuator, settings.seed, settings.method_names)
-        assert found is not None  # noqa: S101 - it was there, or was added
-        kept.append((added, found))
+            with progress(f"diagnosing {recording.source}", quiet) as advance:
+                diagnosis = settings.diagnosed(recording, actuator, workers=None, on_progress=advance)
+            added = history.add(entry, recording, diagnosis, actuator).added
+        stored = history.kept(recording, actuator, settings.seed, settings.method_names)
+        assert stored is not None  # noqa: S101 - it was stored before, or was added
+        kept.append((added, stored))
     return kept
 
 
-def _recording(source: str, kept: "KeptDiagnosis", *, added: bool) -> dict[str, Any]:
-    """Return what the history holds of a recording that was to be added."""
+def _recording_values(source: str, kept: "KeptDiagnosis", *, added: bool) -> dict[str, Any]:
+    """Return the JSON values of a recording that was to be added, from its stored diagnosis."""
     from emaphm.actuator.faults import degraded_in, health_in
 
     return {
@@ -172,30 +186,30 @@ def _text(values: dict[str, Any]) -> str:
     unit = f"{'new unit' if values['new_unit'] else 'unit'} {values['unit']}"
     return "\n".join(
         [
-            *(f"{one['recording']}: {_outcome(one)}" for one in values["recordings"]),
-            *(f"note: {one}" for one in values["notes"]),
+            *(f"{recorded['recording']}: {_outcome(recorded)}" for recorded in values["recordings"]),
+            *(f"note: {note}" for note in values["notes"]),
             f"{unit} ({values['part_number']}) at {values['hours']:.9g} h, in {values['db']}",
-            *map(_similar, values["similar_units"]),
+            *map(_similarity_note, values["similar_units"]),
         ]
     )
 
 
-def _outcome(one: dict[str, Any]) -> str:
-    if not one["added"]:
+def _outcome(recorded: dict[str, Any]) -> str:
+    if not recorded["added"]:
         return "is in the history already"
-    if not one["explained"]:
+    if not recorded["explained"]:
         return "added, but no model explains it"
-    degraded = f"degraded in {', '.join(one['degraded'])}"
-    return f"diagnosed and added: {degraded if one['degraded'] else one['health']}"
+    degraded = f"degraded in {', '.join(recorded['degraded'])}"
+    return f"diagnosed and added: {degraded if recorded['degraded'] else recorded['health']}"
 
 
-def _letters(serial_number: str) -> str:
-    """Return what two spellings of one serial number share: its letters and digits, without their case."""
-    return "".join(one for one in serial_number.casefold() if one.isalnum())
+def _normalised(serial_number: str) -> str:
+    """Return the letters and digits of a serial number, without case: equal for two spellings of it."""
+    return "".join(character for character in serial_number.casefold() if character.isalnum())
 
 
-def _similar(serial_number: str) -> str:
+def _similarity_note(serial_number: str) -> str:
     return (
-        f"Note: the history has a unit {serial_number} too; if it is the same, withdraw this recording by "
-        "'emaphm history withdraw' and add it there."
+        f"Note: the history has a unit {serial_number} too; if it is the same unit, withdraw this recording "
+        f"with 'emaphm history withdraw' and add it to {serial_number}."
     )

@@ -1,4 +1,4 @@
-"""`emaphm prognose`: the remaining useful life of a unit, from its history."""
+"""The verb `prognose`: the remaining useful life of units, from their history."""
 
 import sys
 from dataclasses import dataclass
@@ -28,54 +28,62 @@ if TYPE_CHECKING:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Which:
-    """Which units are asked about."""
+class UnitChoice:
+    """Units whose life is predicted."""
 
-    unit: Annotated[str | None, Parameter(help="Serial number of the unit; or --all.")] = None
+    unit: Annotated[str | None, Parameter(help="Serial number of the unit; required without --all.")] = None
     every: Annotated[
-        bool, Parameter(name="--all", negative="", help="All units, side by side, in place of --unit.")
+        bool,
+        Parameter(name="--all", negative="", help="Predict all units of the history, in parallel processes."),
     ] = False
-    part: Annotated[str | None, Parameter(help="With --all: only units of this part number.")] = None
+    part: Annotated[
+        str | None, Parameter(help="With --all: select only units of this part number; default all units.")
+    ] = None
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Asked:
-    """What is asked: how far, how safely or at what costs, and under what stress to come."""
+class QuestionOptions:
+    """Horizon, accepted risk or costs, and future stress of a prognosis."""
 
-    horizon: Annotated[float, Parameter(help="How far is planned: flight hours from now on [h].")] = 1000.0
+    horizon: Annotated[float, Parameter(help="Planning horizon: flight hours from now on [h].")] = 1000.0
     risk: Annotated[
-        float, Parameter(help="Largest accepted probability of failure, for the advice without costs.")
+        float,
+        Parameter(help="Largest accepted probability of failure, 0 to 1, for the advice without costs."),
     ] = 0.05
     failure_cost: Annotated[
-        float | None, Parameter(help="Cost of a failure with its consequences; with --replacement-cost.")
+        float | None,
+        Parameter(help="Cost of a failure with its consequences, in any currency; needs --replacement-cost."),
     ] = None
     replacement_cost: Annotated[
-        float | None, Parameter(help="Cost of a planned replacement, in the same currency.")
+        float | None,
+        Parameter(help="Cost of a planned replacement, in the same currency; needs --failure-cost."),
     ] = None
     load: Annotated[
         float | None,
-        Parameter(
-            help="Mean size of the load to come [N·m, N]; as in the past if left out, so the next two."
-        ),
+        Parameter(help="Future mean absolute load [N·m; N if linear]; default as in the past."),
     ] = None
-    temperature: Annotated[float | None, Parameter(help="Mean temperature to come [K].")] = None
-    cycles_per_hour: Annotated[float | None, Parameter(help="Cycles an hour to come [1/h].")] = None
+    temperature: Annotated[
+        float | None, Parameter(help="Future mean temperature [K]; default as in the past.")
+    ] = None
+    cycles_per_hour: Annotated[
+        float | None, Parameter(help="Future cycles per flight hour [1/h]; default as in the past.")
+    ] = None
 
     def question(self) -> "Question":
-        """Return the question; `PrognosisError` where there can be none."""
+        """Return the question for the prognosis; `PrognosisError` if it is invalid."""
         from emaphm.prognosis import Question, Stress
 
         given = (self.load, self.temperature, self.cycles_per_hour)
-        ahead = None if all(x is None for x in given) else Stress(*given)
-        return Question(self.horizon, self.risk, self._costs(), ahead)
+        future = None if all(x is None for x in given) else Stress(*given)
+        return Question(self.horizon, self.risk, self._costs(), future)
 
     def _costs(self) -> "Costs | None":
         if self.failure_cost is None and self.replacement_cost is None:
             return None
         if self.failure_cost is None or self.replacement_cost is None:
             raise PrognosisError(
-                "advice by costs needs both: give --failure-cost and --replacement-cost, or neither"
+                "advice from costs needs both costs: give --failure-cost and --replacement-cost, or neither"
             )
         from emaphm.prognosis import Costs
 
@@ -84,86 +92,93 @@ class Asked:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Written:
-    """What is written of a prognosis, apart from the answer."""
+class Outputs:
+    """Figure, report and stored copy of a prognosis."""
 
     figure: Annotated[
-        Path | None, Parameter(help="Draw health over time and the RUL: .png, .svg or .pdf.")
+        Path | None,
+        Parameter(help="Write a figure of the health over time and of the RUL: .png, .svg or .pdf."),
     ] = None
-    report: Annotated[Path | None, Parameter(help="Write a report: .html.")] = None
+    report: Annotated[Path | None, Parameter(help="Write a report of one unit: .html.")] = None
     keep: Annotated[
         bool,
-        Parameter(negative="", help="Keep it in the history, for 'emaphm history show' and others."),
+        Parameter(
+            negative="",
+            help="Store the prognosis in the history, e.g. for 'emaphm history show' and 'serve'.",
+        ),
     ] = False
 
 
 def prognose(
     *,
-    which: Which = Which(),
+    chosen: UnitChoice = UnitChoice(),
     db: Database = DB,
-    asked: Asked = Asked(),
+    question: QuestionOptions = QuestionOptions(),
     actuator: Annotated[
-        str | None, Parameter(help="TOML with the [[requirements]]; that of the last diagnosis if left out.")
+        str | None,
+        Parameter(
+            help="TOML description with the [[requirements]]; default the description of the last diagnosis."
+        ),
     ] = None,
     fleet: Annotated[
-        bool, Parameter(help="Learn from the other units of the part number; --no-fleet for this one alone.")
+        bool, Parameter(help="Use the other units of the same part number for the prior.")
     ] = True,
-    written: Written = Written(),
+    outputs: Outputs = Outputs(),
     execution: Execution = Execution(),  # noqa: B008 - frozen
     common: Common = Common(),  # noqa: B008 - frozen
 ) -> None:
-    """Say how long a unit will last, from its history: remaining useful life, risk, advice."""
-    common.check((written.figure, FIGURES), (written.report, (".html", ".htm")))
-    _check_choice(which, written)
+    """Predict the remaining useful life (RUL) and risk of a unit from its history, and advise an action."""
+    common.check((outputs.figure, FIGURES), (outputs.report, (".html", ".htm")))
+    _check_choice(chosen, outputs)
     execution.check()
-    if execution.is_given and not which.every:
+    if execution.is_given and not chosen.every:
         raise PrognosisError("--workers and --scheduler are for --all; leave them out with --unit")
-    question = asked.question()
+    asked = question.question()
     described = described_actuator(actuator) if actuator is not None else None
-    if which.unit is None:
-        made = _of_all(db, which.part, described, question, execution, common, fleet=fleet)
-        _show_all(made, db if written.keep else None, common.as_json)
+    if chosen.unit is None:
+        made = _prognose_all(db, chosen.part, described, asked, execution, common, fleet=fleet)
+        _show_all(made, db if outputs.keep else None, common.as_json)
         return
-    result = _of_one(db, which.unit, described, question, common.seed, written, fleet=fleet)
-    # First: a full disk must not take the answer too.
+    result = _prognose_unit(db, chosen.unit, described, asked, common.seed, outputs, fleet=fleet)
+    # Before the files: a full disk must not lose the answer too.
     common.show(result.to_dict(), str(result))
-    draw(result, written.figure)
-    if written.report is not None:
+    draw(result, outputs.figure)
+    if outputs.report is not None:
         from emaphm.report.prognosis import write_prognosis
 
-        write_prognosis(result, written.report, force=common.force)
+        write_prognosis(result, outputs.report, force=common.force)
 
 
-def _of_one(
+def _prognose_unit(
     db: str,
     unit: str,
     actuator: "Actuator | None",
     question: "Question",
     seed: int,
-    written: Written,
+    outputs: Outputs,
     *,
     fleet: bool,
 ) -> "Prognosis":
-    """Return the prognosis of one unit, and keep it in the history where that was asked for."""
+    """Return the prognosis of one unit; store it in the history if --keep was given."""
     from emaphm.history import History, KeptPrognosis
     from emaphm.prognosis import Evidence, Prior, learnt_prior, prognose
     from emaphm.prognosis.keeping import Curves, earlier_rows, keep_with_curves
 
     with History.open(db) as history:
-        found = history.unit(unit)
+        stored = history.unit(unit)
         basis = history.basis(unit)
-        evidence, described = Evidence.of(found), found.described_by(actuator)
-        prior = learnt_prior(history, found, seed=seed, actuator=described) if fleet else Prior()
-    keep_past = written.keep or written.report is not None
+        evidence, described = Evidence.of(stored), stored.described_by(actuator)
+        prior = learnt_prior(history, stored, seed=seed, actuator=described) if fleet else Prior()
+    keep_past = outputs.keep or outputs.report is not None
     result = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past)
-    if written.keep:
+    if outputs.keep:
         kept = KeptPrognosis.of(basis, result.to_dict())
         with History.open(db) as history:
-            keep_with_curves(history, found, kept, Curves.of(result), lambda: earlier_rows(result))
+            keep_with_curves(history, stored, kept, Curves.of(result), lambda: earlier_rows(result))
     return result
 
 
-def _of_all(
+def _prognose_all(
     db: str,
     part: str | None,
     actuator: "Actuator | None",
@@ -191,50 +206,51 @@ def _of_all(
         )
 
 
-def _check_choice(which: Which, written: Written) -> None:
-    """Refuse what does not say which units, or what only one unit has."""
-    if (which.unit is None) is not which.every:
-        raise PrognosisError("give --unit, or --all for every unit of the history; one of the two")
-    if which.part is not None and not which.every:
+def _check_choice(chosen: UnitChoice, outputs: Outputs) -> None:
+    """Refuse an ambiguous choice of units, and outputs of one unit together with --all."""
+    if (chosen.unit is None) is not chosen.every:
+        raise PrognosisError("give either --unit, or --all for every unit of the history")
+    if chosen.part is not None and not chosen.every:
         raise PrognosisError("--part chooses among the units of --all; leave it out with --unit")
-    if which.every and (written.figure is not None or written.report is not None):
+    if chosen.every and (outputs.figure is not None or outputs.report is not None):
         raise PrognosisError("a figure or a report is of one unit; give --unit in place of --all")
 
 
 def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> None:
-    """Print all prognoses, and keep them; what failed is said, and raised where it is all."""
+    """Print all prognoses and store them in the history `keep_in`; `PrognosisError` if a unit has none."""
     from emaphm.history import History
     from emaphm.prognosis.keeping import keep_with_curves
     from emaphm.text_table import format_table
 
-    good, bad = [one for one in made if not one.error], [one for one in made if one.error]
+    finished = [outcome for outcome in made if not outcome.error]
+    failed = [outcome for outcome in made if outcome.error]
     if keep_in is not None:
         with History.open(keep_in) as history:
-            for one in good:
-                assert one.curves is not None  # noqa: S101 - one that has not failed has them
-                # Earlier forecasts would take seven times as long as the prognosis.
-                keep_with_curves(history, history.unit(one.unit), one.kept(), one.curves)
-    rows = [(one.unit, *_row(one.values)) for one in good]
-    within = f"fails within {good[0].values['horizon_hours']:.9g} h" if good else ""
+            for outcome in finished:
+                assert outcome.curves is not None  # noqa: S101 - finished outcomes have curves
+                # Without earlier forecasts: they would take seven times as long as the prognosis.
+                keep_with_curves(history, history.unit(outcome.unit), outcome.kept(), outcome.curves)
+    rows = [(outcome.unit, *_row(outcome.values)) for outcome in finished]
+    within = f"fails within {finished[0].values['horizon_hours']:.9g} h" if finished else ""
     header = ("unit", "hours", "RUL [h]", "90 %", within, "component", "advice")
     lines = [format_table(header, rows) if rows else "no units"]
     lines += cautions(
-        [one.values for one in good], "emaphm prognose --unit UNIT, with the other options as here"
+        [outcome.values for outcome in finished], "emaphm prognose --unit UNIT, with the same other options"
     )
     values = {
-        "units": [dict(one.values) for one in good],
-        "failed": [{"unit": one.unit, "error": one.error} for one in bad],
+        "units": [dict(outcome.values) for outcome in finished],
+        "failed": [{"unit": outcome.unit, "error": outcome.error} for outcome in failed],
     }
     show(values, "\n".join(lines), as_json)
-    if bad:
+    if failed:
         raise PrognosisError(
-            f"{len(bad)} of {len(made)} units have no prognosis, the others are done; the first, "
-            f"'{bad[0].unit}': {bad[0].error}"
+            f"{len(failed)} of {len(made)} units have no prognosis, the others are done; the first, "
+            f"'{failed[0].unit}': {failed[0].error}"
         )
 
 
 def _row(values: "Mapping[str, Any]") -> tuple[str, ...]:
-    """Return a prognosis as a row of the table of all units, but for the unit."""
+    """Return a prognosis as a row of the table of all units, without the unit's name."""
     from emaphm.prognosis.advice import advice_in_words
     from emaphm.text_table import NOTHING
 

@@ -1,4 +1,4 @@
-"""`emaphm serve`: the history as web pages and as an HTTP API."""
+"""The verb `serve`: the history as web pages and as an HTTP API."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,50 +16,59 @@ from emaphm.errors import ServerError
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Address:
-    """Where the server listens."""
+    """Address and port of the server."""
 
     host: Annotated[
-        str, Parameter(help="Address to listen at; any but this machine's own needs --tokens.")
+        str,
+        Parameter(
+            help="Address at which the server listens; an address other than localhost needs --tokens."
+        ),
     ] = "127.0.0.1"
     port: Annotated[
-        int, Parameter(converter=whole_number, help="Port to listen at; 0 is any that is free.")
+        int,
+        Parameter(converter=whole_number, help="Port at which the server listens; 0 selects a free port."),
     ] = 8000
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Access:
-    """Who is let in."""
+    """Access control by tokens."""
 
     tokens: Annotated[
-        Path | None, Parameter(help="File of hashed tokens; who has one of them is let in.")
+        Path | None, Parameter(help="File of hashed access tokens; requests need one of these tokens.")
     ] = None
     add_token: Annotated[
-        str | None, Parameter(help="Add a token of this name to --tokens, print it, and end.")
+        str | None,
+        Parameter(help="Add an access token of this name to the file --tokens, print it, and end."),
     ] = None
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Receiving:
-    """Where uploads are kept, and what they are compared with."""
+class UploadOptions:
+    """Folder of the uploads, and the detector that checks them."""
 
     work: Annotated[
         Path | None,
         Parameter(
-            help="Folder for the queue, uploads and reports; next to the history's file if left out. "
-            "Required with PostgreSQL."
+            help="Folder for the queue, uploads and reports; default next to the history's SQLite file, "
+            "required with PostgreSQL."
         ),
     ] = None
     healthy: Annotated[
-        Path | None, Parameter(help="Detector that 'detect learn' wrote: uploads are compared with it too.")
+        Path | None,
+        Parameter(
+            help="Detector written by 'emaphm detect learn', .json: also decide whether uploads are like "
+            "healthy recordings."
+        ),
     ] = None
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Sending:
-    """What makes an event, and where events are sent."""
+class EventOptions:
+    """Conditions of events, and the address to which events are sent."""
 
     failure_events: FailureEvents = FailureEvents()  # noqa: RUF009 - frozen
     webhook: WebhookAddress = None
@@ -74,22 +83,27 @@ def serve(
         Parameter(
             negative="",
             show_default=", ".join,
-            help="TOML description that uploads may name, or a built-in one; may be repeated.",
+            help="TOML description of an actuator, or the name of a built-in one, that uploads may select; "
+            "may be repeated.",
         ),
     ] = ("thesis", "pmsm"),
     access: Access = Access(),
-    receiving: Receiving = Receiving(),
+    receiving: UploadOptions = UploadOptions(),
     templates: Annotated[
-        Path | None, Parameter(help="Folder of Jinja2 templates that take the place of the program's pages.")
+        Path | None, Parameter(help="Folder of Jinja2 templates that replace the built-in pages.")
     ] = None,
-    sending: Sending = Sending(),
+    sending: EventOptions = EventOptions(),
     workers: Annotated[
-        int, Parameter(converter=whole_number, help="Processes that diagnose uploads, one upload each.")
+        int,
+        Parameter(
+            converter=whole_number,
+            help="Number of processes that diagnose uploads, each one upload at a time.",
+        ),
     ] = 2,
     seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Show the fleet, its units and diagnoses as web pages, and take uploads, until interrupted."""
+    """Serve the fleet, its units and diagnoses as web pages, and accept uploads, until interrupted."""
     if access.add_token is not None:
         _add_token(access.tokens, access.add_token, as_json)
         return
@@ -100,7 +114,7 @@ def serve(
     from emaphm.server.settings import SETTINGS
 
     def ready(url: str) -> None:
-        line = f"{url} shows the history; Ctrl-C ends it"
+        line = f"{url} shows the history; Ctrl-C ends the server"
         if not (show_line({"url": url}) if as_json else show_at_once(line)):
             say(line)
 
@@ -125,7 +139,7 @@ def _add_token(file: Path | None, name: str, as_json: bool) -> None:
     from emaphm.server.access.tokens import add_token
 
     if file is None:
-        raise ServerError("--add-token: say which file it goes to, with --tokens FILE")
+        raise ServerError("--add-token: name the file of the tokens with --tokens FILE")
     token = add_token(file, name)
-    text = f"{token}\nThis is the token of '{name}'; it is shown once, {file} holds its hash."
+    text = f"{token}\nThis is the token of '{name}'. It is shown only once; {file} contains its hash."
     show({"name": name, "token": token, "file": str(file)}, text, as_json)

@@ -1,4 +1,4 @@
-"""The verb `watch`: recordings as they arrive, events as lines of JSON."""
+"""The verb `watch`: diagnoses recordings as they arrive, and prints events as lines of JSON."""
 
 import signal
 import sys
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from emaphm.cli.interruption import going_on, interrupt
+from emaphm.cli.interruption import interrupt, resumable
 from emaphm.cli.options import (
     ActuatorFile,
     By,
@@ -39,25 +39,28 @@ LONGEST_SETTLE_S = 3600.0
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Whose:
-    """Whose recordings these are, and of when."""
+class UnitOptions:
+    """Unit, flight hours and part number of the recordings."""
 
     unit: Annotated[
-        str | None, Parameter(help="Serial number, of recordings that do not say whose they are.")
+        str | None, Parameter(help="Serial number of the unit, for recordings without a serial number.")
     ] = None
     hours: Annotated[
-        float | None, Parameter(help="Flight hours, of recordings that do not say them [h].")
+        float | None, Parameter(help="Flight hours [h], for recordings without flight hours.")
     ] = None
     name: Annotated[
         str | None,
-        Parameter(help="What file names say: {unit}, {hours}, {cycles}, {any}; e.g. '{unit}_{hours}.csv'."),
+        Parameter(
+            help="Pattern of the file names with {unit}, {hours}, {cycles} and {any}, e.g. "
+            "'{unit}_{hours}.csv'."
+        ),
     ] = None
     part: Annotated[
-        str | None, Parameter(help="Part number of all units; the actuator's name if left out.")
+        str | None, Parameter(help="Part number of all units; default the name of the actuator.")
     ] = None
 
     def ownership(self, actuator: "Actuator") -> "Ownership":
-        """Return how unit and hours are known; `MonitoringError` where --name cannot be understood."""
+        """Return the source of unit and hours; `MonitoringError` if the pattern --name is invalid."""
         from emaphm.monitoring import NamePattern, Ownership
 
         pattern = None if self.name is None else NamePattern.parse(self.name)
@@ -66,26 +69,37 @@ class Whose:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Judging:
-    """Whose recordings are taken, and how they are judged."""
+class DiagnosisOptions:
+    """Accepted units, and the method of the diagnosis."""
 
     new_units: Annotated[
-        bool, Parameter(negative="", help="Add units that the history does not know; else they are refused.")
+        bool,
+        Parameter(
+            negative="",
+            help="Add units that are not in the history yet; without this option, their recordings are "
+            "refused.",
+        ),
     ] = False
     by: By = None
     whole: Annotated[
-        bool, Parameter(negative="", help="Diagnose each recording as a whole, without cutting stretches.")
+        bool,
+        Parameter(negative="", help="Diagnose each recording as a whole, without cutting it into stretches."),
     ] = False
     estimator: Annotated[
-        Path | None, Parameter(help="Begin each diagnosis where an estimator of 'emaphm train' says.")
+        Path | None,
+        Parameter(help="Estimator written by 'emaphm train', whose answer is the start of each search."),
     ] = None
     fast: Fast = False
     healthy: Annotated[
-        Path | None, Parameter(help="Detector that 'detect learn' wrote, for what no fault explains: .json.")
+        Path | None,
+        Parameter(
+            help="Detector written by 'emaphm detect learn', .json: also detect deviations that no fault "
+            "explains."
+        ),
     ] = None
 
     def task(self, source: Path | int, owner: "Ownership", actuator: "Actuator") -> "WatchTask":
-        """Return what is watched and how; errors where the estimator or the detector cannot be used."""
+        """Return the task of watching; raises an error if the estimator or the detector cannot be used."""
         from emaphm.detection import Detector
         from emaphm.monitoring import WatchTask
         from emaphm.monitoring.judging import cut_stretches
@@ -106,28 +120,33 @@ class Judging:
 
         if self.estimator is None:
             return search
-        made = ByEstimator(str(self.estimator), self.fast)
-        made.check(actuator)
-        return made
+        diagnoser = ByEstimator(str(self.estimator), self.fast)
+        diagnoser.check(actuator)
+        return diagnoser
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Raising:
-    """From when on what is judged makes an event, and when a file is judged."""
+class EventOptions:
+    """Conditions under which diagnoses and prognoses raise events, and a file is complete."""
 
     failure_events: FailureEvents = FailureEvents()  # noqa: RUF009 - frozen
     raise_after: Annotated[
         int,
-        Parameter(converter=whole_number, help="Degraded diagnoses in succession that raise an alarm."),
+        Parameter(
+            converter=whole_number, help="Number of successive degraded diagnoses that raise an alarm."
+        ),
     ] = 3
     clear_after: Annotated[
-        int, Parameter(converter=whole_number, help="Healthy diagnoses in succession that clear one.")
+        int,
+        Parameter(converter=whole_number, help="Number of successive healthy diagnoses that clear an alarm."),
     ] = 3
-    settle: Annotated[float, Parameter(help="A file is whole when it has not changed for so long [s].")] = 2.0
+    settle: Annotated[
+        float, Parameter(help="Time without a change after which a file counts as complete [s].")
+    ] = 2.0
 
     def settings(self) -> "WatchSettings":
-        """Return the settings of watching; `MonitoringError` or `PrognosisError` where they cannot be."""
+        """Return the settings of watching; `MonitoringError` or `PrognosisError` if they are invalid."""
         from emaphm.monitoring import WATCH
 
         after = {"raise_after": self.raise_after, "clear_after": self.clear_after}
@@ -148,57 +167,61 @@ class Raising:
 def watch(
     source: Annotated[
         str,
-        Parameter(allow_leading_hyphen=True, help="Folder where recordings arrive; - for rows on stdin."),
+        Parameter(
+            allow_leading_hyphen=True, help="Folder where recordings arrive, or - to read rows from stdin."
+        ),
     ],
     *,
     db: Database = DB,
     actuator: ActuatorFile = "thesis",
-    whose: Whose = Whose(),
-    judging: Judging = Judging(),
-    raising: Raising = Raising(),
+    ownership: UnitOptions = UnitOptions(),
+    diagnosis: DiagnosisOptions = DiagnosisOptions(),
+    events: EventOptions = EventOptions(),
     webhook: WebhookAddress = None,
     watcher: Annotated[
         str | None,
-        Parameter(help="Name under which the history keeps how far it is; the folder, or 'stdin'."),
+        Parameter(
+            help="Name under which the history stores the progress; default the folder's name, or 'stdin'."
+        ),
     ] = None,
     once: Annotated[
-        bool, Parameter(negative="", help="End when all files that are there are judged.")
+        bool, Parameter(negative="", help="End when all files in the folder have been diagnosed.")
     ] = False,
     seed: Seed = 0,
 ) -> None:
-    """Judge recordings as they arrive; events are printed as lines of JSON and kept in the history."""
+    """Diagnose recordings as they arrive; events are printed as lines of JSON and stored in the history."""
     check_seed(seed)
-    check_fast(judging.fast, judging.estimator)
+    check_fast(diagnosis.fast, diagnosis.estimator)
     described = described_actuator(actuator)
     task = replace(
-        judging.task(_source(source), whose.ownership(described), described),
+        diagnosis.task(_source(source), ownership.ownership(described), described),
         name=watcher or "",
         once=once,
         seed=seed,
         webhook=webhook,
     )
     task.check()
-    _run(task, described, db, raising.settings())
+    _run(task, described, db, events.settings())
 
 
 def _run(task: "WatchTask", actuator: "Actuator", db: str, settings: "WatchSettings") -> None:
-    """Judge what arrives until the source ends or a signal comes; print the events."""
+    """Diagnose arriving recordings until the source ends or a signal is received; print the events."""
     from emaphm.history import History
     from emaphm.history.storage.address import Address
     from emaphm.monitoring import watch as run
 
     file = Address.of(db).file
     is_new = file is not None and not file.exists()
-    with going_on("what is judged is in the history; start it again, and it goes on"):
+    with resumable("finished diagnoses are in the history; the same command resumes"):
         with History.open(db, create=True) as history, _stopped_by_signal() as stop:
             where = task.source if isinstance(task.source, Path) else "standard input"
-            what = "a new history is made in" if is_new else "the history is"
-            say(f"watching {where}, {what} {history.database.address.shown}")
-            with counter("judging", quiet=False) as count:
+            state = "a new history is created in" if is_new else "the history is"
+            say(f"watching {where}, {state} {history.database.address.shown}")
+            with counter("diagnosing", quiet=False) as count:
                 printing = replace(task, lines=sys.stdout.fileno())
                 done = run(printing, history, actuator, settings=settings, stop=stop, say=say, on_count=count)
         say(str(done))
-        if task.once and stop.is_set():  # a script must see that files may be left
+        if task.once and stop.is_set():  # a script must get the exit code: files may remain
             interrupt(signal.SIGTERM, None)
 
 
@@ -210,7 +233,7 @@ def _source(text: str) -> Path | int:
 
 @contextmanager
 def _stopped_by_signal() -> Iterator[threading.Event]:
-    """Yield what SIGTERM sets while the body runs: what is judged has some seconds more, then it ends."""
+    """Yield an event that SIGTERM sets while the body runs: a running diagnosis gets some more seconds."""
     stop = threading.Event()
     before = signal.signal(signal.SIGTERM, lambda *_: stop.set())
     try:

@@ -1,4 +1,4 @@
-"""What the page of the synthetic fleet says of acting on predictions, and of predictions over whole lives."""
+"""Text and tables on removals by predictions, and on predictions over whole lives, for the fleet page."""
 
 from collections.abc import Iterator
 
@@ -13,19 +13,19 @@ from emaphm.study.fleet.tracks import COSTS, HORIZON_H, RISK, RULES
 from emaphm.text_table import markdown_table
 
 
-def said_of_acting(units: Units, interval: float) -> Iterator[str]:
-    """Yield the lines of the page: what each way of predicting comes to by each rule of removal.
+def acting_lines(units: Units, interval: float) -> Iterator[str]:
+    """Yield the lines of the page on the outcome of each prediction method with each rule of removal.
 
     Check flights are `interval` hours [h] apart.
     """
-    dear = COSTS.failure / COSTS.replacement
+    failure_cost = COSTS.failure / COSTS.replacement
     yield (
         f"A planner decides on each unit at its check flights, each {interval:g} h. The unit is removed if "
         "the advice of `emaphm prognose` does not allow it to fly until the next check flight, with either "
         '"inspect by" or "replace before". *Cost* is per 1,000 flight hours, with 1 for a planned '
-        f"replacement and {dear:g} for a failure in service. *Of life wasted*: mean over the units of the "
-        f"remaining life at the removal. *Unneeded removals*: removals with more than {HORIZON_H:g} h of "
-        "true RUL, per 1,000 flight hours. *Lives of the fleet*: no diagnosis; the hours at which other "
+        f"replacement and {failure_cost:g} for a failure in service. *Of life wasted*: mean over the units "
+        f"of the remaining life at the removal. *Unneeded removals*: removals with more than {HORIZON_H:g} h "
+        "of true RUL, per 1,000 flight hours. *Lives of the fleet*: no diagnosis; the hours at which other "
         "units failed, as for a replacement by hours flown.\n"
     )
     yield (
@@ -41,8 +41,8 @@ def said_of_acting(units: Units, interval: float) -> Iterator[str]:
         yield ""
 
 
-def said_over_life(units: Units) -> Iterator[str]:
-    """Yield the lines of the page: scores of each way over all check flights."""
+def over_life_lines(units: Units) -> Iterator[str]:
+    """Yield the lines of the page on the scores of each prediction method over all check flights."""
     yield (
         "At all check flights of each unit: the Brier score of the probability of failure within "
         f"{HORIZON_H:g} h; the share of late predictions; the prognostic horizon (half of the probability "

@@ -2,8 +2,8 @@
 
     python -m emaphm.report.fleet.page studies/fleet docs
 
-reads the results that `python -m emaphm.study.fleet studies/fleet` wrote, and writes ``fleet.md`` with the
-figures in ``fleet/``.
+reads the results of `python -m emaphm.study.fleet studies/fleet`, and writes ``fleet.md`` with the figures
+in ``fleet/``.
 """
 
 import argparse
@@ -21,8 +21,8 @@ from emaphm.output_files import make_folder, written_whole
 from emaphm.plotting.fleet import draw_acting, draw_calibration, draw_scores, draw_tracks
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.prognosis.metrics import coverage
-from emaphm.report.fleet.acting import said_of_acting, said_over_life
-from emaphm.report.fleet.warnings import ASKED_WARNED, said_of_warnings, share_in_time
+from emaphm.report.fleet.acting import acting_lines, over_life_lines
+from emaphm.report.fleet.warnings import REQUIRED_WARNED, share_in_time, warning_lines
 from emaphm.report.markdown import incomplete
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.judging import (
@@ -53,7 +53,7 @@ Units = Sequence[Mapping[str, Any]]
 
 CLAIRVOYANTS = (LAW_AND_LEVEL, CLAIRVOYANT)
 
-WHAT_EACH_KNOWS = (
+INFORMATION = (
     (
         WITH_FLEET,
         "the unit's diagnoses and those of its fleet",
@@ -75,19 +75,20 @@ WHAT_EACH_KNOWS = (
         "future random events: jumps, drift, stress, onsets and changes of rate",
     ),
 )
-"""Way, what it uses, what it does not use, in the page's words."""
+"""Prediction method, the information that it uses, and the information that it does not use."""
 
-ASKED_SHARE = 0.9
-"""Of the clairvoyants' alpha-lambda that ours shall reach."""
+REQUIRED_SHARE = 0.9
+"""Required alpha-lambda, as a share of that of the clairvoyant predictions."""
 
-ASKED_COVERAGE = (0.85, 0.95)
+REQUIRED_COVERAGE = (0.85, 0.95)
+"""Required range of the coverage of 90 % intervals."""
 
 TRACKS = (
     "Predicted with the fleet's prior from each unit's own past: median and 90 % interval, the true RUL "
     "(black) and ±20 % of it (dotted). The title names the component that failed and its law.\n"
 )
 
-ONE_OF_YOUR_OWN = """
+ANOTHER_FLEET = """
 ## Simulating another fleet
 
 ```console
@@ -120,9 +121,9 @@ CALIBRATION = (
 def fleet_page(
     found: Mapping[str, Units], total: int, diagnosed: Quality, folder: str, units: int = PLAN.units
 ) -> tuple[str, dict[str, bytes]]:
-    """Return the page as Markdown, and its figures as SVG by name; the page links to them in `folder`.
+    """Return the page as Markdown with links to figures in `folder`, and the figures as SVG by name.
 
-    `found` has what is finished, by level, of `total` units; the recorded fleet has `units`.
+    `found` contains the finished units by level, of `total` units; the recorded fleet has `units`.
 
     Raises
     ------
@@ -143,10 +144,10 @@ def fleet_page(
         "# Predictions on a synthetic fleet\n",
         *incomplete(len(recorded) + len(drawn), total),
         *_introduction(recorded, drawn, diagnosed, units),
-        "\n## How good\n",
+        "\n## Quality of the predictions\n",
         *_verdicts(recorded, drawn),
         *_shortfalls(recorded),
-        f"\n![Scores of each way of predicting, synthetic fleet]({folder}/scores.svg)\n",
+        f"\n![Scores of each prediction method, synthetic fleet]({folder}/scores.svg)\n",
         *_tables("Diagnosed recordings", recorded),
         *_tables("Drawn diagnoses", drawn),
         "\n## A new unit\n",
@@ -154,27 +155,27 @@ def fleet_page(
         "\n## Over a life\n",
         f"![RUL over the life of synthetic units]({folder}/tracks.svg)\n",
         TRACKS,
-        *said_over_life(recorded),
+        *over_life_lines(recorded),
         "",
-        *said_of_warnings(recorded),
+        *warning_lines(recorded),
         "\n## Consequences of acting on the predictions\n",
-        *said_of_acting(recorded, PLAN.interval),
-        f"![Failures in service and life wasted, by way of predicting]({folder}/acting.svg)\n",
+        *acting_lines(recorded, PLAN.interval),
+        f"![Failures in service and life wasted, by prediction method]({folder}/acting.svg)\n",
         "\n## By the law of the failed component\n",
         _by_law([*recorded, *drawn]),
         "\n## Calibration\n",
         f"![Probability integral transforms, synthetic fleet]({folder}/calibration.svg)\n",
         CALIBRATION,
-        "\n## What the fleet is drawn from\n",
+        "\n## Population of the fleet\n",
         *_population(PLAN.drawn_from),
-        ONE_OF_YOUR_OWN,
+        ANOTHER_FLEET,
     ]
     return "\n".join(lines) + "\n", figures
 
 
 def _introduction(recorded: Units, drawn: Units, diagnosed: Quality, units: int) -> Iterator[str]:
     fewer = "" if units == PLAN.units else f" --units {units}"
-    known = sorted({one["law"] for one in [*recorded, *drawn] if not LAWS[one["law"]].known})
+    unknown_laws = sorted({unit["law"] for unit in [*recorded, *drawn] if not LAWS[unit["law"]].known})
     yield (
         f"Made by `python -m emaphm.study.fleet studies/fleet{fewer}`, then `python -m "
         f"emaphm.report.fleet.page studies/fleet docs{fewer}`. **Every unit here is synthetic**: drawn from "
@@ -196,7 +197,7 @@ def _introduction(recorded: Units, drawn: Units, diagnosed: Quality, units: int)
         f"The fleet is {FLEET_UNITS} units that are not judged; a larger fleet has {MANY.units - JUDGED} "
         "units, these and others.\n"
     )
-    yield f"Laws that the filter does not have: {', '.join(known)}."
+    yield f"Laws that the filter does not have: {', '.join(unknown_laws)}."
 
 
 def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
@@ -210,15 +211,15 @@ def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
         for share in (0.5, 0.75):
             ours = scores(units, way_of_ours, share)
             low, high = alpha_lambda_interval(ours)
-            against: list[str] = []
+            compared: list[str] = []
             for way in CLAIRVOYANTS:
                 best = scores(units, way, share).alpha_lambda
-                against += [f"{best:.2f}", _part(ours.alpha_lambda, best)]
+                compared += [f"{best:.2f}", _ratio(ours.alpha_lambda, best)]
             rows.append(
                 (
                     f"{name}, λ = {share:g}",
                     f"{ours.alpha_lambda:.2f} ({low:.2f} to {high:.2f})",
-                    *against,
+                    *compared,
                     f"{scores(units, INFORMED, share).alpha_lambda:.2f}",
                     f"{100 * (ours.coverage or 0):.0f} %",
                     f"{100 * ours.late:.0f} %",
@@ -234,15 +235,15 @@ def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
     )
     yield markdown_table(header, rows)
     yield (
-        f"\nRequired: {100 * ASKED_SHARE:.0f} % of the alpha-lambda (α 0.2, β 0.5) of a clairvoyant "
-        f"prediction with known law and true level, and a coverage of {100 * ASKED_COVERAGE[0]:.0f} to "
-        f"{100 * ASKED_COVERAGE[1]:.0f} %. The table has two such clairvoyant predictions, and our share of "
-        "each. *Late*: the median exceeds the true RUL by more than 20 %. Our prediction with the fleet's "
+        f"\nRequired: {100 * REQUIRED_SHARE:.0f} % of the alpha-lambda (α 0.2, β 0.5) of a clairvoyant "
+        f"prediction with known law and true level, and a coverage of {100 * REQUIRED_COVERAGE[0]:.0f} to "
+        f"{100 * REQUIRED_COVERAGE[1]:.0f} %. The table has two such clairvoyant predictions, and our share "
+        "of each. *Late*: the median exceeds the true RUL by more than 20 %. Our prediction with the fleet's "
         "prior is corrected by the errors of past predictions of the fleet's failed units, and depends "
         "mostly on the pace of its units ([prognosis](prognosis.md#degradation)).\n"
     )
-    for way, known, unknown in WHAT_EACH_KNOWS:
-        yield f"- *{way}* uses {known}; it does not use {unknown}."
+    for way, used, not_used in INFORMATION:
+        yield f"- *{way}* uses {used}; it does not use {not_used}."
     yield (
         "\nThe last three also use the population from which the fleet is drawn: the laws of each component "
         "with their shares, the ranges of their parameters, the distributions of lives and stress. The two "
@@ -254,32 +255,33 @@ def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
     )
 
 
-def _part(ours: float, best: float) -> str:
+def _ratio(ours: float, best: float) -> str:
+    """Return `ours` relative to `best` in percent."""
     return "–" if best == 0 else f"{100 * ours / best:.0f} %"
 
 
 def _shortfalls(units: Units) -> Iterator[str]:
-    """Yield what was asked and is not reached by the diagnosed recordings."""
-    short = []
+    """Yield the requirements that are not met on the diagnosed recordings."""
+    unmet = []
     for share in (0.5, 0.75):
         ours = scores(units, WITH_FLEET, share)
         best = [scores(units, way, share).alpha_lambda for way in CLAIRVOYANTS]
-        if ours.alpha_lambda < ASKED_SHARE * max(best):
-            parts = " and ".join(_part(ours.alpha_lambda, one) for one in best)
-            short.append(f"alpha-lambda at λ = {share:g} ({parts} of the clairvoyants')")
-        if not ASKED_COVERAGE[0] <= (ours.coverage or 0) <= ASKED_COVERAGE[1]:
-            short.append(f"coverage at λ = {share:g} ({100 * (ours.coverage or 0):.0f} %)")
+        if ours.alpha_lambda < REQUIRED_SHARE * max(best):
+            parts = " and ".join(_ratio(ours.alpha_lambda, reference) for reference in best)
+            unmet.append(f"alpha-lambda at λ = {share:g} ({parts} of the clairvoyants')")
+        if not REQUIRED_COVERAGE[0] <= (ours.coverage or 0) <= REQUIRED_COVERAGE[1]:
+            unmet.append(f"coverage at λ = {share:g} ({100 * (ours.coverage or 0):.0f} %)")
     in_time = share_in_time(units, WITH_FLEET)
-    if in_time < ASKED_WARNED:
-        short.append(f"warnings in time ({100 * in_time:.1f} %)")
-    yield f"\n**Not met**: {', '.join(short)}." if short else "\nAll requirements are met."
+    if in_time < REQUIRED_WARNED:
+        unmet.append(f"warnings in time ({100 * in_time:.1f} %)")
+    yield f"\n**Not met**: {', '.join(unmet)}." if unmet else "\nAll requirements are met."
 
 
 def _tables(title: str, units: Units) -> Iterator[str]:
     yield f"\n### {title}\n"
     for share in SHARES:
-        what = "the first diagnosis" if share == 0 else f"λ = {share:g}"
-        yield f"\nAt {what}, {len(units)} synthetic units:\n"
+        time = "the first diagnosis" if share == 0 else f"λ = {share:g}"
+        yield f"\nAt {time}, {len(units)} synthetic units:\n"
         yield markdown_table(HEADER, [(way, *scores(units, way, share).row) for way in ways(units)])
     yield (
         "\n*Mean life*: the mean over the other units that have lived longer. *Last slope*: a straight line "
@@ -302,13 +304,13 @@ def _new_unit(units: Units) -> Iterator[str]:
 
 def _by_law(units: Units) -> str:
     rows = []
-    for law, count in Counter(one["law"] for one in units).most_common():
-        chosen = [one for one in units if one["law"] == law]
+    for law, count in Counter(unit["law"] for unit in units).most_common():
+        chosen = [unit for unit in units if unit["law"] == law]
         cells: list[str] = []
         for share in (0.5, 0.75):
             ways = (WITH_FLEET, *CLAIRVOYANTS, INFORMED)
             cells += [f"{scores(chosen, way, share).alpha_lambda:.2f}" for way in ways]
-            transforms = [one["ways"][WITH_FLEET][str(share)]["transform"] for one in chosen]
+            transforms = [unit["ways"][WITH_FLEET][str(share)]["transform"] for unit in chosen]
             cells.append(f"{100 * coverage(transforms):.0f} %")
         name = law if LAWS[law].known else f"{law} (unknown to the filter)"
         rows.append((name, str(count), *cells))
@@ -358,12 +360,12 @@ def _population(population: Population) -> Iterator[str]:
 def write_fleet_page(studies: str | Path, folder: str | Path, units: int = PLAN.units) -> Path:
     """Write ``fleet.md`` and its figures to `folder` from the results in `studies`, and return its path.
 
-    `units` is how many the study has.
+    `units` is the number of units of the study.
     """
     place, out = StudyFolder(Path(studies), units), Path(folder)
     fleet = recorded_fleet(place)
     drawn = (drawn_unit(MANY, i) for i in range(FLEET_UNITS, FLEET_UNITS + JUDGED))
-    failed = [one for one in (*(unit for unit, _ in fleet), *drawn) if one.failure is not None]
+    failed = [unit for unit in (*(member for member, _ in fleet), *drawn) if unit.failure is not None]
     page, figures = fleet_page(results(place), len(failed), quality(fleet), "fleet", units)
     make_folder(out / "fleet")
     for name, picture in figures.items():
@@ -376,11 +378,11 @@ def write_fleet_page(studies: str | Path, folder: str | Path, units: int = PLAN.
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m emaphm.report.fleet.page")
-    parser.add_argument("studies", help="the study's folder")
-    parser.add_argument("folder", help="where the page is written")
-    parser.add_argument("--units", type=int, default=PLAN.units, help="of the study")
-    asked = parser.parse_args()
+    parser.add_argument("studies", help="folder of the study")
+    parser.add_argument("folder", help="folder in which the page is written")
+    parser.add_argument("--units", type=int, default=PLAN.units, help="number of units of the study")
+    arguments = parser.parse_args()
     try:
-        write_fleet_page(asked.studies, asked.folder, asked.units)
+        write_fleet_page(arguments.studies, arguments.folder, arguments.units)
     except EmaphmError as error:
         sys.exit(f"error: {error}")

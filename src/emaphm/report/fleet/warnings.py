@@ -1,4 +1,4 @@
-"""What the page of the synthetic fleet says of warnings before a failure."""
+"""Text on the warnings before failures, for the fleet page."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -10,24 +10,24 @@ from emaphm.study.fleet.scores import warnings
 from emaphm.study.fleet.tracks import HORIZON_H, RISK
 
 WARNING_SHARE = 0.1
-"""Of life, that a warning comes before the failure at least."""
+"""Required time from the warning to the failure, as a share of life."""
 
-ASKED_WARNED = 0.99
-"""Share of the failures that are warned of so early."""
+REQUIRED_WARNED = 0.99
+"""Required share of the failures with a warning in time."""
 
 
 def share_in_time(units: Sequence[Mapping[str, Any]], way: str) -> float:
-    """Return the share of `units`, as `judged` gives them, that a `way` of predicting warns of in time."""
+    """Return the share of `units` (results of `judged`) with a warning in time by the method `way`."""
     return float(np.mean(np.array(warnings(units, way)) >= WARNING_SHARE))
 
 
-def said_of_warnings(units: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the lines of the page: ours and Bayes' rule, and each unit that ours does not warn of in time."""
+def warning_lines(units: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the lines of the page on warnings by our prediction and Bayes' rule, with units warned late."""
     yield (
         f"A warning is given when the probability of failure within {HORIZON_H:g} h exceeds "
         f"{100 * RISK:g} %, which is `--horizon {HORIZON_H:g}` with the default risk. Required: a warning "
-        f"at least {100 * WARNING_SHARE:.0f} % of life before the failure, for {100 * ASKED_WARNED:.0f} % of "
-        "the units.\n"
+        f"at least {100 * WARNING_SHARE:.0f} % of life before the failure, for {100 * REQUIRED_WARNED:.0f} % "
+        "of the units.\n"
     )
     for way in (WITH_FLEET, INFORMED):
         low, middle, high = np.quantile(warnings(units, way), (0.05, 0.5, 0.95))
@@ -38,10 +38,10 @@ def said_of_warnings(units: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             f"(median; 5 to 95 %: {100 * low:.0f} to {100 * high:.0f} %)."
         )
     ours, bayes = (warnings(units, way) for way in (WITH_FLEET, INFORMED))
-    for one, left, by_bayes in zip(units, ours, bayes, strict=True):
-        if left < WARNING_SHARE:
+    for unit, remaining, by_bayes in zip(units, ours, bayes, strict=True):
+        if remaining < WARNING_SHARE:
             yield (
-                f"- {one['unit']} fails by {one['failed']} ({one['law']}) after {one['failure']:,.0f} h. "
-                f"{100 * left:.1f} % of its life remain at our first warning, {100 * by_bayes:.1f} % at the "
-                "first warning by Bayes' rule."
+                f"- {unit['unit']} fails by {unit['failed']} ({unit['law']}) after {unit['failure']:,.0f} h. "
+                f"{100 * remaining:.1f} % of its life remain at our first warning, {100 * by_bayes:.1f} % at "
+                "the first warning by Bayes' rule."
             )

@@ -1,1 +1,1 @@
-"""What the runs of a study show: statistics, ranks, convergence, tables."""
+"""Analysis of the runs of a study: statistics, ranks, convergence, tables."""

@@ -1,4 +1,4 @@
-"""How far each method has come, by number of evaluations, over all runs."""
+"""Convergence of each method: quartiles over all runs, by number of evaluations."""
 
 from collections.abc import Sequence
 
@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike
 from emaphm.arrays import Array
 
 POINTS = 60
-"""Points of a curve, equally far apart on a logarithmic scale."""
+"""Number of points of a curve, equally spaced on a logarithmic scale."""
 
 
 def convergence(runs: pl.DataFrame, curve: str) -> dict[str, tuple[Array, Array]]:
-    """Return evaluations, shape (n,), and the quartiles of `curve`, shape (3, n), by method.
+    """Return evaluations (n,) and the quartiles of `curve` (3, n) by method.
 
-    A run counts from its first population on, and keeps its last value where it ended before others. A
-    method begins where every run has a value, and methods whose runs have no curve are left out.
+    A run counts from its first population on, and keeps its last value if it ended before the other runs. The
+    curve of a method begins where every run has a value; methods without curves are left out.
 
     Parameters
     ----------
@@ -33,14 +33,14 @@ def convergence(runs: pl.DataFrame, curve: str) -> dict[str, tuple[Array, Array]
         spent = [np.asarray(values, float) for values in known["curve_evaluations"].to_list()]
         reached = [np.asarray(values, float) for values in known[curve].to_list()]
         grid = _grid(spent)
-        held = [y[np.searchsorted(x, grid, side="right") - 1] for x, y in zip(spent, reached, strict=True)]
-        curves[str(method)] = grid, quartiles(held)
+        on_grid = [y[np.searchsorted(x, grid, side="right") - 1] for x, y in zip(spent, reached, strict=True)]
+        curves[str(method)] = grid, quartiles(on_grid)
     return curves
 
 
 def quartiles(values: ArrayLike) -> Array:
-    """Return the quartiles over the first axis, shape (3, …); NaN where they fall between infinite values."""
-    with np.errstate(invalid="ignore"):  # a fitness is infinite until a finite one is met: inf less inf
+    """Return the quartiles over the first axis, shape (3, …); NaN where they lie between infinite values."""
+    with np.errstate(invalid="ignore"):  # a fitness is infinite until the first finite value: inf - inf
         return np.asarray(np.percentile(np.asarray(values, float), [25, 50, 75], axis=0))
 
 

@@ -1,4 +1,4 @@
-"""The map of the limits: what becomes of the diagnosis at each setting of a rig."""
+"""Error, coverage, detection and false alarms of the diagnosis at each setting of a rig."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -21,10 +21,10 @@ from emaphm.study.plan import PageRow
 
 @dataclass(frozen=True)
 class SettingRates:
-    """What the trials of one rig and method come to: errors in percent, the rest as shares.
+    """Rates of one rig and method: errors in percent, the others as shares.
 
-    Coverage is over the random faults; detection and false alarms over small single faults and healthy
-    recordings, of components. `cases` counts the random ones.
+    Coverage is over the random faults; detection and false alarms are over the components of recordings with
+    small single faults and of healthy recordings. `cases` is the number of recordings with random faults.
     """
 
     median: float
@@ -39,18 +39,18 @@ class SettingRates:
 
     @classmethod
     def of(cls, row: PageRow, runs: pl.DataFrame) -> Self:
-        """Return the rates of a page's row; `StudyError` where it lacks finished trials of a kind."""
-        mine = runs.filter(pl.col("rig") == row.rig, pl.col("method") == row.method)
+        """Return the rates of a page's row; `StudyError` if it lacks finished trials of a kind."""
+        trials = runs.filter(pl.col("rig") == row.rig, pl.col("method") == row.method)
         random, small, healthy = (
-            mine.filter(pl.col("case_kind") == kind) for kind in ("random", "small", "healthy")
+            trials.filter(pl.col("case_kind") == kind) for kind in ("random", "small", "healthy")
         )
         for kind, rows in (("random", random), ("small", small), ("healthy", healthy)):
             if rows.is_empty():
-                raise StudyError(f"no run of '{row.rig}' with {kind} cases is finished; go on with the study")
-        found, shares = errors(random), coverage(random)
+                raise StudyError(f"no run of '{row.rig}' with {kind} cases is finished; continue the study")
+        percents, shares = errors(random), coverage(random)
         return cls(
-            float(np.median(found)),
-            float(np.percentile(found, 95)),
+            float(np.median(percents)),
+            float(np.percentile(percents, 95)),
             float(shares.mean()),
             float(shares.min()),
             NAMES[int(shares.argmin())],
@@ -62,5 +62,5 @@ class SettingRates:
 
     @property
     def overconfident(self) -> bool:
-        """Whether intervals miss the truth more often than chance lets them, most fits being explained."""
+        """Whether intervals miss the truth more often than by chance, although most fits are explained."""
         return self.explained > 0.5 and self.least_coverage < least_by_chance(self.cases)

@@ -1,7 +1,7 @@
-"""Which differences between methods are more than luck: rank tests over runs of the same case and seed.
+"""Significance of differences between methods: rank tests over runs of the same case and seed.
 
-A block is one run of one case, which every method begins from the same seed. The tests ask whether the
-methods differ on the study's cases; what holds for other cases, the choice of these decides.
+A block is one run of one case, with the same seed for all methods. The tests are valid for the cases of the
+study; whether the result holds for other cases depends on the choice of these cases.
 """
 
 from itertools import combinations
@@ -15,17 +15,17 @@ from emaphm.arrays import Array
 from emaphm.study.analysis.statistics import BLOCK, VARIANT
 
 FEWEST_BLOCKS = 6
-"""With 5 blocks, even five wins of five have p = 2/2⁵ > 0.05: a rank test could show nothing."""
+"""Smallest number of blocks for a test: with 5, even five wins of five have p = 2/2⁵ > 0.05."""
 
 SIGNIFICANT = 0.05
-"""Largest p-value that counts as a difference."""
+"""Largest p-value that counts as a significant difference."""
 
 
 def blocks(runs: pl.DataFrame) -> tuple[list[str], Array]:
     """Return the methods of one variant's `runs`, and their errors [%], (blocks, methods); NaN if missing."""
     rows = runs.sort("index")
     methods = rows["method"].unique(maintain_order=True).to_list()
-    # Cases of two groups may have one name, and other faults or another recording.
+    # Cases of two groups may have the same name, but different faults or recordings.
     keys = list(dict.fromkeys(zip(*(rows[name] for name in BLOCK), strict=True)))
     errors = np.full((len(keys), len(methods)), np.nan)
     block = {key: i for i, key in enumerate(keys)}
@@ -36,10 +36,11 @@ def blocks(runs: pl.DataFrame) -> tuple[list[str], Array]:
 
 
 def friedman(runs: pl.DataFrame) -> pl.DataFrame:
-    """Return Friedman's test, whether the methods' ranks differ at all, by variant.
+    """Return Friedman's test of equal ranks of all methods, by variant.
 
-    Columns: those of `VARIANT`, `methods`, the complete `blocks`, the `incomplete` ones left out, `statistic`
-    (corrected for ties) and `p`, which are null for fewer than three methods or `FEWEST_BLOCKS` blocks.
+    Columns: those of `VARIANT`; the numbers of `methods`, of complete `blocks` and of `incomplete` blocks,
+    which are left out; `statistic` (corrected for ties) and `p`, null for fewer than three methods or
+    `FEWEST_BLOCKS` blocks.
     """
     rows = []
     for variant, group in runs.sort("index").group_by(*VARIANT, maintain_order=True):
@@ -66,14 +67,14 @@ def _friedman(errors: Array) -> tuple[float | None, float | None]:
 
     if len(errors) < FEWEST_BLOCKS or errors.shape[1] < 3:
         return None, None
-    if np.all(errors == errors[:, :1]):  # all tied everywhere: the statistic would be 0/0
+    if np.all(errors == errors[:, :1]):  # ties of all methods in all blocks: the statistic would be 0/0
         return 0.0, 1.0
     test = friedmanchisquare(*errors.T)
     return float(test.statistic), float(test.pvalue)
 
 
 def mean_ranks(runs: pl.DataFrame) -> pl.DataFrame:
-    """Return `mean_rank` by variant and method over the complete `blocks`: 1 is least error, ties share."""
+    """Return `mean_rank` by variant and method over the complete `blocks`; 1 is the least error."""
     from scipy.stats import rankdata
 
     rows: list[dict[str, Any]] = []
@@ -95,12 +96,12 @@ def mean_ranks(runs: pl.DataFrame) -> pl.DataFrame:
 
 
 def pairs(runs: pl.DataFrame) -> pl.DataFrame:
-    """Return Wilcoxon's signed-rank test of each two methods, by variant.
+    """Return Wilcoxon's signed-rank test of each pair of methods, by variant.
 
-    Columns: those of `VARIANT`, `method` and `other`; the `blocks` that have both, in how many `method` has
-    the `lower` and the `higher` error; `median_difference` [%], of method less other; `p` (two-sided; blocks
-    with equal errors left out; 1 if all are), null for fewer than `FEWEST_BLOCKS`; and `p_holm`, corrected
-    for the number of pairs tested in the variant.
+    Columns: those of `VARIANT`, `method` and `other`; the number of `blocks` with both methods, and of those
+    in which `method` has the `lower` and the `higher` error; `median_difference` [%], method minus other; `p`
+    (two-sided, without blocks of equal errors; 1 if all errors are equal), null for fewer than
+    `FEWEST_BLOCKS`; and `p_holm`, corrected for the number of pairs tested in the variant.
     """
     rows: list[dict[str, Any]] = []
     for variant, group in runs.sort("index").group_by(*VARIANT, maintain_order=True):
@@ -121,7 +122,7 @@ def pairs(runs: pl.DataFrame) -> pl.DataFrame:
 
 
 def _compare(differences: Array) -> dict[str, Any]:
-    """Return what the differences of two methods' errors, NaN where one is missing, say."""
+    """Return the test of the differences of two methods' errors, NaN for missing runs."""
     known = differences[~np.isnan(differences)]
     return {
         "blocks": known.size,
@@ -144,9 +145,9 @@ def _wilcoxon(differences: Array) -> float | None:
 
 
 def holm(p_values: ArrayLike) -> Array:
-    """Return p-values, shape (n,), corrected for being n of them (Holm 1979).
+    """Return p-values (n,), corrected for n multiple tests (Holm 1979).
 
-    The smallest is multiplied by n, the next by n - 1 and so on; none may fall below the one before it.
+    The smallest p-value is multiplied by n, the next by n - 1 and so on; each is at least the previous one.
 
     References
     ----------

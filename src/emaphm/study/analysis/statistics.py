@@ -1,7 +1,7 @@
-"""What the finished runs of a study say: errors, success and cost of each method.
+"""Statistics of the finished runs of a study: errors, success and cost of each method.
 
-Each function takes the frame of runs (`emaphm.study.store.SCHEMA`) and returns another, one row a group. A
-study need not be complete: what is missing is null, never a guess.
+Each function takes the table of runs (`emaphm.study.store.SCHEMA`) and returns a table with one row per
+group. The study may be incomplete: missing values are null.
 """
 
 from collections.abc import Sequence
@@ -15,31 +15,31 @@ from emaphm.actuator.faults import HEALTHY, NAMES, Faults
 from emaphm.study.thesis import published
 
 VARIANT = ("rig", "model", "fitness", "equivalent", "noise_A")
-"""Columns by which the variants of a study differ; methods are compared within one."""
+"""Columns that distinguish the variants of a study; methods are compared within a variant."""
 
 BLOCK = ("case", "run", "seed")
-"""What the methods that are compared have in common: a case, its number, and the seed of its recording."""
+"""Columns that are equal for compared methods: case, number of the run, and seed of the recording."""
 
 LIMITS_PERCENT = (1, 2, 5)
-"""A run has succeeded where its error is at most so much; in columns `within_1` and so on."""
+"""Limits of the error [%] below which a run counts as successful, in the columns `within_1`, …."""
 
 SINGLE, SEVERAL, NONE = "single faults", "several faults", "no faults"
 """Kinds of cases. The thesis's averages are over the single faults."""
 
 RESAMPLES = 2000
-"""Resamples of a bootstrap: fifty of them lie beyond each end of the 95 % interval."""
+"""Resamples of a bootstrap: fifty of them are beyond each end of the 95 % interval."""
 
 BOOTSTRAP_SEED = 0
 
 THESIS_CASES = {tuple(Faults(**faults).vector.tolist()): case for case, faults in published.CASES.items()}
-"""Names of the thesis's cases by their faults: in a study they may be called otherwise."""
+"""Names of the thesis's cases by their faults; a study may use other names."""
 
 THESIS_AVERAGED = [case for case, faults in published.CASES.items() if len(faults) == 1]
 """The cases of the thesis's printed averages."""
 
 
 def prepared(runs: pl.DataFrame) -> pl.DataFrame:
-    """Return the runs in the order of the plan, with the `kind` of each case and its name in the thesis."""
+    """Return the runs in the order of the plan, with the `kind` of each case, and its name in the thesis."""
     truths = runs["truth"].to_list()
     return runs.with_columns(
         pl.Series("kind", [_kind(truth) for truth in truths], dtype=pl.String),
@@ -49,7 +49,7 @@ def prepared(runs: pl.DataFrame) -> pl.DataFrame:
 
 def _kind(truth: Sequence[float]) -> str:
     healthy = zip(NAMES, truth, HEALTHY.vector, strict=True)
-    # A direction is no fault of its own.
+    # The direction of an eccentricity is not a separate fault.
     faults = sum(value != nominal for name, value, nominal in healthy if name != "eccentricity_phase")
     return (NONE, SINGLE)[faults] if faults < 2 else SEVERAL
 
@@ -57,11 +57,11 @@ def _kind(truth: Sequence[float]) -> str:
 def by_case(runs: pl.DataFrame) -> pl.DataFrame:
     """Return one row for each variant, case and method.
 
-    Columns: those of `VARIANT`, `kind`, `case`, `method`, the number of `runs`; of the error [%] its `mean`,
-    `median`, `lower_quartile`, `upper_quartile`, `worst` and `deviation` (standard; null for one run);
-    `within_1`, `within_2`, `within_5`, the fractions of runs with at most that error; the means
-    `evaluations` and `reference_runs`; `seconds`, the median, and `mean_seconds`; `thesis_case`, what the
-    thesis calls a case of these faults, and `thesis` and `thesis_seconds`, the means printed there.
+    Columns: those of `VARIANT`, `kind`, `case`, `method`, the number of `runs`; `mean`, `median`,
+    `lower_quartile`, `upper_quartile`, `worst` and `deviation` (standard deviation; null for one run) of the
+    error [%]; `within_1`, `within_2`, `within_5`, the shares of runs with at most this error; the means
+    `evaluations` and `reference_runs`; the median time `seconds` and `mean_seconds`; `thesis_case`, the
+    thesis's name of a case with these faults, and `thesis` and `thesis_seconds`, the means printed there.
     """
     grouped = prepared(runs).group_by(*VARIANT, "kind", "case", "method", maintain_order=True)
     table = grouped.agg(
@@ -94,10 +94,10 @@ def _spread() -> list[pl.Expr]:
 
 
 def comparable(runs: pl.DataFrame) -> pl.DataFrame:
-    """Return the runs that every method of their variant has: of the same case, number and seed.
+    """Return the runs whose case, number and seed all methods of their variant have.
 
-    A mean over other cases than the next method's would compare the cases and not the methods; so would the
-    worst error of more runs.
+    Means over different cases would compare the cases and not the methods; so would the worst errors of
+    different numbers of runs.
     """
     methods = pl.col("method").n_unique()
     return runs.filter(methods.over(*VARIANT, *BLOCK) == methods.over(*VARIANT))
@@ -106,12 +106,12 @@ def comparable(runs: pl.DataFrame) -> pl.DataFrame:
 def by_method(runs: pl.DataFrame) -> pl.DataFrame:
     """Return one row for each variant, kind of case and method, over the `comparable` runs.
 
-    Columns as in `by_case`, but: `cases` is the number of their cases; `mean`, the fractions, `evaluations`,
-    `reference_runs` and `mean_seconds` are means of the cases' means (the thesis's average); the other
-    figures are those of all runs together. `lower95` and `upper95` are the ends of the mean's bootstrap
-    interval, null where a case has one run. `thesis` and `thesis_seconds` are its printed averages where
-    these are the ten cases of those, else the means of its figures for the same cases, null where it lacks
-    one.
+    Columns as in `by_case`, with these differences: `cases` is the number of cases; `mean`, the shares,
+    `evaluations`, `reference_runs` and `mean_seconds` are means of the cases' means (the average of the
+    thesis); the other statistics are over all runs together. `lower95` and `upper95` are the ends of the
+    bootstrap interval of the mean, null if a case has one run. `thesis` and `thesis_seconds` are the printed
+    averages if the cases are the ten cases of these averages, otherwise the means of the printed values of
+    the same cases, null if the thesis lacks a case.
     """
     rows = comparable(prepared(runs))
     groups = (*VARIANT, "kind", "method")
@@ -164,8 +164,8 @@ def _interval(runs: pl.DataFrame) -> dict[str, float | None]:
 def bootstrap_interval(cases: Sequence[NDArray[np.float64]]) -> tuple[float, float] | None:
     """Return the 95 % percentile interval of the mean of the means of `cases`, each of shape (runs,).
 
-    Runs are drawn anew within each case: the cases are the study's, the luck is in the runs. None where a
-    case has fewer than two runs, as its scatter is unknown then.
+    Runs are resampled within each case: the cases are fixed, only the runs are random. None if a case has
+    fewer than two runs, because its scatter is then unknown.
     """
     if not cases or min(case.size for case in cases) < 2:
         return None
@@ -180,23 +180,23 @@ def bootstrap_interval(cases: Sequence[NDArray[np.float64]]) -> tuple[float, flo
 def reliability(runs: pl.DataFrame) -> pl.DataFrame:
     """Return the reliability coefficients [%] over the single faults (thesis 6.4), by variant and method.
 
-    `all_methods` is RC_i = 1 - t_i err_i / sum_j t_j err_j over the methods of the study, t the mean time and
-    err the mean error; `thesis_methods` the same over those of them that the thesis compared. Null for fewer
-    than two methods. `thesis_recomputed` follows from the thesis's own times and errors, and
-    `thesis_printed` is its row, which does not.
+    `all_methods` is RC_i = 1 - t_i err_i / sum_j t_j err_j over the methods of the study, with the mean time
+    t and the mean error err; `thesis_methods` is the same over the methods that the thesis compared. Null for
+    fewer than two methods. `thesis_recomputed` is computed from the thesis's own times and errors;
+    `thesis_printed` is the printed value, which differs from it.
     """
     groups = by_method(runs).filter(pl.col("kind") == SINGLE).group_by(*VARIANT, maintain_order=True)
     recomputed = published.reliability()
     rows: list[dict[str, Any]] = []
     for variant, group in groups:
-        ours = _coefficients(group)
-        five = _coefficients(group.filter(pl.col("method").is_in(published.METHODS)))
+        of_all = _coefficients(group)
+        of_five = _coefficients(group.filter(pl.col("method").is_in(published.METHODS)))
         rows += [
             {
                 **dict(zip(VARIANT, variant, strict=True)),
                 "method": name,
-                "all_methods": ours.get(name),
-                "thesis_methods": five.get(name),
+                "all_methods": of_all.get(name),
+                "thesis_methods": of_five.get(name),
                 "thesis_recomputed": recomputed.get(name),
                 "thesis_printed": published.RELIABILITY_PRINTED.get(name),
             }
@@ -208,7 +208,7 @@ def reliability(runs: pl.DataFrame) -> pl.DataFrame:
 
 
 def _coefficients(methods: pl.DataFrame) -> dict[str, float]:
-    """Return the reliability coefficients [%] among `methods`; empty where they say nothing."""
+    """Return the reliability coefficients [%] among `methods`; empty if they are undefined."""
     seconds, errors = (
         dict(zip(methods["method"], methods[name], strict=True)) for name in ("mean_seconds", "mean")
     )
@@ -220,7 +220,7 @@ def _coefficients(methods: pl.DataFrame) -> dict[str, float]:
 def across_variants(runs: pl.DataFrame) -> pl.DataFrame:
     """Return one row for each kind, method and variant: `cases` and the `mean` of the cases' mean errors [%].
 
-    Only over the runs that every method has in every variant.
+    Only runs that all methods have in all variants are included.
     """
     contestants = pl.struct(*VARIANT, "method").n_unique()
     common = runs.filter(contestants.over(*BLOCK) == contestants)

@@ -1,4 +1,4 @@
-"""Tables of a study as text: errors and times as the thesis lays them out, success, ranks, variants."""
+"""Text tables of a study: errors and times in the layout of the thesis, success, ranks, variants."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -17,10 +17,10 @@ from emaphm.study.analysis.statistics import (
 from emaphm.text_table import NOTHING, TextTable
 
 MOST_CASES = 24
-"""Cases that a page lists and draws one by one; a study may have hundreds."""
+"""Largest number of cases that a page lists and draws individually; a study may have hundreds."""
 
 TOO_FEW = "too few"
-"""Stands in for a p-value where there are too few runs for a test."""
+"""Text in place of a p-value if there are too few runs for a test."""
 
 
 def summary_table(runs: pl.DataFrame, kind: str) -> TextTable:
@@ -57,19 +57,19 @@ def summary_table(runs: pl.DataFrame, kind: str) -> TextTable:
 
 
 def error_table(runs: pl.DataFrame) -> TextTable:
-    """Return one variant's mean errors [%] laid out as the thesis's: ours / its own where it has one."""
+    """Return the mean errors [%] of one variant in the layout of the thesis: this study / thesis."""
     return _by_case_and_method(runs, lambda row: _with_thesis(percent, row["mean"], row["thesis"]))
 
 
 def time_table(runs: pl.DataFrame) -> TextTable:
-    """Return one variant's mean wall times [s] laid out as the thesis's: ours / its own where it has one."""
+    """Return the mean wall times [s] of one variant in the layout of the thesis: this study / thesis."""
     return _by_case_and_method(
         runs, lambda row: _with_thesis(seconds, row["mean_seconds"], row["thesis_seconds"])
     )
 
 
 def _by_case_and_method(runs: pl.DataFrame, cell: Callable[[Mapping[str, Any]], str]) -> TextTable:
-    """Return a row for each case and for the average of each kind of several, a column for each method."""
+    """Return a table with a row per case and per average of several cases, and a column per method."""
     methods = methods_of(runs)
     cells: dict[str, dict[str, str]] = {}
     for row in by_case(runs).iter_rows(named=True):
@@ -109,7 +109,7 @@ def rank_table(runs: pl.DataFrame) -> TextTable:
 
 
 def pair_table(runs: pl.DataFrame) -> TextTable:
-    """Return the corrected p-values of one variant's pairs, methods in the order of their ranks."""
+    """Return the corrected p-values of all pairs of methods of one variant, ordered by their ranks."""
     methods = [row[0] for row in rank_table(runs).rows]
     tests: dict[tuple[str, str], str] = {}
     for row in pairs(runs).iter_rows(named=True):
@@ -120,7 +120,7 @@ def pair_table(runs: pl.DataFrame) -> TextTable:
 
 
 def reliability_table(runs: pl.DataFrame) -> TextTable:
-    """Return the reliability coefficients [%] of one variant and the thesis's; no row if there are none."""
+    """Return the reliability coefficients [%] of one variant and of the thesis; no rows if there are none."""
     header = (
         "method",
         "RC among all methods, %",
@@ -137,9 +137,9 @@ def reliability_table(runs: pl.DataFrame) -> TextTable:
 
 
 def _without_empty_columns(table: TextTable) -> TextTable:
-    kept = [i for i in range(len(table.header)) if any(row[i] != NOTHING for row in table.rows)]
-    rows = tuple(tuple(row[i] for i in kept) for row in table.rows)
-    return TextTable(tuple(table.header[i] for i in kept), rows)
+    columns = [i for i in range(len(table.header)) if any(row[i] != NOTHING for row in table.rows)]
+    rows = tuple(tuple(row[i] for i in columns) for row in table.rows)
+    return TextTable(tuple(table.header[i] for i in columns), rows)
 
 
 def variant_table(runs: pl.DataFrame, kind: str) -> TextTable:
@@ -154,7 +154,7 @@ def variant_table(runs: pl.DataFrame, kind: str) -> TextTable:
 
 
 def variant_names(runs: pl.DataFrame) -> dict[tuple[Any, ...], str]:
-    """Return what distinguishes each variant, in words; all of it where there is only one."""
+    """Return the distinguishing properties of each variant in words; for a single variant, all of them."""
     variants = runs.sort("index").select(VARIANT).unique(maintain_order=True)
     words = {
         "rig": "{}",
@@ -180,7 +180,7 @@ def methods_of(runs: pl.DataFrame) -> list[str]:
 
 
 def percent(value: float) -> str:
-    """Return an error [%] as text, with the thesis's two decimals."""
+    """Return an error [%] as text, with two decimals as in the thesis."""
     return "<0.01" if 0 < value < 0.005 else f"{value:.2f}"
 
 
@@ -190,7 +190,7 @@ def seconds(value: float) -> str:
 
 
 def p_value(p: float | None) -> str:
-    """Return a p-value as text; `TOO_FEW` where there is none."""
+    """Return a p-value as text; `TOO_FEW` for None."""
     if p is None:
         return TOO_FEW
     return "<0.001" if p < 0.001 else f"{p:.3f}"

@@ -1,1 +1,1 @@
-"""How good an estimator trained on simulations is, and how many recordings it answers in a second."""
+"""Study of estimators trained on simulations: accuracy, and number of recordings answered per second."""

@@ -1,4 +1,4 @@
-"""The recordings that an estimator is judged by: groups on rigs, of foreign plants, and spoilt ones."""
+"""The recordings for the evaluation of an estimator: on rigs, of foreign plants, and spoilt recordings."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,16 +10,21 @@ from emaphm.study.rig import Rig
 from emaphm.study.spoilt.run import cases as spoilt_cases
 
 COUNTS = {"random": 300, "heavy": 300, "healthy": 500, "small": 50}
-"""Recordings of each group, of small faults each kind; as in the plan `accuracy`, but for heavy shorts."""
+"""Recordings per group, for small faults per kind; as in the plan `accuracy` except for heavy shorts."""
 
 SMALL = 0.05
+"""Size of the small faults."""
+
 MULTIPLE = 10
+"""Number of recordings of the thesis's multiple faults."""
+
 FOREIGN_EACH = 20
+"""Number of recordings per foreign plant."""
 
 
 @dataclass(frozen=True)
 class RecordingCase:
-    """A recording of a `group`: of true faults on a rig, or a spoilt one, by its number."""
+    """A recording of a `group`: of the faults `truth` on a rig, or without a rig the spoilt case `number`."""
 
     group: str
     label: str
@@ -48,9 +53,9 @@ def of_base_setting(channels: tuple[str, ...], share: float) -> Iterator[Recordi
 
 
 def of_multiple(channels: tuple[str, ...]) -> Iterator[RecordingCase]:
-    """Yield the thesis's multiple faults in its conditions, if `channels` are the thesis's: the current.
+    """Yield the thesis's multiple faults in its conditions, if `channels` is the current alone as there.
 
-    The recordings differ by their switching, as in the plan `accuracy`.
+    The recordings differ in their switching, as in the plan `accuracy`.
     """
     plan = Plan.load("accuracy")
     rig = next(rig for rig in plan.rigs if rig.label == "switching disturbed")
@@ -61,12 +66,13 @@ def of_multiple(channels: tuple[str, ...]) -> Iterator[RecordingCase]:
 
 
 def of_unlike(channels: tuple[str, ...], share: float) -> Iterator[RecordingCase]:
-    """Yield recordings that are not like any simulation: of foreign plants, and spoilt ones."""
+    """Yield recordings that differ from all simulations: of foreign plants, and spoilt recordings."""
     foreign = [rig for rig in Plan.load("plants").rigs if rig.foreign is not None and not rig.calibrated]
     for rig in foreign:
-        own = rig.model_copy(update={"channels": channels})
+        with_channels = rig.model_copy(update={"channels": channels})
         for n in range(max(1, round(share * FOREIGN_EACH))):
-            yield RecordingCase("foreign", rig.label, tuple(map(float, random_faults(n).vector)), own, n)
-    for n, one in enumerate(spoilt_cases()):
-        if one.channels == "voltage" and n % max(1, round(1 / share)) == 0:
-            yield RecordingCase("spoilt", one.spoilt_class, (), None, n)
+            truth = tuple(map(float, random_faults(n).vector))
+            yield RecordingCase("foreign", rig.label, truth, with_channels, n)
+    for n, case in enumerate(spoilt_cases()):
+        if case.channels == "voltage" and n % max(1, round(1 / share)) == 0:
+            yield RecordingCase("spoilt", case.spoilt_class, (), None, n)

@@ -1,4 +1,4 @@
-"""Tables of an estimator's study, in Markdown."""
+"""Markdown tables of the study of an estimator."""
 
 import time
 from collections import Counter
@@ -22,14 +22,14 @@ from emaphm.study.spoilt.judging import OUTCOME_TITLES, OUTCOMES, UNDETECTED_ERR
 from emaphm.text_table import markdown_table
 
 LARGEST_BATCH = 1024
-"""Recordings answered at once where speed is measured."""
+"""Largest batch of recordings in the measurement of the speed."""
 
 Outcomes = Sequence[tuple[RecordingCase, str, dict[str, Any]]]
-"""Of each recording and method, what came of it."""
+"""Recording, method and result of each trial."""
 
 
-def accuracy_table(found: Outcomes) -> str:
-    """Return errors, shares, intervals and times by group and method."""
+def accuracy_table(outcomes: Outcomes) -> str:
+    """Return a table of errors, shares and times by group and method."""
     header = (
         "recordings",
         "method",
@@ -37,17 +37,17 @@ def accuracy_table(found: Outcomes) -> str:
         "at most 2 %",
         "at most 5 %",
         "explained",
-        "as asked",
+        "answered as requested",
         "processor time: median / 95th percentile, s",
     )
     rows = []
     for group in ("random", "heavy", "multiple", "healthy", "small"):
         for method in METHODS:
-            moving = [r for r in _results(found, group, method) if r.get("moves")]
+            moving = [r for r in _results(outcomes, group, method) if r.get("moves")]
             if not moving:
                 continue
             errors, times = (np.array([r[key] for r in moving]) for key in ("error", "processor_s"))
-            asked = {METHODS[0]: "estimator", METHODS[1]: "estimator+lsq", METHODS[2]: "hybrid"}[method]
+            requested = {METHODS[0]: "estimator", METHODS[1]: "estimator+lsq", METHODS[2]: "hybrid"}[method]
             rows.append(
                 (
                     f"{group}, {len(moving)}",
@@ -55,19 +55,19 @@ def accuracy_table(found: Outcomes) -> str:
                     f"{np.median(errors):.2f} / {_p95(errors):.2f} / {errors.max():.2f}",
                     _percent(errors <= 2),
                     _percent(errors <= 5),
-                    _percent([_claims(r) for r in moving]),
-                    _percent([r["method"] == asked for r in moving]),
+                    _percent([_is_explained(r) for r in moving]),
+                    _percent([r["method"] == requested for r in moving]),
                     f"{np.median(times):.3f} / {_p95(times):.3f}",
                 )
             )
     return markdown_table(header, rows, words=2)
 
 
-def _results(found: Outcomes, group: str, method: str, label: str | None = None) -> list[dict[str, Any]]:
-    """Return what came of a group's recordings by a method, of those with a `label` where it is given."""
+def _results(outcomes: Outcomes, group: str, method: str, label: str | None = None) -> list[dict[str, Any]]:
+    """Return the results of a group and a method, only of recordings with a `label` if it is given."""
     return [
         result
-        for case, by, result in found
+        for case, by, result in outcomes
         if case.group == group and by == method and label in (None, case.label)
     ]
 
@@ -76,50 +76,50 @@ def _p95(values: Array) -> float:
     return float(np.quantile(values, 0.95))
 
 
-def _claims(result: dict[str, Any]) -> bool:
+def _is_explained(result: dict[str, Any]) -> bool:
     return result["outcome"] not in ("refused", "not explained")
 
 
-def coverage_table(found: Outcomes) -> str:
-    """Return the share of recordings that move whose interval holds the truth, by group and component."""
+def coverage_table(outcomes: Outcomes) -> str:
+    """Return a table of the coverage of the intervals in recordings that move, by group and component."""
     rows = []
     for group in ("random", "heavy"):
         for method in METHODS:
-            covered = [r["covered"] for r in _results(found, group, method) if r.get("moves")]
+            covered = [r["covered"] for r in _results(outcomes, group, method) if r.get("moves")]
             if covered:
                 rows.append((f"{group}, {len(covered)}", method, *map(_percent, np.mean(covered, axis=0))))
     return markdown_table(("recordings", "method", *NAMES), rows, words=2)
 
 
-def alarms_table(found: Outcomes) -> str:
-    """Return false alarms on healthy recordings, and how often each small fault is called degraded."""
+def alarms_table(outcomes: Outcomes) -> str:
+    """Return a table of the rates of false alarms on healthy recordings, and of detected small faults."""
     rows = []
     for method in METHODS:
-        healthy = [r for r in _results(found, "healthy", method) if "degraded" in r]
+        healthy = [r for r in _results(outcomes, "healthy", method) if "degraded" in r]
         if not healthy:
             continue
         rates = [_percent([any(r["degraded"]) for r in healthy])]
         for kind in SINGLE:
-            of_kind = [r for r in _results(found, "small", method, kind) if "degraded" in r]
+            of_kind = [r for r in _results(outcomes, "small", method, kind) if "degraded" in r]
             rates.append(_percent([_detected(r, kind) for r in of_kind]))
         rows.append((method, *rates))
     return markdown_table(("method", "healthy: false alarms", *SINGLE), rows)
 
 
 def _detected(result: dict[str, Any], kind: str) -> bool:
-    which = {name for name in NAMES if name.startswith("short_" if kind == "short" else kind)}
-    return any(called for name, called in zip(NAMES, result["degraded"], strict=True) if name in which)
+    faulty = {name for name in NAMES if name.startswith("short_" if kind == "short" else kind)}
+    return any(called for name, called in zip(NAMES, result["degraded"], strict=True) if name in faulty)
 
 
-def unlike_table(found: Outcomes) -> str:
-    """Return what became of foreign and spoilt recordings: by whom they were answered, and how well."""
+def unlike_table(outcomes: Outcomes) -> str:
+    """Return a table of the outcomes of foreign and spoilt recordings, and of the answering methods."""
     answered = "answered by the network alone, by least squares from it, by the full search"
     columns = (*OUTCOMES, NOT_TAKEN)
     rows = []
     for group in ("foreign", "spoilt"):
-        for label in dict.fromkeys(c.label for c, _, _ in found if c.group == group):
+        for label in dict.fromkeys(c.label for c, _, _ in outcomes if c.group == group):
             for method in (*METHODS, WITHOUT_SEARCH):
-                results = _results(found, group, method, label)
+                results = _results(outcomes, group, method, label)
                 if not results:
                     continue
                 tally = Counter(r["outcome"] for r in results)
@@ -139,7 +139,7 @@ def unlike_table(found: Outcomes) -> str:
 
 
 def speed_table(path: Path) -> str:
-    """Return how fast the network answers on one core, alone and in batches."""
+    """Return a table of the network's computing time on one core, for single recordings and batches."""
     estimator = Estimator.load(path)
     rng, size = stream(0, "rows of a batch"), LARGEST_BATCH
     blocks = estimator.network.projection.mean.size // len(estimator.setup.channels)
@@ -157,7 +157,7 @@ def speed_table(path: Path) -> str:
             estimator.answers(rows[:count], inputs)
         each = (time.process_time() - began) / repeats / count
         table.append((str(count), f"{1e3 * each:.3f}", f"{1 / each:,.0f}"))
-    header = ("recordings at once", "processor time of each, ms", "recordings a second")
+    header = ("recordings per batch", "processor time per recording, ms", "recordings per second")
     return markdown_table(header, table, words=0)
 
 

@@ -1,4 +1,4 @@
-"""What a method makes of a recording: its outcome, its errors and its time."""
+"""One trial of the study of an estimator: outcome, errors and computing time of a method for a recording."""
 
 import time
 from typing import Any
@@ -20,13 +20,13 @@ from emaphm.study.spoilt.run import spoilt
 
 METHODS = ("estimator alone", "estimator, corrected", "full search")
 WITHOUT_SEARCH = "estimator without search"
-"""Of the first method what its answer alone is: where it would search, the outcome is `NOT_TAKEN`."""
+"""The first method without its search: if it would search, the outcome is `NOT_TAKEN`."""
 
 NOT_TAKEN = "not taken"
 
 
 def perform(case: RecordingCase, method: str, path: str) -> dict[str, Any]:
-    """Return what a method makes of a case; an error of the user's is an outcome too."""
+    """Return the result of a method for a case; an `EmaphmError` also counts as an outcome."""
     actuator = Actuator.thesis()
     if case.rig is None:
         try:
@@ -46,17 +46,17 @@ def _diagnosed(
     recording: Recording, actuator: Actuator, truth: Faults, method: str, path: str, seed: int
 ) -> dict[str, Any]:
     if method == WITHOUT_SEARCH:
-        found = answer_alone(Estimator.load(path), recording, actuator, seed=seed)
-        if isinstance(found, Diagnosis):
-            return judged(found, truth) | {"method": found.method, "error": _error(found, truth)}
-        return {"outcome": NOT_TAKEN, "reasons": list(found)}
+        answer = answer_alone(Estimator.load(path), recording, actuator, seed=seed)
+        if isinstance(answer, Diagnosis):
+            return judged(answer, truth) | {"method": answer.method, "error": _error(answer, truth)}
+        return {"outcome": NOT_TAKEN, "reasons": list(answer)}
     settings = DiagnosisSettings(
         estimator=None if method == METHODS[2] else path,
         fast=method == METHODS[0],
         nuisances=None if method == METHODS[0] else Estimator.load(path).setup.nuisances,
         seed=seed,
     )
-    processor = time.process_time()
+    began = time.process_time()
     diagnosis = settings.diagnosed(recording, actuator)
     return judged(diagnosis, truth) | {
         "method": diagnosis.method,
@@ -68,7 +68,7 @@ def _diagnosed(
         "degraded": [diagnosis.components[name].verdict == "degraded" for name in NAMES],
         "moves": diagnosis.moves,
         "wall_s": diagnosis.seconds,
-        "processor_s": time.process_time() - processor,
+        "processor_s": time.process_time() - began,
     }
 
 

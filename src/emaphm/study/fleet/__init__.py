@@ -1,1 +1,1 @@
-"""How good predictions of remaining useful life are on a synthetic fleet, against truth and other ways."""
+"""Study of predictions of remaining useful life on a synthetic fleet, against truth and other methods."""

@@ -1,9 +1,9 @@
-"""Measure predictions of remaining useful life on a synthetic fleet.
+"""Evaluate predictions of remaining useful life on a synthetic fleet.
 
     python -m emaphm.study.fleet studies/fleet
 
-makes the fleet, diagnoses it and judges the predictions, each unless it is there, and prints a table;
-`python -m emaphm.report.fleet.page studies/fleet docs` writes the page.
+simulates the fleet, diagnoses it and evaluates the predictions, as far as results are missing, and prints
+tables; `python -m emaphm.report.fleet.page studies/fleet docs` writes the page.
 """
 
 import argparse
@@ -28,18 +28,18 @@ from emaphm.text_table import format_table
 
 
 def main() -> None:
-    """Run the study as the command line asks."""
+    """Run the study with the arguments of the command line."""
     parser = argparse.ArgumentParser(prog="python -m emaphm.study.fleet", description=__doc__)
-    parser.add_argument("folder", type=Path, help="where results are kept; the same command goes on")
-    parser.add_argument("--workers", type=int, help="processes; one a core if left out")
+    parser.add_argument("folder", type=Path, help="folder for the results; the same command resumes")
+    parser.add_argument("--workers", type=int, help="number of processes; default one per core")
     parser.add_argument(
-        "--units", type=int, default=PLAN.units, help=f"only the first of the {PLAN.units}, which is quicker"
+        "--units", type=int, default=PLAN.units, help=f"number of units, the first of {PLAN.units}"
     )
-    asked = parser.parse_args()
-    if not 2 * PARTS <= asked.units <= PLAN.units:
-        parser.error(f"--units {asked.units}: give {2 * PARTS} to {PLAN.units}")
-    folder = StudyFolder(asked.folder, asked.units)
-    run(folder, workers=asked.workers, on_step=_step if sys.stderr.isatty() else lambda _: None)
+    arguments = parser.parse_args()
+    if not 2 * PARTS <= arguments.units <= PLAN.units:
+        parser.error(f"--units {arguments.units}: give {2 * PARTS} to {PLAN.units}")
+    folder = StudyFolder(arguments.folder, arguments.units)
+    run(folder, workers=arguments.workers, on_step=_step if sys.stderr.isatty() else lambda _: None)
     for level, units in results(folder).items():
         for share in SHARES:
             print(f"{level}, {len(units)} synthetic units, λ = {share:g}")
@@ -48,7 +48,7 @@ def main() -> None:
 
 
 def _print_tracks(level: str, units: Units) -> None:
-    """Print what was predicted at every check flight, and what acting on it comes to, if it was followed."""
+    """Print the scores over whole lives and the outcomes of removals, if predictions were tracked."""
     if not tracked_ways(units):
         return
     print(f"{level}, {len(units)} synthetic units, over their lives")

@@ -1,4 +1,4 @@
-"""What acting on a way of predicting comes to over a fleet, and how good it is over whole lives."""
+"""Outcome of removals by a prediction method over a fleet, and scores of the predictions over whole lives."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ Units = Sequence[Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class PolicyOutcome:
-    """Of a fleet whose units are removed by a way of predicting and a rule, or not at all.
+    """Outcome for a fleet whose units are removed by a prediction method and a rule, or not at all.
 
     Attributes
     ----------
     failed
         Share of the units that fail in service.
     wasted
-        Mean share of life that is left at the removal; 0 of those that fail.
+        Mean share of life that remains at the removal; 0 for units that fail.
     unneeded
         Removals with more than `HORIZON_H` of true RUL, per 1,000 flight hours.
     cost
-        Per 1,000 flight hours, in planned replacements: of each unit one, or of a failure ten times as much.
+        Cost per 1,000 flight hours, in planned replacements: one per unit, or ten for a failure.
     """
 
     failed: float
@@ -49,15 +49,19 @@ ACTING_HEADER = ("by the prediction of", "fail in service", "of life wasted", "u
 
 
 def acted(units: Units, way: str, rule: str) -> PolicyOutcome:
-    """Return what comes of removing `units` by a `way` of predicting and a `rule`, as `judged` gives them."""
-    return outcome([one["tracks"][way]["removed"][rule] for one in units], [one["failure"] for one in units])
+    """Return the outcome of removing `units` (results of `judged`) by the method `way` and a `rule`."""
+    removed = [unit["tracks"][way]["removed"][rule] for unit in units]
+    return outcome(removed, [unit["failure"] for unit in units])
 
 
 def outcome(removed: Sequence[float | None], failures: Sequence[float]) -> PolicyOutcome:
-    """Return what comes of removals at hours `removed`, None where a unit fails; failures at (n,) [h]."""
+    """Return the outcome of removals at the hours `removed` (n,) [h], None for units that fail.
+
+    `failures` (n,) [h] are the hours at which the units would fail.
+    """
     end = np.array(failures)
-    at = np.array([end[i] if one is None else one for i, one in enumerate(removed)])
-    failed = np.array([one is None for one in removed])
+    at = np.array([end[i] if hours is None else hours for i, hours in enumerate(removed)])
+    failed = np.array([hours is None for hours in removed])
     paid = np.where(failed, COSTS.failure, COSTS.replacement)
     planned = list(zip(at[~failed], (end - at)[~failed], strict=True))
     return PolicyOutcome(
@@ -69,15 +73,15 @@ def outcome(removed: Sequence[float | None], failures: Sequence[float]) -> Polic
 
 
 def acted_rows(units: Units, rule: str) -> list[tuple[str, ...]]:
-    """Return the rows of a table of `ACTING_HEADER`: of each way with a distribution, and of no removal."""
+    """Return the rows of a table with `ACTING_HEADER`: one per method with a distribution, and no removal."""
     rows = [(way, *acted(units, way, rule).row) for way in tracked_ways(units) if way != MEAN]
-    none = outcome([None] * len(units), [one["failure"] for one in units])
+    none = outcome([None] * len(units), [unit["failure"] for unit in units])
     return [*rows, ("no removal", *none.row)]
 
 
 @dataclass(frozen=True)
 class OverLife:
-    """Of one way of predicting, at all check flights of all units.
+    """Scores of one prediction method at all check flights of all units.
 
     Attributes
     ----------
@@ -121,25 +125,25 @@ OVER_LIFE_HEADER = (
 
 
 def over_life(units: Units, way: str) -> OverLife:
-    """Return the scores of a `way` of predicting over the lives of `units`, as `judged` gives them."""
-    tracks = [one["tracks"][way] for one in units]
-    failures = np.array([one["failure"] for one in units])
-    true = np.concatenate([end - column(one, "hours") for one, end in zip(tracks, failures, strict=True)])
-    horizons = np.array([one["horizon"] for one in tracks]) / failures[:, np.newaxis]
+    """Return the scores of a prediction method `way` over the lives of `units` (results of `judged`)."""
+    tracks = [unit["tracks"][way] for unit in units]
+    failures = np.array([unit["failure"] for unit in units])
+    true = np.concatenate([end - column(track, "hours") for track, end in zip(tracks, failures, strict=True)])
+    horizons = np.array([track["horizon"] for track in tracks]) / failures[:, np.newaxis]
     return OverLife(
-        brier=brier(np.concatenate([column(one, "probability") for one in tracks]), true <= HORIZON_H),
-        late=float(np.mean([one["late"] for one in tracks])),
+        brier=brier(np.concatenate([column(track, "probability") for track in tracks]), true <= HORIZON_H),
+        late=float(np.mean([track["late"] for track in tracks])),
         first=float(np.mean(horizons[:, 0])),
         lasting=float(np.mean(horizons[:, 1])),
-        accuracy=float(np.median([one["accuracy"] for one in tracks])),
+        accuracy=float(np.median([track["accuracy"] for track in tracks])),
     )
 
 
 def over_life_rows(units: Units) -> list[tuple[str, ...]]:
-    """Return the rows of a table of `OVER_LIFE_HEADER`, one of each way."""
+    """Return the rows of a table with `OVER_LIFE_HEADER`, one per prediction method."""
     return [(way, *over_life(units, way).row) for way in tracked_ways(units)]
 
 
 def tracked_ways(units: Units) -> tuple[str, ...]:
-    """Return the ways in which units, one or more, were predicted at every check flight."""
+    """Return the prediction methods with predictions at all check flights of `units`, one or more."""
     return tuple(way for way in WAYS if way in units[0]["tracks"])

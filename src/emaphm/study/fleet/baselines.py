@@ -1,4 +1,4 @@
-"""What a user would otherwise take: the last slope, one filter a component, the lives of the fleet."""
+"""Baseline predictions: last slope, one Kalman filter per component, and lives of the fleet."""
 
 from collections.abc import Sequence
 
@@ -11,28 +11,28 @@ from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.random_streams import stream
 
 LAST = 10
-"""Diagnoses that the last slope is taken from."""
+"""Number of diagnoses for the last slope."""
 
 PATHS = 1000
 
 LONGEST_H = 20_000.0
-"""How far is looked [h], as in our forecasts."""
+"""Longest predicted life [h], as in the forecasts of emaphm."""
 
 RATE = 3e-4
-"""Standard deviation of a rate before it is seen, of the filter of one component [1/h]: a limit of 0.6 in
-2,000 h, as a user would read from such a fleet."""
+"""Prior standard deviation of a rate in the filter of one component [1/h]: a limit of 0.6 in 2,000 h, as a
+user would read from such a fleet."""
 
 LEVEL_NOISE, RATE_NOISE = 0.02 / np.sqrt(2000.0), 0.3 * RATE / np.sqrt(2000.0)
-"""Process noise of that filter: a level strays by 0.02 in 2,000 h, a rate by 30 % [1/√h], [1/h/√h]."""
+"""Process noise of this filter [1/√h], [1/h/√h]: in 2,000 h, a level drifts by 0.02, a rate by 30 %."""
 
 
 def last_slope(evidence: Evidence, actuator: Actuator) -> Array:
-    """Return the RUL [h], (1,), by a straight line through each component's last diagnoses; `inf` if none."""
+    """Return the RUL [h], (1,), by straight lines through the last levels of each component; may be `inf`."""
     last = evidence.used[-LAST:]
-    hours = np.array([one.hours for one in last])
+    hours = np.array([diagnosis.hours for diagnosis in last])
     shortest = np.inf
     for limit in Requirements(actuator).limits:
-        level = np.array([_value(one.level, limit) for one in last])
+        level = np.array([_value(diagnosis.level, limit) for diagnosis in last])
         if hours.size < 2:
             continue
         slope, offset = np.polyfit(hours - evidence.hours, level, 1)
@@ -47,9 +47,9 @@ def last_slope(evidence: Evidence, actuator: Actuator) -> Array:
 def one_filter_a_component(evidence: Evidence, actuator: Actuator, seed: int) -> Array:
     """Return a sample of the RUL [h], (`PATHS`,), by a Kalman filter of level and rate for each component.
 
-    As one would do with `progpy`: one model a component, level and rate with process noise chosen by hand,
-    each diagnosis's variance and no covariance between components, prediction by Monte Carlo simulation.
-    The unit's RUL is the shortest of its components', taken as independent.
+    In the manner of `progpy`: one model per component, level and rate with manually chosen process noise, the
+    variance of each diagnosis without covariances between components, prediction by Monte Carlo simulation.
+    The RUL of the unit is the shortest of its components, which are assumed to be independent.
     """
     random = stream(seed, "one filter a component", evidence.unit)
     lives = [
@@ -59,15 +59,12 @@ def one_filter_a_component(evidence: Evidence, actuator: Actuator, seed: int) ->
 
 
 def mean_life(hours: float, lives: Sequence[float]) -> Array:
-    """Return the RUL [h], (1,), by the mean life of those other units that have lived longer than `hours`."""
+    """Return the RUL [h], (1,), by the mean life of the other units with lives longer than `hours`."""
     return np.array([np.mean(fleet_lives(hours, lives))])
 
 
 def fleet_lives(hours: float, lives: Sequence[float]) -> Array:
-    """Return the RUL [h], (n,), by the lives of those other units that have lived longer than `hours`.
-
-    0 where none has.
-    """
+    """Return the RUL [h], (n,), by the lives of the other units that lived longer than `hours`; 0 if none."""
     return np.array([life - hours for life in lives if life > hours] or [0.0])
 
 
@@ -75,25 +72,25 @@ def _value(level: Array, limit: Limit) -> float:
     return float(level_of(level, str(limit.component)))
 
 
-def _variance(one_covariance: Array, limit: Limit) -> float:
+def _variance(covariance: Array, limit: Limit) -> float:
     column = columns_of(str(limit.component))[0]
-    return float(one_covariance[column, column])
+    return float(covariance[column, column])
 
 
 def _filtered(evidence: Evidence, limit: Limit) -> tuple[Array, Array]:
-    """Return mean (2,) and covariance (2, 2) of level and rate now."""
+    """Return mean (2,) and covariance (2, 2) of level and rate at the present hours."""
     healthy = 0.5 if limit.component == "gain" else 0.0
     mean, covariance, at = np.array([healthy, 0.0]), np.diag([0.03**2, RATE**2]), 0.0
-    for one in evidence.used:
-        mean, covariance = _moved(mean, covariance, one.hours - at)
-        at = one.hours
-        gain = covariance[:, 0] / (covariance[0, 0] + _variance(one.covariance, limit))
-        mean = mean + gain * (_value(one.level, limit) - mean[0])
+    for diagnosis in evidence.used:
+        mean, covariance = _propagated(mean, covariance, diagnosis.hours - at)
+        at = diagnosis.hours
+        gain = covariance[:, 0] / (covariance[0, 0] + _variance(diagnosis.covariance, limit))
+        mean = mean + gain * (_value(diagnosis.level, limit) - mean[0])
         covariance = covariance - np.outer(gain, covariance[0])
-    return _moved(mean, covariance, evidence.hours - at)
+    return _propagated(mean, covariance, evidence.hours - at)
 
 
-def _moved(mean: Array, covariance: Array, hours: float) -> tuple[Array, Array]:
+def _propagated(mean: Array, covariance: Array, hours: float) -> tuple[Array, Array]:
     step = np.array([[1.0, hours], [0.0, 1.0]])
     noise = LEVEL_NOISE**2 * np.diag([hours, 0.0]) + RATE_NOISE**2 * np.array(
         [[hours**3 / 3, hours**2 / 2], [hours**2 / 2, hours]]

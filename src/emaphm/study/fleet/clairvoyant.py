@@ -1,4 +1,4 @@
-"""The remaining useful life that a clairvoyant predicts: the best that any prediction can be."""
+"""Clairvoyant prediction of the remaining useful life: an upper bound for the quality of any prediction."""
 
 import numpy as np
 
@@ -10,18 +10,18 @@ from emaphm.fleet.synthetic.unit import STEPS, aged
 from emaphm.random_streams import stream
 
 PATHS = 200
-"""Of the unit's future: a share of a half is then right to 3.5 %."""
+"""Number of future paths: the standard error of a share of one half is then 3.5 %."""
 
 LONGEST_LIFE = 10_000.0
-"""How far is looked [h]; no unit of the study lives as long."""
+"""Longest simulated life [h]; no unit of the study lives longer."""
 
 
 def clairvoyant(unit: SyntheticUnit, hours: float, plan: FleetPlan) -> Array:
-    """Return a sample of the RUL at flight `hours` [h], (`PATHS`,), `inf` for none in sight.
+    """Return a sample of the RUL at flight `hours` [h], (`PATHS`,), `inf` without a failure.
 
-    The clairvoyant knows each component's law with its parameters, its true level, and the unit's mission. It
-    does not know what chance has not decided yet: the stress of flights to come, jumps, drift, and the moment
-    of an onset or change that is still to come.
+    The prediction uses the law of each component with its parameters, its true level, and the mission of the
+    unit. It does not use future random events: the stress of future flights, jumps, drift, and the times of
+    future onsets or changes of rate.
     """
     population, row = plan.drawn_from, unit.row(hours)
     random = stream(plan.seed, "clairvoyant", unit.serial_number, row)
@@ -29,13 +29,13 @@ def clairvoyant(unit: SyntheticUnit, hours: float, plan: FleetPlan) -> Array:
     life = np.full(PATHS, np.inf)
     for path in range(PATHS):
         ageing = unit.ageing[row] + aged(ahead, unit.mission, population.stress, plan.interval, random)
-        for one in unit.components:
-            u = ageing / one.life
-            law, column = LAWS[one.law], NAMES.index(one.name)
-            p = law.progress(u, law.still_open(one.parameters, float(u[0]), random), random)
-            drift = population.drift / one.limit * np.sqrt(np.diff(u, prepend=u[0]))
+        for component in unit.components:
+            u = ageing / component.life
+            law, column = LAWS[component.law], NAMES.index(component.name)
+            p = law.progress(u, law.still_open(component.parameters, float(u[0]), random), random)
+            drift = population.drift / component.limit * np.sqrt(np.diff(u, prepend=u[0]))
             p = p - p[0] + np.cumsum(drift * random.standard_normal(u.size))
-            beyond = one.failed(one.level(unit.vectors[row, column], p))
-            if beyond.any():
-                life[path] = min(life[path], ahead[int(beyond.argmax())])
+            failed = component.failed(component.level(unit.vectors[row, column], p))
+            if failed.any():
+                life[path] = min(life[path], ahead[int(failed.argmax())])
     return life

@@ -1,4 +1,4 @@
-"""How good the diagnoses of a synthetic fleet are, on which its predictions stand."""
+"""Accuracy of the diagnoses of a synthetic fleet, which are the basis of its predictions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ from emaphm.prognosis import Evidence
 
 @dataclass(frozen=True)
 class Quality:
-    """Of the diagnoses of a fleet, all components together.
+    """Accuracy of the diagnoses of a fleet, over all components.
 
     Attributes
     ----------
     recordings
-        Number of them.
+        Number of recordings.
     explained
-        Share that the model explains; the others do not count in what follows.
+        Share of explained recordings; error and coverage are over these recordings.
     error
-        Root mean square of estimate less truth [-].
+        Root mean square of estimate minus truth [-].
     coverage
-        Share of the estimates within two standard errors of the truth; 95 % if these are right.
+        Share of the estimates within two standard errors of the truth; 95 % for correct standard errors.
     """
 
     recordings: int
@@ -33,12 +33,12 @@ class Quality:
 
 
 def quality(fleet: Sequence[tuple[SyntheticUnit, Evidence]]) -> Quality:
-    """Return how good the diagnoses of synthetic units are, against their true levels."""
+    """Return the accuracy of the diagnoses of synthetic units, compared with their true levels."""
     errors, deviations = [], []
     for unit, evidence in fleet:
-        for one in evidence.used:
-            errors.append(one.level - to_cartesian(unit.vectors[unit.row(one.hours)]))
-            deviations.append(np.sqrt(np.diag(one.covariance)))
+        for diagnosis in evidence.used:
+            errors.append(diagnosis.level - to_cartesian(unit.vectors[unit.row(diagnosis.hours)]))
+            deviations.append(np.sqrt(np.diag(diagnosis.covariance)))
     error, deviation = np.array(errors), np.array(deviations)
     recordings = sum(len(evidence.observations) for _, evidence in fleet)
     return Quality(

@@ -1,8 +1,8 @@
-"""Diagnoses of synthetic units drawn from the covariances of real ones: cheap, for many units.
+"""Random diagnoses of synthetic units, drawn from covariances of computed diagnoses: cheap, for many units.
 
-A second level of the study. Its diagnoses are not computed from recordings: each is the truth plus an error
-drawn from the covariance that a diagnosis of a recording stated at nearby levels. It can say nothing of how
-good diagnoses are, and counts on their covariances being right, which the first level measures.
+The second level of the study. Its diagnoses are not computed from recordings: each is the truth plus an error
+drawn from the covariance that a diagnosis of a recording stated at nearby levels. It cannot evaluate
+diagnoses, and assumes that their covariances are correct, which the first level verifies.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from emaphm.random_streams import stream
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisPool:
-    """What diagnoses of recordings stated: levels (n, 8) and covariances (n, 8, 8), `CARTESIAN_NAMES`."""
+    """Results of diagnoses of recordings: levels (n, 8) and covariances (n, 8, 8) of `CARTESIAN_NAMES`."""
 
     level: Array
     covariance: Array
@@ -28,11 +28,12 @@ class DiagnosisPool:
     @classmethod
     def of(cls, fleet: Sequence[Evidence]) -> "DiagnosisPool":
         """Return the pool of the diagnoses of a fleet that explain their recordings."""
-        used = [one for evidence in fleet for one in evidence.used]
-        return cls(np.stack([one.level for one in used]), np.stack([one.covariance for one in used]))
+        used = [diagnosis for evidence in fleet for diagnosis in evidence.used]
+        levels = np.stack([diagnosis.level for diagnosis in used])
+        return cls(levels, np.stack([diagnosis.covariance for diagnosis in used]))
 
     def near(self, level: Array) -> Array:
-        """Return the covariance (8, 8) that was stated nearest to `level` (8,)."""
+        """Return the covariance (8, 8) of the diagnosis nearest to `level` (8,)."""
         return np.asarray(self.covariance[np.sum((self.level - level) ** 2, axis=1).argmin()])
 
 
@@ -43,7 +44,7 @@ EXACT = DiagnosisPool(
 
 
 def drawn_evidence(unit: SyntheticUnit, plan: FleetPlan, pool: DiagnosisPool) -> Evidence:
-    """Return diagnoses of a unit at each check flight, their errors drawn."""
+    """Return diagnoses of a unit with random errors, one per check flight."""
     random = stream(plan.seed, "drawn diagnoses", unit.serial_number)
     observations = []
     for hours in unit.check_flights(plan.interval):

@@ -1,15 +1,15 @@
-"""The remaining useful life by Bayes' rule from the true population: the best without knowing the unit.
+"""Remaining useful life by Bayes' rule from the true population: the best prediction for an unknown unit.
 
-It knows what the fleet is drawn from (`population.py`, `growth.py`): which laws, in which shares, with which
-ranges of parameters and lives, the drift and the spread of the stress. It does not know which of these a unit
-has, and sees its diagnoses only. No method that learns from a fleet can know more of a new unit.
+The prior is the true population of the fleet (`population.py`, `growth.py`): the laws with their shares and
+ranges of parameters and lives, the drift, and the spread of the stress. The unit's own values are unknown;
+only its diagnoses are used. No method that learns from a fleet can have more information on a new unit.
 
-Given the law of each of the unit's components and diagnoses without error, it is a clairvoyant who knows law
-and true level, but neither the parameters of the law, nor the rate, nor the mission.
+Given the law of each component of the unit and diagnoses without error, the prediction is clairvoyant on law
+and true level, but not on the parameters of the law, the rate and the mission.
 
 Each component has `SAMPLE` draws of law, parameters and life, weighted by the likelihood of its diagnoses. In
-each, level and ageing are followed by an extended Kalman filter, since the stress of each stretch is random.
-Components are taken as independent: what their common stress adds is left out.
+each draw, level and ageing are estimated by an extended Kalman filter, because the stress of each interval is
+random. Components are assumed to be independent; the information from their common stress is not used.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,32 +31,34 @@ from emaphm.random_streams import stream
 Rows = NDArray[np.int_]
 
 SAMPLE = 100_000
-"""Draws of each component: some hundred of them carry the weight late in life, even with the level known."""
+"""Draws per component: late in life, some hundred of them carry the weight, even with a known level."""
 
 PATHS = 1000
+"""Number of predicted paths."""
+
 STEP = 50.0
-"""Of the future [h]."""
+"""Time step of the predicted paths [h]."""
 
 LONGEST_LIFE = 12_000.0
-"""How far is looked [h]."""
+"""Longest predicted life [h]."""
 
 LEAST_AGE = 1.0
-"""Of a component [h]."""
+"""Smallest age of a component [h]."""
 
 SMALL = 1e-4
-"""Share of a life over which the slope of a law is taken."""
+"""Step of the numerical slope of a law, as a share of the life."""
 
 NEVER = "none"
-"""The law of a component that does not wear."""
+"""Name of the law of a component that does not wear."""
 
 CHANCE = "gamma process"
-"""The law whose increments are chance: it is followed by their mean and variance, and drawn as it is."""
+"""The law with random increments: the filter uses their mean and variance, predictions draw them."""
 
 
 class Component:
-    """One component of a unit: `SAMPLE` draws of what it may be, and level and ageing in each.
+    """One component of a unit: `SAMPLE` draws of law, parameters and life, with level and age in each.
 
-    Of a `law` that is given, they have that one.
+    If a `law` is given, all draws have this law.
     """
 
     def __init__(
@@ -67,9 +69,9 @@ class Component:
         self.laws = (*wear.laws, NEVER)
         shares = [*(wear.share * share for share in wear.laws.values()), 1 - wear.share]
         if law is not None:
-            shares = [float(one == law) for one in self.laws]
+            shares = [float(name == law) for name in self.laws]
         self.law = random.choice(len(self.laws), size=SAMPLE, p=shares)
-        spread = np.hypot(wear.spread, _of_missions(population.stress))
+        spread = np.hypot(wear.spread, _mission_deviation(population.stress))
         life = wear.life / _mean_ageing(population.stress)
         self.life = life * np.exp(spread * random.standard_normal(SAMPLE))
         self.parameters = {
@@ -83,7 +85,7 @@ class Component:
         self.hours = 0.0
 
     def moved(self, age: Array, rows: Rows) -> Array:
-        """Return how far the draws `rows` (n,) have moved the level at their `age` [h], both (n,)."""
+        """Return the change of the level of the draws `rows` (n,) at their `age` [h] (n,), shape (n,)."""
         result = np.zeros(age.size)
         for i, law in enumerate(self.laws[:-1]):
             of_law = self.law[rows] == i
@@ -97,19 +99,19 @@ class Component:
         return np.asarray(result * self.wear.limit)
 
     def slope(self, age: Array, rows: Rows) -> Array:
-        """Return by how much the level moves in an hour of ageing, (n,) [1/h]."""
+        """Return the rate of the level per hour of ageing, (n,) [1/h]."""
         step = SMALL * self.life[rows]
         return np.asarray((self.moved(age + step, rows) - self.moved(age, rows)) / step)
 
-    def see(self, one: Observation) -> None:
-        """Weigh the draws by a diagnosis."""
-        level, variance = _seen(one, self.name)
-        h, everyone = one.hours - self.hours, np.arange(SAMPLE)
-        uneven = _of_stretches(self.plan) * h
-        step = self.moved(self.age + h, everyone) - self.moved(self.age, everyone)
-        bend = self.slope(self.age + h, everyone) - self.slope(self.age, everyone)
+    def update(self, diagnosis: Observation) -> None:
+        """Update levels, ages and weights of the draws with a diagnosis."""
+        level, variance = _observed(diagnosis, self.name)
+        h, rows = diagnosis.hours - self.hours, np.arange(SAMPLE)
+        uneven = _interval_variance(self.plan) * h
+        step = self.moved(self.age + h, rows) - self.moved(self.age, rows)
+        bend = self.slope(self.age + h, rows) - self.slope(self.age, rows)
         before = self.of_level + 2 * bend * self.of_both + bend**2 * self.of_age
-        before += (step / h) ** 2 * uneven + self._noise(h, everyone)
+        before += (step / h) ** 2 * uneven + self._noise(h, rows)
         both = self.of_both + bend * self.of_age + step / h * uneven
         total = before + variance + LEAST_ERROR**2
         innovation = level - self.level - step
@@ -119,10 +121,10 @@ class Component:
         self.of_age = self.of_age + uneven - both**2 / total
         self.of_level = before * (1 - before / total)
         self.of_both = both * (1 - before / total)
-        self.hours = one.hours
+        self.hours = diagnosis.hours
 
     def drawn(self, random: np.random.Generator) -> tuple[Rows, Array, Array]:
-        """Return `PATHS` rows of the draws by their weights, with levels and ages [h], (n,) each."""
+        """Return `PATHS` rows of the draws, sampled by weight, with levels and ages [h], (n,) each."""
         weight = np.exp(self.log_weight - self.log_weight.max())
         rows = random.choice(SAMPLE, PATHS, p=weight / weight.sum())
         deviation = np.sqrt(np.maximum(self.of_level[rows], 1e-12))
@@ -133,7 +135,7 @@ class Component:
         return rows, self.level[rows] + deviation * first, np.maximum(age, LEAST_AGE)
 
     def step(self, age: Array, aged: Array, rows: Rows, random: np.random.Generator) -> Array:
-        """Return by how much levels move while components of `age` age by `aged` [h], (n,) each."""
+        """Return the change of the levels of components of `age` while they age by `aged` [h], (n,) each."""
         change = self.moved(age + aged, rows) - self.moved(age, rows)
         if CHANCE in self.laws:
             jumps = self.parameters[CHANCE]["jumps"][rows]
@@ -144,7 +146,7 @@ class Component:
         return np.asarray(change + np.where(wears, drift * random.standard_normal(rows.size), 0.0))
 
     def _noise(self, hours: float, rows: Rows) -> Array:
-        """Return the variance by which drift and jumps add to the levels in `hours`, (n,)."""
+        """Return the variance that drift and jumps add to the levels within `hours`, (n,)."""
         lives = hours / self.life[rows]
         variance = np.where(self.law[rows] < len(self.laws) - 1, self.plan.drawn_from.drift**2 * lives, 0.0)
         if CHANCE in self.laws:
@@ -156,9 +158,10 @@ class Component:
 def informed(
     evidence: Evidence, plan: FleetPlan, at: Sequence[int], laws: Mapping[str, str] | None = None
 ) -> list[Array]:
-    """Return samples of the RUL [h] after the explained diagnoses numbered `at`, increasing, (`PATHS`,).
+    """Return samples of the RUL [h], (`PATHS`,), after the explained diagnoses numbered `at`, increasing.
 
-    `laws` are those of the components that wear, the others being known not to; all unknown if left out.
+    `laws` are the laws of the components that wear; the others are then known not to wear. By default, all
+    laws are unknown.
     """
     random = stream(plan.seed, "informed", evidence.unit)
     population: Population = plan.drawn_from
@@ -166,56 +169,57 @@ def informed(
         Component(name, wear, plan, random, None if laws is None else laws.get(name, NEVER))
         for name, wear in population.wear.items()
     ]
-    found = []
-    for i, one in enumerate(evidence.used[: max(at) + 1]):
+    samples = []
+    for i, diagnosis in enumerate(evidence.used[: max(at) + 1]):
         for component in components:
-            component.see(one)
-        found += [_lives(components, plan, random)] * list(at).count(i)
-    return found
+            component.update(diagnosis)
+        samples += [_lives(components, plan, random)] * list(at).count(i)
+    return samples
 
 
 def _lives(components: list[Component], plan: FleetPlan, random: np.random.Generator) -> Array:
+    """Return a sample of the RUL of a unit [h], (`PATHS`,), from the draws of its components."""
     life = np.full(PATHS, np.inf)
-    states = [one.drawn(random) for one in components]
-    for one, (_, level, _) in zip(components, states, strict=True):
-        life[level >= one.wear.limit] = 0.0
-    spread = np.sqrt(_of_stretches(plan) / STEP)
+    states = [component.drawn(random) for component in components]
+    for component, (_, level, _) in zip(components, states, strict=True):
+        life[level >= component.wear.limit] = 0.0
+    spread = np.sqrt(_interval_variance(plan) / STEP)
     for hours in np.arange(0.0, LONGEST_LIFE, STEP):
         if np.isfinite(life).all():
             break
         aged = STEP * np.maximum(1 + spread * random.standard_normal(PATHS), 0.1)
         after = []
-        for one, (rows, level, age) in zip(components, states, strict=True):
-            change = one.step(age, aged, rows, random)
+        for component, (rows, level, age) in zip(components, states, strict=True):
+            change = component.step(age, aged, rows, random)
             with np.errstate(divide="ignore", invalid="ignore"):
-                passed = hours + STEP * (one.wear.limit - level) / change
-            crosses = (level < one.wear.limit) & (level + change >= one.wear.limit)
+                passed = hours + STEP * (component.wear.limit - level) / change
+            crosses = (level < component.wear.limit) & (level + change >= component.wear.limit)
             life = np.where(crosses, np.minimum(life, passed), life)
             after.append((rows, level + change, age + aged))
         states = after
     return life
 
 
-def _seen(one: Observation, name: str) -> tuple[float, float]:
-    """Return how far a component has moved from healthy towards its limit, and the variance of that."""
+def _observed(diagnosis: Observation, name: str) -> tuple[float, float]:
+    """Return the observed change of a component from healthy towards its limit, and its variance."""
     column = columns_of(name)[0]
-    moved = level_of(one.level, name) - getattr(HEALTHY, name)
-    return float(-moved if name in FALLING else moved), float(one.covariance[column, column])
+    moved = level_of(diagnosis.level, name) - getattr(HEALTHY, name)
+    return float(-moved if name in FALLING else moved), float(diagnosis.covariance[column, column])
 
 
-def _of_missions(stress: StressModel) -> float:
-    """Return the standard deviation of the logarithm of ageing from unit to unit."""
+def _mission_deviation(stress: StressModel) -> float:
+    """Return the standard deviation of the logarithm of ageing between units."""
     return float(np.hypot(stress.mission_K / stress.doubling * np.log(2), 3 * stress.mission_load))
 
 
 def _mean_ageing(stress: StressModel) -> float:
-    """Return the mean ageing in an hour [-] of a median mission: above 1, as its law is convex."""
+    """Return the mean ageing per hour [-] of a median mission: above 1, because its law is convex."""
     of_heat = np.exp(0.5 * (stress.flight_K / stress.doubling * np.log(2)) ** 2)
     return float(of_heat * (1 + 3 * stress.flight_load**2))
 
 
-def _of_stretches(plan: FleetPlan) -> float:
-    """Return the variance of ageing in an hour [h²/h], from the spread between check flights."""
+def _interval_variance(plan: FleetPlan) -> float:
+    """Return the variance of ageing per hour [h²/h], from the spread of the stress between check flights."""
     stress = plan.drawn_from.stress
     spread = np.hypot(stress.flight_K / stress.doubling * np.log(2), 3 * stress.flight_load)
     return float(spread**2 * plan.interval)

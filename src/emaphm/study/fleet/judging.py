@@ -1,4 +1,4 @@
-"""What each way of predicting says of a synthetic unit over its life, against its true end."""
+"""Evaluation of each prediction method for a synthetic unit over its life, against its true failure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,10 +27,10 @@ from emaphm.study.fleet.informed import informed
 from emaphm.study.fleet.tracks import track
 
 SHARES = (0.0, 0.25, 0.5, 0.75)
-"""λ: of the way from the first check flight to the failure."""
+"""λ: shares of the time from the first check flight to the failure."""
 
 ALPHA, BETA = 0.2, 0.5
-"""Of alpha-lambda: half the width of the band, and the least probability within it."""
+"""Parameters of alpha-lambda: half-width of the band, and the least probability within it."""
 
 WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, LINE, FILTER, MEAN, LIVES = (
     "ours, with the fleet's prior",
@@ -47,14 +47,14 @@ WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, LINE, FILT
 WAYS = (WITH_FLEET, WITH_LARGER, ALONE, CLAIRVOYANT, LAW_AND_LEVEL, INFORMED, FILTER, LINE, MEAN, LIVES)
 
 TRACKED = replace(FORECAST, paths=300)
-"""Forecasts at every check flight: a risk of 5 % is then right to 1.3 %."""
+"""Settings of the forecasts at every check flight: the standard error of a risk of 5 % is 1.3 %."""
 
 
 @dataclass(frozen=True, eq=False)
 class FailedUnit:
-    """A unit that failed, its diagnoses, and what is known of the others: prior, and hours of failure.
+    """A failed unit, its diagnoses, the prior from the other units of the fleet, and their hours of failure.
 
-    `larger` is the prior of a larger fleet, where there is one.
+    `larger` is the prior from a larger fleet, if there is one.
     """
 
     unit: SyntheticUnit
@@ -67,14 +67,14 @@ class FailedUnit:
 def judged(
     case: FailedUnit, plan: FleetPlan, actuator: Actuator, seed: int, *, tracked: bool = True
 ) -> dict[str, Any]:
-    """Return the scores of each way at each share of life; if `tracked`, what it says at every check flight.
+    """Return the scores of each method at each share of life and, if `tracked`, over all check flights.
 
     Raises
     ------
     PrognosisError, MethodError
-        Nothing can be predicted.
+        The diagnoses do not permit a prediction.
     """
-    hours = [one.hours for one in case.evidence.used]
+    hours = [diagnosis.hours for diagnosis in case.evidence.used]
     failure = float(case.unit.failure or np.inf)
     chosen = [at_share_of_life(hours, failure, share) for share in SHARES]
     at = list(range(len(hours))) if tracked else chosen
@@ -86,18 +86,20 @@ def judged(
         past = follow(case.evidence, prior, seed=seed).past
         ways[name] = _scored(lives([past[i] for i in chosen], case.evidence, actuator), failure)
         if tracked:
-            every = lives(past, case.evidence, actuator, settings=TRACKED)
-            tracks[name] = track(every, failure, plan.interval)
-    for name, said in _others(case, plan, actuator, at, seed).items():
-        found = {i: (float(hours[i]), one) for i, one in zip(at, said, strict=True)}
-        ways[name] = _scored([found[i] for i in chosen], failure)
+            at_all_flights = lives(past, case.evidence, actuator, settings=TRACKED)
+            tracks[name] = track(at_all_flights, failure, plan.interval)
+    for name, samples in _reference_samples(case, plan, actuator, at, seed).items():
+        predicted = {i: (float(hours[i]), sample) for i, sample in zip(at, samples, strict=True)}
+        ways[name] = _scored([predicted[i] for i in chosen], failure)
         if tracked:
-            tracks[name] = track(list(found.values()), failure, plan.interval)
+            tracks[name] = track(list(predicted.values()), failure, plan.interval)
     return {
         "unit": case.unit.serial_number,
         "failure": failure,
         "failed": case.unit.failed,
-        "law": next(one.law for one in case.unit.components if one.name == case.unit.failed),
+        "law": next(
+            component.law for component in case.unit.components if component.name == case.unit.failed
+        ),
         "diagnoses": len(case.evidence.observations),
         "explained": len(hours),
         "ways": ways,
@@ -105,57 +107,60 @@ def judged(
     }
 
 
-def _others(
+def _reference_samples(
     case: FailedUnit, plan: FleetPlan, actuator: Actuator, at: list[int], seed: int
 ) -> dict[str, list[Array]]:
-    """Return the samples of the RUL [h] of each way but ours, at the explained diagnoses numbered `at`."""
-    until = [_until(case.evidence, i) for i in at]
+    """Return samples of the RUL [h] of the reference methods, at the explained diagnoses numbered `at`."""
+    past = [_evidence_until(case.evidence, i) for i in at]
     return {
-        CLAIRVOYANT: [clairvoyant(case.unit, one.hours, plan) for one in until],
-        LAW_AND_LEVEL: _knowing_law_and_level(case.unit, plan, np.array([one.hours for one in until])),
+        CLAIRVOYANT: [clairvoyant(case.unit, known.hours, plan) for known in past],
+        LAW_AND_LEVEL: _from_law_and_level(case.unit, plan, np.array([known.hours for known in past])),
         INFORMED: informed(case.evidence, plan, at),
-        FILTER: [one_filter_a_component(one, actuator, seed) for one in until],
-        LINE: [last_slope(one, actuator) for one in until],
-        MEAN: [mean_life(one.hours, case.lives) for one in until],
-        LIVES: [fleet_lives(one.hours, case.lives) for one in until],
+        FILTER: [one_filter_a_component(known, actuator, seed) for known in past],
+        LINE: [last_slope(known, actuator) for known in past],
+        MEAN: [mean_life(known.hours, case.lives) for known in past],
+        LIVES: [fleet_lives(known.hours, case.lives) for known in past],
     }
 
 
-def _knowing_law_and_level(unit: SyntheticUnit, plan: FleetPlan, hours: Array) -> list[Array]:
-    """Return samples of the RUL [h] at increasing `hours` by the laws, and the levels at check flights."""
-    laws = {one.name: one.law for one in unit.components}
+def _from_law_and_level(unit: SyntheticUnit, plan: FleetPlan, hours: Array) -> list[Array]:
+    """Return samples of the RUL [h] at increasing `hours` from the true laws and the true past levels."""
+    laws = {component.name: component.law for component in unit.components}
     at = np.searchsorted(unit.check_flights(plan.interval), hours)
     return informed(drawn_evidence(unit, plan, EXACT), plan, at.tolist(), laws)
 
 
-def _until(evidence: Evidence, last: int) -> Evidence:
-    """Return what was known at the explained diagnosis number `last`."""
+def _evidence_until(evidence: Evidence, last: int) -> Evidence:
+    """Return the evidence up to the explained diagnosis number `last`."""
     used = evidence.used[: last + 1]
     return Evidence(evidence.unit, evidence.part_number, used[-1].hours, used)
 
 
-def _scored(said: Sequence[tuple[float, Array]], failure: float) -> dict[str, dict[str, Any]]:
-    """Return what is counted of pairs of hours and sample of the RUL [h] at each of `SHARES`, by share."""
-    predictions = [Prediction(*one) for one in said]
+def _scored(samples: Sequence[tuple[float, Array]], failure: float) -> dict[str, dict[str, Any]]:
+    """Return the scores of predictions at each of `SHARES`, by share.
+
+    `samples` are pairs of flight hours and sample of the RUL [h], one per share.
+    """
+    predictions = [Prediction(*pair) for pair in samples]
     return {
         str(share): {
-            **_scores(one, failure),
+            **_scores(prediction, failure),
             "good": alpha_lambda(predictions, failure, share, alpha=ALPHA, beta=BETA),
         }
-        for share, one in zip(SHARES, predictions, strict=True)
+        for share, prediction in zip(SHARES, predictions, strict=True)
     }
 
 
-def _scores(one: Prediction, failure: float) -> dict[str, Any]:
-    """Return what is counted of one prediction; a RUL beyond what is looked at counts as `LONGEST_H`."""
-    true = failure - one.hours
+def _scores(prediction: Prediction, failure: float) -> dict[str, Any]:
+    """Return the scores of one prediction; a RUL above `LONGEST_H` counts as `LONGEST_H`."""
+    true = failure - prediction.hours
     return {
-        "hours": one.hours,
+        "hours": prediction.hours,
         "true": true,
-        "median": min(one.median, LONGEST_H),
-        "low": min(one.quantile(0.05), LONGEST_H),
-        "high": min(one.quantile(0.95), LONGEST_H),
-        "transform": probability_integral_transform(one, true),
-        "crps": crps(one.sample, true, longest=LONGEST_H),
-        "certain": one.sample.size == 1,
+        "median": min(prediction.median, LONGEST_H),
+        "low": min(prediction.quantile(0.05), LONGEST_H),
+        "high": min(prediction.quantile(0.95), LONGEST_H),
+        "transform": probability_integral_transform(prediction, true),
+        "crps": crps(prediction.sample, true, longest=LONGEST_H),
+        "certain": prediction.sample.size == 1,
     }

@@ -1,4 +1,4 @@
-"""Running the study: a synthetic fleet through the whole chain, then predictions judged unit by unit."""
+"""Execution of the study: simulation and diagnosis of a synthetic fleet, then evaluation of predictions."""
 
 import hashlib
 import json
@@ -24,28 +24,28 @@ from emaphm.study.fleet.drawn import DiagnosisPool, drawn_evidence
 from emaphm.study.fleet.judging import FailedUnit, judged
 
 PLAN = FleetPlan(units=104, flights=70, interval=100.0, seed=1)
-"""Of the recorded level: all but one or two units fail within 7,000 h."""
+"""Plan of the recorded level: all but one or two units fail within 7,000 h."""
 
 MANY = FleetPlan(units=140, flights=70, interval=100.0, seed=2)
-"""Of the level with drawn diagnoses."""
+"""Plan of the level with drawn diagnoses."""
 
 PARTS = 13
-"""Of the recorded level, each judged with the other parts for its fleet: 96 of 104 units."""
+"""Parts of the recorded level; each is evaluated with the other parts as its fleet: 96 of 104 units."""
 
 RESULTS = "results.sqlite"
 
 RECORDED, DRAWN = "recorded", "drawn"
-"""Levels of the study: diagnoses of recordings; diagnoses drawn from the covariances of these."""
+"""Levels of the study: diagnoses of recordings, and diagnoses drawn from the covariances of the former."""
 
 FLEET_UNITS, JUDGED = 30, 40
-"""The first units of that level, which are the fleet of those after them, and how many are judged. All others
-are in the larger fleet, with the first ones."""
+"""In the level with drawn diagnoses: number of the first units, which are the fleet, and of the evaluated
+units after them. All other units belong to the larger fleet, together with the first units."""
 
 FEWEST = 4
-"""Explained diagnoses of a unit that is judged: what failed before cannot be seen to come by anybody."""
+"""Least number of explained diagnoses of an evaluated unit: no method can predict an earlier failure."""
 
 DECIDING = ("prognosis", "fleet/synthetic", "study/fleet", "actuator", "quantiles.py", "random_streams.py")
-"""Code that decides what is judged, given the evidence: what reads the history decides that."""
+"""Code that decides the results for given evidence; the evidence depends on the code of the history."""
 
 NOT_DECIDING = (
     "actuator/toml",
@@ -59,7 +59,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class StudyFolder:
-    """The folder of the study: the fleet with its recordings in ``fleet``, what was judged next to it.
+    """The folder of the study: the fleet with its recordings in ``fleet``, and the results next to it.
 
     The recorded level has the first `units` of `PLAN`.
     """
@@ -79,7 +79,7 @@ class StudyFolder:
 
     @property
     def results(self) -> ResultStore:
-        """What was judged."""
+        """The file of results."""
         return ResultStore(self.path / RESULTS)
 
 
@@ -89,12 +89,12 @@ def run(
     workers: int | None = None,
     on_step: Callable[[str], OnTask | None] = lambda _: None,
 ) -> None:
-    """Do what is missing of both levels.
+    """Compute the missing results of both levels.
 
     Raises
     ------
     StudyError
-        Some units could not be judged; the others are kept.
+        Some units could not be evaluated; results of the others are stored.
     ExecutionError, HistoryError, OutputError
         Workers, the folder or the history cannot be used.
     """
@@ -102,7 +102,7 @@ def run(
     run_chain(Chain(folder.plan, folder.fleet, workers=workers, on_step=on_step))
     work = _work(folder)
     done = folder.results.finished(_tasks(work, {}))
-    missing = [one for i, one in enumerate(work) if i not in done]
+    missing = [item for i, item in enumerate(work) if i not in done]
     chosen = _tasks(work, _learnt(missing, workers, on_step("learning from fleets")))
     failures = run_tasks(chosen, folder.results, workers=workers, on_task=on_step("judging"))
     if failures:
@@ -110,25 +110,25 @@ def run(
 
 
 def results(folder: StudyFolder) -> dict[str, list[dict[str, Any]]]:
-    """Return what was judged of each level, unit by unit; errors as in `run`."""
+    """Return the results by level, one per evaluated unit; errors as in `run`."""
     work = _work(folder)
     done, _ = folder.results.read(_tasks(work, {}))
-    found: dict[str, list[dict[str, Any]]] = {RECORDED: [], DRAWN: []}
+    by_level: dict[str, list[dict[str, Any]]] = {RECORDED: [], DRAWN: []}
     for i, outcome in sorted(done.items()):
-        found[work[i].level].append(outcome.result)
-    return found
+        by_level[work[i].level].append(outcome.result)
+    return by_level
 
 
 def recorded_fleet(folder: StudyFolder) -> list[tuple[SyntheticUnit, Evidence]]:
     """Return the units of the recorded level with their diagnoses."""
     with History.open(folder.fleet.history) as history:
         units = [drawn_unit(folder.plan, i) for i in range(folder.units)]
-        return [(one, Evidence.of(history.unit(one.serial_number))) for one in units]
+        return [(unit, Evidence.of(history.unit(unit.serial_number))) for unit in units]
 
 
 @dataclass(frozen=True, eq=False)
 class KnownFleet:
-    """What units are predicted from: others, with their hours of failure [h], and a larger fleet or none."""
+    """The fleet of predicted units: other units, their hours of failure [h], and perhaps a larger fleet."""
 
     name: str
     others: tuple[Evidence, ...]
@@ -137,14 +137,14 @@ class KnownFleet:
 
     @cached_property
     def digest(self) -> str:
-        """What identifies all of it."""
-        known = [[fingerprint(one) for one in units] for units in (self.others, self.larger)]
+        """Digest that identifies the fleet."""
+        known = [[fingerprint(evidence) for evidence in units] for units in (self.others, self.larger)]
         return hashlib.sha256(json.dumps([known, self.lives]).encode()).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A unit that failed, to be judged: its diagnoses, and the fleet that it is predicted from."""
+    """A failed unit to be evaluated, its diagnoses, and the fleet that is used for its prediction."""
 
     level: str
     fleet: KnownFleet
@@ -154,26 +154,28 @@ class Work:
 
     @property
     def actuator(self) -> Actuator:
-        """The fleet's, with its requirements."""
+        """The actuator of the fleet, with its requirements."""
         return fleet_actuator(self.plan.drawn_from)
 
     def key(self, code: str) -> str:
-        """Return what identifies the result: all that decides it. Plan and name say what the unit is."""
-        about = [self.level, self.plan.to_dict(), self.unit.serial_number, fingerprint(self.evidence)]
-        about += [self.fleet.digest, self.actuator.model_dump(mode="json"), code]
-        return hashlib.sha256(json.dumps(about).encode()).hexdigest()
+        """Return the key of the result: a digest of everything that decides it, with plan and unit."""
+        parts = [self.level, self.plan.to_dict(), self.unit.serial_number, fingerprint(self.evidence)]
+        parts += [self.fleet.digest, self.actuator.model_dump(mode="json"), code]
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
 def _work(folder: StudyFolder) -> list[Work]:
     recorded = recorded_fleet(folder)
     pool = DiagnosisPool.of([evidence for _, evidence in recorded])
     units = (drawn_unit(MANY, i) for i in range(MANY.units))
-    drawn = [(one, drawn_evidence(one, MANY, pool)) for one in units if one.check_flights(MANY.interval).size]
+    drawn = [
+        (unit, drawn_evidence(unit, MANY, pool)) for unit in units if unit.check_flights(MANY.interval).size
+    ]
     return [
         *(
-            one
+            work
             for i in range(PARTS)
-            for one in _judged_with(RECORDED, f"without part {i}", folder.plan, *without_part(recorded, i))
+            for work in _judged_with(RECORDED, f"without part {i}", folder.plan, *without_part(recorded, i))
         ),
         *_judged_with(
             DRAWN,
@@ -187,8 +189,8 @@ def _work(folder: StudyFolder) -> list[Work]:
 
 
 def without_part(units: Sequence[T], part: int) -> tuple[list[T], list[T]]:
-    """Return one of the `PARTS` of `units`, and those of all other parts."""
-    return list(units[part::PARTS]), [one for i, one in enumerate(units) if i % PARTS != part]
+    """Return the units of one of the `PARTS` of `units`, and the units of all other parts."""
+    return list(units[part::PARTS]), [unit for i, unit in enumerate(units) if i % PARTS != part]
 
 
 def _judged_with(
@@ -209,10 +211,10 @@ def _judged_with(
 def _learnt(
     work: list[Work], workers: int | None, on_task: OnTask | None
 ) -> dict[str, tuple[Prior, Prior | None]]:
-    """Return the priors of each fleet in `work`, once for all its units: they take longest."""
-    first = list({one.fleet.name: one for one in work}.values())
+    """Return the priors of each fleet in `work`, computed once for all its units because they are slow."""
+    first = list({item.fleet.name: item for item in work}.values())
     learnt: dict[str, tuple[Prior, Prior | None]] = {}
-    tasks = [Task(i, _priors, (one,), name=f"the fleet {one.fleet.name}") for i, one in enumerate(first)]
+    tasks = [Task(i, _priors, (item,), name=f"the fleet {item.fleet.name}") for i, item in enumerate(first)]
     with closing(outcomes(tasks, workers=workers)) as finished:
         for outcome in finished:
             if outcome.failure:
@@ -224,7 +226,7 @@ def _learnt(
 
 
 def _fleet(units: list[tuple[SyntheticUnit, Evidence]]) -> tuple[tuple[Evidence, ...], tuple[float, ...]]:
-    lives = tuple(one.failure for one, _ in units if one.failure is not None)
+    lives = tuple(unit.failure for unit, _ in units if unit.failure is not None)
     return tuple(evidence for _, evidence in units), lives
 
 
@@ -233,18 +235,18 @@ def _is_judged(unit: SyntheticUnit, evidence: Evidence) -> bool:
 
 
 def _priors(work: Work) -> tuple[Prior, Prior | None]:
-    """Return the priors of its fleet, and of the larger one."""
+    """Return the priors from its fleet, and from the larger fleet if there is one."""
     seed, actuator, fleet = work.plan.seed, work.actuator, work.fleet
     larger = fleet_prior(fleet.larger, seed=seed, actuator=actuator) if fleet.larger else None
     return fleet_prior(fleet.others, seed=seed, actuator=actuator), larger
 
 
 def _tasks(work: list[Work], priors: Mapping[str, tuple[Prior, Prior | None]]) -> list[Task]:
-    """Return a task for each unit, with the priors of its fleet; without, it only names its result."""
+    """Return a task per unit with the priors of its fleet; without priors, it only identifies its result."""
     code = revision_of(DECIDING, NOT_DECIDING)
     return [
-        Task(i, _judge, (one, *priors.get(one.fleet.name, ())), one.key(code), one.unit.serial_number)
-        for i, one in enumerate(work)
+        Task(i, _judge, (item, *priors.get(item.fleet.name, ())), item.key(code), item.unit.serial_number)
+        for i, item in enumerate(work)
     ]
 
 

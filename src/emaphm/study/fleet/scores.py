@@ -1,4 +1,4 @@
-"""The table of the study: what each way of predicting scores at each share of life."""
+"""Scores of each prediction method at each share of life, for the tables of the study."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,22 +23,23 @@ HEADER = (
 
 @dataclass(frozen=True)
 class Scores:
-    """Of one way of predicting at one share of life, over n units.
+    """Scores of one prediction method at one share of life, over `units` units.
 
     Attributes
     ----------
     alpha_lambda
-        Share of the units of which half of the probability is within ±20 % of the true RUL.
+        Share of the units with at least half of the probability within ±20 % of the true RUL.
     coverage
-        Share whose true RUL is within the central 90 % interval; None of predictions without one.
+        Share of the units with the true RUL within the central 90 % interval; None without intervals.
     crps
-        Mean [h].
+        Mean continuous ranked probability score [h].
     late
-        Share whose median exceeds the true RUL by more than 20 %.
+        Share of the units whose median exceeds the true RUL by more than 20 %.
     error
         Median over the units of |median - true| / true.
     width
-        Median over the units of the 90 % interval's width, as a share of the true RUL; None without one.
+        Median over the units of the width of the 90 % interval, relative to the true RUL; None without
+        intervals.
     """
 
     units: int
@@ -63,17 +64,17 @@ class Scores:
 
 
 def scores(units: Sequence[Mapping[str, Any]], way: str, share: float) -> Scores:
-    """Return the scores of a way of predicting over `units`, one or more, as `judged` gives them."""
-    found = [one["ways"][way][str(share)] for one in units]
-    true = np.array([one["true"] for one in found])
-    median = np.array([one["median"] for one in found])
-    certain = all(one["certain"] for one in found)
-    width = np.array([one["high"] - one["low"] for one in found]) / true
+    """Return the scores of a prediction method `way` over `units`, one or more results of `judged`."""
+    predictions = [unit["ways"][way][str(share)] for unit in units]
+    true = np.array([prediction["true"] for prediction in predictions])
+    median = np.array([prediction["median"] for prediction in predictions])
+    certain = all(prediction["certain"] for prediction in predictions)
+    width = np.array([prediction["high"] - prediction["low"] for prediction in predictions]) / true
     return Scores(
-        units=len(found),
-        alpha_lambda=float(np.mean([one["good"] for one in found])),
-        coverage=None if certain else coverage([one["transform"] for one in found]),
-        crps=float(np.mean([one["crps"] for one in found])),
+        units=len(predictions),
+        alpha_lambda=float(np.mean([prediction["good"] for prediction in predictions])),
+        coverage=None if certain else coverage([prediction["transform"] for prediction in predictions]),
+        crps=float(np.mean([prediction["crps"] for prediction in predictions])),
         late=float(np.mean(median > (1 + LATE) * true)),
         error=float(np.median(np.abs(median - true) / true)),
         width=None if certain else float(np.median(width)),
@@ -81,25 +82,26 @@ def scores(units: Sequence[Mapping[str, Any]], way: str, share: float) -> Scores
 
 
 def alpha_lambda_interval(score: Scores) -> tuple[float, float]:
-    """Return the 90 % interval (Wilson 1927) of an alpha-lambda, as a share of all units of such a fleet."""
+    """Return the 90 % interval (Wilson 1927) of an alpha-lambda, for the population of the fleet."""
     n, p, z = score.units, score.alpha_lambda, 1.645
     centre, half = p + z**2 / (2 * n), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
     return float((centre - half) / (1 + z**2 / n)), float((centre + half) / (1 + z**2 / n))
 
 
 def warnings(units: Sequence[Mapping[str, Any]], way: str) -> list[float]:
-    """Return the share of life [-] that remained at each unit's first warning by a `way`, 0 without one.
+    """Return the share of life [-] that remains at the first warning of each unit by a method `way`, or 0.
 
-    The first check flight at which its probability of failure within `HORIZON_H` exceeds `RISK`.
+    The first warning is at the first check flight whose probability of failure within `HORIZON_H` exceeds
+    `RISK`.
     """
-    left = []
-    for one in units:
-        of_way = one["tracks"][way]
-        warned = column(of_way, "hours")[column(of_way, "probability") > RISK]
-        left.append(1 - warned[0] / one["failure"] if warned.size else 0.0)
-    return left
+    remaining = []
+    for unit in units:
+        track = unit["tracks"][way]
+        warned = column(track, "hours")[column(track, "probability") > RISK]
+        remaining.append(1 - warned[0] / unit["failure"] if warned.size else 0.0)
+    return remaining
 
 
 def ways(units: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Return the ways in which units, one or more, were predicted."""
+    """Return the prediction methods of `units`, one or more."""
     return tuple(way for way in WAYS if way in units[0]["ways"])

@@ -1,8 +1,8 @@
-"""What a way of predicting says at every check flight of a unit, and when a planner removes it for that.
+"""Predictions of a method at all check flights of a unit, and the hours of removal that follow from them.
 
-The planner acts at check flights, by the advice that a prognosis gives (`emaphm.prognosis.advice`): a unit is
-removed where the advice does not allow it to fly until the next one. Where that is "inspect by", a planner
-may count on an inspection instead, and leave the unit until the next check flight.
+The planner decides at check flights by the advice of a prognosis (`emaphm.prognosis.advice`): a unit is
+removed if the advice does not allow it to fly until the next check flight. If the advice is "inspect by", a
+planner may rely on an inspection instead, and let the unit fly until the next check flight.
 """
 
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ from emaphm.prognosis.metrics import (
 from emaphm.study.fleet.baselines import LONGEST_H, PATHS
 
 HORIZON_H, RISK = 400.0, 0.05
-"""A unit is warned of where its probability of failure within the horizon [h] exceeds the risk."""
+"""A warning is given if the probability of failure within the horizon [h] exceeds the risk."""
 
 LATE = 0.2
-"""A median is late where it exceeds the true RUL by more than this share of it."""
+"""A median is late if it exceeds the true RUL by more than this share of the RUL."""
 
 COSTS = Costs(failure=10.0, replacement=1.0)
 """A failure in service costs ten planned replacements."""
@@ -33,7 +33,7 @@ COSTS = Costs(failure=10.0, replacement=1.0)
 
 @dataclass(frozen=True)
 class Rule:
-    """A unit is removed where the advice, by `costs` or by the risk alone, is one of `actions`."""
+    """Rule of removal: the advice, from `costs` or from the risk alone, is one of `actions`."""
 
     costs: Costs | None
     actions: tuple[str, ...]
@@ -51,45 +51,54 @@ TRACK = ("hours", "low", "median", "high", "probability")
 """Columns of a track: flight hours, 5 %, median and 95 % of the RUL [h], P(failure within `HORIZON_H`)."""
 
 
-def track(said: Sequence[tuple[float, Array]], failure: float, interval: float) -> dict[str, Any]:
-    """Return what is kept of pairs of hours and sample of the RUL [h], one of each check flight of a unit.
+def track(samples: Sequence[tuple[float, Array]], failure: float, interval: float) -> dict[str, Any]:
+    """Return a summary of the predictions at all check flights of a unit.
 
-    The track, a row of `TRACK` for each; the hours of removal by each rule, None where the unit fails in
-    service; the prognostic horizon [h], first met and lasting; the cumulative relative accuracy; the share of
-    late predictions. A RUL beyond what is looked at counts as `LONGEST_H`.
+    The track, with a row of `TRACK` per check flight; the hours of removal by each rule, None if the unit
+    fails in service; the prognostic horizon [h], first met and lasting; the cumulative relative accuracy; the
+    share of late predictions. A RUL above `LONGEST_H` counts as `LONGEST_H`.
 
     Parameters
     ----------
+    samples
+        Pairs of flight hours and sample of the RUL [h], one per check flight.
     failure
-        The unit's true end [h].
+        True hours of the unit's failure [h].
     interval
-        Hours from one check flight to the next [h].
+        Hours between two check flights [h].
     """
-    predictions = [Prediction(hours, np.minimum(sample, LONGEST_H)) for hours, sample in said]
+    predictions = [Prediction(hours, np.minimum(sample, LONGEST_H)) for hours, sample in samples]
     horizon = prognostic_horizon(predictions, failure)
     return {
         "track": [
-            [one.hours, *(one.quantile(p) for p in (0.05, 0.5, 0.95)), one.share_within(0.0, HORIZON_H)]
-            for one in predictions
+            [
+                prediction.hours,
+                *(prediction.quantile(p) for p in (0.05, 0.5, 0.95)),
+                prediction.share_within(0.0, HORIZON_H),
+            ]
+            for prediction in predictions
         ],
         "removed": {name: _removed(predictions, interval, rule) for name, rule in RULES.items()},
         "horizon": [horizon.first, horizon.lasting],
         "accuracy": cumulative_relative_accuracy(predictions, failure),
-        "late": late_prediction_rate([(one, failure - one.hours) for one in predictions], LATE),
+        "late": late_prediction_rate(
+            [(prediction, failure - prediction.hours) for prediction in predictions], LATE
+        ),
     }
 
 
 def _removed(predictions: Sequence[Prediction], interval: float, rule: Rule) -> float | None:
-    """Return the hours of the first check flight from which the rule does not allow to fly to the next."""
-    for one in predictions:
-        # A way that gives one number is certain of it: no sample of one, of which the costs would be unknown.
-        sample = np.repeat(one.sample, PATHS) if one.sample.size == 1 else one.sample
-        advised = advice(sample, interval, risk=RISK, age=one.hours, costs=rule.costs)
+    """Return the hours of the first check flight at which the rule removes the unit, or None."""
+    for prediction in predictions:
+        # A single number is a certain prediction: repeated, because costs cannot be estimated from one draw.
+        sample = prediction.sample
+        sample = np.repeat(sample, PATHS) if sample.size == 1 else sample
+        advised = advice(sample, interval, risk=RISK, age=prediction.hours, costs=rule.costs)
         if advised.action in rule.actions:
-            return one.hours
+            return prediction.hours
     return None
 
 
-def column(of_way: dict[str, Any], name: str) -> Array:
-    """Return a column of `TRACK` of what `track` returned, (flights,)."""
-    return np.array(of_way["track"])[:, TRACK.index(name)]
+def column(summary: dict[str, Any], name: str) -> Array:
+    """Return a column of `TRACK` from a result of `track`, (flights,)."""
+    return np.array(summary["track"])[:, TRACK.index(name)]

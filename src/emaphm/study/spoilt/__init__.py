@@ -1,1 +1,1 @@
-"""Spoilt recordings of a known actuator: whether a diagnosis notices, corrects, or errs undetected."""
+"""Study of spoilt recordings of a known actuator: detected, corrected and undetected errors."""

@@ -1,9 +1,9 @@
-"""Diagnose the spoilt recordings of a known actuator, and say what became of them.
+"""Diagnose the spoilt recordings of a known actuator, and print the outcomes.
 
     python -m emaphm.study.spoilt studies/spoilt
 
-does what is missing in the folder, and prints a table; `python -m emaphm.report.spoilt_page studies/spoilt
-docs` writes the page.
+runs the cases whose results are missing in the folder, and prints a table; `python -m
+emaphm.report.spoilt_page studies/spoilt docs` writes the page.
 """
 
 import argparse
@@ -17,19 +17,19 @@ from emaphm.text_table import format_table
 
 
 def main() -> None:
-    """Run the study as the command line asks."""
+    """Run the study with the arguments of the command line."""
     parser = argparse.ArgumentParser(prog="python -m emaphm.study.spoilt", description=__doc__)
-    parser.add_argument("folder", help="where results are kept; the same command goes on")
-    parser.add_argument("--workers", type=int, help="processes; one a core if left out")
-    parser.add_argument("--share", type=float, default=1.0, help="share of the faults to try, up to 1")
-    parser.add_argument("--only", help="a class of spoilt recordings, or a group of them")
-    asked = parser.parse_args()
-    chosen = cases(asked.share, asked.only)
-    run(asked.folder, chosen, workers=asked.workers, on_task=_count if sys.stderr.isatty() else None)
-    found = results(asked.folder, chosen)
-    print(format_table(["class", "cases", *OUTCOME_TITLES], rows(found)))
-    for case, one in undetected_errors(found):
-        print(f"undetected error: {case.name}: {', '.join(one['wrong'])}")
+    parser.add_argument("folder", help="folder for the results; the same command resumes")
+    parser.add_argument("--workers", type=int, help="number of processes; default one per core")
+    parser.add_argument("--share", type=float, default=1.0, help="share of the faults to use, up to 1")
+    parser.add_argument("--only", help="a class of spoilt recordings, or a group of classes; default all")
+    arguments = parser.parse_args()
+    chosen = cases(arguments.share, arguments.only)
+    run(arguments.folder, chosen, workers=arguments.workers, on_task=_count if sys.stderr.isatty() else None)
+    finished = results(arguments.folder, chosen)
+    print(format_table(["class", "cases", *OUTCOME_TITLES], rows(finished)))
+    for case, result in undetected_errors(finished):
+        print(f"undetected error: {case.name}: {', '.join(result['wrong'])}")
 
 
 def _count(done: int, total: int) -> None:

@@ -1,4 +1,4 @@
-"""The classes of spoilt recordings: what is changed, on which sets of channels."""
+"""The classes of spoilt recordings: the change, and the sets of channels to which it is applied."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from emaphm.study.spoilt.changes import Change, WrongActuator
 from emaphm.study.spoilt.source import CHIRP, SpoiltChirp
 
 TOTAL = ("current", "voltage", "motion")
-"""Sets with the equivalent current."""
+"""Sets of channels with the equivalent current."""
 
 ALL = (*TOTAL, "phases")
 WITH_VOLTAGE = ("voltage", "motion")
@@ -20,7 +20,7 @@ LENGTHS = ("command_rad", "position_rad")
 
 DEGREES = 57.29577951308232
 RPM = 9.549296585513721
-"""A radian in degrees, a radian a second in revolutions a minute."""
+"""One radian in degrees, one radian per second in revolutions per minute."""
 
 
 def as_described(actuator: Actuator) -> Actuator:
@@ -30,10 +30,10 @@ def as_described(actuator: Actuator) -> Actuator:
 
 @dataclass(frozen=True)
 class SpoiltClass:
-    """One way of spoiling: `group` gathers those of a kind, `sets` name the channels that it is tried on.
+    """A class of spoilt recordings: `group` is its kind, `sets` are the sets of channels that it changes.
 
-    `described` makes the description that the diagnosis is given from the true one. `control` marks what is
-    not spoilt: such a recording must be explained, and rightly.
+    `described` returns the description for the diagnosis from the true description. `control` marks
+    recordings that are not spoilt: they must be explained, with correct verdicts.
     """
 
     name: str
@@ -97,8 +97,8 @@ def _motion() -> list[SpoiltClass]:
             "command + 2 mrad", "command", ("current", "voltage"), changes.linear("command_rad", 1.0, 2e-3)
         ),
         SpoiltClass("command reversed", "command", WITH_VOLTAGE, changes.linear("command_rad", -1.0)),
-        SpoiltClass("lengths in degrees", "unit", WITH_VOLTAGE, changes.every(LENGTHS, DEGREES)),
-        SpoiltClass("lengths in milliradians", "unit", WITH_VOLTAGE, changes.every(LENGTHS, 1e3)),
+        SpoiltClass("lengths in degrees", "unit", WITH_VOLTAGE, changes.scaled(LENGTHS, DEGREES)),
+        SpoiltClass("lengths in milliradians", "unit", WITH_VOLTAGE, changes.scaled(LENGTHS, 1e3)),
     ]
 
 
@@ -131,7 +131,7 @@ def _phases() -> list[SpoiltClass]:
         SpoiltClass("phase c × 0.9", "phases", PHASE, changes.linear(c, 0.9)),
         SpoiltClass("phases swapped", "phases", PHASE, _swapped(a, b)),
         SpoiltClass("phases rotated", "phases", PHASE, changes.exchanged(PHASES, (b, c, a))),
-        SpoiltClass("phases negated", "phases", PHASE, changes.every(PHASES, -1.0)),
+        SpoiltClass("phases negated", "phases", PHASE, changes.scaled(PHASES, -1.0)),
         SpoiltClass("phase b missing", "phases", PHASE, changes.constant(b, 0.0)),
         SpoiltClass("angle reversed", "phases", PHASE, changes.linear("angle_rad", -1.0)),
         SpoiltClass("angle + 0.1 rad", "phases", PHASE, changes.linear("angle_rad", 1.0, 0.1)),
@@ -179,8 +179,8 @@ def _toleranced(name: str, tolerance: float, section: str, **factors: float) -> 
     ]
 
 
-def _swapped(one: str, other: str) -> Change:
-    return changes.exchanged((one, other), (other, one))
+def _swapped(first: str, second: str) -> Change:
+    return changes.exchanged((first, second), (second, first))
 
 
 CLASSES: tuple[SpoiltClass, ...] = (

@@ -1,4 +1,4 @@
-"""What became of a spoilt recording: refused, not explained, undecided, right, or an undetected error."""
+"""Outcome of a spoilt recording: refused, not explained, undecided, right, or an undetected error."""
 
 from typing import Any
 
@@ -9,21 +9,21 @@ from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import Estimate
 
 UNDETECTED_ERROR = "silent wrong"
-"""Undetected error, as stored results have it."""
+"""Name of an undetected error in stored results."""
 
 OUTCOMES = ("refused", "not explained", "cannot tell", "right", UNDETECTED_ERROR)
-"""An error message instead of a diagnosis; a diagnosis that does not claim to explain the recording; one that
-does, without a definite verdict; with definite verdicts that are right; with one that is wrong."""
+"""An error message instead of a diagnosis; a recording that is not explained; an explained recording without
+a definite verdict, with correct definite verdicts only, or with a wrong one."""
 
 OUTCOME_TITLES = (*OUTCOMES[:-1], "undetected error")
-"""The outcomes in headers of tables."""
+"""Names of the outcomes in headers of tables."""
 
 
 def wrong_components(diagnosis: Diagnosis, truth: Faults) -> list[str]:
-    """Return the components that have a definite verdict, are called identifiable, and are wrong.
+    """Return the components with a definite verdict whose estimate is wrong.
 
-    By more than `WRONG_ERROR` and more than `WRONG_HALF_WIDTHS` half-widths of the interval. The direction of
-    an eccentricity counts where there is an eccentricity in truth.
+    The error is more than `WRONG_ERROR` and more than `WRONG_HALF_WIDTHS` half-widths of the interval. The
+    direction of an eccentricity counts only if there is a true eccentricity.
     """
     wrong = []
     for name, estimate in diagnosis.components.items():
@@ -38,12 +38,12 @@ def wrong_components(diagnosis: Diagnosis, truth: Faults) -> list[str]:
 
 
 def definite(estimate: Estimate) -> bool:
-    """Return whether a component is called healthy or degraded, and its value is claimed to be known."""
+    """Return whether a component is called healthy or degraded, and identifiable."""
     return estimate.verdict != "cannot tell" and estimate.identifiable
 
 
 def judged(diagnosis: Diagnosis, truth: Faults) -> dict[str, Any]:
-    """Return the outcome of a diagnosis, and what it rests on, ready for JSON."""
+    """Return the outcome of a diagnosis with its estimates and verdicts, as JSON values."""
     wrong = wrong_components(diagnosis, truth)
     if not diagnosis.explained:
         outcome = "not explained"
@@ -57,13 +57,13 @@ def judged(diagnosis: Diagnosis, truth: Faults) -> dict[str, Any]:
         "reasons": list(getattr(diagnosis, "reasons", ())),
         "refusal": "",
         "values": diagnosis.faults.vector.tolist(),
-        "intervals": [list(one.interval95) for one in diagnosis.components.values()],
-        "verdicts": [one.verdict for one in diagnosis.components.values()],
+        "intervals": [list(estimate.interval95) for estimate in diagnosis.components.values()],
+        "verdicts": [estimate.verdict for estimate in diagnosis.components.values()],
         "relative_residual": diagnosis.relative_residual,
         "also_estimated": [*diagnosis.selected, *diagnosis.laws],
     }
 
 
 def refused(message: str) -> dict[str, Any]:
-    """Return the outcome of a recording that was refused with that `message`."""
+    """Return the outcome of a recording that was refused with this `message`."""
     return {"outcome": "refused", "wrong": [], "reasons": [], "refusal": message}

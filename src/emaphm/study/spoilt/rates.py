@@ -1,4 +1,4 @@
-"""How often each outcome occurs, by class."""
+"""Numbers of outcomes by class of spoilt recordings."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -11,17 +11,17 @@ Results = Mapping[SpoiltCase, Mapping[str, Any]]
 
 
 def counts(results: Results) -> dict[str, Counter[str]]:
-    """Return how many cases of each class ended how, in the order of the classes."""
+    """Return the number of cases by class and outcome, in the order of the classes."""
     by_class: dict[str, Counter[str]] = {}
-    for case, one in results.items():
-        by_class.setdefault(case.spoilt_class, Counter())[one["outcome"]] += 1
+    for case, result in results.items():
+        by_class.setdefault(case.spoilt_class, Counter())[result["outcome"]] += 1
     return by_class
 
 
 def rows(results: Results) -> list[tuple[str, ...]]:
-    """Return a row of text for each class: its name, its cases, how many ended how; and one of all spoilt."""
+    """Return a row of text per class: name, number of cases, numbers of outcomes; the last is the total."""
     by_class = counts(results)
-    total = Counter(one["outcome"] for case, one in results.items() if not class_of(case).control)
+    total = Counter(result["outcome"] for case, result in results.items() if not class_of(case).control)
     table = [_row(name, tally) for name, tally in by_class.items()]
     return [*table, _row("all but the control", total)]
 
@@ -31,5 +31,5 @@ def _row(name: str, tally: Counter[str]) -> tuple[str, ...]:
 
 
 def undetected_errors(results: Results) -> list[tuple[SpoiltCase, Mapping[str, Any]]]:
-    """Return the cases with an undetected error, with what they found."""
-    return [(case, one) for case, one in results.items() if one["outcome"] == UNDETECTED_ERROR]
+    """Return the cases with an undetected error, with their results."""
+    return [(case, result) for case, result in results.items() if result["outcome"] == UNDETECTED_ERROR]

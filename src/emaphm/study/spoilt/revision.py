@@ -1,4 +1,4 @@
-"""Which code decides what becomes of a spoilt recording."""
+"""Fingerprint of the code that decides the outcome of a spoilt recording."""
 
 from emaphm.diagnosis import deciding_code as diagnosis
 from emaphm.execution.revision import revision_of
@@ -10,7 +10,7 @@ DECIDING = (
     "study/cases.py",
     "study/spoilt",
 )
-"""The rooms and files whose code decides it. A case names its faults and class, whose values are in these."""
+"""Folders and files whose code decides the outcome; they contain the faults and classes that a case names."""
 
 NOT_DECIDING = (
     *diagnosis.NOT_DECIDING,
@@ -20,7 +20,7 @@ NOT_DECIDING = (
     "study/spoilt/rates.py",
     "study/spoilt/revision.py",
 )
-"""Parts of these rooms that read files, put results in words, or count and print them."""
+"""Parts of these folders that read files, write results as text, or count and print them."""
 
 
 def revision() -> str:

@@ -1,4 +1,4 @@
-"""Running the study of spoilt recordings: one task a recording, kept as it finishes, resumed."""
+"""Execution of the study of spoilt recordings: one task per recording; it is resumable."""
 
 import hashlib
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ RESULTS = "results.sqlite"
 
 @dataclass(frozen=True)
 class SpoiltCase:
-    """One recording: its class, the set of channels and the true faults, each by name; and its seed."""
+    """One recording: the names of its class, set of channels and true faults, and its seed."""
 
     spoilt_class: str
     channels: str
@@ -32,22 +32,22 @@ class SpoiltCase:
 
     @property
     def name(self) -> str:
-        """What messages call the case."""
+        """Name of the case in messages."""
         return f"{self.spoilt_class}, {self.channels}, {self.faults}"
 
 
-CLASS_NAMED = {one.name: one for one in CLASSES}
+CLASS_NAMED = {spoilt_class.name: spoilt_class for spoilt_class in CLASSES}
 
 
 def cases(share: float = 1.0, only: str | None = None) -> tuple[SpoiltCase, ...]:
-    """Return the cases: every class on its sets of channels, with all faults or the first `share` of them.
+    """Return the cases: each class with its sets of channels and all faults, or the first `share` of them.
 
     Parameters
     ----------
     share
-        Share of the faults to take, in (0, 1]; at least one.
+        Share of the faults to use, in (0, 1]; at least one fault.
     only
-        A group of classes, or one class; all where left out.
+        A group of classes, or one class; by default all classes.
 
     Raises
     ------
@@ -56,41 +56,41 @@ def cases(share: float = 1.0, only: str | None = None) -> tuple[SpoiltCase, ...]
     """
     if not 0 < share <= 1:
         raise StudyError(f"a share of {share:g} cannot be taken; give more than 0, up to 1")
-    chosen = [one for one in CLASSES if only in (None, one.name, one.group)]
+    chosen = [candidate for candidate in CLASSES if only in (None, candidate.name, candidate.group)]
     if not chosen:
-        known = {one.group for one in CLASSES} | set(CLASS_NAMED)
+        known = {candidate.group for candidate in CLASSES} | set(CLASS_NAMED)
         raise StudyError(f"unknown class of spoilt recordings '{only}'{nearest(str(only), known)}")
     faults = list(FAULTS)[: max(1, round(share * len(FAULTS)))]
     return tuple(
-        SpoiltCase(one.name, channels, name, seed)
-        for one in chosen
-        for channels in one.sets
+        SpoiltCase(spoilt_class.name, channels, name, seed)
+        for spoilt_class in chosen
+        for channels in spoilt_class.sets
         for seed, name in enumerate(faults)
     )
 
 
 def spoilt(case: SpoiltCase) -> tuple[Recording, Actuator, Faults]:
-    """Return the spoilt recording, the description that the diagnosis is given, and the true faults.
+    """Return the spoilt recording, the description for the diagnosis, and the true faults.
 
     Raises
     ------
     EmaphmError
-        What is spoilt is no recording or no actuator any more.
+        The spoilt recording or description is no longer valid.
     """
-    true, how = Actuator.thesis(), CLASS_NAMED[case.spoilt_class]
+    true, spoilt_class = Actuator.thesis(), CLASS_NAMED[case.spoilt_class]
     faults = FAULTS[case.faults]
-    clean = recorded(true, faults, how.manoeuvre, CHANNELS[case.channels], case.seed)
-    columns = how.change(clean.channels, stream(case.seed, "spoilt recordings", case.name))
-    return Recording(columns, clean.sampling, case.name), how.described(true), faults
+    clean = recorded(true, faults, spoilt_class.manoeuvre, CHANNELS[case.channels], case.seed)
+    columns = spoilt_class.change(clean.channels, stream(case.seed, "spoilt recordings", case.name))
+    return Recording(columns, clean.sampling, case.name), spoilt_class.described(true), faults
 
 
 def perform(case: SpoiltCase, expected: str) -> dict[str, Any]:
-    """Return what became of one case (`emaphm.study.spoilt.judging`).
+    """Return the outcome of one case (`emaphm.study.spoilt.judging`).
 
     Raises
     ------
     StudyError
-        The code here is not that of revision `expected`.
+        The code of this process differs from that of revision `expected`.
     """
     if revision() != expected:
         raise StudyError(f"this worker runs another version of the models; install {expected} there")
@@ -102,7 +102,7 @@ def perform(case: SpoiltCase, expected: str) -> dict[str, Any]:
 
 
 def tasks(chosen: tuple[SpoiltCase, ...]) -> list[Task]:
-    """Return the tasks of the cases; results of another version of the models have other keys."""
+    """Return the tasks of the cases; results of another version of the models have different keys."""
     expected = revision()
     return [
         Task(i, perform, (case, expected), _key(case, expected), case.name) for i, case in enumerate(chosen)
@@ -120,14 +120,14 @@ def run(
     workers: int | None = None,
     on_task: OnTask | None = None,
 ) -> None:
-    """Do what is missing of the cases in `folder`, on this machine's processes.
+    """Run the cases whose results are missing in `folder`, in processes of this machine.
 
     Raises
     ------
     StudyError
-        Some cases failed, by a defect; those that did not are kept.
+        Some cases failed because of a defect; results of the others are stored.
     ExecutionError, OutputError
-        The workers or the file of results cannot be used; what finished is kept.
+        The workers or the file of results cannot be used; finished results are stored.
     """
     make_folder(Path(folder))
     failures = run_tasks(tasks(chosen), ResultStore(Path(folder) / RESULTS), workers=workers, on_task=on_task)
@@ -136,7 +136,7 @@ def run(
 
 
 def results(folder: str | Path, chosen: tuple[SpoiltCase, ...]) -> dict[SpoiltCase, dict[str, Any]]:
-    """Return what is finished of the cases in `folder`, made by this version of the models."""
+    """Return the finished results of the cases in `folder`, computed by this version of the models."""
     done, _ = ResultStore(Path(folder) / RESULTS).read(tasks(chosen))
     return {chosen[i]: outcome.result for i, outcome in sorted(done.items())}
 

@@ -1,4 +1,4 @@
-"""The unspoilt recordings: of a known actuator, by the reference model, with noise and converters."""
+"""The unspoilt recordings of a known actuator, by the reference model with noise and converters."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ CHANNELS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "phases": ("current_a_A", "current_b_A", "current_c_A", "angle_rad"),
     }
 )
-"""What is recorded besides time and command, by the name of the set."""
+"""Sets of channels that are recorded in addition to time and command, by name."""
 
 FAULTS: Mapping[str, Faults] = MappingProxyType(
     {
@@ -37,26 +37,26 @@ FAULTS: Mapping[str, Faults] = MappingProxyType(
         "random 2": random_faults(2),
     }
 )
-"""What is wrong with the actuator in truth, by the name of the case."""
+"""True faults of the actuator, by name."""
 
 
 @dataclass(frozen=True)
 class SpoiltChirp:
-    """A chirp from standstill to `STOP_HZ`: how long it takes [s], and the rows per second [Hz]."""
+    """A chirp from standstill to `STOP_HZ`: its duration [s] and sampling rate [Hz]."""
 
     duration: float = 0.5
     sample_rate: float = 5000.0
 
 
 CHIRP = SpoiltChirp()
-"""The usual one."""
+"""Default chirp."""
 
 
 def recorded(
     actuator: Actuator, faults: Faults, manoeuvre: SpoiltChirp, channels: tuple[str, ...], seed: int
 ) -> Recording:
     """Return the unspoilt recording of `actuator` with `faults`: time, command and `channels`."""
-    whole = simulate(
+    exact = simulate(
         actuator,
         Chirp(AMPLITUDE_RAD, 0.0, STOP_HZ, manoeuvre.duration),
         faults=faults,
@@ -64,8 +64,8 @@ def recorded(
         sample_rate=manoeuvre.sample_rate,
         seed=seed,
     )
-    # The angle comes from an encoder that counts finely, and not from a converter over all turns.
+    # The angle is measured by a fine encoder, and not by a converter whose range covers all turns.
     scales = {name: scale for name, scale in full_scales(actuator).items() if name != "angle_rad"}
     noise = {name: NOISE_A for name in channels if name in CURRENTS}
-    kept = Recording({name: whole[name] for name in ("time_s", "command_rad", *channels)})
-    return acquire(kept, noise=noise, adc_bits=ADC_BITS, full_scale=scales, seed=seed)
+    selected = Recording({name: exact[name] for name in ("time_s", "command_rad", *channels)})
+    return acquire(selected, noise=noise, adc_bits=ADC_BITS, full_scale=scales, seed=seed)

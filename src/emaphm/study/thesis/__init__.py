@@ -1,1 +1,1 @@
-"""What the thesis printed, and its studies made again."""
+"""Published results of the thesis, and repetitions of its studies."""

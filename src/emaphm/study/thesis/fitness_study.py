@@ -1,9 +1,9 @@
-"""The thesis's fitness study (6.2), and whether the fitness is least at the truth, which it does not ask.
+"""The thesis's fitness study (6.2), extended by the position of the minimum of the fitness.
 
-A state of the actuator is recorded from the reference model. The thesis gives the fitness of its monitor
-model there at the true faults. Here it is also computed where the fitness is least when the state's own
-component varies from 0 to 1 and all others are true. How far that is from the truth is a bias that no
-optimiser can remove: it lies in what the optimiser is given to minimise.
+A state of the actuator is recorded from the reference model. The thesis states the fitness of its monitor
+model at the true faults. Here, the component of the state is also scanned from 0 to 1, with all other
+components at their true values, to find the minimum of the fitness. Its distance from the truth is a bias
+that no optimiser can remove, because it is a property of the objective.
 """
 
 from collections.abc import Iterator
@@ -28,28 +28,28 @@ MODELS = {
     "monitor": monitor(),
     "monitor, modulated": monitor("modulated"),
 }
-"""The models whose current is compared with the recorded one."""
+"""The models whose current is compared with the recorded current."""
 
 POINTS = 100
 
 GRID = np.arange(POINTS + 1) / POINTS
-"""Values of a component along its scan, a percentage point apart; the truths of thesis 6.2 are among them."""
+"""Values of a component in its scan, a percentage point apart; they include the true values of thesis 6.2."""
 
 
 def fitness_study(actuator: Actuator) -> pl.DataFrame:
-    """Return the fitness at the truth and along a scan through it, for each state of `published.FITNESS`.
+    """Return the fitness at the truth and in a scan through it, for each state of `published.FITNESS`.
 
     One row for each state, model, form of equivalent current and form of fitness:
 
     - fault, level: the state, e.g. "friction", "low"
     - model, equivalent, fitness: the forms
-    - truth: of the fault's component
+    - truth: true value of the fault's component
     - value: fitness at the truth (units: `emaphm.estimation.cost_functions`)
     - ratio: `value` to that of the fault's nominal state
     - printed, printed_ratio: the same in the thesis, whose units are unknown; compare the ratios
-    - argmin: where on `GRID` the fitness is least, all other components true
+    - argmin: value on `GRID` with the least fitness, with all other components at their true values
     - bias_points: 100 (argmin - truth) [percentage points], on the circle for a phase
-    - least: fitness there
+    - least: fitness at argmin
     - scan: fitness on `GRID`, 101 values
 
     Raises
@@ -96,26 +96,26 @@ def _rows(actuator: Actuator) -> Iterator[dict[str, Any]]:
 
 
 def grid_distance(fault: str, distance: int) -> int:
-    """Return a distance on `GRID`; for a phase, whose 0 and 1 are the same, the shorter way round."""
+    """Return a distance on `GRID`; for a phase, whose 0 and 1 are equal, the shortest on the circle."""
     if fault != "eccentricity_phase":
         return distance
     return (distance + POINTS // 2) % POINTS - POINTS // 2
 
 
 SET_UPS = (("monitor", "magnitude"), ("averaged", "magnitude"), ("averaged", "torque"))
-"""Model and current of the table's columns: the thesis's, one of the two corrected, both corrected."""
+"""Model and current of the table's columns: those of the thesis, model corrected, and both corrected."""
 
 
 def fitness_table(study: pl.DataFrame, fitness: str = "thesis") -> str:
-    """Return the essence of a `fitness_study` as a Markdown table, with the thesis's printed values.
+    """Return a summary of a `fitness_study` as a Markdown table, with the printed values of the thesis.
 
-    The thesis does not state its unit, so that its values are not to be compared with others but by their
-    ratios to the fault's nominal state. For each of `SET_UPS`: that ratio, and the bias of the least value.
+    The thesis does not state its unit; its values can be compared only by their ratios to the nominal state
+    of the fault. For each of `SET_UPS`: this ratio, and the bias of the minimum.
 
     Raises
     ------
     MethodError
-        There is no such form of fitness.
+        The form of fitness is unknown.
     """
     names = [f"{model} model, {equivalent}" for model, equivalent in SET_UPS]
     header = (
@@ -131,16 +131,16 @@ def fitness_table(study: pl.DataFrame, fitness: str = "thesis") -> str:
         raise MethodError(f"unknown fitness '{fitness}'{nearest(fitness, COST_FUNCTIONS)}")
     states = study.filter(pl.col("fitness") == fitness).group_by("fault", "level", maintain_order=True)
     for (fault, level), rows in states:
-        found = {(row["model"], row["equivalent"]): row for row in rows.iter_rows(named=True)}
-        one = found[SET_UPS[0]]
+        by_set_up = {(row["model"], row["equivalent"]): row for row in rows.iter_rows(named=True)}
+        of_thesis = by_set_up[SET_UPS[0]]
         lines.append(
             (
                 str(fault),
                 str(level),
-                f"{one['printed']:.1e}",
-                f"{one['printed_ratio']:.3g}",
-                *(f"{found[set_up]['ratio']:.3g}" for set_up in SET_UPS),
-                *(f"{found[set_up]['bias_points']:+d}" for set_up in SET_UPS),
+                f"{of_thesis['printed']:.1e}",
+                f"{of_thesis['printed_ratio']:.3g}",
+                *(f"{by_set_up[set_up]['ratio']:.3g}" for set_up in SET_UPS),
+                *(f"{by_set_up[set_up]['bias_points']:+d}" for set_up in SET_UPS),
             )
         )
     return markdown_table(header, lines, words=2) + "\n"

@@ -1,7 +1,7 @@
-"""What the thesis prints of its five methods, and what follows from it (thesis 6.2, 6.5, 6.6, 6.7).
+"""Published results of the thesis for its five methods, and derived values (thesis 6.2, 6.5 to 6.7).
 
-The printed figures stand as they are; the functions recompute what should follow from them. Where a printed
-figure contradicts another, its docstring says so.
+The printed figures are reproduced unchanged; the functions recompute the values that should follow from them.
+If printed figures contradict each other, the docstring states it.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,7 +32,7 @@ CASES: dict[str, dict[str, float]] = {
     "high G": {"gain": 0.75},
     "multiple": dict(zip(NAMES, (0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75), strict=True)),
 }
-"""The true faults of each case; those left out are healthy."""
+"""The true faults of each case; all other faults are healthy."""
 
 METHODS = ("GA", "PSO", "DE", "GWO", "DA")
 
@@ -52,7 +52,7 @@ MEAN_ERROR: dict[str, dict[str, float]] = {
 """Mean error [%] of ten runs, by case and method (thesis 6.7; 6.6 for the multiple faults)."""
 
 ERROR: dict[str, float] = {"GA": 2.57, "PSO": 1.70, "DE": 1.40, "GWO": 1.75, "DA": 10.75}
-"""Printed average of the single-fault cases' errors [%]; the GA's own ten figures average 2.61."""
+"""Printed mean error of the single-fault cases [%]; the mean of the ten printed figures of the GA is 2.61."""
 
 MEAN_SECONDS: dict[str, dict[str, float]] = {
     "low F": {"GA": 2549, "PSO": 2405, "DE": 1874, "GWO": 2152, "DA": 2034},
@@ -74,7 +74,7 @@ is not, though the printed average takes it as doubled. The time of the multiple
 """
 
 SECONDS: dict[str, float] = {"GA": 2786, "PSO": 2312, "DE": 1825, "GWO": 1963, "DA": 1984}
-"""Printed average of the single-fault cases' times [s], the DA's doubled."""
+"""Printed mean time of the single-fault cases [s]; that of the DA is doubled."""
 
 DRAGONFLY_SECONDS: dict[str, float] = {
     "low F": 1017,
@@ -89,10 +89,10 @@ DRAGONFLY_SECONDS: dict[str, float] = {
     "high G": 966,
     "multiple": 1064,
 }
-"""Mean time of a dragonfly run [s] as its own tables print it (thesis 6.5, 6.6), not doubled."""
+"""Mean time of a dragonfly run [s], as printed in its own tables (thesis 6.5, 6.6), not doubled."""
 
 RELIABILITY_PRINTED: dict[str, float] = {"GA": 76.0, "PSO": 91.0, "DE": 93.0, "GWO": 92.0, "DA": 62.0}
-"""Printed reliability coefficients [%]: of no times and errors at all, as theirs would sum to 400 %."""
+"""Printed reliability coefficients [%]; no times and errors can give them, because the sum would be 400 %."""
 
 
 @dataclass(frozen=True)
@@ -130,32 +130,33 @@ FITNESS: tuple[PrintedFitness, ...] = tuple(
 )
 """The printed fitness of the healthy, low and high state of each fault.
 
-The five healthy ones are of the same faults, yet of three values, a factor of 12 apart. The phases were
-made at Z = 0.105, printed as k6; the low gain is printed as G = 0.5, which k8 = 0.25 is not.
+The five healthy states have the same faults but three different values, a factor of 12 apart. The states of
+the phase were computed at Z = 0.105, printed as k6; the low gain is printed as G = 0.5, which contradicts k8
+= 0.25.
 """
 
 
 COMPONENTS = tuple(f"k{i}" for i in range(1, len(NAMES) + 1))
-"""Columns of the faults found."""
+"""Columns of the estimated faults."""
 
 COMPONENT_ROUNDING = 5e-5
-"""The components are printed to four decimals."""
+"""Rounding error of the components, which are printed with four decimals."""
 
 
 @cache
 def dragonfly_rows() -> pl.DataFrame:
-    """Return the dragonfly's 110 runs as printed: the tables of thesis 6.5 and 6.6.
+    """Return the printed 110 runs of the dragonfly: the tables of thesis 6.5 and 6.6.
 
-    Columns: case, run (1 to 10), k1 to k8 found, error_printed [%], seconds_printed (never doubled). The
-    times of "low G" stand a row too high in the thesis, the first in the header; here they stand where they
-    belong, and then agree with their printed average.
+    Columns: case, run (1 to 10), the estimates k1 to k8, error_printed [%], seconds_printed (never doubled).
+    The times of "low G" are printed one row too high in the thesis, the first one in the header; here they
+    are in the correct rows, and then agree with their printed mean.
     """
     return _text_rows().with_columns(pl.col("error_printed").cast(pl.Float64))
 
 
 @cache
 def _text_rows() -> pl.DataFrame:
-    """Return the rows with the printed errors as text, whose digits show how they were rounded."""
+    """Return the rows with the printed errors as text, whose number of digits shows the rounding."""
     text = files("emaphm.study.thesis").joinpath("published_dragonfly.csv").read_bytes()
     numbers = {**dict.fromkeys(COMPONENTS, pl.Float64), "seconds_printed": pl.Float64}
     return pl.read_csv(text, schema_overrides={**numbers, "error_printed": pl.String})
@@ -164,12 +165,12 @@ def _text_rows() -> pl.DataFrame:
 def error_as_printed(
     truth: ArrayLike, found: ArrayLike, weight: Literal["found", "true"] = "found"
 ) -> NDArray[np.float64]:
-    """Return the error [%] of fault vectors `found` (…, 8) against `truth` (…, 8) as thesis 6.4 prints it.
+    """Return the error [%] of fault vectors `found` (…, 8) against `truth` (…, 8) by thesis 6.4.
 
-    100 sqrt(sum_{i=1..5} (K_i - k_i)² + k_6 (K_7 - k_7) + (K_8 - k_8)²). It leaves out the eccentricity's
-    own error, and its phase term has a sign: a phase found beyond the true one makes up for errors
-    elsewhere, and where it outweighs them there is no real error at all: NaN. `weight` says which
-    eccentricity k_6 is; to the letter it is the one found.
+    100 sqrt(sum_{i=1..5} (K_i - k_i)² + k_6 (K_7 - k_7) + (K_8 - k_8)²). The formula omits the error of the
+    eccentricity, and its phase term has a sign: an estimated phase above the true phase compensates errors of
+    other components. If the sum is negative, the error is not real: NaN. `weight` selects the eccentricity
+    k_6; literally it is the estimated one.
     """
     K, k = np.asarray(truth, float), np.asarray(found, float)
     difference = K - k
@@ -183,17 +184,17 @@ FORMULAS: dict[str, Callable[[ArrayLike, ArrayLike], NDArray[np.float64]]] = {
     "error_found_weight": error_as_printed,
     "error_true_weight": partial(error_as_printed, weight="true"),
 }
-"""What a printed error could be: `emaphm.error_percent`, or the printed formula in either reading."""
+"""Candidate formulas of a printed error: `emaphm.error_percent`, or the printed formula in either reading."""
 
 
 def recomputed_rows() -> pl.DataFrame:
-    """Return `dragonfly_rows` with the errors that follow from the faults found in them.
+    """Return `dragonfly_rows` with the errors recomputed from the estimated faults.
 
     Further columns: the error [%] by each of `FORMULAS`, null where it has no real value, and `explained`:
-    whether one of them gives the printed error. It does where they agree within what rounding can do: the
-    printed error may be rounded or, as some of the printed means are, cut off after its last digit (zeros at
-    the end were dropped, so that is rather generous), and every component that is not on a bound may be off
-    by half a unit of its fourth decimal, in whichever direction.
+    whether one of the formulas gives the printed error within rounding. The printed error may be rounded or,
+    like some of the printed means, truncated after its last digit (trailing zeros were dropped, so this
+    tolerance is generous); each component that is not at a bound may deviate by half a unit of its fourth
+    decimal in either direction.
     """
     rows = dragonfly_rows()
     truth = np.array([Faults.from_mapping(CASES[case]).vector for case in rows["case"]])
@@ -207,23 +208,23 @@ def recomputed_rows() -> pl.DataFrame:
     explained = np.zeros(rows.height, dtype=bool)
     for name, formula in FORMULAS.items():
         errors = formula(truth, unrounded)
-        least, most = np.fmin.reduce(errors), np.fmax.reduce(errors)  # both pass over NaN
+        least, most = np.fmin.reduce(errors), np.fmax.reduce(errors)  # both ignore NaN
         explained |= (least <= printed + unit) & (most >= printed - unit / 2)
         rows = rows.with_columns(pl.Series(name, errors[0], nan_to_null=True))
     return rows.with_columns(explained=pl.Series(explained))
 
 
 def contradicting_rows() -> pl.DataFrame:
-    """Return the rows of `recomputed_rows` whose printed error follows from no formula, rounding granted."""
+    """Return the rows of `recomputed_rows` whose printed error no formula gives, even with rounding."""
     return recomputed_rows().filter(~pl.col("explained"))
 
 
 def dragonfly_means() -> pl.DataFrame:
-    """Return the dragonfly's mean errors [%] and times [s] by case: of its printed rows, and as printed.
+    """Return the mean errors [%] and times [s] of the dragonfly by case: of its printed rows, and as printed.
 
-    Columns: case; `error_of_rows`, `seconds_of_rows`, the means of what is printed in the rows;
-    `error_printed`, `seconds_printed`, the printed means (times not doubled); `error`, the mean of the
-    errors that `emaphm.error_percent` gives for the faults found.
+    Columns: case; `error_of_rows`, `seconds_of_rows`, the means over the printed rows; `error_printed`,
+    `seconds_printed`, the printed means (times not doubled); `error`, the mean of the errors of the estimated
+    faults by `emaphm.error_percent`.
     """
     return (
         recomputed_rows()
@@ -245,17 +246,17 @@ def reliability(
 ) -> dict[str, float]:
     """Return the reliability coefficients [%] of methods with the given mean times [s] and errors [%].
 
-    RC_i = 1 - t_i err_i / sum_j t_j err_j (thesis 6.4); by default of the printed times and errors, from
-    which the printed coefficients do not follow.
+    RC_i = 1 - t_i err_i / sum_j t_j err_j (thesis 6.4); by default with the printed times and errors, which
+    do not give the printed coefficients.
 
     Raises
     ------
     StudyError
-        Times and errors are not of the same methods.
+        Times and errors are not given for the same methods.
     """
     if seconds.keys() != errors.keys():
-        odd = ", ".join(sorted(seconds.keys() ^ errors.keys()))
-        raise StudyError(f"{odd}: only a time or only an error is given; give both for each method")
+        unmatched = ", ".join(sorted(seconds.keys() ^ errors.keys()))
+        raise StudyError(f"{unmatched}: only a time or only an error is given; give both for each method")
     products = {method: seconds[method] * errors[method] for method in seconds}
     total = sum(products.values())
     return {method: 100 * (1 - share / total) for method, share in products.items()}
