@@ -16,7 +16,7 @@ ENOUGH = 3
 
 def without_rate(used: int) -> str:
     """Return the text added to a remaining useful life from too few `used` explained diagnoses, or ""."""
-    return f", mostly by the prior: {used} of {ENOUGH} explained diagnoses" if used < ENOUGH else ""
+    return f", mostly from the prior: {used} of {ENOUGH} explained diagnoses" if used < ENOUGH else ""
 
 
 def life_notes(
