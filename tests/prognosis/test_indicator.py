@@ -28,7 +28,7 @@ def readings(rate: float, *, start: float = 2.0, count: int = 30, error: float =
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_rising_or_falling_indicator_is_extrapolated_to_its_limit(sign: float) -> None:
-    """A slope of 2 mA per hour leads to 4.32 A at 1,160 h, 840 h before the 6 A limit; or the mirror image."""
+    """A slope of 2 mA per hour leads to 4.32 A at 1,160 h, 840 h before the 6 A limit; or mirrored."""
     indicator = Indicator("A", 2.0, 2.0 + 4 * sign, readings(2e-3 * sign), 1160.0, "current [A]")
     prognosis = prognose_indicator(indicator, filter_settings=FEWER)
     low, high = prognosis.interval90
