@@ -131,7 +131,7 @@ def main() -> None:
     header += "| --- | ---: | ---: | ---: | ---: | ---: |"
     print(header)
     for i, share in enumerate(SHARES):
-        print(f"| all, at {share:g} of life {line(np.concatenate([rows[:, i] for rows in by_shape.values()]))}")
+        print(f"| all, at {share:g} of life {line(np.concatenate([row[:, i] for row in by_shape.values()]))}")
     for shape, of_shape in by_shape.items():
         print(f"| {shape}, at {SHARES[1]:g} {line(of_shape[:, 1])}")
 
