@@ -1,4 +1,4 @@
-"""Files of short recordings, and how they are diagnosed quickly."""
+"""Files of short recordings, and settings for a quick diagnosis."""
 
 from pathlib import Path
 
@@ -12,13 +12,13 @@ QUICK = DiagnosisSettings(max_corrections=0, nuisances=())
 
 
 def recorded(seed: int, faults: Faults = Faults()) -> Recording:  # noqa: B008 - frozen
-    """Return what is usually recorded, with the sensor noise of the demonstration."""
-    whole = simulate(THESIS, Chirp(duration=0.1), faults=faults, duration=0.1, noise=0.05, seed=seed)
-    return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
+    """Return a recording of the usual channels, with the sensor noise of the demonstration."""
+    simulated = simulate(THESIS, Chirp(duration=0.1), faults=faults, duration=0.1, noise=0.05, seed=seed)
+    return Recording({name: simulated[name] for name in ("time_s", "command_rad", "current_A")})
 
 
 def written(folder: Path, count: int) -> list[Path]:
-    """Write `count` recordings, each with another friction; return their files."""
+    """Write `count` recordings with different friction; return their files."""
     folder.mkdir(exist_ok=True)
     paths = [folder / f"day{i}.csv" for i in range(count)]
     for i, path in enumerate(paths):

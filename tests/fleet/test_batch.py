@@ -1,4 +1,4 @@
-"""A batch of recordings: each result is that of the recording alone, in the order of the files."""
+"""Batches of recordings: results equal those of single diagnoses, in the order of the files."""
 
 import json
 import shutil
@@ -23,39 +23,41 @@ COUNT = 4
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Return the files of some recordings."""
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Return the files of `COUNT` recordings."""
     return written(tmp_path_factory.mktemp("made") / "days", COUNT)
 
 
 @pytest.fixture
-def folder(made: list[Path], tmp_path: Path) -> Path:
-    """Return a folder of recordings that a test may spoil."""
-    return Path(shutil.copytree(made[0].parent, tmp_path / "days"))
+def folder(recordings: list[Path], tmp_path: Path) -> Path:
+    """Return a folder of recordings that a test may change."""
+    return Path(shutil.copytree(recordings[0].parent, tmp_path / "days"))
 
 
 def untimed(results: list[BatchResult]) -> list[dict[str, Any]]:
-    return [{key: value for key, value in one.values.items() if key != "seconds"} for one in results]
+    return [{key: value for key, value in result.values.items() if key != "seconds"} for result in results]
 
 
 @pytest.mark.usefixtures("warm_workers")
-def test_each_result_is_that_of_the_recording_alone_whatever_the_number_of_workers(made: list[Path]) -> None:
-    order = [made[2], made[0], made[3], made[1]]
+def test_results_of_a_batch_equal_single_diagnoses_with_any_number_of_workers(recordings: list[Path]) -> None:
+    order = [recordings[2], recordings[0], recordings[3], recordings[1]]
     alone = [
         diagnose(read_recording(path, THESIS), THESIS, max_corrections=0, nuisances=()).to_dict()
         for path in order
     ]
-    expected = untimed([BatchResult(one) for one in alone])
-    told: list[tuple[int, int]] = []
+    expected = untimed([BatchResult(values) for values in alone])
+    progress: list[tuple[int, int]] = []
     here = list(
-        diagnose_all(order, THESIS, QUICK, workers=1, on_file=lambda done, total: told.append((done, total)))
+        diagnose_all(
+            order, THESIS, QUICK, workers=1, on_file=lambda done, total: progress.append((done, total))
+        )
     )
     assert untimed(here) == expected
-    assert told == [(done, COUNT) for done in range(COUNT + 1)]
+    assert progress == [(done, COUNT) for done in range(COUNT + 1)]
     assert untimed(list(diagnose_all(order, THESIS, QUICK, workers=2))) == expected
 
 
-def test_a_broken_file_is_named_and_the_others_are_done(
+def test_a_broken_file_is_reported_and_the_other_files_are_diagnosed(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "day1.csv").write_text("time_s,command_rad\n0,nothing\n", encoding="utf-8")
@@ -65,8 +67,10 @@ def test_a_broken_file_is_named_and_the_others_are_done(
     assert main([*arguments, "--json"]) == 2
     out, err = capsys.readouterr()
     lines = [json.loads(line) for line in out.splitlines()]
-    assert [one["recording"] for one in lines] == [str(folder / f"day{i}.csv") for i in range(COUNT)]
-    assert [sorted(one) == ["error", "recording"] for one in lines] == [False, True, False, False]
+    assert [document["recording"] for document in lines] == [
+        str(folder / f"day{i}.csv") for i in range(COUNT)
+    ]
+    assert [sorted(document) == ["error", "recording"] for document in lines] == [False, True, False, False]
     assert lines[1]["error"].startswith(f"{folder / 'day1.csv'}: ")
     assert err.startswith(
         f"emaphm: 1 of {COUNT} recordings could not be diagnosed, the others are done; the first"
@@ -79,7 +83,7 @@ def test_a_broken_file_is_named_and_the_others_are_done(
     assert "; 1 could not be diagnosed." in table
 
 
-def test_if_no_recording_was_diagnosed_the_message_names_no_others(
+def test_the_message_states_that_no_recording_could_be_diagnosed(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for names, words in (
@@ -92,7 +96,7 @@ def test_if_no_recording_was_diagnosed_the_message_names_no_others(
 
 
 @pytest.mark.parametrize(("verdict", "shown"), [("healthy", "none"), ("cannot tell", "cannot tell")])
-def test_a_recording_without_a_verdict_is_not_called_healthy(verdict: str, shown: str) -> None:
+def test_the_table_distinguishes_healthy_recordings_from_cannot_tell(verdict: str, shown: str) -> None:
     values = {
         "recording": "a.csv",
         "explained": True,
@@ -104,12 +108,14 @@ def test_a_recording_without_a_verdict_is_not_called_healthy(verdict: str, shown
     assert BatchResult(values).row.cells[1:4] == ("yes", "1.0 %", shown)
 
 
-def test_one_file_alone_is_diagnosed_as_ever(made: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_single_file_gives_the_output_of_a_single_diagnosis(
+    recordings: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
     options = ["--no-correction", "--nuisance", "none"]
-    assert main(["diagnose", str(made[1]), *options]) == 0
+    assert main(["diagnose", str(recordings[1]), *options]) == 0
     alone = capsys.readouterr().out
     assert "95 % interval" in alone
-    assert main(["diagnose", *map(str, made[:2]), "--workers", "1", *options]) == 0
+    assert main(["diagnose", *map(str, recordings[:2]), "--workers", "1", *options]) == 0
     assert "95 % interval" not in capsys.readouterr().out
 
 
@@ -120,29 +126,29 @@ def test_stored_results_are_not_computed_again(
     begun = diagnose_all(files, THESIS, QUICK, workers=1, folder=out)
     first = [next(begun), next(begun)]
     begun.close()
-    told: list[int] = []
+    progress: list[int] = []
 
     def again() -> list[BatchResult]:
-        told.clear()
+        progress.clear()
         return list(
             diagnose_all(
-                files, THESIS, QUICK, workers=1, folder=out, on_file=lambda done, _: told.append(done)
+                files, THESIS, QUICK, workers=1, folder=out, on_file=lambda done, _: progress.append(done)
             )
         )
 
     results = again()
-    assert told == [2, 3, 4]
+    assert progress == [2, 3, 4]
     # A stored result is unchanged, its seconds included.
-    assert [one.values for one in results[:2]] == [one.values for one in first]
-    # A file that has changed is another recording, and a broken one is tried again each time.
+    assert [result.values for result in results[:2]] == [result.values for result in first]
+    # A changed file is diagnosed again, and a broken file in every run.
     shutil.copy(files[0], files[2])
     files[3].write_text("broken", encoding="utf-8")
     changed = again()
-    assert told == [2, 3, 4]
+    assert progress == [2, 3, 4]
     assert changed[2].values["k"] == results[0].values["k"]
     assert changed[3].error
     again()
-    assert told == [3, 4]
+    assert progress == [3, 4]
     with pytest.raises(ExecutionError, match=r"other settings: 'settings.seed' \(0 there, 1 here\); give"):
         diagnose_all(files, THESIS, replace(QUICK, seed=1), folder=out)
     monkeypatch.setattr(batch_module, "revision", lambda: "0123456789ab")
@@ -152,7 +158,7 @@ def test_stored_results_are_not_computed_again(
         diagnose_all(files, THESIS, QUICK, folder=out)
 
 
-def test_a_file_that_is_replaced_during_the_batch_answers_for_no_other_content(
+def test_no_result_is_stored_for_a_file_that_is_replaced_during_the_batch(
     folder: Path, tmp_path: Path
 ) -> None:
     out, files = tmp_path / "out", recording_files([folder])[:2]
@@ -168,33 +174,35 @@ def test_a_file_that_is_replaced_during_the_batch_answers_for_no_other_content(
     assert untimed(again)[1] == untimed([BatchResult(alone)])[0]
 
 
-def test_a_file_that_appears_during_the_batch_is_done_the_next_time(folder: Path, tmp_path: Path) -> None:
+def test_a_file_that_appears_during_the_batch_is_diagnosed_in_the_next_run(
+    folder: Path, tmp_path: Path
+) -> None:
     out, files = tmp_path / "out", recording_files([folder])[:2]
     away = files[1].rename(tmp_path / "away.csv")
     running = diagnose_all(files, THESIS, QUICK, workers=1, folder=out)
     next(running)
     shutil.copy(away, files[1])
-    assert [bool(one.error) for one in running] == [True]
+    assert [bool(result.error) for result in running] == [True]
     files[1].unlink()
     again = diagnose_all(files, THESIS, QUICK, workers=1, folder=out)
-    assert [bool(one.error) for one in again] == [False, True]
+    assert [bool(result.error) for result in again] == [False, True]
 
 
-def test_a_folder_is_used_by_one_at_a_time(made: list[Path], tmp_path: Path) -> None:
-    running = diagnose_all(made, THESIS, QUICK, workers=1, folder=tmp_path / "out")
+def test_a_second_batch_in_the_same_folder_is_refused(recordings: list[Path], tmp_path: Path) -> None:
+    running = diagnose_all(recordings, THESIS, QUICK, workers=1, folder=tmp_path / "out")
     next(running)
     with pytest.raises(ExecutionError, match="another batch of diagnoses is running in"):
-        next(diagnose_all(made, THESIS, QUICK, workers=1, folder=tmp_path / "out"))
+        next(diagnose_all(recordings, THESIS, QUICK, workers=1, folder=tmp_path / "out"))
     running.close()
 
 
-def test_a_folder_of_something_else_is_refused(made: list[Path], tmp_path: Path) -> None:
+def test_a_folder_with_other_content_is_refused(recordings: list[Path], tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("Important.", encoding="utf-8")
     with pytest.raises(ExecutionError, match="holds something else than a batch of diagnoses"):
-        diagnose_all(made, THESIS, QUICK, folder=tmp_path)
+        diagnose_all(recordings, THESIS, QUICK, folder=tmp_path)
     (tmp_path / "settings.json").write_text("{", encoding="utf-8")
     with pytest.raises(ExecutionError, match=r"settings\.json: cannot be read \("):
-        diagnose_all(made, THESIS, QUICK, folder=tmp_path)
+        diagnose_all(recordings, THESIS, QUICK, folder=tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -209,10 +217,10 @@ def test_a_folder_of_something_else_is_refused(made: list[Path], tmp_path: Path)
         (["--joint", "--method", "de"], "--method is for recordings diagnosed one by one"),
     ],
 )
-def test_impossible_options_are_refused_before_the_work(
-    made: list[Path], capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+def test_invalid_options_are_refused_before_the_first_diagnosis(
+    recordings: list[Path], capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ) -> None:
-    assert main(["diagnose", *map(str, made), *arguments]) == 2
+    assert main(["diagnose", *map(str, recordings), *arguments]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert message in err
@@ -220,14 +228,14 @@ def test_impossible_options_are_refused_before_the_work(
 
 
 def test_folders_without_recordings_and_files_named_twice_are_refused(
-    made: list[Path], tmp_path: Path
+    recordings: list[Path], tmp_path: Path
 ) -> None:
     with pytest.raises(RecordingError, match=r"is a folder without recordings \(\.csv"):
         recording_files([tmp_path])
     with pytest.raises(RecordingError, match=r"day0\.csv: is named twice"):
-        recording_files([made[0].parent, made[0]])
+        recording_files([recordings[0].parent, recordings[0]])
 
 
-def test_settings_are_checked_before_the_first_file(made: list[Path]) -> None:
+def test_settings_are_checked_before_the_first_file(recordings: list[Path]) -> None:
     with pytest.raises(MethodError, match="unknown model"):
-        diagnose_all(made, THESIS, DiagnosisSettings(model="best"))
+        diagnose_all(recordings, THESIS, DiagnosisSettings(model="best"))

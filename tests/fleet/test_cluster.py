@@ -1,4 +1,4 @@
-"""A batch on a Dask cluster: as on this machine."""
+"""Batches and synthetic fleets on a Dask cluster, against the results on this machine."""
 
 import shutil
 from collections.abc import Iterator
@@ -29,24 +29,28 @@ def cluster(forks: Forks, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     opened.close()
 
 
-def test_a_batch_has_the_same_results_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
+def test_a_batch_gives_the_same_results_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
     files = written(tmp_path / "days", 3)
     files[1].write_text("broken", encoding="utf-8")
-    here = [one.values for one in diagnose_all(files, THESIS, QUICK, workers=1)]
+    here = [result.values for result in diagnose_all(files, THESIS, QUICK, workers=1)]
     there = [
-        one.values
-        for one in diagnose_all(files, THESIS, QUICK, scheduler=cluster.address, folder=tmp_path / "out")
+        result.values
+        for result in diagnose_all(files, THESIS, QUICK, scheduler=cluster.address, folder=tmp_path / "out")
     ]
-    assert [one["recording"] for one in there] == list(map(str, files))
+    assert [result["recording"] for result in there] == list(map(str, files))
     assert there[1] == here[1]
     for i in (0, 2):
         assert there[i]["k"] == here[i]["k"]
-    resumed = [one.values for one in diagnose_all(files, THESIS, QUICK, workers=1, folder=tmp_path / "out")]
+    resumed = [
+        result.values for result in diagnose_all(files, THESIS, QUICK, workers=1, folder=tmp_path / "out")
+    ]
     assert resumed == there
 
 
 @pytest.mark.evidence
-def test_a_synthetic_fleet_goes_its_whole_way_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
+def test_the_chain_of_a_synthetic_fleet_gives_the_same_results_on_a_cluster(
+    cluster: Cluster, tmp_path: Path
+) -> None:
     plan = FleetPlan(units=1, flights=1)
     there, here = (FleetFolder(tmp_path / name) for name in ("there", "here"))
     run_chain(Chain(plan, there, scheduler=cluster.address))
@@ -57,10 +61,12 @@ def test_a_synthetic_fleet_goes_its_whole_way_on_a_cluster(cluster: Cluster, tmp
     assert truth["unit"].to_list() == [unit.serial_number]
     assert diagnosis.explained
     assert diagnosis.vector[0] == pytest.approx(truth["friction"][0], abs=0.02)
-    # Here the recording and the prognosis once more. That diagnoses are the same is tested above.
+    # Repeat only recording and prognosis on this machine; the test above compares diagnoses.
     done = ignore_patterns("recordings", "results.sqlite*", there.prognoses.name)
     shutil.copytree(there.path, here.path, ignore=done)
     run_chain(Chain(plan, here, workers=1))
     assert prognoses(here) == prognoses(there)
-    (ours,), (theirs,) = (sorted(one.path.rglob("flight-*.parquet")) for one in (here, there))
+    (ours,), (theirs,) = (
+        sorted(fleet_folder.path.rglob("flight-*.parquet")) for fleet_folder in (here, there)
+    )
     assert ours.read_bytes() == theirs.read_bytes()

@@ -1,4 +1,4 @@
-"""A synthetic fleet: its laws against closed forms, its true levels, and its processing chain."""
+"""Synthetic fleets: laws against closed forms, true levels, and the processing chain."""
 
 import json
 from dataclasses import replace
@@ -50,7 +50,7 @@ def test_laws_agree_with_closed_forms() -> None:
     assert saturating[-1] - saturating[-2] < 1e-5 < np.diff(saturating)[at_1 // 2]
 
 
-def test_a_gamma_process_has_the_mean_and_variance_of_its_law() -> None:
+def test_a_gamma_process_has_its_theoretical_mean_and_variance() -> None:
     random = np.random.default_rng(1)
     ends = np.array([LAWS["gamma process"].progress(U, {"jumps": 40.0}, random)[-1] for _ in range(2000)])
     assert ends.mean() == pytest.approx(2.0, abs=4 * np.sqrt(2 / 40 / 2000))
@@ -65,12 +65,15 @@ def test_stress_determines_the_rate_of_ageing() -> None:
     assert aged(hours, (0.0, 0.1), quiet, 100.0, random) == pytest.approx(1.331 * hours)
 
 
-def test_a_unit_ends_at_its_first_limit_and_does_not_depend_on_the_size_of_its_fleet() -> None:
+def test_a_unit_ends_at_its_first_limit_and_is_independent_of_the_fleet_size() -> None:
     for number in range(6):
         unit = drawn_unit(PLAN, number)
         again = drawn_unit(replace(PLAN, units=50), number)
         assert np.array_equal(unit.vectors, again.vectors)
-        beyond = {one.name: one.failed(unit.vectors[:, NAMES.index(one.name)]) for one in unit.components}
+        beyond = {
+            component.name: component.failed(unit.vectors[:, NAMES.index(component.name)])
+            for component in unit.components
+        }
         assert not any(values[:-1].any() for values in beyond.values())
         if unit.failure is None:
             assert not any(values[-1] for values in beyond.values())
@@ -78,15 +81,15 @@ def test_a_unit_ends_at_its_first_limit_and_does_not_depend_on_the_size_of_its_f
         assert beyond[str(unit.failed)][-1]
         flights = unit.check_flights(PLAN.interval)
         assert flights[-1] < unit.failure <= flights[-1] + PLAN.interval
-        # None at the hour of the failure, which a grid of flights may contain.
+        # No check flight is at the hours of the failure, even if the grid of flights contains them.
         assert unit.check_flights(unit.failure / 4) == pytest.approx(unit.failure * np.arange(1, 4) / 4)
 
 
-def test_a_clairvoyant_knows_the_life_of_a_unit_that_nothing_can_happen_to(
+def test_the_clairvoyant_rul_of_a_unit_without_random_effects_is_exact(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     wear = {"friction": Wear(MappingProxyType({"linear": 1.0}), 1.0, 2000.0, 0.6)}
-    calm = replace(
+    undisturbed = replace(
         FLEET,
         name="calm",
         wear=MappingProxyType(wear),
@@ -94,14 +97,14 @@ def test_a_clairvoyant_knows_the_life_of_a_unit_that_nothing_can_happen_to(
         drift=0.0,
         new_level=0.0,
     )
-    monkeypatch.setattr(population, "POPULATIONS", {**POPULATIONS, "calm": calm})
-    monkeypatch.setattr("emaphm.fleet.synthetic.plan.POPULATIONS", {**POPULATIONS, "calm": calm})
+    monkeypatch.setattr(population, "POPULATIONS", {**POPULATIONS, "calm": undisturbed})
+    monkeypatch.setattr("emaphm.fleet.synthetic.plan.POPULATIONS", {**POPULATIONS, "calm": undisturbed})
     plan = replace(PLAN, population="calm")
     unit = drawn_unit(plan, 0)
-    (one,) = unit.components
-    assert unit.failure == pytest.approx(one.life, abs=10.0)
+    (component,) = unit.components
+    assert unit.failure == pytest.approx(component.life, abs=10.0)
     sample = clairvoyant(unit, 500.0, plan)
-    assert sample == pytest.approx(one.life - 500.0, abs=10.0)
+    assert sample == pytest.approx(component.life - 500.0, abs=10.0)
 
 
 def fleet(folder: Path, capsys: pytest.CaptureFixture[str], *further: str) -> dict[str, object]:
@@ -113,72 +116,72 @@ def fleet(folder: Path, capsys: pytest.CaptureFixture[str], *further: str) -> di
 
 @pytest.fixture
 def quick_diagnoses(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Diagnose without corrections: that the usual diagnosis finds the truth is in `test_cluster.py`."""
+    """Diagnose without corrections; `test_cluster.py` checks the usual diagnosis against the truth."""
     quick = partial(diagnose, max_corrections=QUICK.max_corrections, nuisances=QUICK.nuisances)
     monkeypatch.setattr(tasks, "diagnose", quick)
 
 
 @pytest.mark.usefixtures("one_search", "quick_diagnoses", "few_steps")
-def test_the_chain_runs_in_one_command_and_goes_on(
+def test_one_command_runs_the_chain_and_continues_an_interrupted_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "fleet"
-    made = fleet(folder, capsys, "--simulate-only")
-    assert made["synthetic"] is True
+    simulated = fleet(folder, capsys, "--simulate-only")
+    assert simulated["synthetic"] is True
     assert not (folder / "history.sqlite").exists()
-    whole = fleet(folder, capsys)
-    assert whole["recordings"] == 2
-    units = whole["units"]
+    complete = fleet(folder, capsys)
+    assert complete["recordings"] == 2
+    units = complete["units"]
     assert isinstance(units, list)
-    assert all(one["prognosis"]["synthetic"] for one in units)
+    assert all(result["prognosis"]["synthetic"] for result in units)
     written = {
         path: path.stat().st_mtime_ns for path in folder.rglob("*.parquet") if "truth" not in path.parts
     }
-    assert fleet(folder, capsys) == whole
+    assert fleet(folder, capsys) == complete
     assert {path: path.stat().st_mtime_ns for path in written} == written
     line = ["fleet", "simulate", "-o", str(folder), "--units", "2", "--flights", "1", "--workers", "1"]
     assert main(line) == 0
-    said = capsys.readouterr().out
-    assert "mostly from the prior, with fewer than 3 explained diagnoses: SYNTHETIC-0000" in said
-    assert f"emaphm prognose --unit UNIT --db {folder / 'history.sqlite'}" in said
+    output = capsys.readouterr().out
+    assert "mostly from the prior, with fewer than 3 explained diagnoses: SYNTHETIC-0000" in output
+    assert f"emaphm prognose --unit UNIT --db {folder / 'history.sqlite'}" in output
     with History.open(folder / "history.sqlite") as history:
-        assert [[one.hours for one in unit.diagnoses()] for unit in history.units()] == [[80.0], [80.0]]
+        assert [[result.hours for result in unit.diagnoses()] for unit in history.units()] == [[80.0], [80.0]]
     assert read_recording(next(iter(written)), THESIS).labels["origin"] == "synthetic"
     assert main(["fleet", "simulate", "-o", str(folder), "--units", "3", "--flights", "1"]) == 2
     assert "holds another synthetic fleet: 'plan.units' (2 there, 3 here)" in capsys.readouterr().err
     settings = folder / SETTINGS
     settings.write_text(settings.read_text().replace(revision(), "0123456789ab"))
     assert main(["fleet", "simulate", "-o", str(folder), "--units", "2", "--flights", "1"]) == 2
-    said = capsys.readouterr().err
-    assert f"made by another version of emaphm (0123456789ab; this is {revision()})" in said
-    assert "give another folder with -o" in said
+    output = capsys.readouterr().err
+    assert f"made by another version of emaphm (0123456789ab; this is {revision()})" in output
+    assert "give another folder with -o" in output
 
 
-def test_a_history_is_of_one_synthetic_fleet(
+def test_a_history_contains_only_one_synthetic_fleet(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     db = tmp_path / "shared.sqlite"
 
-    def no_more(*_: object) -> None:
+    def refuse(*_: object) -> None:
         raise ExecutionError("a diagnosis is to be made")
 
-    monkeypatch.setattr("emaphm.fleet.synthetic.chain.diagnose_flight", no_more)
+    monkeypatch.setattr("emaphm.fleet.synthetic.chain.diagnose_flight", refuse)
     line = ["fleet", "simulate", "--units", "1", "--flights", "1", "--workers", "1", "--db", str(db), "-o"]
     for seed in ("0", "1"):
         assert main([*line, str(tmp_path / seed), "--seed", seed, "--simulate-only"]) == 0
     (first,) = (tmp_path / "0").rglob("flight-*.parquet")
     with History.open(db, create=True) as history:
-        made = diagnosis(1)
-        history.add(Entry("SYNTHETIC-0000", "SYNTHETIC", 80.0), read_recording(first, THESIS), made)
+        result = diagnosis(1)
+        history.add(Entry("SYNTHETIC-0000", "SYNTHETIC", 80.0), read_recording(first, THESIS), result)
     for seed, complaint in (
-        ("0", "a diagnosis is to be made"),  # the same fleet is gone on with
+        ("0", "a diagnosis is to be made"),  # the same fleet is continued
         ("1", "unit 'SYNTHETIC-0000' there is of another synthetic fleet"),
     ):
         assert main([*line, str(tmp_path / seed), "--seed", seed]) == 2
         assert complaint in capsys.readouterr().err
 
 
-def test_an_unusable_history_is_refused_before_the_recordings_are_made(
+def test_an_unusable_history_is_refused_before_the_simulation(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     db = tmp_path / "missing" / "fleet.sqlite"
@@ -200,7 +203,7 @@ def test_an_unusable_history_is_refused_before_the_recordings_are_made(
         (["--workers", "0"], "--workers 0"),
     ],
 )
-def test_impossible_plans_are_refused(
+def test_invalid_plans_are_refused(
     arguments: list[str], complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["fleet", "simulate", "-o", str(tmp_path / "fleet"), *arguments]) == 2
@@ -208,7 +211,7 @@ def test_impossible_plans_are_refused(
     assert not (tmp_path / "fleet").exists()
 
 
-def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
+def test_a_folder_with_other_content_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("mine", encoding="utf-8")
     from emaphm.fleet.synthetic import FleetFolder
 
@@ -216,7 +219,7 @@ def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
         FleetFolder(tmp_path).begin(PLAN)
 
 
-def test_a_new_unit_is_about_healthy() -> None:
+def test_a_new_unit_is_nearly_healthy() -> None:
     new = np.array([drawn_unit(PLAN, i).new for i in range(30)])
     plain = [0, 1, 2, 3, 4, 5, 7]
     assert np.abs(new[:, plain] - HEALTHY.vector[plain]).max() < 0.05

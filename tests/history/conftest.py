@@ -1,4 +1,4 @@
-"""Histories in a file and on a server: what holds on one holds on the other."""
+"""Fixtures for histories in a file and on a PostgreSQL server; tests run on both."""
 
 import os
 import uuid
@@ -23,7 +23,7 @@ def _unsynced() -> Iterator[None]:
 
 
 def server() -> str:
-    """Return the server's URL; a test that needs one is skipped without it."""
+    """Return the server's URL; skip the test if there is no server."""
     if SERVER not in os.environ:
         pytest.skip(f"no PostgreSQL server: set {SERVER} to its URL (tests/history/postgresql.sh starts one)")
     return os.environ[SERVER]
@@ -31,7 +31,7 @@ def server() -> str:
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def address(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
-    """Return where a history may be made: a file, or a schema of its own on the server."""
+    """Return an address for a new history: a file, or a separate schema on the server."""
     if request.param == "sqlite":
         yield str(tmp_path / "history.sqlite")
         return

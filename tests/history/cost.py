@@ -1,8 +1,8 @@
-"""`python -m tests.history.cost --units 1000 --each 100 [--db URL]`: what a history of a fleet costs.
+"""`python -m tests.history.cost --units 1000 --each 100 [--db URL]`: time and space of a history.
 
-Diagnoses are made up, so the times are those of the database and of the rows alone. A unit is added in one
-transaction, as a bulk loader would; a few more one by one, as `emaphm history add` does. Prognoses are timed
-on the units of the first part number; with `--prognosed all`, on those of every one.
+The diagnoses are synthetic, so only the database and its rows are timed. Each unit is added in one
+transaction, as by a bulk loader; a few more recordings are added singly, as by `emaphm history add`.
+Prognoses are timed for the units of the first part number, or of all part numbers with `--prognosed all`.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from emaphm.recording.content import recording_hash
 from .made_up import PART, THESIS, diagnosis, entry, recording
 
 DIFFERENT = 20
-"""Diagnoses that are made up; others repeat them."""
+"""Number of different synthetic diagnoses; all further diagnoses repeat them."""
 
 ONE_BY_ONE = 50
 
@@ -38,17 +38,17 @@ def part_of(unit: int) -> str:
     return f"{PART} {unit // OF_A_PART}"
 
 
-def fill(history: History, units: int, each: int) -> None:
-    """Add `each` recordings of each unit."""
-    made = [diagnosis(number) for number in range(DIFFERENT)]
+def fill(history: History, units: int, per_unit: int) -> None:
+    """Add `each` recordings of every unit."""
+    diagnoses = [diagnosis(number) for number in range(DIFFERENT)]
     digest, toml = description_of(THESIS)
-    settings = KeptSettings.of(made[0], digest)
+    settings = KeptSettings.of(diagnoses[0], digest)
     for unit in range(units):
         with history.database.writing() as connection:
-            for number in range(each):
-                held = recording(unit * each + number)
+            for number in range(per_unit):
+                held = recording(unit * per_unit + number)
                 whose = entry(f"S{unit:05d}", 10.0 * number, part=part_of(unit))
-                result = made[number % DIFFERENT]
+                result = diagnoses[number % DIFFERENT]
                 add_diagnosis(connection, whose, held, result, recording_hash(held), settings, toml)
 
 
@@ -58,7 +58,7 @@ def add_one_by_one(history: History) -> None:
 
 
 def time_prognoses(where: str, part: str | None, workers: int) -> None:
-    """Print what prognoses take: the filter's update, one unit, all of a part number or of the history."""
+    """Print the times of prognoses: filter update, one unit, all units of a part number or of the history."""
     with History.open(where) as history:
         unit = history.unit("S00000")
         evidence, actuator = Evidence.of(unit), unit.actuator
@@ -71,25 +71,25 @@ def time_prognoses(where: str, part: str | None, workers: int) -> None:
         count = learnt_prior(history, unit).units
         print(f"the prior from {count} other units: {took:.1f} s of processor, {again:.2f} s the second time")
     began, spent = time.perf_counter(), sum(os.times()[:4])
-    made = list(prognose_all(where, part_number=part, workers=workers))
+    results = list(prognose_all(where, part_number=part, workers=workers))
     took, spent = time.perf_counter() - began, sum(os.times()[:4]) - spent
-    failed = sum(bool(one.error) for one in made)
+    failed = sum(bool(result.error) for result in results)
     print(
-        f"prognose {len(made)} units on {workers} workers: {took:.0f} s, processor {spent:.0f} s, "
-        f"{spent / len(made):.2f} s each; {failed} failed"
+        f"prognose {len(results)} units on {workers} workers: {took:.0f} s, processor {spent:.0f} s, "
+        f"{spent / len(results):.2f} s each; {failed} failed"
     )
 
 
 def cpu_seconds(work: Callable[[], object]) -> float:
-    began = time.process_time()
+    start = time.process_time()
     work()
-    return time.process_time() - began
+    return time.process_time() - start
 
 
 def seconds(work: Callable[[], object]) -> float:
-    began = time.perf_counter()
+    start = time.perf_counter()
     work()
-    return time.perf_counter() - began
+    return time.perf_counter() - start
 
 
 def main() -> int:
@@ -102,24 +102,24 @@ def main() -> int:
     )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--db", help="an empty PostgreSQL database; a file if left out")
-    given = parser.parse_args()
-    total = given.units * given.each
+    arguments = parser.parse_args()
+    total = arguments.units * arguments.each
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "history.sqlite"
-        with History.open(given.db or file, create=True) as history:
-            took = seconds(lambda: fill(history, given.units, given.each))
-            print(f"add {total} of {given.units} units: {took:.1f} s, {1e3 * took / total:.2f} ms each")
+        with History.open(arguments.db or file, create=True) as history:
+            took = seconds(lambda: fill(history, arguments.units, arguments.each))
+            print(f"add {total} of {arguments.units} units: {took:.1f} s, {1e3 * took / total:.2f} ms each")
             took = seconds(lambda: add_one_by_one(history))
             print(f"add one, on disk when it returns: {1e3 * took / ONE_BY_ONE:.1f} ms")
             print(f"list: {seconds(history.states):.2f} s")
             took = seconds(lambda: history.unit("S00000").diagnoses())
-            print(f"read a unit's {given.each}: {1e3 * took:.1f} ms")
+            print(f"read a unit's {arguments.each}: {1e3 * took:.1f} ms")
             took = seconds(lambda: [unit.diagnoses() for unit in history.units()])
             print(f"read all: {took:.1f} s")
-        if given.prognosed != "none":
-            part = part_of(0) if given.prognosed == "part" else None
-            time_prognoses(given.db or str(file), part, given.workers)
-        if not given.db:
+        if arguments.prognosed != "none":
+            part = part_of(0) if arguments.prognosed == "part" else None
+            time_prognoses(arguments.db or str(file), part, arguments.workers)
+        if not arguments.db:
             print(f"on disk: {file.stat().st_size / total:.0f} bytes a diagnosis")
     return 0
 

@@ -1,6 +1,6 @@
-"""`python -m tests.history.faults --kills 50 [--db URL]`: kills and crowds writers of a history.
+"""`python -m tests.history.faults --kills 50 [--db URL]`: killed and concurrent writers of a history.
 
-Prints what it found; it ends with 1 if anything acknowledged is lost, or anything is there twice or in part.
+Prints the result; the exit code is 1 if an acknowledged recording is lost, duplicated or incomplete.
 """
 
 import argparse
@@ -23,23 +23,23 @@ from . import made_up
 from .nursery import Job, Nursery, entry, nursery
 
 MOST_RECORDINGS = 12
-"""That a writer is to add before it has done; it is killed after some of them."""
+"""Recordings that a writer has to add; it is killed after some of them."""
 
 
 EARLY = 4
-"""Of the kills, the ones at the very beginning, while the tables are made."""
+"""Number of kills right after the start, while the tables are created."""
 
 PATIENCE_S = 60
-"""For a writer to come up on a busy machine."""
+"""Longest wait for a writer to start on a busy machine."""
 
 
 def acknowledged(path: Path) -> list[int]:
-    """Return the numbers that writers have noted as added."""
+    """Return the numbers that writers have acknowledged."""
     return [int(line) for line in path.read_text().splitlines() if line != "half"] if path.exists() else []
 
 
 def held(where: str) -> list[int]:
-    """Return the numbers of the recordings in a history, after checking that each is there as a whole."""
+    """Return the numbers of the recordings in a history, after checking that each recording is complete."""
     with History.open(where) as history:
         with history.database.reading() as connection:
             counts = [
@@ -53,30 +53,30 @@ def held(where: str) -> list[int]:
                 .outerjoin(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
                 .where(RECORDINGS.c.id.is_(None))
             ).scalar_one()
-        kept = [(unit, one) for unit in history.units() for one in unit.diagnoses()]
+        kept = [(unit, diagnosis) for unit in history.units() for diagnosis in unit.diagnoses()]
     if counts != [len(kept), len(kept)] or without:
         raise AssertionError(f"{counts} recordings and diagnoses, {without} without, {len(kept)} readable")
     numbers = []
-    for unit, one in kept:
-        number = int(one.recording.removesuffix(".csv"))
-        right = (entry(number).unit, recording_hash(made_up.recording(number)), entry(number).hours)
-        if (unit.serial_number, one.recording_hash, one.hours) != right:
+    for unit, diagnosis in kept:
+        number = int(diagnosis.recording.removesuffix(".csv"))
+        expected = (entry(number).unit, recording_hash(made_up.recording(number)), entry(number).hours)
+        if (unit.serial_number, diagnosis.recording_hash, diagnosis.hours) != expected:
             raise AssertionError(f"recording {number} is not where it was put")
-        if (one.vector != made_up.diagnosis(number).faults.vector).any():
+        if (diagnosis.vector != made_up.diagnosis(number).faults.vector).any():
             raise AssertionError(f"recording {number} has another's estimates")
         numbers.append(number)
     return sorted(numbers)
 
 
 def kill_writers(home: Nursery, where: str, folder: Path, kills: int, seed: int = 0) -> int:
-    """Kill a writer again and again; return how many of the kills met one that had added something.
+    """Kill writers one after the other; return the number of kills in the middle of a writer's work.
 
     Raises
     ------
     AssertionError
-        Something that was acknowledged is lost, or there twice, or what was not is there in part.
+        An acknowledged recording is lost or duplicated, or another recording is incomplete.
     """
-    dice, notes = random.Random(seed), folder / "acknowledged"
+    random_numbers, notes = random.Random(seed), folder / "acknowledged"
     halfway = 0
     for kill in range(kills):
         before = acknowledged(notes)
@@ -84,16 +84,16 @@ def kill_writers(home: Nursery, where: str, folder: Path, kills: int, seed: int 
         job = Job(where, str(notes), list(range(first, first + MOST_RECORDINGS)))
         child = home.start(job)
         if kill >= EARLY:
-            _wait_for(notes, len(before) + dice.randrange(4))
-        # Opening, checking and writing each take some milliseconds: kills fall into all of them.
-        time.sleep(dice.uniform(0.0, 0.03))
+            _wait_for(notes, len(before) + random_numbers.randrange(4))
+        # Opening, checking and writing take some milliseconds each, so kills fall into all three.
+        time.sleep(random_numbers.uniform(0.0, 0.03))
         os.kill(child, signal.SIGKILL)
         home.wait(child)
         after = acknowledged(notes)
         halfway += 0 < len(after) - len(before) < MOST_RECORDINGS
         _check(where, after, kill)
     last = max(acknowledged(notes), default=-1) + 2
-    child = home.start(Job(where, str(notes), list(range(last))))  # all of them again
+    child = home.start(Job(where, str(notes), list(range(last))))  # all recordings once more
     if home.wait(child) != 0 or held(where) != list(range(last)):
         raise AssertionError("what the kills left cannot be completed")
     return halfway
@@ -109,7 +109,7 @@ def _wait_for(notes: Path, count: int) -> None:
 
 def _check(where: str, after: Sequence[int], kill: int) -> None:
     if not after and not _is_made(where):
-        return  # killed before there was a history
+        return  # killed before the history was created
     numbers = held(where)
     if (
         len(set(numbers)) < len(numbers)
@@ -130,12 +130,12 @@ def _is_made(where: str) -> bool:
 
 
 def write_at_once(home: Nursery, where: str, folder: Path, writers: int = 8, each: int = 12) -> None:
-    """Let writers add recordings at once, half of them the next writer's too, to a new history.
+    """Let writers add recordings to a new history concurrently; neighbours share half of their recordings.
 
     Raises
     ------
     AssertionError
-        A writer failed, or something is lost or there twice.
+        A writer failed, or a recording is lost or duplicated.
     """
     jobs = [
         Job(where, str(folder / f"writer {i}"), list(range(i * each // 2, i * each // 2 + each)))
@@ -144,13 +144,13 @@ def write_at_once(home: Nursery, where: str, folder: Path, writers: int = 8, eac
     children = [home.start(job) for job in jobs]
     if {home.wait(child) for child in children} != {0}:
         raise AssertionError("a writer failed")
-    every = sorted({number for job in jobs for number in job.numbers})
-    if held(where) != every:
-        raise AssertionError(f"{held(where)} are there, {every} were added")
+    added = sorted({number for job in jobs for number in job.numbers})
+    if held(where) != added:
+        raise AssertionError(f"{held(where)} are there, {added} were added")
 
 
 def main() -> int:
-    """Run; return 1 if anything is wrong."""
+    """Run the checks and print their durations."""
     parser = argparse.ArgumentParser(prog="python -m tests.history.faults", description=__doc__)
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--writers", type=int, default=8)

@@ -1,4 +1,4 @@
-"""Recordings and diagnoses that nobody made: each number gives others, and the same again."""
+"""Synthetic recordings and diagnoses, different for each number and reproducible."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ PART = THESIS.name
 
 
 def recording(number: int) -> Recording:
-    """Return 0.2 s at 1 kHz, which no other number gives."""
+    """Return a recording of 0.2 s at 1 kHz that is unique to its number."""
     time = np.arange(200) / 1e3
     swing = 2 * np.pi * 10.0 * time
     command = 5e-3 * np.sin(swing)
@@ -26,7 +26,7 @@ def recording(number: int) -> Recording:
 def diagnosis(
     number: int, *, explained: bool = True, actuator: Actuator = THESIS, seed: int = 0
 ) -> Diagnosis:
-    """Return a diagnosis with values, and a covariance without zeros, of its number's own."""
+    """Return a diagnosis with values, and a covariance without zeros, that are unique to its number."""
     random = np.random.default_rng(number)
     vector = 0.2 + 0.6 * random.random(8)
     coordinates = (*CARTESIAN_NAMES, "load", "temperature")

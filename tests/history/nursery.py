@@ -1,7 +1,7 @@
-"""`python -m tests.history.nursery`: forks writers of a history, for tests that kill them.
+"""`python -m tests.history.nursery`: forks writers of a history for tests that kill these writers.
 
-A Python that has loaded everything takes a millisecond to fork, and two seconds to start. An order is a line
-of JSON, a `Job`; the answer is the writer's process id and, when it has ended, its wait status.
+A fork of a Python process with all modules loaded takes 1 ms, a new start 2 s. An order is a line of JSON
+with a `Job`; the answer is the writer's process id. For a process id, the answer is its wait status.
 """
 
 import contextlib
@@ -26,17 +26,17 @@ from emaphm.history.storage.tables import METADATA
 from . import made_up
 
 FLIGHT_H = 10.0
-"""Hours of a unit between two recordings."""
+"""Flight hours between two recordings of a unit."""
 
 UNITS = 4
 
 
 @dataclass(frozen=True)
 class Job:
-    """What a writer does: add the recordings of these `numbers`, and note each in `acknowledged` when it has.
+    """Order of a writer: add the recordings with these `numbers`, and note each added one in `acknowledged`.
 
-    `pause_at` makes it note "half" and sleep in the transaction of that number; `die_at` makes it kill itself
-    before that statement, counted from the opening.
+    With `pause_at`, the writer notes "half" and sleeps within the transaction of that number. With `die_at`,
+    it kills itself before the statement of that count from the opening.
     """
 
     where: str
@@ -47,12 +47,12 @@ class Job:
 
 
 def entry(number: int) -> Entry:
-    """Return whose recording a number is; recordings of a unit may come in any order."""
+    """Return unit and hours of a recording's number; recordings of a unit may be added in any order."""
     return Entry(f"S{number % UNITS}", made_up.PART, FLIGHT_H * (number // UNITS), number // UNITS, late=True)
 
 
 def write(job: Job) -> None:
-    """Do a job."""
+    """Add the recordings of a job."""
     note = os.open(job.acknowledged, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     state = {"number": -1, "statements": 0}
 
@@ -82,14 +82,14 @@ class Nursery:
     process: "subprocess.Popen[str]"
 
     def start(self, job: Job) -> int:
-        """Return the id of a process that does the job."""
+        """Return the process id of a new writer for the job."""
         assert self.process.stdin is not None
         self.process.stdin.write(json.dumps(asdict(job)) + "\n")
         self.process.stdin.flush()
         return int(self._line())
 
     def wait(self, child: int) -> int:
-        """Return the wait status of a writer: 0 where it did all, 9 where it was killed."""
+        """Return the wait status of a writer: 0 if it has added all recordings, 9 if it was killed."""
         assert self.process.stdin is not None
         self.process.stdin.write(f"{child}\n")
         self.process.stdin.flush()
@@ -102,7 +102,7 @@ class Nursery:
 
 @contextlib.contextmanager
 def nursery() -> Iterator[Nursery]:
-    """Yield a nursery, ended with the block."""
+    """Yield a nursery, which is ended with the block."""
     root = Path(__file__).resolve().parents[2]
     path = os.pathsep.join([str(root / "src"), str(root), os.environ.get("PYTHONPATH", "")])
     with subprocess.Popen(
@@ -117,7 +117,7 @@ def nursery() -> Iterator[Nursery]:
 
 
 def warm_up() -> None:
-    """Do once what takes long the first time: make a history, add to it, compile tables for PostgreSQL."""
+    """Do the steps that are slow the first time: create a history, add to it, compile PostgreSQL tables."""
     with (
         tempfile.TemporaryDirectory() as folder,
         History.open(Path(folder) / "history.sqlite", create=True) as history,
@@ -129,8 +129,8 @@ def warm_up() -> None:
 
 
 def main() -> None:
-    """Fork a writer for each job on stdin, wait for one for each process id."""
-    warm_up()  # what the writers would otherwise load, each for itself; all is closed before the first fork
+    """Fork a writer for each job on stdin, and wait for a writer for each process id on stdin."""
+    warm_up()  # else each writer would load the modules itself; all files are closed before the first fork
     for line in sys.stdin:
         order = json.loads(line)
         if isinstance(order, int):

@@ -21,22 +21,22 @@ ERROR = 0.005
 def diagnosed(
     history: History, number: int, hours: float, friction: float, *, explained: bool = True
 ) -> None:
-    """Add a diagnosis of a friction, called as it is; all else is healthy."""
+    """Add a diagnosis with a friction level and the matching verdict; other components are healthy."""
     level = Faults(friction=friction).vector
-    made = made_up.diagnosis(number, explained=explained)
+    result = made_up.diagnosis(number, explained=explained)
     components = {
         name: replace(
-            one,
+            estimate,
             value=float(value),
             standard_error=ERROR,
             interval95=(value - 2 * ERROR, value + 2 * ERROR),
             verdict="degraded" if name == "friction" and friction > 0.05 else "healthy",
         )
-        for (name, one), value in zip(made.components.items(), level, strict=True)
+        for (name, estimate), value in zip(result.components.items(), level, strict=True)
     }
-    covariance = ERROR**2 * np.eye(len(made.coordinates))
-    made = replace(made, components=components, covariance=covariance)
-    history.add(made_up.entry("S1", hours), made_up.recording(number), made)
+    covariance = ERROR**2 * np.eye(len(result.coordinates))
+    result = replace(result, components=components, covariance=covariance)
+    history.add(made_up.entry("S1", hours), made_up.recording(number), result)
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def worn(tmp_path: Path) -> tuple[KeptDiagnosis, ...]:
         (Finding(300.0, "backlash", "degraded"), "backlash 0.000 (95 %"),
         (Finding(300.0, "friction", "degraded", 0.45), "with a level of 0.45"),
         (Finding(300.0, "friction", "degraded", 0.15), "with a level of 0.15"),
-        # Within an error that a shop may make, and after wear that may have gone on.
+        # The first level is within a shop's measurement error, the second after plausible further wear.
         (Finding(300.0, "friction", "degraded", 0.33), None),
         (Finding(350.0, "friction", "degraded", 0.45), None),
         (Finding(350.0, "friction", "degraded", 0.6), "with a level of 0.6"),
@@ -64,11 +64,11 @@ def worn(tmp_path: Path) -> tuple[KeptDiagnosis, ...]:
         (Finding(300.0, "unit", "failed"), None),
         (Finding(300.0, "backlash", "healthy"), None),
         (Finding(300.0, "friction", "degraded", replaced=True), None),
-        # No diagnosis is known by then.
+        # There is no diagnosis before these hours.
         (Finding(50.0, "friction", "healthy"), None),
     ],
 )
-def test_a_finding_is_compared_with_the_diagnosis_before(
+def test_a_finding_that_contradicts_the_last_diagnosis_is_noted(
     worn: tuple[KeptDiagnosis, ...], finding: Finding, said: str | None
 ) -> None:
     notes = contradictions(worn, [finding])
@@ -79,7 +79,7 @@ def test_a_finding_is_compared_with_the_diagnosis_before(
         assert "forecasts still follow the diagnoses" in notes[0]
 
 
-def test_a_unit_found_failed_contradicts_diagnoses_that_find_all_of_it_healthy(tmp_path: Path) -> None:
+def test_a_unit_found_failed_contradicts_diagnoses_of_healthy_components(tmp_path: Path) -> None:
     with History.open(tmp_path / "new.sqlite", create=True) as history:
         diagnosed(history, 1, 100.0, 0.0)
         unit = history.unit("S1")
@@ -87,11 +87,11 @@ def test_a_unit_found_failed_contradicts_diagnoses_that_find_all_of_it_healthy(t
         assert "unit was found failed at 110 h" in note
         assert "it still counts as failed" in note
         diagnosed(history, 2, 105.0, 0.0, explained=False)
-        # What the newest recording shows is not known: it may be what the shop found.
+        # The newest recording is not explained, so it may contain the failure that the shop found.
         assert contradictions(unit.diagnoses(), [Finding(110.0, "unit", "failed")]) == ()
 
 
-def test_a_level_that_stays_after_a_replacement_is_noted_everywhere(
+def test_a_level_unchanged_by_a_replacement_is_noted_in_all_outputs(
     tmp_path: Path, worn: tuple[KeptDiagnosis, ...]
 ) -> None:
     replaced = Finding(300.0, "friction", "degraded", replaced=True)
@@ -107,7 +107,7 @@ def test_a_level_that_stays_after_a_replacement_is_noted_everywhere(
 
 
 @pytest.mark.parametrize(("hours", "friction"), [(310.0, 0.1), (310.0, 0.0), (600.0, 0.3)])
-def test_a_new_part_may_wear_as_the_old_one_did(
+def test_a_new_part_with_plausible_wear_is_not_noted(
     tmp_path: Path, worn: tuple[KeptDiagnosis, ...], hours: float, friction: float
 ) -> None:
     replaced = Finding(300.0, "unit", "degraded", replaced=True)
@@ -117,7 +117,7 @@ def test_a_new_part_may_wear_as_the_old_one_did(
     assert worn
 
 
-def test_the_hours_of_a_unit_are_those_of_its_latest_entry_everywhere(
+def test_all_outputs_have_the_hours_of_the_latest_entry_of_a_unit(
     tmp_path: Path, worn: tuple[KeptDiagnosis, ...]
 ) -> None:
     def hours(history: History) -> set[float]:

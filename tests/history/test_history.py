@@ -1,4 +1,4 @@
-"""What is put into a history is what comes out, once, on either database."""
+"""Entries of a history are read as added, once each, from SQLite and PostgreSQL."""
 
 import json
 from dataclasses import replace
@@ -30,23 +30,23 @@ def fill(history: History, numbers: range, unit: str = "S1") -> None:
         assert history.add(entry(unit, 10.0 * number), recording(number), diagnosis(number)).added
 
 
-def test_what_is_read_is_what_was_added(history: History) -> None:
+def test_a_stored_diagnosis_is_read_as_added(history: History) -> None:
     assert history.add(Entry("S1", made_up.PART, 10.5, 7, "left"), recording(1), diagnosis(1)).added
     (kept,) = history.unit("S1").diagnoses()
-    given = diagnosis(1)
+    added = diagnosis(1)
     assert (kept.hours, kept.flight) == (10.5, Flight(10.5, 7, "left"))
     assert (kept.recording, kept.recording_hash) == ("1.csv", recording_hash(recording(1)))
     assert kept.explained is True
-    np.testing.assert_array_equal(kept.vector, given.faults.vector)
-    np.testing.assert_array_equal(kept.covariance, given.covariance)
-    assert kept.coordinates == given.coordinates
-    assert kept.version == given.version
+    np.testing.assert_array_equal(kept.vector, added.faults.vector)
+    np.testing.assert_array_equal(kept.covariance, added.covariance)
+    assert kept.coordinates == added.coordinates
+    assert kept.version == added.version
     assert kept.verdicts == dict.fromkeys(NAMES, "degraded")
-    assert kept.document == json.loads(given.to_json())
+    assert kept.document == json.loads(added.to_json())
     assert history.unit("S1").actuator == made_up.THESIS
 
 
-def test_the_eccentricity_is_a_vector_with_its_covariance(history: History) -> None:
+def test_the_eccentricity_is_stored_as_a_vector_with_its_covariance(history: History) -> None:
     fill(history, range(1, 2))
     (kept,) = history.unit("S1").diagnoses()
     np.testing.assert_allclose(kept.cartesian, made_up.cartesian(1))
@@ -55,34 +55,34 @@ def test_the_eccentricity_is_a_vector_with_its_covariance(history: History) -> N
     np.testing.assert_array_equal(kept.cartesian_covariance, diagnosis(1).covariance[:8, :8])
 
 
-def test_what_diagnoses_of_a_unit_share_is_kept(history: History) -> None:
+def test_the_shared_covariance_of_diagnoses_is_stored(history: History) -> None:
     tolerances = Tolerances(inertia=0.1)
-    within = replace(
+    with_shared_error = replace(
         diagnosis(1),
         actuator=made_up.THESIS.model_copy(update={"tolerances": tolerances}),
         coordinates=(*diagnosis(1).coordinates[:9], "baseline inertia"),
     )
-    history.add(entry(), recording(1), within)
+    history.add(entry(), recording(1), with_shared_error)
     history.add(entry(hours=20.0), recording(2), diagnosis(2))
-    first, second = (one.cartesian_shared_covariance for one in history.unit("S1").diagnoses())
-    np.testing.assert_array_equal(first, within.shared_covariance)
+    first, second = (kept.cartesian_shared_covariance for kept in history.unit("S1").diagnoses())
+    np.testing.assert_array_equal(first, with_shared_error.shared_covariance)
     assert first.any()
     assert not second.any()
 
 
-def test_a_component_that_cannot_be_shown_has_its_prior_variance(history: History) -> None:
+def test_a_component_that_is_not_estimated_has_its_prior_variance(history: History) -> None:
     full = diagnosis(1)
-    shown = [0, 1, 7, 8]  # friction, backlash, gain, load: an actuator without windings
+    estimated = [0, 1, 7, 8]  # friction, backlash, gain, load: an actuator without windings
     prior = 1 / 12**0.5
     components = {
-        name: replace(one, standard_error=prior) if name.startswith(("short", "ecc")) else one
-        for name, one in full.components.items()
+        name: replace(estimate, standard_error=prior) if name.startswith(("short", "ecc")) else estimate
+        for name, estimate in full.components.items()
     }
     reduced = replace(
         full,
         components=components,
-        coordinates=tuple(full.coordinates[i] for i in shown),
-        covariance=full.covariance[np.ix_(shown, shown)],
+        coordinates=tuple(full.coordinates[i] for i in estimated),
+        covariance=full.covariance[np.ix_(estimated, estimated)],
     )
     history.add(entry(), recording(1), reduced)
     (kept,) = history.unit("S1").diagnoses()
@@ -92,7 +92,7 @@ def test_a_component_that_cannot_be_shown_has_its_prior_variance(history: Histor
     np.testing.assert_allclose(kept.cartesian_covariance, expected)
 
 
-def test_the_same_recording_twice_changes_nothing(history: History) -> None:
+def test_adding_a_recording_twice_changes_nothing(history: History) -> None:
     fill(history, range(1, 4))
     before = unit_blocks(history.unit("S1"))
     again = history.add(entry(hours=20.0), recording(2), diagnosis(2))
@@ -101,16 +101,16 @@ def test_the_same_recording_twice_changes_nothing(history: History) -> None:
     assert unit_blocks(history.unit("S1")) == before
 
 
-def test_a_recording_is_known_by_its_values_not_its_name() -> None:
-    held = recording(3)
-    renamed = Recording(held.channels, source="elsewhere.parquet")
-    assert recording_hash(renamed) == recording_hash(held)
-    changed = {**held.channels, "current_A": held["current_A"] + 1e-12}
-    assert recording_hash(Recording(changed)) != recording_hash(held)
-    assert recording_hash(Recording(held.channels, "instant")) != recording_hash(held)
+def test_the_hash_of_a_recording_depends_on_its_values_and_not_on_its_name() -> None:
+    original = recording(3)
+    renamed = Recording(original.channels, source="elsewhere.parquet")
+    assert recording_hash(renamed) == recording_hash(original)
+    changed = {**original.channels, "current_A": original["current_A"] + 1e-12}
+    assert recording_hash(Recording(changed)) != recording_hash(original)
+    assert recording_hash(Recording(original.channels, "instant")) != recording_hash(original)
 
 
-def test_other_settings_give_another_diagnosis_and_the_last_counts(history: History) -> None:
+def test_a_diagnosis_with_other_settings_replaces_the_previous_one(history: History) -> None:
     fill(history, range(1, 3))
     assert history.missing(entry(hours=10.0), recording(1), made_up.THESIS, seed=5)
     assert history.add(entry(hours=10.0), recording(1), diagnosis(1, explained=False, seed=5)).added
@@ -121,19 +121,19 @@ def test_other_settings_give_another_diagnosis_and_the_last_counts(history: Hist
     assert line.document["recording"] == "2.csv"
 
 
-def test_a_diagnosis_is_kept_under_the_description_that_was_given(history: History) -> None:
-    ripple = (RippleHarmonic(order=12, cos=0.01),)  # a law that the diagnosis has found
-    found = replace(diagnosis(1), actuator=made_up.THESIS.model_copy(update={"ripple": ripple}))
+def test_a_diagnosis_is_stored_under_the_given_description(history: History) -> None:
+    ripple = (RippleHarmonic(order=12, cos=0.01),)  # a law that the diagnosis has estimated
+    result = replace(diagnosis(1), actuator=made_up.THESIS.model_copy(update={"ripple": ripple}))
     assert history.kept(recording(1), made_up.THESIS) is None
-    history.add(entry(), recording(1), found, made_up.THESIS)
+    history.add(entry(), recording(1), result, made_up.THESIS)
     assert not history.missing(entry(), recording(1), made_up.THESIS)
     kept = history.kept(recording(1), made_up.THESIS)
     assert kept is not None
-    np.testing.assert_array_equal(kept.vector, found.faults.vector)
+    np.testing.assert_array_equal(kept.vector, result.faults.vector)
     assert history.unit("S1").actuator == made_up.THESIS
 
 
-def test_of_a_flight_with_two_recordings_the_last_diagnosis_is_the_unit_s_last(history: History) -> None:
+def test_the_state_of_a_unit_has_the_last_diagnosis_of_its_last_flight(history: History) -> None:
     for number in (1, 2):
         history.add(entry(hours=10.0), recording(number), diagnosis(number))
     history.add(entry(hours=10.0), recording(1), diagnosis(1, seed=5))
@@ -143,7 +143,7 @@ def test_of_a_flight_with_two_recordings_the_last_diagnosis_is_the_unit_s_last(h
 
 def test_the_direction_of_an_eccentricity_is_not_listed_as_degraded(history: History) -> None:
     degraded = diagnosis(1)
-    assert {one.verdict for one in degraded.components.values()} == {"degraded"}
+    assert {estimate.verdict for estimate in degraded.components.values()} == {"degraded"}
     history.add(entry(), recording(1), degraded)
     with history.database.reading() as connection:
         (line,) = diagnosis_lines(connection)
@@ -151,7 +151,7 @@ def test_the_direction_of_an_eccentricity_is_not_listed_as_degraded(history: His
     assert line.degraded == degraded_in(state.document) == COMPONENTS
 
 
-def test_a_unit_has_the_cycles_that_are_known_last(history: History) -> None:
+def test_a_unit_has_the_last_stated_cycles(history: History) -> None:
     for number, cycles in enumerate((None, 50, None)):
         flown = replace(entry(hours=10.0 * number), cycles=cycles)
         history.add(flown, recording(number), diagnosis(number))
@@ -170,7 +170,7 @@ def test_units_are_listed_by_part_number(history: History) -> None:
     assert [line.serial_number for line in history.states(made_up.PART)] == ["S1", "S2"]
 
 
-def test_a_position_lasts_until_the_unit_is_removed(history: History) -> None:
+def test_a_position_is_valid_until_the_unit_is_removed(history: History) -> None:
     for number, (hours, position) in enumerate([(1, "left"), (2, None), (4, None), (5, "right"), (6, None)]):
         flown = Entry("S1", made_up.PART, hours, position=position)
         history.add(flown, recording(number), diagnosis(number))
@@ -179,7 +179,7 @@ def test_a_position_lasts_until_the_unit_is_removed(history: History) -> None:
     assert positions == ["left", "left", None, "right", "right"]
 
 
-def test_a_recording_may_say_what_another_of_its_flight_left_open(history: History) -> None:
+def test_a_recording_completes_missing_data_of_its_flight(history: History) -> None:
     history.add(Entry("S1", made_up.PART, 1.0), recording(1), diagnosis(1))
     history.add(Entry("S1", made_up.PART, 1.0, 4, "left"), recording(2), diagnosis(2))
     history.add(Entry("S1", made_up.PART, 1.0), recording(3), diagnosis(3))
@@ -189,13 +189,13 @@ def test_a_recording_may_say_what_another_of_its_flight_left_open(history: Histo
 # Removals, findings, lives
 
 
-def test_a_friction_below_that_of_a_new_unit_can_be_found(history: History) -> None:
+def test_a_finding_may_have_a_friction_below_that_of_a_new_unit(history: History) -> None:
     history.add(entry("S1", 10.0), recording(0), diagnosis(0))
     history.add_finding("S1", Finding(10.0, "friction", "degraded", -0.2))
-    assert [one.level for one in history.unit("S1").findings()] == [-0.2]
+    assert [finding.level for finding in history.unit("S1").findings()] == [-0.2]
 
 
-def test_removals_and_findings_are_kept_once(history: History) -> None:
+def test_repeated_removals_and_findings_are_stored_once(history: History) -> None:
     fill(history, range(1, 3))
     removal = Removal(20.0, "failed", "jam")
     finding = Finding(20.0, "backlash", "failed", 0.7, replaced=True, note="nut worn")
@@ -209,25 +209,25 @@ def test_removals_and_findings_are_kept_once(history: History) -> None:
     assert unit.replacements() == (Replacement(20.0, "backlash"),)
 
 
-def test_lives_end_by_failure_or_are_censored(history: History) -> None:
+def test_lives_end_with_a_failure_or_are_censored(history: History) -> None:
     fill(history, range(1, 6))
     history.add_removal("S1", Removal(20.0, "failed"))
     history.add_removal("S1", Removal(40.0, "failed"))
     history.add_finding("S1", Finding(40.0, "backlash", "degraded", replaced=True))
     unit = history.unit("S1")
-    # At 20 h no shop has reported; at 40 h it found no failure.
+    # There is no finding at 20 h; at 40 h the shop found no failure.
     assert unit.lives() == (Life(0.0, 20.0, True), Life(20.0, 40.0, False), Life(40.0, 50.0, False))
     assert unit.lives("backlash") == (Life(0.0, 40.0, False), Life(40.0, 50.0, False))
     assert unit.lives("friction") == (Life(0.0, 50.0, False),)
     assert all(life.censored != life.failed for life in unit.lives())
 
 
-def test_a_component_lives_until_it_is_found_failed_or_the_unit_is_exchanged(history: History) -> None:
+def test_a_components_life_ends_with_its_failure_or_the_exchange_of_the_unit(history: History) -> None:
     fill(history, range(1, 6))
     history.add_finding("S1", Finding(20.0, "friction", "failed"))
     history.add_finding("S1", Finding(30.0, "unit", "healthy", replaced=True))
     unit = history.unit("S1")
-    # What failed and was not replaced began no new life.
+    # A component that failed and was not replaced has no new life.
     assert unit.lives("friction") == (Life(0.0, 20.0, True), Life(30.0, 50.0, False))
     assert unit.lives("gain") == (Life(0.0, 30.0, False), Life(30.0, 50.0, False))
 
@@ -235,7 +235,7 @@ def test_a_component_lives_until_it_is_found_failed_or_the_unit_is_exchanged(his
 # For other programs
 
 
-def test_the_blocks_hold_each_key_of_a_diagnosis_once(history: History) -> None:
+def test_the_blocks_contain_each_key_of_a_diagnosis_once(history: History) -> None:
     fill(history, range(1, 2))
     (kept,) = history.unit("S1").diagnoses()
     blocks = diagnosis_blocks(kept)
@@ -251,18 +251,18 @@ def test_the_blocks_hold_each_key_of_a_diagnosis_once(history: History) -> None:
     assert set(METHOD) < set(blocks["settings"])
 
 
-def test_the_latest_diagnoses_are_taken_and_some_of_those_before(history: History) -> None:
+def test_the_latest_diagnoses_and_a_sample_of_the_earlier_ones_are_selected(history: History) -> None:
     fill(history, range(1, 11), "S1")
     unit = history.unit("S1")
-    every = [one.hours for one in unit.diagnoses()]
-    assert [one.hours for one in unit.diagnoses(3)] == every[-3:]
-    # Every 4th of the 7 before the latest three: at most two.
-    assert [one.hours for one in unit.diagnoses(3, 2)] == [*every[:7:4], *every[-3:]]
-    assert [one.hours for one in unit.diagnoses(3, 7)] == every
-    assert [one.hours for one in unit.diagnoses(0, 2)] == every[::8]
+    all_hours = [kept.hours for kept in unit.diagnoses()]
+    assert [kept.hours for kept in unit.diagnoses(3)] == all_hours[-3:]
+    # Every 4th of the 7 diagnoses before the latest three, at most two.
+    assert [kept.hours for kept in unit.diagnoses(3, 2)] == [*all_hours[:7:4], *all_hours[-3:]]
+    assert [kept.hours for kept in unit.diagnoses(3, 7)] == all_hours
+    assert [kept.hours for kept in unit.diagnoses(0, 2)] == all_hours[::8]
 
 
-def test_an_export_has_every_unit(history: History, tmp_path: Path) -> None:
+def test_an_export_contains_all_units(history: History, tmp_path: Path) -> None:
     fill(history, range(1, 4), "S1")
     fill(history, range(4, 6), "S2")
     assert export(history, tmp_path / "all.json") == 2
@@ -285,29 +285,38 @@ def test_a_recording_entered_under_the_wrong_unit_can_be_moved(history: History)
     fill(history, range(1, 3), "S1")
     history.add(Entry("S2", made_up.PART, 30.0, 7, "left"), recording(3), diagnosis(3))
     before = unit_blocks(history.unit("S1"))
-    made = history.withdraw("S2", Mistake("recording", 30.0, "it was of S1"))
-    assert (made.kind, made.hours, made.subject, made.reason) == ("recording", 30.0, "3.csv", "it was of S1")
+    withdrawal = history.withdraw("S2", Mistake("recording", 30.0, "it was of S1"))
+    assert (withdrawal.kind, withdrawal.hours, withdrawal.subject, withdrawal.reason) == (
+        "recording",
+        30.0,
+        "3.csv",
+        "it was of S1",
+    )
     assert [unit.serial_number for unit in history.units()] == ["S1"]
     assert unit_blocks(history.unit("S1")) == before
-    # All that was held of it stays on record.
-    assert (made.entry["hash"], made.entry["cycles"], made.entry["position"]) == (
+    # The withdrawal records all data of the entry.
+    assert (withdrawal.entry["hash"], withdrawal.entry["cycles"], withdrawal.entry["position"]) == (
         recording_hash(recording(3)),
         7,
         "left",
     )
-    (kept,) = made.entry["diagnoses"]
+    (kept,) = withdrawal.entry["diagnoses"]
     assert kept["vector"] == diagnosis(3).faults.vector.tolist()
     assert kept["covariance"] == diagnosis(3).covariance.ravel().tolist()
     assert kept["document"]["k"] == diagnosis(3).to_dict()["k"]
     assert history.add(entry("S1", 30.0), recording(3), diagnosis(3)).added
-    assert [one.recording for one in history.unit("S1").diagnoses()] == ["1.csv", "2.csv", "3.csv"]
-    # Under its serial number, also when the unit is there again.
+    assert [kept_diagnosis.recording for kept_diagnosis in history.unit("S1").diagnoses()] == [
+        "1.csv",
+        "2.csv",
+        "3.csv",
+    ]
+    # The withdrawal stays under its serial number, also if a unit with this number is added again.
     assert history.add(entry("S2", 5.0), recording(4), diagnosis(4)).added
-    assert history.unit("S2").withdrawals() == (made,)
+    assert history.unit("S2").withdrawals() == (withdrawal,)
     assert history.unit("S1").withdrawals() == ()
 
 
-def test_a_recording_is_withdrawn_by_the_name_of_its_file(history: History) -> None:
+def test_a_recording_to_be_withdrawn_is_selected_by_its_file_name(history: History) -> None:
     for number, name in enumerate(("left/1.csv", "right/1.csv", "right/2.csv")):
         history.add(entry(), Recording(recording(number).channels, source=name), diagnosis(number))
     assert history.withdraw("S1", Mistake("recording", 10.0, "typo", "2.csv")).subject == "right/2.csv"
@@ -316,7 +325,7 @@ def test_a_recording_is_withdrawn_by_the_name_of_its_file(history: History) -> N
     assert history.withdraw("S1", Mistake("recording", 10.0, "typo", "left/1.csv")).subject == "left/1.csv"
 
 
-def test_what_was_withdrawn_counts_nowhere(history: History) -> None:
+def test_withdrawn_entries_have_no_effect(history: History) -> None:
     fill(history, range(1, 3))
     history.add_removal("S1", Removal(20.0, "failed"))
     history.add_finding("S1", Finding(20.0, "friction", "failed", replaced=True))
@@ -334,13 +343,18 @@ def test_what_was_withdrawn_counts_nowhere(history: History) -> None:
     ):
         history.withdraw("S1", mistake)
     after = unit_blocks(history.unit("S1"))
-    assert [one["subject"] for one in after.pop("withdrawals")] == ["gain", "failed", "7.csv", "8.csv"]
+    assert [withdrawal["subject"] for withdrawal in after.pop("withdrawals")] == [
+        "gain",
+        "failed",
+        "7.csv",
+        "8.csv",
+    ]
     assert before.pop("withdrawals") == []
     assert after == before
     assert history.states()[0].hours == 20.0
 
 
-def test_a_prognosis_is_out_of_date_when_something_was_withdrawn(history: History) -> None:
+def test_a_withdrawal_makes_the_prognosis_out_of_date(history: History) -> None:
     fill(history, range(1, 3))
     history.add_removal("S1", Removal(20.0, "failed"))
     history.keep_prognosis("S1", KeptPrognosis.of(history.basis("S1"), {"hours": 20.0, "rul_hours": {}}))
@@ -349,7 +363,7 @@ def test_a_prognosis_is_out_of_date_when_something_was_withdrawn(history: Histor
     assert unit_blocks(history.unit("S1"))["prognostic_assessment"]["out_of_date"]
 
 
-def test_curves_are_those_of_the_kept_prognosis_or_none(history: History) -> None:
+def test_curves_are_replaced_with_the_stored_prognosis(history: History) -> None:
     fill(history, range(1, 3))
     row, kept = history.unit("S1").row, KeptPrognosis.of(history.basis("S1"), {"hours": 20.0})
     for curves in ({"fan": [], "horizon": 500.0}, {"fan": [], "horizon": 800.0}, None):
@@ -359,7 +373,7 @@ def test_curves_are_those_of_the_kept_prognosis_or_none(history: History) -> Non
             assert read_curves(connection, row.id) == curves
 
 
-def test_curves_that_may_follow_from_what_was_withdrawn_go_with_it(history: History) -> None:
+def test_a_withdrawal_deletes_the_curves_of_the_prognosis(history: History) -> None:
     fill(history, range(1, 4))
     history.add_removal("S1", Removal(20.0, "failed"))
     history.add_finding("S1", Finding(20.0, "friction", "failed", replaced=True))
@@ -375,7 +389,7 @@ def test_curves_that_may_follow_from_what_was_withdrawn_go_with_it(history: Hist
         history.withdraw("S1", mistake)
         with history.database.reading() as connection:
             assert read_curves(connection, row.id) is None
-    # With the last of its recordings a unit goes, curves and all.
+    # The withdrawal of its last recording deletes a unit with its curves.
     history.withdraw("S1", Mistake("recording", 20.0, "another unit's"))
     with history.writing() as connection:
         keep_prognosis(connection, row, kept, {"fan": []})

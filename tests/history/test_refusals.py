@@ -1,4 +1,4 @@
-"""What contradicts a history is refused in one line that says how to correct it, and changes nothing."""
+"""Contradictions to a history are refused with a one-line message that gives a remedy; nothing is changed."""
 
 import re
 import socket
@@ -27,12 +27,12 @@ from .conftest import server
 from .made_up import diagnosis, entry, recording
 
 LONGEST_S = 10.0
-"""In which a user learns that there is no database."""
+"""Time limit for the message that there is no database."""
 
 
 @pytest.fixture
 def flown(history: History) -> History:
-    """Return a history with a unit at 10, 20 and 30 h; each tenth hour has a recording of its number."""
+    """Return a history with recordings 1, 2 and 3 of a unit at 10, 20 and 30 h."""
     for number in (1, 2, 3):
         flight = Entry("SN-0042", made_up.PART, 10.0 * number, 5 * number, load=0.5)
         history.add(flight, recording(number), diagnosis(number))
@@ -40,7 +40,7 @@ def flown(history: History) -> History:
 
 
 def refusal(call: Callable[[], object]) -> str:
-    """Return the message of what must be refused."""
+    """Return the message with which `call` is refused."""
     with pytest.raises(HistoryError) as caught:
         call()
     message = str(caught.value)
@@ -78,7 +78,7 @@ CONTRADICTIONS = {
 }
 
 
-def test_hours_behind_a_finding_are_refused(flown: History) -> None:
+def test_hours_before_those_of_a_finding_are_refused(flown: History) -> None:
     flown.add_finding("SN-0042", Finding(4e4, "friction", "degraded", replaced=True))
     message = refusal(lambda: flown.add(Entry("SN-0042", made_up.PART, 40.0), recording(7), diagnosis(7)))
     assert "40000 h already, from a finding on friction" in message
@@ -88,17 +88,17 @@ def test_hours_behind_a_finding_are_refused(flown: History) -> None:
 
 def test_a_contradiction_is_refused_before_and_after_the_diagnosis(flown: History) -> None:
     before = unit_blocks(flown.unit("SN-0042"))
-    for name, (made, number, words) in CONTRADICTIONS.items():
+    for name, (contradicting, number, words) in CONTRADICTIONS.items():
         with pytest.raises(HistoryError, match=words):
-            flown.missing(made, recording(number), made_up.THESIS)
-        added = partial(flown.add, made, recording(number), diagnosis(number))
-        assert "check --" in refusal(added), name
+            flown.missing(contradicting, recording(number), made_up.THESIS)
+        add = partial(flown.add, contradicting, recording(number), diagnosis(number))
+        assert "check --" in refusal(add), name
         assert unit_blocks(flown.unit("SN-0042")) == before, name
         assert len(flown.units()) == 1, name
 
 
-def test_a_value_that_the_database_refuses_is_not_called_a_database_that_is_away(history: History) -> None:
-    """Who holds what is to be written would try it again without end."""
+def test_a_value_refused_by_the_database_is_not_reported_as_an_unreachable_database(history: History) -> None:
+    """A caller would repeat the write endlessly if the database were reported as unreachable."""
     unit = {"serial_number": "S1", "part_number": "P", "added_at": "2026-01-01T00:00:00Z"}
 
     def twice() -> None:
@@ -107,7 +107,7 @@ def test_a_value_that_the_database_refuses_is_not_called_a_database_that_is_away
                 connection.execute(UNITS.insert().values(unit))
 
     assert "the database refuses a value" in refusal(twice)
-    if not history.database.is_file:  # SQLite holds it
+    if not history.database.is_file:  # SQLite stores NUL
         assert "NUL" in refusal(lambda: history.unit("S\0"))
     for call in (twice, lambda: history.unit("S\0")):
         with pytest.raises(HistoryError) as caught:
@@ -119,25 +119,25 @@ def test_a_value_that_the_database_refuses_is_not_called_a_database_that_is_away
 def test_an_old_recording_may_be_added_late(flown: History) -> None:
     late = Entry("SN-0042", made_up.PART, 15.0, 6, late=True)
     assert flown.add(late, recording(7), diagnosis(7)).added
-    assert [one.hours for one in flown.unit("SN-0042").diagnoses()] == [10, 15, 20, 30]
-    # What is there already needs no such word.
+    assert [kept.hours for kept in flown.unit("SN-0042").diagnoses()] == [10, 15, 20, 30]
+    # A recording that is already stored does not need `late`.
     assert not flown.add(entry("SN-0042", 10.0), recording(1), diagnosis(1)).added
 
 
-def test_cycles_given_late_must_fit_too(history: History) -> None:
+def test_cycles_added_later_must_be_consistent(history: History) -> None:
     history.add(entry(hours=10.0), recording(1), diagnosis(1))
     history.add(Entry("S1", made_up.PART, 20.0, 5), recording(2), diagnosis(2))
     with pytest.raises(HistoryError, match="5 cycles at 20 h, so 9 at 10 h"):
         history.add(Entry("S1", made_up.PART, 10.0, 9), recording(1), diagnosis(1, seed=1))
 
 
-def test_hours_are_not_below_those_of_a_removal(flown: History) -> None:
+def test_hours_before_those_of_a_removal_are_refused(flown: History) -> None:
     flown.add_removal("SN-0042", Removal(50.0, "scheduled"))
     with pytest.raises(HistoryError, match="50 h already"):
         flown.add(entry("SN-0042", 40.0), recording(7), diagnosis(7))
 
 
-def test_an_unknown_unit_is_answered_with_the_nearest(flown: History) -> None:
+def test_an_unknown_unit_is_refused_with_the_nearest_name(flown: History) -> None:
     for call in (
         lambda: flown.unit("sn-0024"),
         lambda: flown.add_removal("sn-0024", Removal(1.0, "other")),
@@ -146,11 +146,11 @@ def test_an_unknown_unit_is_answered_with_the_nearest(flown: History) -> None:
         assert refusal(call) == "no unit 'sn-0024' in the history (did you mean 'SN-0042'?)"
 
 
-def test_an_unknown_unit_of_an_empty_history(history: History) -> None:
+def test_the_message_on_an_unknown_unit_states_that_the_history_is_empty(history: History) -> None:
     assert refusal(lambda: history.unit("S1")) == "no unit 'S1' in the history; the history is empty"
 
 
-def test_another_removal_or_finding_in_the_same_place_is_refused(flown: History) -> None:
+def test_a_different_removal_or_finding_at_the_same_hours_is_refused(flown: History) -> None:
     flown.add_removal("SN-0042", Removal(30.0, "failed"))
     flown.add_finding("SN-0042", Finding(30.0, "gain", "failed", 0.9))
     with pytest.raises(HistoryError, match="a removal is in the history already, with reason 'failed'"):
@@ -186,7 +186,7 @@ def test_another_removal_or_finding_in_the_same_place_is_refused(flown: History)
         (lambda: Finding(1.0, "unit", "failed", 0.5), "name the component"),
     ],
 )
-def test_what_cannot_be_is_refused(make: Callable[[], object], words: str) -> None:
+def test_invalid_entries_removals_and_findings_are_refused(make: Callable[[], object], words: str) -> None:
     with pytest.raises(HistoryError, match=words):
         make()
 
@@ -194,46 +194,46 @@ def test_what_cannot_be_is_refused(make: Callable[[], object], words: str) -> No
 # What is opened
 
 
-def test_a_newer_history_is_refused_with_what_to_do(address: str) -> None:
+def test_a_history_of_a_newer_version_is_refused_with_a_remedy(address: str) -> None:
     with History.open(address, create=True) as older:
         with older.database.writing() as connection:
             connection.execute(VERSION.update().values(version_num="0099"))
-        # One that was open while a newer version changed it does not write to it any more.
+        # A history that was open while a newer version migrated it refuses to write.
         assert "update emaphm" in refusal(lambda: older.add(entry(), recording(1), diagnosis(1)))
     message = refusal(lambda: History.open(address))
     assert "form 0099" in message
     assert "update emaphm" in message
 
 
-def test_there_must_be_a_history_to_read(address: str) -> None:
+def test_a_missing_history_is_not_created_for_reading(address: str) -> None:
     with pytest.raises(HistoryError, match=r"no such history|holds no history"):
         History.open(address)
 
 
-def tables_of(address: str, *made: str) -> list[str]:
-    """Return the names of a database's tables and views, after what is `made` by these statements."""
-    kind = (
+def tables_of(address: str, *statements: str) -> list[str]:
+    """Return the names of a database's tables and views, after executing the `statements`."""
+    url = (
         address.replace("postgresql:", "postgresql+psycopg:") if "://" in address else f"sqlite:///{address}"
     )
-    engine = sa.create_engine(kind)
+    engine = sa.create_engine(url)
     with engine.begin() as connection:
-        for statement in made:
+        for statement in statements:
             connection.exec_driver_sql(statement)
-        found = sa.inspect(connection)
-        names = sorted([*found.get_table_names(), *found.get_view_names()])
+        inspector = sa.inspect(connection)
+        names = sorted([*inspector.get_table_names(), *inspector.get_view_names()])
     engine.dispose()
     return names
 
 
 @pytest.mark.parametrize("made", ["TABLE units (a integer)", "VIEW units AS SELECT 1 AS a"])
-def test_somebody_elses_tables_are_left_alone(address: str, made: str) -> None:
+def test_a_database_with_conflicting_foreign_tables_is_refused_and_unchanged(address: str, made: str) -> None:
     before = tables_of(address, f"CREATE {made}")
     with pytest.raises(HistoryError, match="is no history, it has a table 'units'; give a history, or a"):
         History.open(address, create=True)
     assert tables_of(address) == before == ["units"]
 
 
-def test_a_file_is_a_historys_alone_and_a_server_may_hold_others(address: str) -> None:
+def test_other_tables_are_refused_in_a_file_and_accepted_on_a_server(address: str) -> None:
     before = tables_of(address, "CREATE TABLE foo (a integer)", "CREATE TABLE alembic_version (a integer)")
     if "://" not in address:
         with pytest.raises(HistoryError, match="it has a table 'alembic_version'; give a history, or a new"):
@@ -260,7 +260,7 @@ def test_a_file_is_a_historys_alone_and_a_server_may_hold_others(address: str) -
         ("nul\0", "null character"),
     ],
 )
-def test_what_is_no_place_for_a_history(
+def test_invalid_addresses_are_refused_without_showing_the_password(
     where: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -270,10 +270,10 @@ def test_what_is_no_place_for_a_history(
     assert "secret" not in message
 
 
-def test_a_damaged_file_is_called_so(tmp_path: Path) -> None:
+def test_a_damaged_file_is_reported_as_malformed(tmp_path: Path) -> None:
     path = tmp_path / "history.sqlite"
-    with History.open(path, create=True) as whole:
-        whole.add(entry(), recording(1), diagnosis(1))
+    with History.open(path, create=True) as undamaged:
+        undamaged.add(entry(), recording(1), diagnosis(1))
     content = bytearray(path.read_bytes())
     content[4096:] = bytes(len(content) - 4096)
     path.write_bytes(content)
@@ -285,12 +285,12 @@ def test_a_damaged_file_is_called_so(tmp_path: Path) -> None:
 
 @pytest.fixture
 def silent() -> Iterator[int]:
-    """Return a port where somebody listens, and never answers."""
+    """Return a port with a listening socket that never answers."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         yield listening.getsockname()[1]
 
 
-def test_a_port_that_nobody_listens_on() -> None:
+def test_a_port_without_a_server_is_reported_in_time() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = listening.getsockname()[1]
     began = time.monotonic()
@@ -300,10 +300,12 @@ def test_a_port_that_nobody_listens_on() -> None:
     assert "check the address" in message
 
 
-def test_a_server_that_never_answers(silent: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_that_never_answers_is_reported_in_time(
+    silent: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     usual = database.SETTINGS
     assert usual.host_s < usual.answer_s < LONGEST_S
-    monkeypatch.setattr(database, "SETTINGS", replace(usual, host_s=2))  # libpq's shortest
+    monkeypatch.setattr(database, "SETTINGS", replace(usual, host_s=2))  # the shortest time-out of libpq
     began = time.monotonic()
     message = refusal(lambda: History.open(f"postgresql://me:secret@127.0.0.1:{silent}/fleet"))
     assert time.monotonic() - began < LONGEST_S
@@ -311,7 +313,9 @@ def test_a_server_that_never_answers(silent: int, monkeypatch: pytest.MonkeyPatc
     assert "secret" not in message
 
 
-def test_whatever_hangs_is_given_up(silent: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_opening_a_silent_database_ends_after_the_time_limit(
+    silent: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(database, "SETTINGS", replace(database.SETTINGS, answer_s=0.1))
     address = Address.of(f"postgresql://me@127.0.0.1:{silent}/fleet")
     assert "no answer within 0.1 s; check the address" in refusal(
@@ -319,19 +323,19 @@ def test_whatever_hangs_is_given_up(silent: int, monkeypatch: pytest.MonkeyPatch
     )
 
 
-def test_a_wrong_password_is_not_repeated() -> None:
+def test_a_wrong_password_is_not_shown_in_the_message() -> None:
     url = sa.make_url(server()).set(password="not this one")  # noqa: S106
     message = refusal(lambda: History.open(url.render_as_string(hide_password=False)))
     assert "check the user and the password" in message
     assert "not this one" not in message
 
 
-def test_a_database_that_does_not_exist() -> None:
+def test_a_database_that_does_not_exist_is_refused_with_a_remedy() -> None:
     url = sa.make_url(server()).set(database="no_such")
     assert "create it" in refusal(lambda: History.open(url.render_as_string(hide_password=False)))
 
 
-def test_a_file_that_another_program_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_locked_by_another_program_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(database, "SETTINGS", replace(database.SETTINGS, file_s=0.2))
     path = tmp_path / "history.sqlite"
     History.open(path, create=True).close()
@@ -344,7 +348,7 @@ def test_a_file_that_another_program_holds(tmp_path: Path, monkeypatch: pytest.M
         holder.close()
 
 
-def test_a_connection_that_the_server_ended_is_made_anew(flown: History) -> None:
+def test_a_connection_ended_by_the_server_is_opened_again(flown: History) -> None:
     if flown.database.is_file:
         pytest.skip("a file has no server")
     with flown.database.reading() as connection:
@@ -357,7 +361,7 @@ def test_a_connection_that_the_server_ended_is_made_anew(flown: History) -> None
     assert len(flown.unit("SN-0042").diagnoses()) == 3
 
 
-def test_what_cannot_be_withdrawn_is_refused(flown: History) -> None:
+def test_invalid_withdrawals_are_refused(flown: History) -> None:
     flown.add(Entry("SN-0042", made_up.PART, 30.0), recording(4), diagnosis(4))
     flown.add_removal("SN-0042", Removal(30.0, "suspected"))
     flown.add(Entry("SN-0001", made_up.PART, 5.0), recording(9), diagnosis(9))
@@ -382,9 +386,9 @@ def test_what_cannot_be_withdrawn_is_refused(flown: History) -> None:
     assert "needs a reason; give one" in refusal(partial(Mistake, "removal", 1.0, " "))
 
 
-def test_hours_are_written_with_all_their_digits(flown: History) -> None:
+def test_messages_give_hours_with_all_digits(flown: History) -> None:
     old = Entry("SN-0042", made_up.PART, 123456.75)
     flown.add(old, recording(8), diagnosis(8))
-    said = refusal(lambda: flown.add(replace(old, hours=123456.5), recording(9), diagnosis(9)))
-    assert "123456.75 h already" in said
-    assert "123456.5 h would be going backwards" in said
+    message = refusal(lambda: flown.add(replace(old, hours=123456.5), recording(9), diagnosis(9)))
+    assert "123456.75 h already" in message
+    assert "123456.5 h would be going backwards" in message

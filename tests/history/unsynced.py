@@ -1,6 +1,6 @@
-"""Histories that do not wait for the disk: half of the time of a test that adds to one.
+"""Histories that do not wait for the disk, which halves the time of tests that write.
 
-What is acknowledged then outlasts a killed process, but no loss of power, which no test makes.
+Acknowledged data survive a killed process, but not a loss of power, which no test simulates.
 """
 
 import sqlite3
@@ -12,7 +12,7 @@ import sqlalchemy as sa
 
 @contextmanager
 def unsynced() -> Iterator[None]:
-    """Let each new connection of this process to a file leave it to the system when to write."""
+    """Disable synchronous writes in each new SQLite connection of this process."""
 
     def leave(connection: object, _: object) -> None:
         if isinstance(connection, sqlite3.Connection):

@@ -1,1 +1,1 @@
-"""Recordings watched as they arrive."""
+"""Tests of `emaphm.monitoring`, which diagnoses recordings as they arrive."""

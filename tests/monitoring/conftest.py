@@ -1,4 +1,4 @@
-"""Histories that nothing was added to."""
+"""Fixtures for empty histories, and for watchers that poll often."""
 
 import importlib
 from collections.abc import Iterator
@@ -18,8 +18,10 @@ def _unsynced() -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def _looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a watcher that has nothing to do look again soon."""
-    module = importlib.import_module("emaphm.monitoring.watch")  # a function has its name
+    """Let an idle watcher poll again soon."""
+    module = importlib.import_module(
+        "emaphm.monitoring.watch"
+    )  # the package exports a function of the same name
     monkeypatch.setattr(module, "IDLE_S", 0.01)
 
 

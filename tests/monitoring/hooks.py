@@ -1,4 +1,4 @@
-"""A receiver of webhooks on this machine, which answers as a test wants."""
+"""A local receiver of webhooks whose answers a test can set."""
 
 import json
 import threading
@@ -11,7 +11,7 @@ from typing import Any
 
 @dataclass
 class Received:
-    """What came in, and how it is answered; `status` may wait before it returns."""
+    """Received events, and the status of the answers; `status` may wait before it returns."""
 
     url: str = ""
     status: Callable[[], int] = lambda: 200
@@ -22,7 +22,7 @@ class Received:
 
 @contextmanager
 def webhook() -> Iterator[Received]:
-    """Yield a receiver on loopback."""
+    """Yield a receiver on the loopback interface."""
     received = Received()
 
     class Handler(BaseHTTPRequestHandler):

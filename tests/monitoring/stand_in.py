@@ -1,8 +1,8 @@
-"""`python -m tests.monitoring.stand_in FOLDER DB`: watches with a stand-in for the diagnosis.
+"""`python -m tests.monitoring.stand_in FOLDER DB`: a watcher with a stand-in for the diagnosis.
 
-A real diagnosis takes half a second, so that 10,000 of them take longer than a test should. The stand-in
-gives what the recording's mean current says: all else, from the reading of the file to the events, is real.
-With `--real`, so is the diagnosis; with `--once` it ends when all files are judged.
+A real diagnosis takes half a second, which is too long for a test with 10,000 files. The stand-in estimates
+friction from the recording's mean current; every other step, from reading the file to the events, is real.
+With `--real`, the diagnosis is real too; with `--once`, the watcher ends when all files are judged.
 """
 
 import os
@@ -39,12 +39,12 @@ ROOMY = IsolationSettings(seconds=60.0)
 
 
 def is_faulty(number: int) -> bool:
-    """Return whether a unit's recording of this number is made with a fault: runs, and single ones."""
+    """Return whether a unit's recording with this number has a fault; faults are single and in runs."""
     return number % 40 in {7, 20, 21, 22, 23, 24, 33, 34}
 
 
 def content(unit: int, number: int) -> str:
-    """Return the CSV of a unit's recording, which no other has."""
+    """Return the CSV of a unit's recording, which is unique."""
     time = np.arange(ROWS) / 1e3
     current = np.sign(np.cos(2 * np.pi * 40 * time)) + (0.5 if is_faulty(number) else 0.0)
     current += 1e-6 * (1000 * unit + number)
@@ -59,13 +59,13 @@ def simulated(unit: int, number: int) -> str:
     from emaphm.actuator import Chirp
     from emaphm.simulated_recording import simulate
 
-    faults = Faults(friction=0.3 if number else 0.0)  # three of four recordings have it: an alarm
-    made = simulate(THESIS, Chirp(), faults=faults, noise=0.05, seed=1000 * unit + number)
-    return made.to_frame().select("time_s", "command_rad", "current_A", "voltage_V").write_csv()
+    faults = Faults(friction=0.3 if number else 0.0)  # three of four recordings have the fault: an alarm
+    recording = simulate(THESIS, Chirp(), faults=faults, noise=0.05, seed=1000 * unit + number)
+    return recording.to_frame().select("time_s", "command_rad", "current_A", "voltage_V").write_csv()
 
 
 def name(unit: int, number: int) -> str:
-    """Return what the file is called."""
+    """Return the name of a recording's file."""
     return f"U{unit:02}_{number * FLIGHT_H:.2f}.csv"
 
 
@@ -76,11 +76,11 @@ ERROR = 0.01
 """Standard error of each component."""
 
 FAULTY = 0.3
-"""Friction that is called degraded; a recording without a fault has 0.1 here, one with it 0.6."""
+"""Friction above which the verdict is degraded; recordings have 0.1 without a fault and 0.6 with one."""
 
 
 def diagnosis(recording: Recording, actuator: Actuator, friction: float, *, seed: int = 0) -> Diagnosis:
-    """Return a diagnosis that has this friction and no other fault; it is called degraded above `FAULTY`."""
+    """Return a diagnosis with this friction and no other fault; it is degraded above `FAULTY`."""
     vector = Faults(friction=friction).vector
     components = {
         name: Estimate(
@@ -116,7 +116,7 @@ def diagnosis(recording: Recording, actuator: Actuator, friction: float, *, seed
 
 
 def diagnosed(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:
-    """Return the stand-in: friction is what the mean current says."""
+    """Return the stand-in diagnosis, whose friction is the clipped mean current."""
     return diagnosis(recording, actuator, float(np.mean(recording["current_A"]).clip(0.0, 1.0)), seed=seed)
 
 
@@ -127,7 +127,7 @@ def fly(
     unit: str = "S1",
     actuator: Actuator = THESIS,
 ) -> None:
-    """Add diagnoses of a unit, 20 h apart, of this friction."""
+    """Add diagnoses of a unit with these friction levels, at intervals of 20 h."""
     for i, level in enumerate(friction):
         hours = first + 20.0 * i
         columns = {name: np.arange(60.0) + hours for name in ("time_s", "command_rad")}
@@ -147,7 +147,7 @@ def run(
     settings: WatchSettings = QUICK,
     stop: threading.Event | None = None,
 ) -> None:
-    """Watch a folder."""
+    """Watch a folder with the stand-in or the real diagnosis."""
     with History.open(where, create=True) as history:
         task = WatchTask(
             folder,

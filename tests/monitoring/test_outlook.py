@@ -1,4 +1,4 @@
-"""The prognosis of each unit is kept up to date, one for all of its new diagnoses."""
+"""The watcher's prognoses of units are up to date, with one prognosis for all new diagnoses of a unit."""
 
 import time
 from dataclasses import replace
@@ -20,7 +20,7 @@ from .stand_in import ROOMY, THESIS, fly
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 
-def test_it_is_that_of_the_verb_and_one_for_all_diagnoses(history: History) -> None:
+def test_one_prognosis_is_made_for_all_new_diagnoses_and_equals_that_of_the_command(history: History) -> None:
     outlook = Outlook(history, WATCH.prognosis)
     fly(history, [0.0, 0.02, 0.04])
     for _ in range(3):
@@ -29,13 +29,13 @@ def test_it_is_that_of_the_verb_and_one_for_all_diagnoses(history: History) -> N
     assert outlook.step()
     assert (outlook.waiting, outlook.step()) == (0, False)
     kept = history.prognoses()["S1"]
-    asked = prognose(Evidence.of(history.unit("S1")), THESIS)
-    assert kept.document["rul_hours"] == asked.to_dict()["rul_hours"]
+    expected = prognose(Evidence.of(history.unit("S1")), THESIS)
+    assert kept.document["rul_hours"] == expected.to_dict()["rul_hours"]
     assert (kept.diagnoses, kept.hours) == (3, 40.0)
-    assert not history.events()  # three diagnoses: the prior decides
+    assert not history.events()  # with three diagnoses, the prior dominates
 
 
-def test_a_life_that_ends_is_raised_once_and_cleared_by_a_replacement(history: History) -> None:
+def test_a_short_rul_raises_one_event_which_a_replacement_clears(history: History) -> None:
     outlook = Outlook(history, replace(WATCH.prognosis, risk=0.3))
     fly(history, [0.1 + 0.12 * i for i in range(5)])
     for _ in range(2):
@@ -49,10 +49,10 @@ def test_a_life_that_ends_is_raised_once_and_cleared_by_a_replacement(history: H
     fly(history, [0.0] * 6, first=100.0)
     outlook.ask("S1")
     outlook.step()
-    assert [one.state for one in history.events()] == ["raised", "cleared"]
+    assert [event.state for event in history.events()] == ["raised", "cleared"]
 
 
-def test_forecasts_from_a_recording_that_was_withdrawn_are_made_again(history: History) -> None:
+def test_past_forecasts_from_a_withdrawn_recording_are_computed_again(history: History) -> None:
     fly(history, [0.0, 0.02, 0.95])
     (*kept, wrong) = update_prognosis(history, history.unit("S1")).curves.fan
     history.withdraw("S1", Mistake("recording", 40.0, "another unit's"))
@@ -62,7 +62,7 @@ def test_forecasts_from_a_recording_that_was_withdrawn_are_made_again(history: H
     assert [row[0] for row in again] == [row[0] for row in kept] == [0.0, 20.0]
 
 
-def test_forecasts_against_other_requirements_are_made_again(history: History) -> None:
+def test_past_forecasts_are_computed_again_after_a_change_of_requirements(history: History) -> None:
     fly(history, [0.0, 0.1, 0.2])
     before = update_prognosis(history, history.unit("S1")).curves.fan
     tight = Requirement(component="friction", at_most=0.5)
@@ -71,12 +71,12 @@ def test_forecasts_against_other_requirements_are_made_again(history: History) -
     assert [row[0] for row in after] == [0.0, 20.0, 40.0, 60.0]
     # The median at 40 h.
     assert after[2][3] < 0.7 * before[2][3]
-    # Against the same ones they are those that were kept.
+    # With the same requirements, the stored forecasts are used.
     fly(history, [0.4], first=80.0, actuator=THESIS.model_copy(update={"requirements": (tight,)}))
     assert update_prognosis(history, history.unit("S1")).curves.fan[:-1] == after
 
 
-def test_none_is_kept_in_a_history_that_a_newer_version_has_changed_meanwhile(history: History) -> None:
+def test_no_prognosis_is_stored_in_a_history_migrated_by_a_newer_version(history: History) -> None:
     fly(history, [0.0])
     with history.database.writing() as connection:
         connection.execute(VERSION.update().values(version_num="0099"))
@@ -85,7 +85,7 @@ def test_none_is_kept_in_a_history_that_a_newer_version_has_changed_meanwhile(hi
     assert not history.prognoses()
 
 
-def test_what_was_due_when_the_watcher_ended_is_due_again(history: History) -> None:
+def test_a_prognosis_that_was_due_at_the_end_of_a_watcher_is_due_at_the_next_start(history: History) -> None:
     outlook = Outlook(history, WATCH.prognosis)
     fly(history, [0.0])
     outlook.ask("S1")
@@ -95,10 +95,10 @@ def test_what_was_due_when_the_watcher_ended_is_due_again(history: History) -> N
     assert Outlook(history, WATCH.prognosis).waiting == 1
 
 
-def test_a_finding_makes_it_due_at_the_next_start(history: History) -> None:
+def test_a_finding_makes_the_prognosis_due_at_the_next_start(history: History) -> None:
     fly(history, [0.0])
-    made = Outlook(history, WATCH.prognosis)
-    made.step()
+    outlook = Outlook(history, WATCH.prognosis)
+    outlook.step()
     assert Outlook(history, WATCH.prognosis).waiting == 0
     history.add_finding("S1", Finding(0.0, "friction", "degraded", replaced=True))
     again = Outlook(history, WATCH.prognosis)
@@ -107,7 +107,7 @@ def test_a_finding_makes_it_due_at_the_next_start(history: History) -> None:
     assert Outlook(history, WATCH.prognosis).waiting == 0
 
 
-def test_a_first_prognosis_that_was_not_made_is_due_again_where_the_recording_is_new(
+def test_a_missing_first_prognosis_is_due_at_the_next_start_only_for_a_new_recording(
     history: History, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fly(history, [0.0])  # and the watcher is killed
@@ -116,21 +116,21 @@ def test_a_first_prognosis_that_was_not_made_is_due_again_where_the_recording_is
     assert Outlook(history, WATCH.prognosis).waiting == 0
 
 
-def test_the_other_units_teach_it(history: History) -> None:
+def test_the_prognosis_learns_from_other_units(history: History) -> None:
     for serial in ("S1", "S2"):
         fly(history, [0.1 + 0.05 * i for i in range(3)], unit=serial)
     outlook = Outlook(history, replace(WATCH.prognosis, fewest=3, risk=0.01))
     outlook.ask("S1")
     outlook.step()
     unit = history.unit("S1")
-    asked = prognose(Evidence.of(unit), THESIS, prior=learnt_prior(history, unit))
+    expected = prognose(Evidence.of(unit), THESIS, prior=learnt_prior(history, unit))
     kept = history.prognoses()["S1"].document
-    assert kept["rul_hours"] == asked.to_dict()["rul_hours"]
+    assert kept["rul_hours"] == expected.to_dict()["rul_hours"]
     (event,) = history.events()
     assert event.details["fleet_units"] == 1
 
 
-def test_the_latest_diagnoses_are_used_and_all_are_counted(history: History) -> None:
+def test_only_the_latest_diagnoses_are_used_but_all_are_counted(history: History) -> None:
     fly(history, [0.0] * 3)
     outlook = Outlook(history, replace(WATCH.prognosis, most=2))
     outlook.ask("S1")
@@ -140,22 +140,22 @@ def test_the_latest_diagnoses_are_used_and_all_are_counted(history: History) -> 
 
 
 @pytest.mark.usefixtures("warm_workers")
-def test_one_in_a_process_of_its_own_is_not_waited_for(history: History) -> None:
+def test_a_prognosis_in_a_separate_process_does_not_block_the_watcher(history: History) -> None:
     fly(history, [0.0])
     outlook = Outlook(history, WATCH.prognosis, isolation=ROOMY)
     outlook.ask("S1")
     assert (outlook.step(), outlook.waiting) == (False, 1)
     assert not history.prognoses()
-    outlook.ask("S1")  # a diagnosis that may have come too late for it
+    outlook.ask("S1")  # a diagnosis that may be too late for the running prognosis
     deadline = time.monotonic() + 60.0
     while not outlook.step():
         assert time.monotonic() < deadline
         time.sleep(0.02)
     assert "S1" in history.prognoses()
     assert (outlook.waiting, outlook.step(), outlook.waiting) == (1, False, 1)
-    began = time.monotonic()
-    outlook.close()  # with another one under way
-    assert time.monotonic() - began < 5.0
+    start = time.monotonic()
+    outlook.close()  # while another prognosis is running
+    assert time.monotonic() - start < 5.0
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_one_in_a_process_of_its_own_is_not_waited_for(history: History) -> None
         (HistoryUnavailableError("the disk is full"), HistoryUnavailableError, 1),
     ],
 )
-def test_one_that_cannot_be_made_is_said_and_one_that_cannot_be_kept_stays_due(
+def test_a_failed_prognosis_is_reported_and_one_that_cannot_be_stored_stays_due(
     history: History,
     monkeypatch: pytest.MonkeyPatch,
     error: Exception,

@@ -1,6 +1,6 @@
-"""A recording that kills the process that judges it, or hangs it, is tried twice in all, then set aside.
+"""A recording that kills or blocks the process that judges it is tried twice, then set aside.
 
-A signal that asks all processes to end, and what dies while the watching is to stop, do not count.
+Signals to the whole process group, and processes killed while the watcher stops, do not count as tries.
 """
 
 import json
@@ -35,7 +35,7 @@ POISON = stand_in.name(1, 1)
 
 
 def poisoned(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:
-    """Die of one file, but count how often that was."""
+    """Kill the process for the file `POISON`, after noting the try; diagnose other files."""
     path = Path(recording.source)
     if path.name == POISON:
         with path.parent.with_name("tries").open("a") as file:
@@ -53,11 +53,11 @@ def inbox(tmp_path: Path, no_prognoses: None) -> Path:  # noqa: ARG001
     return folder
 
 
-def once(
-    inbox: Path, said: list[str], *, stop: threading.Event | None = None, **options: Any
+def watch_once(
+    inbox: Path, messages: list[str], *, stop: threading.Event | None = None, **options: Any
 ) -> tuple[Watching, list[str]]:
     with History.open(inbox.with_name("history.sqlite"), create=True) as history:
-        usual: dict[str, Any] = {"diagnose": poisoned, "isolated": True}
+        defaults: dict[str, Any] = {"diagnose": poisoned, "isolated": True}
         task = WatchTask(
             inbox,
             Ownership(THESIS.name, pattern=PATTERN),
@@ -65,32 +65,34 @@ def once(
             cut=None,
             takes_new_units=True,
             once=True,
-            **usual | options,
+            **defaults | options,
         )
-        done = watch(task, history, THESIS, settings=FAST, stop=stop, say=said.append)
-        return done, [one.message for one in history.events(kinds=["refused"])]
+        result = watch(task, history, THESIS, settings=FAST, stop=stop, say=messages.append)
+        return result, [event.message for event in history.events(kinds=["refused"])]
 
 
-def tries(inbox: Path) -> int:
+def count_tries(inbox: Path) -> int:
     return len(inbox.with_name("tries").read_text())
 
 
-def test_what_kills_its_process_is_set_aside_and_the_rest_goes_on(inbox: Path) -> None:
-    said = list[str]()
-    done, refused = once(inbox, said)
-    assert (done.judged, done.refused) == (2, 1)
-    assert [line for line in said if "tried once more" in line] == [
+def test_a_file_that_kills_its_process_twice_is_set_aside_and_other_files_are_judged(inbox: Path) -> None:
+    messages = list[str]()
+    result, refused = watch_once(inbox, messages)
+    assert (result.judged, result.refused) == (2, 1)
+    assert [line for line in messages if "tried once more" in line] == [
         f"{POISON}: its process was killed by SIGKILL; it is tried once more"
     ]
     (killed,) = refused
     assert f"{POISON}: its process was killed by SIGKILL, for the second time; it is set aside" in killed
-    assert once(inbox, said)[0] == Watching()  # not tried at the next start
-    assert tries(inbox) == 2
-    (inbox / POISON).write_text(stand_in.content(1, 40))  # another content is another file
-    assert once(inbox, said, diagnose=stand_in.diagnosed, isolated=False)[0].judged == 1
+    assert watch_once(inbox, messages)[0] == Watching()  # not tried at the next start
+    assert count_tries(inbox) == 2
+    (inbox / POISON).write_text(stand_in.content(1, 40))  # a changed file counts as a new file
+    assert watch_once(inbox, messages, diagnose=stand_in.diagnosed, isolated=False)[0].judged == 1
 
 
-def test_the_count_outlasts_the_watcher(inbox: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_tries_of_a_file_survives_the_watcher(
+    inbox: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     real = WatchState.finish_file
 
     def then_killed(self: WatchState, *values: object) -> None:
@@ -98,41 +100,41 @@ def test_the_count_outlasts_the_watcher(inbox: Path, monkeypatch: pytest.MonkeyP
         if values[0].outcome == TRIED:  # type: ignore[attr-defined]
             raise KeyboardInterrupt
 
-    said = list[str]()
+    messages = list[str]()
     for number in (0, 2):
         (inbox / stand_in.name(1, number)).unlink()
     with monkeypatch.context() as patch:
         patch.setattr(WatchState, "finish_file", then_killed)
         with pytest.raises(KeyboardInterrupt):
-            once(inbox, said)
-    assert tries(inbox) == 1
-    _, refused = once(inbox, said)
-    assert (tries(inbox), len(refused)) == (2, 1)
+            watch_once(inbox, messages)
+    assert count_tries(inbox) == 1
+    _, refused = watch_once(inbox, messages)
+    assert (count_tries(inbox), len(refused)) == (2, 1)
 
 
 def signalled(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:
-    """Get the signals that come to a whole group of processes, amid the diagnosis."""
+    """Send the signals of a process group to this process during the diagnosis."""
     for number in (signal.SIGINT, signal.SIGTERM):
         os.kill(os.getpid(), number)
     return stand_in.diagnosed(recording, actuator, seed=seed)
 
 
-def test_a_signal_to_the_process_that_judges_is_left_to_the_watching(inbox: Path) -> None:
-    said = list[str]()
-    done, refused = once(inbox, said, diagnose=signalled)
-    assert (done.judged, refused, said) == (3, [], [])
+def test_a_judging_process_ignores_signals_to_its_process_group(inbox: Path) -> None:
+    messages = list[str]()
+    result, refused = watch_once(inbox, messages, diagnose=signalled)
+    assert (result.judged, refused, messages) == (3, [], [])
 
 
 def killed_soon(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:
-    """Die, but not before the watching is to stop."""
+    """Kill the process after the watcher was asked to stop."""
     home = Path(recording.source).parents[1]
     (home / "begun").touch()
     wait_for((home / "stopping").exists)
     return poisoned(recording, actuator, seed=seed)
 
 
-def test_a_kill_while_the_watching_is_to_stop_does_not_count(inbox: Path) -> None:
-    home, stop, said = inbox.parent, threading.Event(), list[str]()
+def test_a_kill_while_the_watcher_stops_does_not_count_as_a_try(inbox: Path) -> None:
+    home, stop, messages = inbox.parent, threading.Event(), list[str]()
 
     def stop_then_kill() -> None:
         wait_for((home / "begun").exists)
@@ -143,11 +145,11 @@ def test_a_kill_while_the_watching_is_to_stop_does_not_count(inbox: Path) -> Non
         (inbox / stand_in.name(1, number)).unlink()
     thread = threading.Thread(target=stop_then_kill)
     thread.start()
-    done, refused = once(inbox, said, stop=stop, diagnose=killed_soon)
+    result, refused = watch_once(inbox, messages, stop=stop, diagnose=killed_soon)
     thread.join()
-    assert (tries(inbox), done, refused, said) == (1, Watching(), [], [])
-    once(inbox, said)
-    assert tries(inbox) == 3  # both tries are left
+    assert (count_tries(inbox), result, refused, messages) == (1, Watching(), [], [])
+    watch_once(inbox, messages)
+    assert count_tries(inbox) == 3  # the killed try did not count, so two more tries are made
 
 
 # Streams
@@ -159,15 +161,15 @@ STREAM = [
         for k in range(900)
     )
 ]
-"""Three movements of 1 s, each behind 1 s of rest and before 1 s more."""
+"""Three movements of 1 s, each with 1 s of rest before and after."""
 
 
 LONGEST_S = 1.0
-"""Of a call, where the diagnosis hangs [s]; it starts its process too, on a machine that may be busy."""
+"""Time limit of a diagnosis that hangs [s], with the start of its process on a machine that may be busy."""
 
 
 def poisoned_at(home: str, hangs: bool, recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis:
-    """Die of the second movement, or hang, and count how often that was."""
+    """Kill or block the process for the second movement, after noting the try; diagnose other movements."""
     if recording["current_A"].max() > 4e-4 and recording["current_A"].max() < 7e-4:
         with Path(home, "tries").open("a") as file:
             file.write("x")
@@ -177,10 +179,10 @@ def poisoned_at(home: str, hangs: bool, recording: Recording, actuator: Actuator
     return stand_in.diagnosed(recording, actuator, seed=seed)
 
 
-def streamed(
+def watch_stream(
     home: Path, *, hangs: bool = False, lines: list[str] = STREAM
 ) -> tuple[Watching, dict[str, list[str]]]:
-    """Watch the lines on a pipe; return what was done and the messages of all events by kind."""
+    """Watch the lines on a pipe; return the result and the messages of all events by kind."""
     out, into = os.pipe()
 
     def write() -> None:
@@ -198,27 +200,27 @@ def streamed(
             takes_new_units=True,
             isolated=True,
         )
-        done = watch(task, history, THESIS, settings=settings)
+        result = watch(task, history, THESIS, settings=settings)
         os.close(out)
-        said: dict[str, list[str]] = {}
-        for one in history.events():
-            said.setdefault(one.kind, []).append(one.message)
-    return done, said
+        messages: dict[str, list[str]] = {}
+        for event in history.events():
+            messages.setdefault(event.kind, []).append(event.message)
+    return result, messages
 
 
 @pytest.mark.usefixtures("inbox")
-def test_a_movement_that_hangs_is_set_aside_and_the_others_are_judged(tmp_path: Path) -> None:
-    done, said = streamed(tmp_path, hangs=True)
-    assert (done.judged, done.refused) == (2, 1)
-    (message,) = said["refused"]
+def test_a_movement_that_hangs_twice_is_set_aside_and_the_others_are_judged(tmp_path: Path) -> None:
+    result, messages = watch_stream(tmp_path, hangs=True)
+    assert (result.judged, result.refused) == (2, 1)
+    (message,) = messages["refused"]
     assert message.startswith("S1 at 2 h, 3.")
     assert f"it took longer than {LONGEST_S:g} s, for the second time; it is set aside" in message
-    assert streamed(tmp_path)[0] == Watching(rows_left_out=len(STREAM))  # all are judged already
+    assert watch_stream(tmp_path)[0] == Watching(rows_left_out=len(STREAM))  # all are judged already
     assert len((tmp_path / "tries").read_text()) == 2
 
 
 @pytest.mark.usefixtures("inbox")
-def test_the_count_of_a_movement_outlasts_the_watcher(
+def test_the_number_of_tries_of_a_movement_survives_the_watcher(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = WatchState.finish_file
@@ -230,19 +232,19 @@ def test_the_count_of_a_movement_outlasts_the_watcher(
     with monkeypatch.context() as patch:
         patch.setattr(WatchState, "finish_file", then_killed)
         with pytest.raises(KeyboardInterrupt):
-            streamed(tmp_path)
+            watch_stream(tmp_path)
     assert len((tmp_path / "tries").read_text()) == 1
-    done, said = streamed(tmp_path, lines=STREAM[350:])  # sent again from the middle of a rest
-    assert (done.judged, len(said["refused"])) == (1, 1)
+    result, messages = watch_stream(tmp_path, lines=STREAM[350:])  # sent again from the middle of a rest
+    assert (result.judged, len(messages["refused"])) == (1, 1)
     assert len((tmp_path / "tries").read_text()) == 2
 
 
 @pytest.mark.usefixtures("inbox")
-def test_a_movement_that_was_set_aside_and_is_sent_again_is_not_tried_again(tmp_path: Path) -> None:
-    done, said = streamed(tmp_path, lines=STREAM + STREAM)  # as of a sender that connects again
+def test_a_movement_set_aside_and_sent_again_is_not_tried_again(tmp_path: Path) -> None:
+    result, messages = watch_stream(tmp_path, lines=STREAM + STREAM)  # as from a sender that connects again
     assert len((tmp_path / "tries").read_text()) == 2
-    assert (done.judged, done.known) == (2, 2)
-    (message,) = said["refused"]
+    assert (result.judged, result.known) == (2, 2)
+    (message,) = messages["refused"]
     assert message.startswith("S1 at 2 h, 3.")
     assert "its process was killed by SIGKILL, for the second time; it is set aside" in message
-    assert "of a movement that is set aside" in said["rows_skipped"][-1]
+    assert "of a movement that is set aside" in messages["rows_skipped"][-1]

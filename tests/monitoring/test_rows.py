@@ -1,4 +1,4 @@
-"""Rows of a stream: whatever they are cut by, late, twice, or by a clock that is set back."""
+"""Rows of a stream: division into chunks, late and repeated rows, a clock that is set back, movements."""
 
 import json
 import math
@@ -33,20 +33,22 @@ def parsed(content: bytes, cuts: list[int]) -> tuple[list[Cells], RowParser]:
     "text", [NDJSON, CSV, CSV.replace("\n", "\r\n"), "\ufeff" + CSV, CSV + CSV.split("\n")[0] + "\n"]
 )
 @given(cuts=st.lists(st.integers(0, 300), max_size=8))
-def test_rows_are_the_same_whatever_the_stream_is_cut_by(text: str, cuts: list[int]) -> None:
+def test_parsed_rows_do_not_depend_on_the_division_of_the_stream_into_chunks(
+    text: str, cuts: list[int]
+) -> None:
     rows, parser = parsed(text.encode(), cuts)
     assert rows == ROWS
     assert not parser.skipped
 
 
-def test_lines_that_are_no_rows_are_counted() -> None:
+def test_invalid_lines_are_counted() -> None:
     bad = '[1]\n{"time_s": \n' + "x" * 2000 + "\n" + "\n" + '{"time_s": null, "x": true, "y": [1]}\n'
     rows, parser = parsed((NDJSON + bad + NDJSON).encode(), [700, 1500])
     assert len(rows) == 41
-    odd = rows[20]
-    assert math.isnan(float(odd["time_s"]))
-    assert math.isnan(float(odd["y"]))
-    assert odd["x"] == 1.0
+    partial = rows[20]
+    assert math.isnan(float(partial["time_s"]))
+    assert math.isnan(float(partial["y"]))
+    assert partial["x"] == 1.0
     assert sum(parser.skipped.values()) == 3
     rows, parser = parsed(b"time_s,x\n1,2\n3\n4,,\n5,\n6,7", [])
     assert rows[0] == {"time_s": 1.0, "x": 2.0}
@@ -55,26 +57,26 @@ def test_lines_that_are_no_rows_are_counted() -> None:
 
 
 def ordered(order: RowOrder, times: list[float]) -> list[float | None]:
-    found = [passed for time in times for passed in order.push(time, {})]
-    return [None if one is None else one[0] for one in [*found, *order.flush()]]
+    passed_rows = [row for time in times for row in order.push(time, {})]
+    return [None if row is None else row[0] for row in [*passed_rows, *order.flush()]]
 
 
-def test_rows_that_come_late_are_put_in_order() -> None:
+def test_late_rows_are_sorted_by_time() -> None:
     times = [float(i) for i in range(200)]
-    dice = random.Random(0)  # noqa: S311
-    shuffled = sorted(times, key=lambda time: time + dice.uniform(0, 8))
+    random_numbers = random.Random(0)  # noqa: S311
+    shuffled = sorted(times, key=lambda time: time + random_numbers.uniform(0, 8))
     order = RowOrder(8)
     assert ordered(order, shuffled) == times
     assert order.left_out == 0
 
 
-def test_a_row_that_comes_too_late_or_twice_is_left_out() -> None:
+def test_repeated_rows_and_rows_that_are_too_late_are_left_out() -> None:
     order = RowOrder(4)
     assert ordered(order, [*range(20), 3.0, *range(20, 30), 25.0, 29.0]) == list(range(30))
     assert order.left_out == 3
 
 
-def test_a_clock_that_is_set_back_begins_anew() -> None:
+def test_a_clock_that_is_set_back_starts_a_new_sequence() -> None:
     order = RowOrder(4)
     assert ordered(order, [*range(100, 120), *range(10, 30)]) == [*range(100, 120), None, *range(10, 30)]
 
@@ -95,34 +97,34 @@ def gathered(
     return list(add()), gathering
 
 
-def test_movements_are_cut_at_rests() -> None:
+def test_movements_are_separated_at_rests() -> None:
     times = np.arange(0, 40, 0.01)
     moving = (times % 10 > 3) & (times % 10 < 5)
     command = np.where(moving, np.sin(20 * times), 0.0)
     movements, gathering = gathered(times, command)
     assert len(movements) == 4
-    for number, one in enumerate(movements):
-        assert one.first < 10 * number + 3
-        assert one.last == pytest.approx(10 * number + 6.0, abs=0.1)
-        assert one.columns.numeric["time_s"].tolist() == pytest.approx(
-            np.arange(one.first, one.last + 0.005, 0.01).tolist()
+    for number, movement in enumerate(movements):
+        assert movement.first < 10 * number + 3
+        assert movement.last == pytest.approx(10 * number + 6.0, abs=0.1)
+        assert movement.columns.numeric["time_s"].tolist() == pytest.approx(
+            np.arange(movement.first, movement.last + 0.005, 0.01).tolist()
         )
     assert gathering.skipped == 0
 
 
 @pytest.mark.parametrize("wild", [60.0, -1e6])
-def test_a_wild_value_of_the_command_does_not_hide_the_movements_behind_it(wild: float) -> None:
+def test_an_outlier_of_the_command_does_not_hide_the_following_movements(wild: float) -> None:
     times = np.arange(0, 40, 0.01)
     moving = (times % 10 > 3) & (times % 10 < 5)
     command = np.where(moving, 0.005 * np.sin(20 * times), 0.0)
-    ends = [one.last for one in gathered(times, command)[0]]
-    command[800] = wild  # in the rest behind the first movement, a row that moves and rests again
+    ends = [movement.last for movement in gathered(times, command)[0]]
+    command[800] = wild  # a single moving row in the rest after the first movement
     movements, gathering = gathered(times, command)
-    assert [one.last for one in movements] == pytest.approx(sorted([*ends, 9.01]))
+    assert [movement.last for movement in movements] == pytest.approx(sorted([*ends, 9.01]))
     assert gathering.skipped == 0
 
 
-def test_what_goes_on_from_a_motion_that_was_judged_is_skipped_and_from_a_rest_is_not() -> None:
+def test_rows_after_judged_ones_are_skipped_up_to_the_next_rest_only_within_a_motion() -> None:
     times = np.arange(0, 20, 0.01)
     moving = (times % 10 > 3) & (times % 10 < 5)
     command = np.where(moving, np.sin(20 * times), 0.0)
@@ -133,21 +135,24 @@ def test_what_goes_on_from_a_motion_that_was_judged_is_skipped_and_from_a_rest_i
                 gathering.pass_over(time, value)
             else:
                 movements += list(gathering.add(time, value, {"time_s": time}))
-        assert [one.last for one in movements] == pytest.approx(expected, abs=0.05), until
+        assert [movement.last for movement in movements] == pytest.approx(expected, abs=0.05), until
         assert 0.01 * gathering.skipped == pytest.approx(skipped_until - until, abs=0.05), until
 
 
-def test_what_is_held_is_bounded_and_the_rest_until_a_rest_is_skipped() -> None:
+def test_a_movement_beyond_the_longest_duration_is_cut_and_skipped_up_to_the_next_rest() -> None:
     settings = StreamSettings(longest_s=5.0)
     times = np.arange(0, 57, 0.01)
     command = np.where(times < 50, np.sin(20 * times), np.where(times < 55, 0.0, np.sin(20 * times)))
     movements, gathering = gathered(times, command, settings)
-    assert [round(one.last - one.first, 1) for one in movements] == [5.0, pytest.approx(3.5, abs=1.0)]
+    assert [round(movement.last - movement.first, 1) for movement in movements] == [
+        5.0,
+        pytest.approx(3.5, abs=1.0),
+    ]
     assert movements[1].first > 50
     assert gathering.skipped * 0.01 == pytest.approx(46, abs=0.2)
 
 
-def test_a_stream_that_rests_for_ever_holds_nothing() -> None:
+def test_a_resting_stream_uses_bounded_memory() -> None:
     gathering = Gathering(StreamSettings())
     most = 0
     for i in range(100_000):
@@ -156,14 +161,14 @@ def test_a_stream_that_rests_for_ever_holds_nothing() -> None:
     assert most <= 202
 
 
-def test_a_short_gap_in_a_movement_skips_what_follows_and_a_long_one_does_not() -> None:
+def test_rows_of_a_movement_are_skipped_after_a_short_gap_and_used_after_a_long_gap() -> None:
     times = np.arange(0, 20, 0.01)
     command = np.sin(20 * times)
     short = (times < 5) | (times > 5.5)
     movements, gathering = gathered(times[short], command[short])
-    assert [round(one.last) for one in movements] == [5]
+    assert [round(movement.last) for movement in movements] == [5]
     assert gathering.skipped > 1400
     long = (times < 5) | (times > 7.5)
     movements, gathering = gathered(times[long], command[long])
-    assert [round(one.last) for one in movements] == [5, 20]
+    assert [round(movement.last) for movement in movements] == [5, 20]
     assert gathering.skipped == 0

@@ -1,4 +1,4 @@
-"""How good predictions are on synthetic units: `python -m tests.prognosis.calibration [--units N]`."""
+"""Metrics of RUL predictions for synthetic units: `python -m tests.prognosis.calibration [--units N]`."""
 
 import argparse
 
@@ -24,19 +24,21 @@ LONGEST = 20_000.0
 HORIZON = 200.0
 ACTUATOR = Actuator.thesis().model_copy(
     update={
-        "requirements": tuple(Requirement(component=one, at_most=LIMIT) for one in ("friction", "backlash"))
+        "requirements": tuple(
+            Requirement(component=component, at_most=LIMIT) for component in ("friction", "backlash")
+        )
     }
 )
 
 
-def prediction(one: Truth, share: float, seed: int = 0) -> Prognosis:
-    """Return the prognosis at a share of life, from what was known then."""
-    return prognose(observed(one, max(share * one.failure, 41.0)), ACTUATOR, Question(HORIZON), seed=seed)
+def prediction(unit: Truth, share: float, seed: int = 0) -> Prognosis:
+    """Return the prognosis at a share of the unit's life, from the diagnoses up to that time."""
+    return prognose(observed(unit, max(share * unit.failure, 41.0)), ACTUATOR, Question(HORIZON), seed=seed)
 
 
-def last_slope(one: Truth, share: float) -> float:
-    """Return the RUL [h] by the straight line through the last ten diagnoses of friction."""
-    evidence = observed(one, max(share * one.failure, 41.0))
+def last_slope(unit: Truth, share: float) -> float:
+    """Return the RUL [h] according to a straight line through the last ten diagnoses of friction."""
+    evidence = observed(unit, max(share * unit.failure, 41.0))
     last = evidence.observations[-10:]
     if len(last) < 2:
         return LONGEST
@@ -47,40 +49,40 @@ def last_slope(one: Truth, share: float) -> float:
 
 
 def main() -> None:
-    """Print one table: what is measured at each share of life, beside the last slope."""
+    """Print the metrics of the forecasts at each share of life, and those of the last slope."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--units", type=int, default=30)
     parser.add_argument("--known", action="store_true", help="only the laws that the filter knows")
     parser.add_argument("--seeds", type=int, default=0, help="repeat each unit's prognosis with these many")
-    asked = parser.parse_args()
-    laws = KNOWN if asked.known else KNOWN + UNKNOWN
-    units = [truth(i, laws[i % len(laws)]) for i in range(asked.units)]
-    if asked.seeds:
-        for one in units:
+    arguments = parser.parse_args()
+    laws = KNOWN if arguments.known else KNOWN + UNKNOWN
+    units = [truth(i, laws[i % len(laws)]) for i in range(arguments.units)]
+    if arguments.seeds:
+        for unit in units:
             medians = [
-                [min(prediction(one, share, seed).median, LONGEST) for seed in range(asked.seeds)]
+                [min(prediction(unit, share, seed).median, LONGEST) for seed in range(arguments.seeds)]
                 for share in SHARES
             ]
             scatter = ", ".join(f"{100 * np.std(np.log(row)):.0f} %" for row in medians)
-            print(f"{one.law}: median RUL over seeds scatters by {scatter} at {SHARES} of life")
+            print(f"{unit.law}: median RUL over seeds scatters by {scatter} at {SHARES} of life")
         return
     for share in SHARES:
         transforms, scores, good, late, slope_good, slope_scores, fails, probabilities = (
             [] for _ in range(8)
         )
-        for one in units:
-            made = prediction(one, share)
-            hours = made.evidence.hours
-            true = one.failure - hours
-            sample = Prediction(hours, made.sample)
+        for unit in units:
+            prognosis = prediction(unit, share)
+            hours = prognosis.evidence.hours
+            true = unit.failure - hours
+            sample = Prediction(hours, prognosis.sample)
             transforms.append(probability_integral_transform(sample, true))
-            scores.append(crps(made.sample, true, longest=LONGEST))
-            good.append(alpha_lambda([sample], one.failure, 0.0))
+            scores.append(crps(prognosis.sample, true, longest=LONGEST))
+            good.append(alpha_lambda([sample], unit.failure, 0.0))
             late.append((sample, true))
-            line = Prediction(hours, np.array([last_slope(one, share)]))
-            slope_good.append(alpha_lambda([line], one.failure, 0.0))
+            line = Prediction(hours, np.array([last_slope(unit, share)]))
+            slope_good.append(alpha_lambda([line], unit.failure, 0.0))
             slope_scores.append(crps(line.sample, true, longest=LONGEST))
-            probabilities.append(made.probability_of_failure)
+            probabilities.append(prognosis.probability_of_failure)
             fails.append(true <= HORIZON)
         print(
             f"λ = {share}: {len(units)} units; alpha-lambda {np.mean(good):.2f} (last slope "
@@ -89,7 +91,7 @@ def main() -> None:
             f"{late_prediction_rate(late, 0.2):.2f}; Brier within {HORIZON:g} h "
             f"{brier(probabilities, fails):.3f}"
         )
-        worst = sorted(zip(transforms, (one.law for one in units), strict=True))
+        worst = sorted(zip(transforms, (unit.law for unit in units), strict=True))
         print("  transforms:", " ".join(f"{value:.2f}{law[0]}" for value, law in worst))
 
 

@@ -1,4 +1,4 @@
-"""A unit that was diagnosed each 50 h, its levels as they are wanted."""
+"""Evidence of a synthetic unit with a diagnosis every 50 h and given levels."""
 
 from collections.abc import Callable
 

@@ -1,7 +1,7 @@
-"""Synthetic units that run to failure, from laws of their own: nothing here is the filter's code.
+"""Synthetic run-to-failure units, simulated independently of the filter's code.
 
-Levels of friction and backlash degrade, by one law each; the others stay. Diagnoses have correlated errors.
-Two of the laws, "saturating" and "steps", are unknown to the filter.
+Levels of friction and backlash degrade, each according to one law; the other levels are constant. Diagnoses
+have correlated errors. Two of the laws, "saturating" and "steps", are not laws of the filter.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Truth:
 
 
 def truth(number: int, law: str) -> Truth:
-    """Return a unit whose friction degrades by `law` up to its failure, and whose backlash does so slowly."""
+    """Return a unit whose friction degrades according to `law` up to its failure; backlash grows slowly."""
     random = np.random.default_rng([7, number])
     life = float(np.exp(random.uniform(np.log(800), np.log(5000))))
     hours = np.arange(0.0, 4 * life, 5.0)
@@ -45,7 +45,7 @@ def truth(number: int, law: str) -> Truth:
 
 
 def _shape(law: str, t: Array, random: np.random.Generator) -> Array:
-    """Return a law that is 0 at t = 0 and 1 at about t = 1."""
+    """Return the level of a law at times `t`: 0 at t = 0, about 1 at t = 1."""
     if law == "linear":
         return t
     if law == "exponential":
@@ -62,16 +62,16 @@ def _shape(law: str, t: Array, random: np.random.Generator) -> Array:
     return np.asarray(np.cumsum(random.random(t.size) < 12 * t[1]) / 12)  # twelve steps in a life
 
 
-def observed(one: Truth, upto: float, every: float = 40.0) -> Evidence:
-    """Return the unit's diagnoses up to flight hours `upto` [h], the same whenever it is asked."""
-    random = np.random.default_rng([8, int(one.unit.split()[1])])
+def observed(unit: Truth, upto: float, every: float = 40.0) -> Evidence:
+    """Return the unit's diagnoses up to `upto` flight hours [h]; each call returns the same diagnoses."""
+    random = np.random.default_rng([8, int(unit.unit.split()[1])])
     observations = []
-    for hours in np.arange(every, one.failure, every):
+    for hours in np.arange(every, unit.failure, every):
         root = random.standard_normal((8, 12))
         scale = ERROR / np.sqrt(12)
         covariance = scale**2 * root @ root.T
         level = HEALTHY + scale * root @ random.standard_normal(12)
-        level[:2] += one.level[np.searchsorted(one.hours, hours)]
+        level[:2] += unit.level[np.searchsorted(unit.hours, hours)]
         if hours <= upto:
             observations.append(Observation(float(hours), level, covariance, np.ones(8, bool)))
-    return Evidence(one.unit, "synthetic", observations[-1].hours, tuple(observations))
+    return Evidence(unit.unit, "synthetic", observations[-1].hours, tuple(observations))

@@ -1,4 +1,4 @@
-"""What identifies a unit's evidence: a change of any of its fields is seen, by all that keep results."""
+"""The fingerprint of a unit's evidence and the keys of cached results, against a change of any field."""
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
@@ -45,19 +45,19 @@ OF_UNIT: dict[str, Any] = {
     "contradictions": ("friction was found healthy",),
     "description_notes": ("its inertia is unlike that of other units",),
 }
-"""Another value of each field."""
+"""A changed value of each field."""
 
 
 def changed() -> Iterator[tuple[str, Evidence]]:
-    """Yield the evidence with another value of one of its fields, or of those of its last observation."""
-    for one in fields(Evidence):
-        yield one.name, replace(EVIDENCE, **{one.name: OF_UNIT[one.name]})
-    for one in fields(Observation):
-        last = replace(OBSERVATIONS[-1], **{one.name: OF_OBSERVATION[one.name]})
-        yield f"observation's {one.name}", replace(EVIDENCE, observations=(*OBSERVATIONS[:3], last))
+    """Yield the evidence with one changed field, of the unit or of its last observation."""
+    for field in fields(Evidence):
+        yield field.name, replace(EVIDENCE, **{field.name: OF_UNIT[field.name]})
+    for field in fields(Observation):
+        last = replace(OBSERVATIONS[-1], **{field.name: OF_OBSERVATION[field.name]})
+        yield f"observation's {field.name}", replace(EVIDENCE, observations=(*OBSERVATIONS[:3], last))
 
 
-CHANGED = [pytest.param(one, id=name) for name, one in changed()]
+CHANGED = [pytest.param(evidence, id=name) for name, evidence in changed()]
 
 
 def predicted(unit: Evidence, other: Evidence) -> str:
@@ -72,17 +72,17 @@ def judged(unit: Evidence, other: Evidence, larger: Evidence) -> str:
 
 
 @pytest.mark.parametrize("other", CHANGED)
-def test_any_field_counts(other: Evidence) -> None:
-    copy = replace(EVIDENCE, observations=tuple(replace(one) for one in OBSERVATIONS))
+def test_a_change_of_any_field_changes_the_fingerprint(other: Evidence) -> None:
+    copy = replace(EVIDENCE, observations=tuple(replace(observation) for observation in OBSERVATIONS))
     assert fingerprint(EVIDENCE) == fingerprint(copy) != fingerprint(other)
 
 
 @pytest.mark.parametrize("other", CHANGED)
-def test_kept_results_are_of_the_same_evidence(other: Evidence) -> None:
-    """Of a unit, of the others of its fleet, and of a larger fleet."""
+def test_keys_of_cached_results_change_with_any_evidence_that_they_depend_on(other: Evidence) -> None:
+    """The evidence is that of a unit, of the other units of its fleet, or of a larger fleet."""
     same = EVIDENCE
     cases = (same, same, same), (other, same, same), (same, other, same), (same, same, other)
-    assert len({judged(*one) for one in cases}) == len(cases)
+    assert len({judged(*case) for case in cases}) == len(cases)
     fellow, unit = replace(other, unit=f"fellow {other.unit}"), replace(EVIDENCE, unit="fellow A")
     assert predicted(EVIDENCE, unit) != predicted(EVIDENCE, fellow)
     assert predicted(EVIDENCE, replace(EVIDENCE, unit="C")) != predicted(other, replace(EVIDENCE, unit="C"))

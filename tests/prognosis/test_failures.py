@@ -1,4 +1,4 @@
-"""Failures of the fleet by other requirements than those that are asked."""
+"""Failures of fleet units that were judged by other requirements than those of the prognosis."""
 
 from dataclasses import replace
 
@@ -17,8 +17,8 @@ from emaphm.prognosis.requirements import Requirements
 ERROR, RATE = 0.01, 1 / 4000
 
 
-def asked(at_most: float) -> Actuator:
-    """Return the thesis's actuator with a limit of its friction."""
+def limited_friction(at_most: float) -> Actuator:
+    """Return the thesis's actuator with an upper limit of its friction."""
     requirement = Requirement(component="friction", at_most=at_most)
     return Actuator.thesis().model_copy(update={"requirements": (requirement,)})
 
@@ -34,9 +34,9 @@ def worn(failed_at: float, seed: int = 0) -> Evidence:
     return Evidence(f"unit {seed}", "part", failed_at, tuple(observations), failures=(failed_at,))
 
 
-def test_a_unit_that_went_on_beyond_a_limit_passed_it_when_its_wear_did() -> None:
-    """Failed at 0.8; 0.4 was passed at 1,600 h, known to the error of a diagnosis: 40 h."""
-    unit, limits = worn(3200.0), Requirements(asked(0.4)).limits
+def test_a_unit_that_flew_on_beyond_a_limit_passed_it_when_its_level_reached_it() -> None:
+    """The unit failed at 0.8; it passed 0.4 at 1,600 h, with a standard error of 40 h from a diagnosis."""
+    unit, limits = worn(3200.0), Requirements(limited_friction(0.4)).limits
     assert passed_at(unit.used, limits) == pytest.approx(1600.0, abs=3 * ERROR / RATE)
     chosen = record._predicted_observations(unit, limits)
     assert set(chosen.values()) == {passed_at(unit.used, limits)}
@@ -44,36 +44,36 @@ def test_a_unit_that_went_on_beyond_a_limit_passed_it_when_its_wear_did() -> Non
 
 
 @pytest.mark.parametrize("at_most", [0.79, 0.8, 1.0])
-def test_a_unit_that_failed_by_a_limit_failed_when_it_did(at_most: float) -> None:
-    """Within three standard errors of its last diagnosis, nothing says that it went on beyond a limit."""
-    unit, limits = worn(3200.0), Requirements(asked(at_most)).limits
+def test_a_unit_that_failed_at_a_limit_has_the_hours_of_its_failure(at_most: float) -> None:
+    """A limit within three standard errors of the last diagnosis does not count as passed before."""
+    unit, limits = worn(3200.0), Requirements(limited_friction(at_most)).limits
     assert passed_at(unit.used, limits) == np.inf
     assert set(record._predicted_observations(unit, limits).values()) == {3200.0}
 
 
-def test_a_component_that_no_diagnosis_saw_passed_nothing() -> None:
+def test_a_component_without_an_estimate_passes_no_limit() -> None:
     hidden = Observation(100.0, NEW + 0.9, ERROR**2 * np.eye(8), np.zeros(8, bool))
-    assert passed_at([hidden], Requirements(asked(0.4)).limits) == np.inf
+    assert passed_at([hidden], Requirements(limited_friction(0.4)).limits) == np.inf
 
 
 def test_failures_far_below_the_limits_are_noted() -> None:
     fleet = [worn(1600.0, seed) for seed in range(5)]
-    (note,) = failure_notes(fleet, Requirements(asked(0.8)).limits)
+    (note,) = failure_notes(fleet, Requirements(limited_friction(0.8)).limits)
     assert "of 5 failures of other units 5 came with no level beyond 60 % of the way" in note
     for at_most in (0.2, 0.4):
-        assert not failure_notes(fleet, Requirements(asked(at_most)).limits)
-    # One of eleven may have jumped, or failed by something else.
+        assert not failure_notes(fleet, Requirements(limited_friction(at_most)).limits)
+    # One of eleven units may have had a jump, or another failure mode.
     many = [*(worn(3200.0, seed) for seed in range(10)), fleet[0]]
-    assert not failure_notes(many, Requirements(asked(0.8)).limits)
+    assert not failure_notes(many, Requirements(limited_friction(0.8)).limits)
     measure = Requirement(measure="free_play", at_most=1e-3)
     actuator = Actuator.thesis().model_copy(update={"requirements": (measure,)})
     assert not failure_notes(fleet, Requirements(actuator).limits)
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_prognosis_by_such_a_fleet_says_so() -> None:
+def test_a_prognosis_notes_that_the_failures_of_its_fleet_were_far_below_the_limits() -> None:
     each = [worn(1600.0, seed) for seed in range(3)]
-    fleet = [replace(one, observations=one.observations[2::3]) for one in each]
+    fleet = [replace(unit, observations=unit.observations[2::3]) for unit in each]
     new = Evidence("new", "part", 800.0, worn(900.0, 9).observations)
-    notes = prognose(new, asked(0.8), prior=fleet_prior(fleet), keep_past=False).notes
+    notes = prognose(new, limited_friction(0.8), prior=fleet_prior(fleet), keep_past=False).notes
     assert any("of 3 failures of other units 3" in note for note in notes)

@@ -1,4 +1,4 @@
-"""Forecasts against closed forms: first passages of a Wiener process, truncated normals, laws."""
+"""Forecasts against closed forms: first passages of a Wiener process, truncated normals and laws."""
 
 import math
 from dataclasses import replace
@@ -53,23 +53,23 @@ def states(law: int, count: int, *, level: float, rate: float, life_scale: float
 
 
 @pytest.mark.parametrize(("start", "rate"), [(0.4, 1e-3), (0.5, 5e-4)])
-def test_a_wiener_process_fails_by_the_inverse_gaussian_distribution(start: float, rate: float) -> None:
-    """Level a away, drift v, variance q² an hour: inverse Gaussian of mean a / v and shape a² / q²."""
+def test_first_passages_of_a_wiener_process_are_inverse_gaussian(start: float, rate: float) -> None:
+    """Distance a to the limit, drift v, variance q² per hour: mean a / v and shape a² / q²."""
     settings = ForecastSettings(longest_hours=40_000.0, steps=40)
-    made = paths(states(LINEAR, 4000, level=start, rate=rate), Prior(NOISY), seed=1, settings=settings)
+    forecast = paths(states(LINEAR, 4000, level=start, rate=rate), Prior(NOISY), seed=1, settings=settings)
     limit = 0.8
     passed = first_passage(
-        made.hours, limit - made.level[:, :, 0], made.noise[:, :, 0], np.random.default_rng(2)
+        forecast.hours, limit - forecast.level[:, :, 0], forecast.noise[:, :, 0], np.random.default_rng(2)
     )
     mean, shape = (limit - start) / rate, (limit - start) ** 2 / (NOISY.noise**2 / 1000)
     exact = invgauss(mean / shape, scale=shape)
-    seen = np.minimum(passed, 40_000.0)
+    observed = np.minimum(passed, 40_000.0)
     assert np.mean(passed < 40_000) == pytest.approx(exact.cdf(40_000), abs=1e-3)
-    assert kstest(seen, exact.cdf).pvalue > 0.01
+    assert kstest(observed, exact.cdf).pvalue > 0.01
 
 
-def test_a_bridge_between_coarse_times_is_exact() -> None:
-    """One step over all hours: the distribution is still the inverse Gaussian one up to its end."""
+def test_first_passages_between_coarse_times_are_exact() -> None:
+    """With one step over all hours, the distribution is still inverse Gaussian up to the step's end."""
     random = np.random.default_rng(3)
     n, hours, q, drift, start = 20_000, 500.0, 0.02, 1e-3, 0.4
     end = start - drift * hours - q * np.sqrt(hours) * random.standard_normal(n)
@@ -82,29 +82,29 @@ def test_a_bridge_between_coarse_times_is_exact() -> None:
         assert share == pytest.approx(exact.cdf(t), abs=4 * np.sqrt(0.25 / n)), t
 
 
-def test_from_one_limit_to_a_wider_one_takes_the_hours_of_a_path_that_begins_there() -> None:
-    """A Wiener process begins anew where it is: these hours are inverse Gaussian as well, of the distance."""
+def test_hours_between_two_limits_are_those_of_a_process_started_at_the_first_limit() -> None:
+    """A Wiener process has no memory: the hours are inverse Gaussian, for the distance between the limits."""
     settings = ForecastSettings(longest_hours=60_000.0, steps=30)
-    made = paths(states(LINEAR, 4000, level=0.2, rate=1e-3), Prior(NOISY), seed=1, settings=settings)
-    level, noise, random = made.level[:, :, 0], made.noise[:, :, 0], np.random.default_rng(4)
-    tight = first_passage(made.hours, 0.4 - level, noise, random)
-    wide = first_passage(made.hours, 0.5 - level, noise, random, tight, 0.1)
+    forecast = paths(states(LINEAR, 4000, level=0.2, rate=1e-3), Prior(NOISY), seed=1, settings=settings)
+    level, noise, random = forecast.level[:, :, 0], forecast.noise[:, :, 0], np.random.default_rng(4)
+    tight = first_passage(forecast.hours, 0.4 - level, noise, random)
+    wide = first_passage(forecast.hours, 0.5 - level, noise, random, tight, 0.1)
     mean, shape = 0.1 / 1e-3, 0.1**2 / (NOISY.noise**2 / 1000)
     assert kstest(wide - tight, invgauss(mean / shape, scale=shape).cdf).pvalue > 0.01
-    again = first_passage(made.hours, 0.4 - level, noise, random, tight, 0.0)
+    again = first_passage(forecast.hours, 0.4 - level, noise, random, tight, 0.0)
     assert np.array_equal(again, tight)
 
 
-def test_without_noise_a_margin_passes_where_the_line_does() -> None:
+def test_a_margin_without_noise_passes_zero_at_its_linear_interpolation() -> None:
     margin = np.array([[1.0, 1.0, -0.1], [0.5, 0.9, 1.0], [-0.5, 0.8, 1.0]])
     passed = first_passage(np.array([0.0, 10.0, 20.0]), margin, np.zeros((2, 3)), np.random.default_rng(0))
     assert passed == pytest.approx([15.0, np.inf, 0.0], rel=1e-3)
 
 
-def test_levels_are_drawn_within_their_bounds() -> None:
-    """A normal level about 0 with bounds 0 and 1 becomes a truncated normal one; the others keep theirs.
+def test_levels_are_drawn_from_truncated_normal_distributions() -> None:
+    """A normal level about 0 with bounds 0 and 1 becomes truncated normal; other levels stay normal.
 
-    A friction may be below that of a new unit.
+    A friction may be below that of a new unit, so it is not truncated at 0.
     """
     belief = Belief.new(Prior(), settings=FilterSettings(particles=500))
     drawn = drawn_states(belief, 4000)
@@ -115,7 +115,7 @@ def test_levels_are_drawn_within_their_bounds() -> None:
     assert np.all(np.hypot(drawn.level[:, 5], drawn.level[:, 6]) <= 1)
 
 
-def test_no_number_of_diagnoses_makes_up_for_what_they_share() -> None:
+def test_the_error_shared_by_all_diagnoses_does_not_average_out() -> None:
     covariance, shared = 1e-4 * np.eye(8), np.zeros((8, 8))
     shared[:2, :2] = 0.05**2 * np.array([[1.0, -0.6], [-0.6, 1.0]])
     level = NEW + 0.4 * (np.arange(8) < 2)
@@ -124,7 +124,7 @@ def test_no_number_of_diagnoses_makes_up_for_what_they_share() -> None:
 
     def drawn(common: Array | float) -> Array:
         observations = tuple(
-            Observation(float(one), level, covariance + common, seen, shared=common) for one in hours
+            Observation(float(at), level, covariance + common, seen, shared=common) for at in hours
         )
         belief = follow(Evidence("A", "1", 600.0, observations), Prior()).belief
         return np.cov(drawn_states(belief, 4000).level[:, :2], rowvar=False)
@@ -132,8 +132,8 @@ def test_no_number_of_diagnoses_makes_up_for_what_they_share() -> None:
     np.testing.assert_allclose(drawn(shared), drawn(0.0) + shared[:2, :2], atol=0.1 * 0.05**2)
 
 
-def test_what_is_known_only_in_sum_stays_so_within_bounds() -> None:
-    """Two levels whose sum is known and whose difference is not: the drawn ones have that sum."""
+def test_drawn_levels_keep_a_well_known_sum_within_their_bounds() -> None:
+    """The sum of two levels is known, their difference is not; the drawn levels have that sum."""
     belief = Belief.new(Prior(), settings=FilterSettings(particles=200))
     covariance = np.tile(np.eye(8) * 1e-6, (200, 1, 1))
     covariance[:, :2, :2] += 0.04 * np.array([[1, -1], [-1, 1]])
@@ -147,7 +147,7 @@ def test_what_is_known_only_in_sum_stays_so_within_bounds() -> None:
 
 
 @pytest.mark.parametrize("law", [LINEAR, EXPONENTIAL, POWER_LAW, CRACK_GROWTH])
-def test_laws_do_not_depend_on_how_time_is_cut(law: int) -> None:
+def test_laws_do_not_depend_on_the_division_of_time_into_steps(law: int) -> None:
     numbers = np.array([law], np.int8)
     scale, shape = np.array([800.0]), np.array([0.7])
     settings = DegradationSettings()
@@ -159,7 +159,7 @@ def test_laws_do_not_depend_on_how_time_is_cut(law: int) -> None:
     assert (level, rate) == pytest.approx((reach[0], growth[0]), rel=1e-9)
 
 
-def test_laws_are_the_functions_that_name_them() -> None:
+def test_the_exponential_law_and_the_power_law_agree_with_their_closed_forms() -> None:
     settings, scale, t = DegradationSettings(), np.array([800.0]), 240.0
     reach, growth = transition(
         np.array([EXPONENTIAL], np.int8), scale, np.array([0.5]), np.zeros(1), t, settings
@@ -169,13 +169,13 @@ def test_laws_are_the_functions_that_name_them() -> None:
     reach, growth = transition(
         np.array([POWER_LAW], np.int8), scale, np.array([2.0]), np.array([60.0]), t, settings
     )
-    # c (300² - 60²) with the rate 2 c 60 at first.
+    # c (300² - 60²), with the initial rate 2 c 60.
     assert reach[0] == pytest.approx((300**2 - 60**2) / 120)
     assert growth[0] == pytest.approx(5.0)
 
 
-def test_a_crack_grows_by_a_power_of_its_length() -> None:
-    """Against `solve_ivp` of dx/dt = c x^m, which is infinite at x_0^(1-m) / (c (m - 1))."""
+def test_the_crack_law_agrees_with_the_integrated_differential_equation() -> None:
+    """The reference is `solve_ivp` of dx/dt = c x^m, whose singularity is at x_0^(1-m) / (c (m - 1))."""
     m, c, first = 1.5, 0.01, 0.04
     end = first ** (1 - m) / (c * (m - 1))
     t = 0.9 * end
@@ -194,7 +194,7 @@ def test_a_crack_grows_by_a_power_of_its_length() -> None:
 
 
 @given(age=st.floats(0, 1e5), hours=st.floats(1e-3, 1e5), q=st.floats(*DEGRADATION.crack))
-def test_past_its_end_a_crack_is_large_and_finite(age: float, hours: float, q: float) -> None:
+def test_a_crack_beyond_its_singularity_is_large_and_finite(age: float, hours: float, q: float) -> None:
     reach, growth = transition(
         np.array([CRACK_GROWTH], np.int8),
         np.array([800.0]),
@@ -205,49 +205,53 @@ def test_past_its_end_a_crack_is_large_and_finite(age: float, hours: float, q: f
     )
     assert 0 < reach[0] < 1e6
     assert 1 <= growth[0] <= 1.001 * np.exp(LARGEST_EXPONENT)
-    if hours >= max(800 - age, 0.8):  # its last thousandth takes as long, past the end too
+    if hours >= max(800 - age, 0.8):  # the law's last thousandth takes 0.8 h, also beyond the singularity
         assert growth[0] == pytest.approx(np.exp(LARGEST_EXPONENT))
 
 
-def test_process_noise_adds_up() -> None:
-    """The level's variance by an integrated Wiener process of the rate: q² t + r² t³ / 3, in any cuts."""
+def test_process_noise_of_many_steps_equals_that_of_one_step() -> None:
+    """The rate is a Wiener process: the level's variance is q² t + r² t³ / 3 for any division into steps."""
     law, scale, s = np.array([LINEAR], np.int8), np.array([500.0]), DegradationSettings()
-    whole = [part[0] for part in noises(law, scale, np.ones(1), 200.0, s)]
+    expected = [part[0] for part in noises(law, scale, np.ones(1), 200.0, s)]
     ll, lr, rr = 0.0, 0.0, 0.0
     for _ in range(20):
         a, b, c = (part[0] for part in noises(law, scale, np.ones(1), 10.0, s))
         ll, lr, rr = ll + 20 * lr + 100 * rr + a, lr + 10 * rr + b, rr + c
-    assert (ll, lr, rr) == pytest.approx(whole, rel=1e-9)
+    assert (ll, lr, rr) == pytest.approx(expected, rel=1e-9)
 
 
-def test_uneven_ageing_scatters_a_level_by_its_rate() -> None:
-    """Ageing has the variance u² T h in h hours; at the rate v, the level has v² times that."""
+def test_uneven_ageing_scatters_a_level_in_proportion_to_its_rate() -> None:
+    """Ageing has the variance u² T h in h hours; at the rate v, the level has the variance v² u² T h."""
     even = states(LINEAR, 8000, level=0.0, rate=1e-4)
     state = replace(even, unevenness=np.full(even.law.shape, 0.1))
     settings = DegradationSettings(noise=0.0, rate_noise=0.0, change_hours=1e12, breaks=0.0)
-    made = paths(state, Prior(settings), seed=3, settings=ForecastSettings(longest_hours=4000.0, steps=40))
-    last = made.level[-1, :, 0]
-    assert last.mean() == pytest.approx(1e-4 * made.hours[-1], rel=0.01)
-    # The standard deviation of 8,000 values is right to 0.8 %, and five of these are allowed.
-    assert last.std() == pytest.approx(1e-4 * 0.1 * math.sqrt(1000.0 * made.hours[-1]), rel=0.04)
+    forecast = paths(
+        state, Prior(settings), seed=3, settings=ForecastSettings(longest_hours=4000.0, steps=40)
+    )
+    last = forecast.level[-1, :, 0]
+    assert last.mean() == pytest.approx(1e-4 * forecast.hours[-1], rel=0.01)
+    # The standard deviation of 8,000 values has a standard error of 0.8 %; five of these are allowed.
+    assert last.std() == pytest.approx(1e-4 * 0.1 * math.sqrt(1000.0 * forecast.hours[-1]), rel=0.04)
 
 
-def test_a_rate_that_breaks_leaves_the_line_at_the_hours_of_a_poisson_process() -> None:
-    """No break in h hours has the probability exp(-b h/T); a break is faster or slower alike."""
+def test_breaks_of_a_rate_occur_as_a_poisson_process() -> None:
+    """P(no break in h hours) = exp(-b h/T); an increase and a decrease of the rate are equally probable."""
     settings = DegradationSettings(
         noise=0.0, rate_noise=0.0, change_hours=1e12, breaks=2.0, break_factor=0.05
     )
     state = states(LINEAR, 8000, level=0.0, rate=1e-4)
-    made = paths(state, Prior(settings), seed=4, settings=ForecastSettings(longest_hours=1000.0, steps=30))
-    hours, last = made.hours[-1], made.level[-1, :, 0]
-    apart = last - 1e-4 * hours
-    unbroken = np.abs(apart) < 1e-9
+    forecast = paths(
+        state, Prior(settings), seed=4, settings=ForecastSettings(longest_hours=1000.0, steps=30)
+    )
+    hours, last = forecast.hours[-1], forecast.level[-1, :, 0]
+    deviation = last - 1e-4 * hours
+    unbroken = np.abs(deviation) < 1e-9
     expected = math.exp(-2.0 * hours / 1000.0)
     assert unbroken.mean() == pytest.approx(expected, abs=4 * math.sqrt(expected / 8000))
-    assert np.mean(apart[~unbroken] > 0) == pytest.approx(0.5, abs=0.025)
+    assert np.mean(deviation[~unbroken] > 0) == pytest.approx(0.5, abs=0.025)
 
 
-def test_what_does_not_move_does_not_break() -> None:
+def test_a_constant_component_has_no_breaks() -> None:
     settings = DegradationSettings(noise=0.0, rate_noise=0.0, change_hours=1e12, breaks=100.0)
-    made = paths(states(CONSTANT, 100, level=0.3, rate=0.0), Prior(settings), seed=5)
-    assert made.level[:, :, 0] == pytest.approx(0.3)
+    forecast = paths(states(CONSTANT, 100, level=0.3, rate=0.0), Prior(settings), seed=5)
+    assert forecast.level[:, :, 0] == pytest.approx(0.3)

@@ -1,4 +1,4 @@
-"""A health indicator of one's own: the closed form of a Wiener process, rising, falling, what is refused."""
+"""Prognoses of a user's health indicator against the closed form of a Wiener process; invalid input."""
 
 import json
 import math
@@ -15,7 +15,7 @@ from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.settings import DegradationSettings, FilterSettings, ForecastSettings
 
 FEWER = FilterSettings(particles=4000)
-"""Enough for what goes a way that the prior holds to be usual."""
+"""Enough particles for an indicator with a course that is probable under the prior."""
 
 
 def readings(rate: float, *, start: float = 2.0, count: int = 30, error: float = 0.05) -> tuple[Reading, ...]:
@@ -27,50 +27,50 @@ def readings(rate: float, *, start: float = 2.0, count: int = 30, error: float =
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_an_indicator_is_followed_to_its_limit_rising_or_falling(sign: float) -> None:
-    """A line of 2 mA an hour over 1,160 h: 4.32 A, and 840 h from the limit of 6 A; or as far below 2 A."""
-    one = Indicator("A", 2.0, 2.0 + 4 * sign, readings(2e-3 * sign), 1160.0, "current [A]")
-    made = prognose_indicator(one, filter_settings=FEWER)
-    low, high = made.interval90
-    assert made.median == pytest.approx(840.0, rel=0.15)
+def test_a_rising_or_falling_indicator_is_extrapolated_to_its_limit(sign: float) -> None:
+    """A slope of 2 mA per hour leads to 4.32 A at 1,160 h, 840 h before the 6 A limit; or mirrored."""
+    indicator = Indicator("A", 2.0, 2.0 + 4 * sign, readings(2e-3 * sign), 1160.0, "current [A]")
+    prognosis = prognose_indicator(indicator, filter_settings=FEWER)
+    low, high = prognosis.interval90
+    assert prognosis.median == pytest.approx(840.0, rel=0.15)
     assert low < 840 < high
-    assert made.value90[1] == pytest.approx(2.0 + sign * 2.32, abs=0.06)
-    assert made.laws["constant"] < 0.01
-    document = json.loads(json.dumps(made.to_dict(), allow_nan=False))
-    assert document["rul_hours"]["median"] == made.median
-    assert "current [A]" in str(made)
+    assert prognosis.value90[1] == pytest.approx(2.0 + sign * 2.32, abs=0.06)
+    assert prognosis.laws["constant"] < 0.01
+    document = json.loads(json.dumps(prognosis.to_dict(), allow_nan=False))
+    assert document["rul_hours"]["median"] == prognosis.median
+    assert "current [A]" in str(prognosis)
 
 
-def test_units_of_the_indicator_do_not_matter() -> None:
-    one = Indicator("A", 2.0, 6.0, readings(2e-3, count=8), 320.0)
-    scaled = tuple(Reading(x.hours, 1e3 * x.value, 1e6 * x.variance) for x in one.readings)
+def test_the_prognosis_does_not_depend_on_the_indicators_unit_of_measure() -> None:
+    indicator = Indicator("A", 2.0, 6.0, readings(2e-3, count=8), 320.0)
+    scaled = tuple(Reading(x.hours, 1e3 * x.value, 1e6 * x.variance) for x in indicator.readings)
     other = Indicator("A", 2e3, 6e3, scaled, 320.0)
-    assert prognose_indicator(one).sample == pytest.approx(prognose_indicator(other).sample, rel=1e-6)
+    assert prognose_indicator(indicator).sample == pytest.approx(prognose_indicator(other).sample, rel=1e-6)
 
 
-def test_what_has_passed_its_limit_has_no_life_left() -> None:
-    made = prognose_indicator(Indicator("A", 2.0, 4.0, readings(0.0, start=4.3, count=5), 160.0))
-    assert made.interval90 == (0.0, 0.0)
-    assert made.advice.action == "replace before"
+def test_an_indicator_beyond_its_limit_has_no_remaining_life() -> None:
+    prognosis = prognose_indicator(Indicator("A", 2.0, 4.0, readings(0.0, start=4.3, count=5), 160.0))
+    assert prognosis.interval90 == (0.0, 0.0)
+    assert prognosis.advice.action == "replace before"
 
 
-def test_what_stays_healthy_has_no_failure_in_sight() -> None:
-    one = Indicator("A", 2.0, 6.0, readings(0.0), 1160.0)
-    made = prognose_indicator(one, Question(horizon=100.0), filter_settings=FEWER)
-    assert math.isinf(made.median)
-    assert made.probability_of_failure < 0.01
+def test_a_constant_healthy_indicator_has_no_failure_in_the_forecast() -> None:
+    indicator = Indicator("A", 2.0, 6.0, readings(0.0), 1160.0)
+    prognosis = prognose_indicator(indicator, Question(horizon=100.0), filter_settings=FEWER)
+    assert math.isinf(prognosis.median)
+    assert prognosis.probability_of_failure < 0.01
 
 
-def test_few_readings_are_said() -> None:
-    made = prognose_indicator(Indicator("A", 2.0, 6.0, readings(0.0, count=2), 1160.0))
-    assert "readings: 2; 3 are needed" in made.notes[0]
+def test_fewer_than_three_readings_are_noted() -> None:
+    prognosis = prognose_indicator(Indicator("A", 2.0, 6.0, readings(0.0, count=2), 1160.0))
+    assert "readings: 2; 3 are needed" in prognosis.notes[0]
 
 
-def test_a_pure_wiener_process_fails_by_the_inverse_gaussian_distribution() -> None:
-    """Known level and rate, and no law but the linear one: the whole chain gives the closed form.
+def test_the_rul_of_a_pure_wiener_process_agrees_with_its_closed_form() -> None:
+    """With the linear law only, filter, forecast and first passage together give the closed form.
 
-    Readings without error fix the level; a rate without uncertainty comes from a prior whose rates are all
-    the same. Level a away at drift v, variance q² an hour: inverse Gaussian of mean a/v, shape a²/q².
+    The readings' errors are negligible, so the level is known; the rate has its posterior distribution. For a
+    distance a to the limit, drift v and variance q² per hour: inverse Gaussian of mean a/v and shape a²/q².
     """
     scale, noise = 1000.0, 0.05
     settings = DegradationSettings(
@@ -89,20 +89,20 @@ def test_a_pure_wiener_process_fails_by_the_inverse_gaussian_distribution() -> N
     drift = 1e-4
     level = np.concatenate([[0.0], np.cumsum(walk + drift * 20.0)])
     used = level[: np.argmax(level > 0.2)]
-    one = Indicator(
+    indicator = Indicator(
         "W",
         0.0,
         0.5,
         tuple(Reading(float(t), float(x), 1e-8) for t, x in zip(times, used, strict=False)),
         float(times[used.size - 1]),
     )
-    made = prognose_indicator(
-        one,
+    prognosis = prognose_indicator(
+        indicator,
         prior=Prior(settings),
         filter_settings=FilterSettings(particles=50),
         settings=ForecastSettings(paths=4000, longest_hours=60_000.0, steps=30),
     )
-    # The rate is known to its posterior: the walk's own mean slope, and the variance of such a mean.
+    # Posterior of the rate: mean slope of the walk, and the variance of that mean.
     span, q2 = float(times[used.size - 1]), noise**2 / scale
     precision = scale**2 + span / q2
     mean, deviation = (used[-1] / q2) / precision, precision**-0.5
@@ -110,13 +110,13 @@ def test_a_pure_wiener_process_fails_by_the_inverse_gaussian_distribution() -> N
     ahead = 0.5 - used[-1]
     uniform = np.linspace(0, 60_000, 1001)
     exact = np.mean([_passed(uniform, ahead, float(v), q2) for v in rates], axis=0)
-    sample = np.minimum(made.sample, 60_000.0)
+    sample = np.minimum(prognosis.sample, 60_000.0)
     assert kstest(sample[sample < 60_000], lambda t: np.interp(t, uniform, exact) / exact[-1]).pvalue > 0.01
-    assert np.mean(made.sample < 60_000) == pytest.approx(exact[-1], abs=0.03)
+    assert np.mean(prognosis.sample < 60_000) == pytest.approx(exact[-1], abs=0.03)
 
 
 def _passed(t: np.ndarray, a: float, v: float, q2: float) -> np.ndarray:
-    """Return the probability that a Wiener process of drift v has passed a at t; v may be negative."""
+    """Return the probability that a Wiener process of drift `v`, of either sign, has passed `a` by `t`."""
     shape = a**2 / q2
     certain = invgauss(a / abs(v) / shape, scale=shape).cdf(t)
     return np.asarray(certain if v > 0 else certain * math.exp(2 * v * a / q2))
@@ -136,30 +136,30 @@ def _passed(t: np.ndarray, a: float, v: float, q2: float) -> np.ndarray:
         lambda: Indicator("A", 1.0, 2.0, (), math.nan),
     ],
 )
-def test_what_is_impossible_is_refused(wrong: object) -> None:
+def test_invalid_readings_and_indicators_are_refused(wrong: object) -> None:
     with pytest.raises(PrognosisError):
         wrong()  # type: ignore[operator]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_readings_that_go_the_other_way_are_noted(sign: float) -> None:
-    """A line that ends 2.3 A beyond healthy, where the limit is 4 A on the other side."""
+def test_readings_that_move_away_from_the_limit_are_noted(sign: float) -> None:
+    """The readings end 2.3 A beyond the healthy value; the limit is 4 A away on the other side."""
     away = Indicator("A", 2.0, 2.0 - 4 * sign, readings(2e-3 * sign), 1160.0)
     assert [note for note in _notes(away) if "beyond healthy, away from the limit, by 5" in note]
     towards = Indicator("A", 2.0, 2.0 + 4 * sign, readings(2e-3 * sign), 1160.0)
     assert not [note for note in _notes(towards) if "beyond healthy" in note]
 
 
-def test_readings_about_healthy_are_not_beyond_it() -> None:
+def test_readings_that_scatter_about_the_healthy_value_are_not_noted() -> None:
     random = np.random.default_rng(0)
-    found = 0
+    notes = 0
     for _ in range(200):
         level = 2.0 + 0.5 * random.standard_normal(20)
         still = Indicator(
             "A", 2.0, 4.0, tuple(Reading(10.0 * i, x, 0.25) for i, x in enumerate(level)), 200.0
         )
-        found += len(receding_notes(still))
-    assert found == 0  # four standard errors: 0.003 % of 200
+        notes += len(receding_notes(still))
+    assert notes == 0  # four standard errors: 0.003 % of 200
 
 
 def _notes(indicator: Indicator) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Metrics of predictions against their definitions: by hand, by integral, by simulated truths."""
+"""Metrics of predictions against their definitions: hand calculations, integrals, simulated truths."""
 
 import math
 
@@ -24,11 +24,11 @@ from emaphm.prognosis.metrics import (
 )
 
 
-def sure(hours: float, rul: float) -> Prediction:
+def certain(hours: float, rul: float) -> Prediction:
     return Prediction(hours, np.full(10, rul))
 
 
-def test_the_score_is_the_integral_that_defines_it() -> None:
+def test_the_crps_equals_the_integral_that_defines_it() -> None:
     sample = np.random.default_rng(0).gamma(2.0, 50.0, 200)
     grid = np.linspace(0, 2000, 400_001)
     distribution = np.searchsorted(np.sort(sample), grid, "right") / sample.size
@@ -37,8 +37,8 @@ def test_the_score_is_the_integral_that_defines_it() -> None:
         assert crps(sample, true) == pytest.approx(integral, abs=0.01)  # two steps of the grid
 
 
-def test_the_score_of_a_normal_prediction_is_the_closed_form() -> None:
-    """Gneiting and Raftery (2007), eq. 21 with a normal distribution: σ (z (2 Φ - 1) + 2 φ - 1 / √π)."""
+def test_the_crps_of_a_normal_prediction_agrees_with_its_closed_form() -> None:
+    """Gneiting and Raftery (2007), eq. 21, for a normal distribution: σ (z (2 Φ - 1) + 2 φ - 1 / √π)."""
     n = 20_000
     sample = 300 + 40 * norm.ppf((np.arange(n) + 0.5) / n)
     for true in (250.0, 300.0, 380.0):
@@ -47,9 +47,9 @@ def test_the_score_of_a_normal_prediction_is_the_closed_form() -> None:
         assert crps(sample, true) == pytest.approx(exact, rel=1e-3)
 
 
-def test_no_failure_in_sight_has_a_score_only_up_to_a_time() -> None:
+def test_a_prediction_without_failure_has_a_finite_crps_only_up_to_a_longest_time() -> None:
     assert crps([10.0, math.inf], 10.0) == math.inf
-    # F is 1/2 from 10 to 100 h, where it should be 1: 90 / 4.
+    # F is 1/2 instead of 1 from 10 to 100 h: the integral of (1/2)² is 90 / 4.
     assert crps([10.0, math.inf], 10.0, longest=100.0) == pytest.approx(22.5)
     assert crps([math.inf], math.inf, longest=100.0) == 0
 
@@ -69,27 +69,27 @@ def test_transforms_of_calibrated_predictions_are_uniform() -> None:
     assert np.all(np.abs(shares - 200) < 4 * math.sqrt(180))
 
 
-def test_ties_are_shared() -> None:
-    assert probability_integral_transform(sure(0, 5), 5) == 0.5
-    assert probability_integral_transform(sure(0, 5), 4) == 0
+def test_ties_count_half_in_the_probability_integral_transform() -> None:
+    assert probability_integral_transform(certain(0, 5), 5) == 0.5
+    assert probability_integral_transform(certain(0, 5), 4) == 0
     assert probability_integral_transform(Prediction(0, np.array([1.0, math.inf])), 3) == 0.5
 
 
-def test_a_horizon_that_is_lost_lasts_no_longer() -> None:
+def test_a_lasting_horizon_begins_after_the_last_prediction_outside_the_band() -> None:
     # Failure at 100 h, band of ±20 h: good at 20, lost at 40, good from 60 on.
-    predictions = [sure(0, 300), sure(20, 85), sure(40, 200), sure(60, 45), sure(80, 10)]
+    predictions = [certain(0, 300), certain(20, 85), certain(40, 200), certain(60, 45), certain(80, 10)]
     horizon = prognostic_horizon(predictions, 100.0)
     assert (horizon.first, horizon.lasting) == (80.0, 40.0)
-    late = prognostic_horizon([sure(0, 300), sure(120, 0)], 100.0)
+    late = prognostic_horizon([certain(0, 300), certain(120, 0)], 100.0)
     assert (late.first, late.lasting) == (0, 0)
-    after = prognostic_horizon([*predictions, sure(110, 50)], 100.0)
+    after = prognostic_horizon([*predictions, certain(110, 50)], 100.0)
     assert after == horizon
-    never = prognostic_horizon([sure(0, 300)], 100.0)
+    never = prognostic_horizon([certain(0, 300)], 100.0)
     assert (never.first, never.lasting) == (0.0, 0.0)
 
 
-def test_the_cone_narrows() -> None:
-    predictions = [sure(0, 115), sure(50, 59), sure(75, 31)]
+def test_the_alpha_lambda_band_narrows_with_the_remaining_life() -> None:
+    predictions = [certain(0, 115), certain(50, 59), certain(75, 31)]
     assert alpha_lambda(predictions, 100.0, 0.0)
     assert alpha_lambda(predictions, 100.0, 0.5)
     assert alpha_lambda(predictions, 100.0, 0.7)  # the prediction at 50 h
@@ -100,26 +100,28 @@ def test_the_cone_narrows() -> None:
     assert not alpha_lambda([half], 100.0, 0.0, beta=0.51)
 
 
-def test_a_prediction_at_a_share_of_life_is_found_at_that_share() -> None:
+def test_the_prediction_at_a_share_of_life_is_found_despite_rounding() -> None:
     """In floating-point numbers, 0.29 × 100 h is less than 29 h."""
     hours = list(range(100))
     assert [at_share_of_life(hours, 100.0, i / 100) for i in range(100)] == hours
 
 
-def test_accuracy_is_of_the_remaining_life_and_not_of_the_whole() -> None:
-    """As converted, it is what `progpy` computes on the time of the event."""
-    one, failure = sure(80, 30), 100.0
-    assert relative_accuracy(one, failure) == pytest.approx(0.5)
+def test_relative_accuracy_refers_to_the_remaining_life() -> None:
+    """After conversion it equals the accuracy that `progpy` computes for the time of the event."""
+    prediction, failure = certain(80, 30), 100.0
+    assert relative_accuracy(prediction, failure) == pytest.approx(0.5)
     of_the_event = 1 - abs(110 - 100) / 100
-    assert 1 - (20 / failure) * (1 - relative_accuracy(one, failure)) == pytest.approx(of_the_event)
-    assert cumulative_relative_accuracy([sure(0, 90), one, sure(120, 1)], failure) == pytest.approx(0.7)
-    assert relative_accuracy(sure(80, math.inf), failure) == -math.inf
+    assert 1 - (20 / failure) * (1 - relative_accuracy(prediction, failure)) == pytest.approx(of_the_event)
+    assert cumulative_relative_accuracy(
+        [certain(0, 90), prediction, certain(120, 1)], failure
+    ) == pytest.approx(0.7)
+    assert relative_accuracy(certain(80, math.inf), failure) == -math.inf
 
 
-def test_rates() -> None:
+def test_brier_score_late_predictions_wasted_life_and_false_alarms_by_hand() -> None:
     assert brier([1.0, 0.0, 0.5], [True, False, True]) == pytest.approx(0.25 / 3)
-    assert late_prediction_rate([(sure(0, 11), 10.0), (sure(0, 9), 10.0)]) == 0.5
-    assert late_prediction_rate([(sure(0, 11), 10.0), (sure(0, 13), 10.0)], margin=0.2) == 0.5
+    assert late_prediction_rate([(certain(0, 11), 10.0), (certain(0, 9), 10.0)]) == 0.5
+    assert late_prediction_rate([(certain(0, 11), 10.0), (certain(0, 13), 10.0)], margin=0.2) == 0.5
     assert wasted_life([75.0, 120.0], [100.0, 100.0]) == pytest.approx(0.125)
     assert false_alarms_per_1000_hours([(10, 500.0), (20, 30.0), (5, math.inf)], 4000.0, 100.0) == 0.5
 
@@ -130,7 +132,7 @@ def test_rates() -> None:
         lambda: Prediction(0.0, np.array([])),
         lambda: Prediction(0.0, np.array([-1.0])),
         lambda: Prediction(0.0, np.array([1.0, math.nan])),
-        lambda: relative_accuracy(sure(100, 1), 100.0),
+        lambda: relative_accuracy(certain(100, 1), 100.0),
         lambda: at_share_of_life([100.0], 50.0, 0.5),
         lambda: at_share_of_life([0.0], 50.0, 1.5),
         lambda: brier([1.2], [True]),
@@ -141,6 +143,6 @@ def test_rates() -> None:
         lambda: cumulative_relative_accuracy([], 5.0),
     ],
 )
-def test_what_is_impossible_is_refused(wrong: object) -> None:
+def test_invalid_predictions_and_arguments_are_refused(wrong: object) -> None:
     with pytest.raises(PrognosisError):
         wrong()  # type: ignore[operator]

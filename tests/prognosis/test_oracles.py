@@ -1,6 +1,6 @@
-"""Other libraries as oracles: surpyval's Wiener process, progpy's metrics after conversion.
+"""Forecasts against surpyval's Wiener process, and metrics against progpy's after conversion.
 
-They are loaded by the tests, since they take seconds.
+The tests import these libraries themselves, because an import takes seconds.
 """
 
 import warnings
@@ -30,14 +30,14 @@ PATHS = 4000
 
 
 def loaded(name: str) -> Any:
-    # Their own warnings while they are imported, and their style of figures, are not ours.
+    # An import may give warnings and change the style of figures; neither may affect other tests.
     with warnings.catch_warnings(), mpl.rc_context():
         warnings.simplefilter("ignore")
         return pytest.importorskip(name)
 
 
 def remaining_lives(pace: float = 1.0) -> np.ndarray:
-    """Return when a Wiener process passes its limit [h], by the forecast of a unit in a known state."""
+    """Return first passages [h] of a Wiener process, from the forecast of a unit in a known state."""
     shape = (PATHS, 8)
     law, level, rate = np.full(shape, CONSTANT, np.int8), np.tile(NEW, (PATHS, 1)), np.zeros(shape)
     law[:, 0], level[:, 0], rate[:, 0] = LINEAR, START, RATE
@@ -53,21 +53,21 @@ def remaining_lives(pace: float = 1.0) -> np.ndarray:
         rate=rate,
     )
     settings = ForecastSettings(longest_hours=REACH, steps=40)
-    made = paths(state, Prior(WIENER), seed=5, pace=pace, settings=settings)
+    forecast = paths(state, Prior(WIENER), seed=5, pace=pace, settings=settings)
     passed = first_passage(
-        made.hours, LIMIT - made.level[:, :, 0], made.noise[:, :, 0], np.random.default_rng(6)
+        forecast.hours, LIMIT - forecast.level[:, :, 0], forecast.noise[:, :, 0], np.random.default_rng(6)
     )
     return np.minimum(passed, REACH)
 
 
-def test_a_wiener_process_lasts_as_surpyval_says() -> None:
+def test_the_rul_of_a_wiener_process_agrees_with_surpyval() -> None:
     degradation = loaded("surpyval.degradation")
     model = degradation.WienerProcessModel(mu=RATE, sigma=NOISE / SCALE**0.5, threshold=LIMIT)
-    found = remaining_lives()
-    assert kstest(found, lambda t: model.ff(t, y0=START)).pvalue > 0.01
+    hours = remaining_lives()
+    assert kstest(hours, lambda t: model.ff(t, y0=START)).pvalue > 0.01
     theirs = model.predict_rul(START, alpha_ci=0.1)
-    ours = np.quantile(found, [0.5, 0.05, 0.95])
-    # Five standard errors of a quantile of 4,000 values, from the distribution's own density.
+    ours = np.quantile(hours, [0.5, 0.05, 0.95])
+    # Five standard errors of a quantile of 4,000 values, from the density of the distribution.
     for quantile, value, share in zip(
         ours, (theirs.rul, *theirs.rul_interval), (0.5, 0.05, 0.95), strict=True
     ):
@@ -75,58 +75,59 @@ def test_a_wiener_process_lasts_as_surpyval_says() -> None:
         assert quantile == pytest.approx(value, abs=5 * float(error))
 
 
-def test_a_stressed_wiener_process_lasts_as_surpyval_says() -> None:
-    """Both let the clock run exp(β·z) times as fast, drift and variance alike: here a load's power."""
+def test_the_rul_of_a_stressed_wiener_process_agrees_with_surpyval() -> None:
+    """Both models scale time by exp(β·z), for drift and variance alike; here z is of a load's power law."""
     degradation = loaded("surpyval.degradation")
     reference, stress, exponent = StressReference(load=2.0), Stress(load=5.0), 1.3
     z = reference.covariates(stress)
     model = degradation.WienerProcessModel(
         mu=RATE, sigma=NOISE / SCALE**0.5, threshold=LIMIT, gamma=[exponent], stress_ref=[0.0]
     )
-    found = remaining_lives(pace=float(np.exp(exponent * z[0])))
-    assert kstest(found, lambda t: model.ff(t, Z=[z[0]], y0=START)).pvalue > 0.01
+    hours = remaining_lives(pace=float(np.exp(exponent * z[0])))
+    assert kstest(hours, lambda t: model.ff(t, Z=[z[0]], y0=START)).pvalue > 0.01
 
 
 def profile(predictions: list[Prediction]) -> Any:
-    """Return predictions of the RUL as progpy's of the time of the event."""
+    """Return RUL predictions in progpy's form, as predictions of the time of the event."""
     predictors, uncertain = loaded("progpy.predictors"), loaded("progpy.uncertain_data")
-    made = predictors.ToEPredictionProfile()
-    for one in predictions:
-        made.add_prediction(
-            one.hours, uncertain.UnweightedSamples([{"fails": one.hours + float(x)} for x in one.sample])
+    converted = predictors.ToEPredictionProfile()
+    for prediction in predictions:
+        converted.add_prediction(
+            prediction.hours,
+            uncertain.UnweightedSamples([{"fails": prediction.hours + float(x)} for x in prediction.sample]),
         )
-    return made
+    return converted
 
 
 def predictions_of(failure: float) -> list[Prediction]:
     random = np.random.default_rng(11)
     return [
         Prediction(
-            t,
+            hours,
             np.abs(
-                failure - t + 0.15 * failure * random.standard_normal() + 60 * random.standard_normal(400)
+                failure - hours + 0.15 * failure * random.standard_normal() + 60 * random.standard_normal(400)
             ),
         )
-        for t in np.arange(50.0, failure, 50.0)
+        for hours in np.arange(50.0, failure, 50.0)
     ]
 
 
-def test_alpha_lambda_is_progpys_at_the_time_of_a_prediction() -> None:
-    """λ is a share of life here and an hour there; both look at α of the true RUL."""
+def test_alpha_lambda_agrees_with_progpy_at_the_time_of_a_prediction() -> None:
+    """λ is a share of life here and an hour in progpy; α is relative to the true RUL in both."""
     failure = 1000.0
     predictions = predictions_of(failure)
     theirs = profile(predictions)
     answers = []
-    for one in predictions:
-        share = (one.hours - predictions[0].hours) / (failure - predictions[0].hours)
+    for prediction in predictions:
+        share = (prediction.hours - predictions[0].hours) / (failure - predictions[0].hours)
         for beta in (0.2, 0.5):
             ours = alpha_lambda(predictions, failure, share, alpha=0.2, beta=beta)
-            assert ours is bool(theirs.alpha_lambda({"fails": failure}, one.hours, 0.2, beta)["fails"])
+            assert ours is bool(theirs.alpha_lambda({"fails": failure}, prediction.hours, 0.2, beta)["fails"])
             answers.append(ours)
     assert 0.1 < np.mean(answers) < 0.9
 
 
-def test_the_first_horizon_is_progpys_and_a_lost_one_is_not_revoked_there() -> None:
+def test_the_first_horizon_agrees_with_progpy_whose_horizon_need_not_last() -> None:
     failure, alpha, beta = 1000.0, 0.2, 0.5
 
     def good(tte: Any, truth: dict[str, float]) -> dict[str, bool]:
@@ -141,13 +142,16 @@ def test_the_first_horizon_is_progpys_and_a_lost_one_is_not_revoked_there() -> N
     assert ours.lasting < theirs
 
 
-def test_relative_accuracy_converts_to_progpys() -> None:
-    """Theirs is on the time of the event, and of the mean; ours on the RUL, and of the median."""
+def test_converted_relative_accuracy_agrees_with_progpy() -> None:
+    """The accuracy of progpy is of the mean time of the event, that of emaphm of the median RUL."""
     failure = 1000.0
-    for one in predictions_of(failure):
-        symmetric = Prediction(one.hours, np.concatenate([one.sample, 2 * one.median - one.sample]).clip(0))
+    for prediction in predictions_of(failure):
+        symmetric = Prediction(
+            prediction.hours,
+            np.concatenate([prediction.sample, 2 * prediction.median - prediction.sample]).clip(0),
+        )
         mean = float(np.mean(symmetric.sample))
-        ours = relative_accuracy(Prediction(one.hours, np.array([mean])), failure)
-        true = failure - one.hours
+        ours = relative_accuracy(Prediction(prediction.hours, np.array([mean])), failure)
+        true = failure - prediction.hours
         theirs = profile([symmetric]).cumulative_relative_accuracy({"fails": failure})["fails"]
         assert 1 - true / failure * (1 - ours) == pytest.approx(theirs)

@@ -1,4 +1,4 @@
-"""Prognoses of units whose end is known, what notes they carry, and what a fleet teaches."""
+"""Prognoses of units with a known time of failure, their notes, and the effect of a fleet's prior."""
 
 import json
 import math
@@ -52,7 +52,7 @@ def wearing(
     start: float = 0.0,
     every: float = 50.0,
 ) -> Evidence:
-    """Return a unit whose friction rises evenly, diagnosed `every` so many hours."""
+    """Return a unit whose friction rises linearly, with `count` diagnoses at intervals of `every` [h]."""
     observations = tuple(
         observation(every * i, seed=seed, friction=start + rate * every * i) for i in range(1, count + 1)
     )
@@ -60,42 +60,45 @@ def wearing(
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_wear_within_a_day_is_followed_whatever_the_seed(seed: int) -> None:
-    # Of a thousand draws of a rate few are as fast: 0.04 in an hour, up to the limit at 15 h.
-    found = prognose(
+def test_fast_wear_within_a_day_is_followed_with_any_seed(seed: int) -> None:
+    # Few of a thousand draws of the rate are as fast as 0.04 per hour, which reaches the limit at 15 h.
+    prognosis = prognose(
         wearing(6, rate=0.04, every=2.0, seed=seed), WORN, Question(100.0), seed=seed, keep_past=False
     )
-    assert found.interval90[0] < 15 - 12 + 2
-    assert found.median < 15
+    assert prognosis.interval90[0] < 15 - 12 + 2
+    assert prognosis.median < 15
 
 
 @pytest.mark.usefixtures("few_paths")
-def test_a_straight_line_is_followed_to_its_limit() -> None:
-    made = prognose(wearing(10, every=200.0), WORN)
+def test_linear_wear_is_extrapolated_to_its_limit() -> None:
+    prognosis = prognose(wearing(10, every=200.0), WORN)
     true = 0.6 / 2e-4 - 2000
-    assert made.median == pytest.approx(true, rel=0.15)
-    low, high = made.interval90
+    assert prognosis.median == pytest.approx(true, rel=0.15)
+    low, high = prognosis.interval90
     assert low < true < high
-    assert (made.component, made.limit and made.limit.label) == ("friction", "friction at most 0.6")
-    assert made.advice.action in {"replace before", "inspect by"}
+    assert (prognosis.component, prognosis.limit and prognosis.limit.label) == (
+        "friction",
+        "friction at most 0.6",
+    )
+    assert prognosis.advice.action in {"replace before", "inspect by"}
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_an_eccentricity_grows_along_its_direction() -> None:
+def test_a_growing_eccentricity_is_extrapolated_along_its_direction() -> None:
     observations = tuple(observation(250.0 * i, x=0.05 * i * 0.6, y=0.05 * i * 0.8) for i in range(1, 7))
-    made = prognose(Evidence("S1", "P1", 1500.0, observations), WORN)
-    assert made.component == "eccentricity"
-    assert made.median == pytest.approx(1000.0, rel=0.25)
-    assert made.levels()["eccentricity"]["median"] == pytest.approx(0.3, abs=0.02)
+    prognosis = prognose(Evidence("S1", "P1", 1500.0, observations), WORN)
+    assert prognosis.component == "eccentricity"
+    assert prognosis.median == pytest.approx(1000.0, rel=0.25)
+    assert prognosis.levels()["eccentricity"]["median"] == pytest.approx(0.3, abs=0.02)
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_what_is_violated_has_no_life_left() -> None:
-    made = prognose(wearing(4, start=0.7), WORN)
-    assert made.to_dict()["rul_hours"] == {"median": 0.0, "interval90": [0.0, 0.0]}
-    assert made.probability_of_failure == 1
-    assert "violated already: friction at most 0.6" in made.notes
-    assert made.advice.action == "replace before"
+def test_a_violated_requirement_leaves_no_remaining_life() -> None:
+    prognosis = prognose(wearing(4, start=0.7), WORN)
+    assert prognosis.to_dict()["rul_hours"] == {"median": 0.0, "interval90": [0.0, 0.0]}
+    assert prognosis.probability_of_failure == 1
+    assert "violated already: friction at most 0.6" in prognosis.notes
+    assert prognosis.advice.action == "replace before"
 
 
 def test_a_requirement_that_a_new_actuator_violates_is_refused() -> None:
@@ -105,23 +108,23 @@ def test_a_requirement_that_a_new_actuator_violates_is_refused() -> None:
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
-    made = prognose(wearing(3), requiring(Requirement(measure="free_play", at_most=1.0)))
-    assert math.isinf(made.median)
-    assert "no single fault at the end of its scale violates: free_play at most 1 rad" in made.notes
+def test_a_requirement_that_no_fault_can_violate_is_noted() -> None:
+    prognosis = prognose(wearing(3), requiring(Requirement(measure="free_play", at_most=1.0)))
+    assert math.isinf(prognosis.median)
+    assert "no single fault at the end of its scale violates: free_play at most 1 rad" in prognosis.notes
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_level_cannot_fall_below_the_end_of_its_scale() -> None:
-    """As `failure_levels` has it of a healthy unit, of which diagnoses scatter to both sides of 0."""
-    made = prognose(wearing(3, rate=0.0), requiring(Requirement(component="backlash", at_least=0.0)))
-    assert math.isinf(made.median)
-    assert made.probability_of_failure == 0
-    assert "no single fault at the end of its scale violates: backlash at least 0" in made.notes
+def test_a_level_does_not_fall_below_the_end_of_its_scale() -> None:
+    """The prognosis agrees with `failure_levels` for a healthy unit whose diagnoses scatter about 0."""
+    prognosis = prognose(wearing(3, rate=0.0), requiring(Requirement(component="backlash", at_least=0.0)))
+    assert math.isinf(prognosis.median)
+    assert prognosis.probability_of_failure == 0
+    assert "no single fault at the end of its scale violates: backlash at least 0" in prognosis.notes
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_friction_below_that_of_a_new_unit_is_no_nearer_to_its_limit() -> None:
+def test_friction_below_that_of_a_new_unit_does_not_shorten_the_rul() -> None:
     worn_in, new = (prognose(wearing(5, rate=0.0, start=start, every=100.0), WORN) for start in (-0.1, 0.0))
     assert worn_in.levels()["friction"]["median"] == pytest.approx(-0.1, abs=ERROR)
     label = worn_in.times.limits[0].label
@@ -130,225 +133,236 @@ def test_a_friction_below_that_of_a_new_unit_is_no_nearer_to_its_limit() -> None
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_friction_that_falls_fails_where_its_line_does() -> None:
+def test_a_falling_friction_is_extrapolated_to_its_lower_limit() -> None:
     lost_preload = requiring(Requirement(component="friction", at_least=-0.3))
-    made = prognose(wearing(5, rate=-2e-4, every=200.0), lost_preload)
-    assert made.component == "friction"
-    assert made.median == pytest.approx(0.3 / 2e-4 - made.evidence.hours, rel=0.15)
+    prognosis = prognose(wearing(5, rate=-2e-4, every=200.0), lost_preload)
+    assert prognosis.component == "friction"
+    assert prognosis.median == pytest.approx(0.3 / 2e-4 - prognosis.evidence.hours, rel=0.15)
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_an_unexplained_diagnosis_is_not_fed() -> None:
+def test_an_unexplained_diagnosis_is_not_used_by_the_filter() -> None:
     usual = wearing(3)
-    odd = observation(140.0, friction=0.9, explained=False)
-    with_odd = Evidence("S1", "P1", 150.0, (*usual.observations, odd))
-    one, other = prognose(usual, WORN), prognose(with_odd, WORN)
-    assert np.array_equal(one.sample, other.sample)
-    assert "1 of 4 diagnoses are not explained and not used" in other.notes
+    unexplained = observation(140.0, friction=0.9, explained=False)
+    with_unexplained = Evidence("S1", "P1", 150.0, (*usual.observations, unexplained))
+    without, with_it = prognose(usual, WORN), prognose(with_unexplained, WORN)
+    assert np.array_equal(without.sample, with_it.sample)
+    assert "1 of 4 diagnoses are not explained and not used" in with_it.notes
 
 
 @pytest.mark.usefixtures("few_paths")
-def test_a_unit_whose_newest_recordings_are_not_explained_is_not_advised_to_fly_on() -> None:
-    """The forecast, from the diagnoses before, sees no failure; what came since is like none of them."""
+def test_a_healthy_unit_with_unexplained_newest_recordings_is_to_be_inspected_now() -> None:
+    """The forecast from the explained diagnoses has no failure; the newest diagnoses are not explained."""
     usual = wearing(7, rate=0.0)
-    odd = [observation(hours, friction=0.9, explained=False) for hours in (360.0, 390.0)]
-    blind = Evidence("S1", "P1", 400.0, (*usual.observations, *odd))
-    made = prognose(blind, WORN)
+    unexplained = [observation(hours, friction=0.9, explained=False) for hours in (360.0, 390.0)]
+    blind = Evidence("S1", "P1", 400.0, (*usual.observations, *unexplained))
+    prognosis = prognose(blind, WORN)
     assert prognose(usual, WORN).advice.action == "fly on"
-    assert (made.advice.action, made.advice.hours, made.advice.risk) == ("inspect by", 0.0, 0.0)
-    assert "advice: inspect now (the newest recordings, of 360 h to 390 h, are not explained" in str(made)
-    assert "2 of 9 diagnoses are not explained and not used, the newest among them" in made.notes
-    assert "otherwise replace" not in made.advice.reason
-    assert made.to_dict()["diagnoses"] == {"used": 7, "kept": 9, "newest_explained": False}
-    seen = replace(blind, observations=(*blind.observations, observation(395.0)))
-    assert prognose(seen, WORN).advice.action == "fly on"
+    assert (prognosis.advice.action, prognosis.advice.hours, prognosis.advice.risk) == (
+        "inspect by",
+        0.0,
+        0.0,
+    )
+    assert "advice: inspect now (the newest recordings, of 360 h to 390 h, are not explained" in str(
+        prognosis
+    )
+    assert "2 of 9 diagnoses are not explained and not used, the newest among them" in prognosis.notes
+    assert "otherwise replace" not in prognosis.advice.reason
+    assert prognosis.to_dict()["diagnoses"] == {"used": 7, "kept": 9, "newest_explained": False}
+    followed_by_explained = replace(blind, observations=(*blind.observations, observation(395.0)))
+    assert prognose(followed_by_explained, WORN).advice.action == "fly on"
     assert replace(blind, replacements=((395.0, "friction"),)).unexplained is None
-    # Of a flight that was cut into several recordings, one that is explained is enough.
-    part = replace(blind, observations=(*usual.observations, observation(360.0), odd[0]))
-    assert part.unexplained is None
+    # One explained recording is enough for a flight that consists of several recordings.
+    partly_explained = replace(blind, observations=(*usual.observations, observation(360.0), unexplained[0]))
+    assert partly_explained.unexplained is None
 
 
 @pytest.mark.usefixtures("few_paths")
-def test_a_worn_unit_whose_newest_recording_is_not_explained_may_fly_no_longer_than_a_healthy_one() -> None:
+def test_a_worn_unit_with_an_unexplained_newest_recording_is_to_be_inspected_now() -> None:
     worn = wearing(10, rate=1e-3)
     usual = prognose(worn, WORN)
-    odd = observation(510.0, friction=0.9, explained=False)
-    made = prognose(replace(worn, observations=(*worn.observations, odd)), WORN)
+    unexplained = observation(510.0, friction=0.9, explained=False)
+    prognosis = prognose(replace(worn, observations=(*worn.observations, unexplained)), WORN)
     assert usual.advice.action == "replace before"
     assert usual.advice.hours > 0
-    assert (made.advice.action, made.advice.hours) == ("inspect by", 0.0)
-    assert "the newest recording, of 510 h, is not explained" in made.advice.reason
-    assert f"otherwise replace within {usual.advice.hours:,.0f} h" in made.advice.reason
-    # What has failed already by the diagnoses before is replaced now all the same.
-    gone = wearing(14, rate=1e-3)
-    odd = observation(710.0, explained=False)
-    made = prognose(replace(gone, observations=(*gone.observations, odd)), WORN)
-    assert (made.advice.action, made.advice.hours) == ("replace before", 0.0)
+    assert (prognosis.advice.action, prognosis.advice.hours) == ("inspect by", 0.0)
+    assert "the newest recording, of 510 h, is not explained" in prognosis.advice.reason
+    assert f"otherwise replace within {usual.advice.hours:,.0f} h" in prognosis.advice.reason
+    # A unit that had already failed according to the earlier diagnoses is replaced now.
+    failed = wearing(14, rate=1e-3)
+    unexplained = observation(710.0, explained=False)
+    prognosis = prognose(replace(failed, observations=(*failed.observations, unexplained)), WORN)
+    assert (prognosis.advice.action, prognosis.advice.hours) == ("replace before", 0.0)
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_what_diagnoses_share_is_said_where_it_is_most_of_what_is_not_known() -> None:
+def test_an_error_shared_by_all_diagnoses_is_noted_where_it_dominates() -> None:
     worn, shared = wearing(12), np.zeros((8, 8))
     shared[0, 0] = 0.05**2
     observations = [
-        replace(one, covariance=one.covariance + shared, shared=shared) for one in worn.observations
+        replace(observation, covariance=observation.covariance + shared, shared=shared)
+        for observation in worn.observations
     ]
-    within = replace(worn, observations=tuple(observations))
-    (note,) = [one for one in prognose(within, WORN).notes if "have the same error" in one]
+    with_shared_errors = replace(worn, observations=tuple(observations))
+    (note,) = [note for note in prognose(with_shared_errors, WORN).notes if "have the same error" in note]
     assert "0.098 in friction" in note
-    assert not any("have the same error" in one for one in prognose(worn, WORN).notes)
+    assert not any("have the same error" in note for note in prognose(worn, WORN).notes)
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_replacement_gives_a_new_life() -> None:
+def test_a_replacement_resets_the_level_of_its_component() -> None:
     worn = wearing(6, rate=4e-4, every=100.0)
     replaced = Evidence("S1", "P1", worn.hours, worn.observations, ((worn.hours, "friction"),))
     whole = Evidence("S1", "P1", worn.hours, worn.observations, ((worn.hours, "unit"),))
-    before, after, new = (prognose(one, WORN) for one in (worn, replaced, whole))
+    before, after, new = (prognose(evidence, WORN) for evidence in (worn, replaced, whole))
     assert after.levels()["friction"]["median"] < 0.1
     assert new.levels()["friction"]["median"] < 0.1
     assert after.probability_of_failure < before.probability_of_failure + 0.1
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_few_diagnoses_say_so() -> None:
+def test_few_diagnoses_are_noted() -> None:
     notes = " ".join(prognose(wearing(1), WORN).notes)
     assert "explained diagnoses: 1; 3 are needed to estimate a rate" in notes
     assert "follow from the general prior" in notes
-    none = prognose(Evidence("S1", "P1", 10.0), THESIS)
-    assert "explained diagnoses: 0" in none.notes[0]
-    assert any("states no [[requirements]]" in note for note in none.notes)
+    without_diagnoses = prognose(Evidence("S1", "P1", 10.0), THESIS)
+    assert "explained diagnoses: 0" in without_diagnoses.notes[0]
+    assert any("states no [[requirements]]" in note for note in without_diagnoses.notes)
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_what_no_diagnosis_sees_is_taken_as_healthy_and_named() -> None:
+def test_components_without_estimates_are_assumed_healthy_and_noted() -> None:
     unseen = EVERYTHING.copy()
     unseen[2:5] = False
     observations = tuple(
-        Observation(one.hours, one.level, one.covariance, unseen) for one in wearing(3).observations
+        Observation(observed.hours, observed.level, observed.covariance, unseen)
+        for observed in wearing(3).observations
     )
     narrow = requiring(Requirement(component="short_a", at_most=0.02))
-    made = prognose(Evidence("S1", "P1", 150.0, observations), narrow, Question(horizon=20_000.0))
+    prognosis = prognose(Evidence("S1", "P1", 150.0, observations), narrow, Question(horizon=20_000.0))
     assert (
-        "not estimated by any diagnosis, and assumed to be healthy: short_a, short_b, short_c" in made.notes
+        "not estimated by any diagnosis, and assumed to be healthy: short_a, short_b, short_c"
+        in prognosis.notes
     )
-    assert made.probabilities()["short_a at most 0.02"] == 0
+    assert prognosis.probabilities()["short_a at most 0.02"] == 0
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_json_is_finite_and_has_the_keys_that_are_promised() -> None:
-    made = prognose(wearing(5, rate=0.0), WORN, Question(100.0))
-    values = made.to_dict()
+def test_json_is_finite_and_has_the_documented_keys() -> None:
+    prognosis = prognose(wearing(5, rate=0.0), WORN, Question(100.0))
+    values = prognosis.to_dict()
     json.dumps(values, allow_nan=False)
     assert {"rul_hours", "probability_of_failure", "component", "requirement", "advice"} <= set(values)
     assert set(values["rul_hours"]) == {"median", "interval90"}
     assert values["rul_hours"]["interval90"][1] is None  # no failure in sight
-    assert math.isinf(made.interval90[1])
-    assert "no failure in sight" in str(made)
+    assert math.isinf(prognosis.interval90[1])
+    assert "no failure in sight" in str(prognosis)
 
 
-def test_a_measure_fails_where_its_level_does() -> None:
-    """Free play is a line in the backlash: the requirement on it is one on the level."""
+def test_a_measure_fails_at_the_same_time_as_its_equivalent_level() -> None:
+    """Free play is linear in the backlash, so its requirement is equivalent to one on the level."""
     limit = 0.4
     play = 5e-3 * (1 + 9 * limit) / 500
     hours = np.linspace(0, 1000, 21)
     level = np.tile(NEW, (21, 50, 1))
     level[:, :, 1] = hours[:, np.newaxis] / 1000 * np.linspace(0.2, 1.0, 50)
-    made = Paths(hours, level, np.zeros((20, 50, 8)))
+    forecast = Paths(hours, level, np.zeros((20, 50, 8)))
     requirements = Requirements(
         requiring(
             Requirement(component="backlash", at_most=limit), Requirement(measure="free_play", at_most=play)
         )
     )
-    times = failure_times(made, requirements, seed=0)
+    times = failure_times(forecast, requirements, seed=0)
     assert times.hours[1] == pytest.approx(times.hours[0], rel=1e-3)
-    assert responsible(made, times, 1, requirements) == "backlash"
+    assert responsible(forecast, times, 1, requirements) == "backlash"
 
 
 WANDERING = DegradationSettings(
     laws=(0, 0, 0, 0, 0, 1), life_scale=(1000.0, 2000.0), rate_noise=1.0, noise=0.0, unevenness=(1e-9, 2e-9)
 )
-"""Levels that rise and fall again."""
+"""Settings for levels that rise and fall."""
 
 
 @pytest.mark.parametrize("horizon", [10_000.0, 100_000.0])
-def test_a_measure_that_recovers_failed_when_its_level_did(horizon: float) -> None:
-    """Free play is the backlash: a limit on the one fails where the same limit on the other does."""
+def test_a_recovering_measure_fails_at_the_same_step_as_its_equivalent_level(horizon: float) -> None:
+    """Free play is linear in the backlash: equivalent limits on the two are violated at the same step."""
     settings = ForecastSettings(paths=250, longest_hours=2 * horizon)
     state = drawn_states(Belief.new(Prior(WANDERING)), settings.paths)
-    made = paths(state, Prior(WANDERING), seed=1, settings=settings)
-    made = replace(made, noise=np.zeros_like(made.noise))
+    forecast = paths(state, Prior(WANDERING), seed=1, settings=settings)
+    forecast = replace(forecast, noise=np.zeros_like(forecast.noise))
     wide = THESIS.mechanics.backlash * THESIS.mechanics.gear_ratio * (1 + 9 * 0.6)
     requirements = Requirements(
         requiring(
             Requirement(component="backlash", at_most=0.6), Requirement(measure="free_play", at_most=wide)
         )
     )
-    of_level, of_measure = failure_times(made, requirements, seed=0).hours
-    recovered = np.isfinite(of_level) & (made.level[-1, :, 1] < 0.6)
+    of_level, of_measure = failure_times(forecast, requirements, seed=0).hours
+    recovered = np.isfinite(of_level) & (forecast.level[-1, :, 1] < 0.6)
     assert recovered.mean() > 0.2
-    # In the same step of the path; within it, a level beyond the end of its scale is interpolated otherwise.
-    assert np.array_equal(*(np.searchsorted(made.hours, 0.999999 * one) for one in (of_level, of_measure)))
+    # The steps are equal; within a step, a level beyond the end of its scale is interpolated differently.
+    assert np.array_equal(
+        *(np.searchsorted(forecast.hours, 0.999999 * hours) for hours in (of_level, of_measure))
+    )
 
 
-def test_a_measure_fails_at_the_first_time_at_which_the_model_finds_it_failed() -> None:
-    """Against the model run at every time of every path; a bisection from its end sees fewer failures."""
+def test_a_measure_fails_at_the_first_violation_found_by_simulating_all_times() -> None:
+    """The reference simulates every time of every path; a bisection from the end would miss failures."""
     settings = ForecastSettings(paths=60, longest_hours=4000.0, steps=40)
-    made = paths(
+    forecast = paths(
         drawn_states(Belief.new(Prior(WANDERING)), settings.paths),
         Prior(WANDERING),
         seed=2,
         settings=settings,
     )
-    for one in (
+    for requirement in (
         Requirement(measure="tracking_error", at_most=2.0e-3, duration=0.2),
         Requirement(measure="settling_time", at_most=0.03, duration=0.1),
     ):
-        requirements = Requirements(requiring(one))
-        vectors = vectors_of(made.level, THESIS)
+        requirements = Requirements(requiring(requirement))
+        vectors = vectors_of(forecast.level, THESIS)
         fails = np.stack([requirements.margins(at)[0] for at in vectors]) < 0
         ever = fails.any(axis=0)
         assert ever.mean() > fails[-1].mean() + 0.05
-        (found,) = failure_times(made, requirements, seed=0).hours
-        assert np.mean(np.isfinite(found) == ever) > 0.98
-        step = np.minimum(np.searchsorted(made.hours, found), settings.steps)
+        (passed,) = failure_times(forecast, requirements, seed=0).hours
+        assert np.mean(np.isfinite(passed) == ever) > 0.98
+        step = np.minimum(np.searchsorted(forecast.hours, passed), settings.steps)
         first = fails.argmax(axis=0)
         assert np.mean(step[ever] > first[ever] + 1) < 0.05
 
 
-def test_a_measure_that_fails_whatever_the_faults_has_no_component() -> None:
-    """A step against a load that is larger than the motor's torque does not settle."""
+def test_a_measure_that_fails_without_faults_has_no_responsible_component() -> None:
+    """A step against a load larger than the motor's torque does not settle."""
     requirements = Requirements(requiring(Requirement(measure="settling_time", at_most=0.1, load=5.0)))
     hours, level = np.array([0.0, 100.0]), np.tile(NEW, (2, 5, 1))
-    made = Paths(hours, level, np.zeros((1, 5, 8)))
-    times = failure_times(made, requirements, seed=0)
+    forecast = Paths(hours, level, np.zeros((1, 5, 8)))
+    times = failure_times(forecast, requirements, seed=0)
     assert not times.first.any()
-    assert responsible(made, times, 0, requirements) is None
+    assert responsible(forecast, times, 0, requirements) is None
 
 
-def test_a_wider_limit_shortens_no_life() -> None:
-    """Of a level that scatters much; all limits of each component are passed by the same path."""
+def test_an_additional_wider_limit_does_not_change_the_first_failure() -> None:
+    """The level scatters strongly; the limits of one component are evaluated on the same path."""
     random, hours = np.random.default_rng(0), np.linspace(0, 1000, 6)
     level = np.tile(NEW, (6, 400, 1))
     level[1:, :, 0] = 0.12 * np.arange(1, 6)[:, np.newaxis] + 0.05 * random.standard_normal((5, 400))
-    made = Paths(hours, level, np.full((5, 400, 8), 0.01))
-    one, several = (
+    forecast = Paths(hours, level, np.full((5, 400, 8), 0.01))
+    single, several = (
         failure_times(
-            made,
+            forecast,
             Requirements(requiring(*(Requirement(component="friction", at_most=x) for x in bounds))),
             seed=0,
         )
         for bounds in ((0.4,), (0.5, 0.4, 0.41))
     )
-    assert np.array_equal(several.first, one.first)
+    assert np.array_equal(several.first, single.first)
     assert several.limits[several.commonest or 0].bound == 0.4
     assert np.all(several.hours[0] >= several.hours[2])
 
 
 @pytest.mark.evidence
 @pytest.mark.usefixtures("few_paths")
-def test_transforms_of_units_from_the_prior_are_uniform() -> None:
-    """Units drawn from the prior, seen for 600 h: the RUL's probability integral transforms are uniform."""
+def test_probability_integral_transforms_of_units_from_the_prior_are_uniform() -> None:
+    """The units are drawn from the prior and diagnosed for 600 h."""
     actuator, transforms = requiring(Requirement(component="friction", at_most=0.5)), []
     requirements, random = Requirements(actuator), np.random.default_rng(11)
     start = drawn_states(Belief.new(Prior(), seed=5), 400)
@@ -360,31 +374,31 @@ def test_transforms_of_units_from_the_prior_are_uniform() -> None:
             level = [np.interp(hours, truths.hours, truths.level[:, i, c]) for c in range(8)]
             noisy = np.asarray(level) + ERROR * random.standard_normal(8)
             observations.append(Observation(float(hours), noisy, ERROR**2 * np.eye(8), EVERYTHING))
-        made = prognose(Evidence("S", "P", 600.0, tuple(observations)), actuator, seed=int(i))
-        shown = _given_failure(made.sample, 50.0, 14_400.0)
-        transforms.append(probability_integral_transform(Prediction(600.0, shown), ends[i] - 600))
+        prognosis = prognose(Evidence("S", "P", 600.0, tuple(observations)), actuator, seed=int(i))
+        given_failure = _given_failure(prognosis.sample, 50.0, 14_400.0)
+        transforms.append(probability_integral_transform(Prediction(600.0, given_failure), ends[i] - 600))
     assert kstest(transforms, "uniform").pvalue > 0.01
 
 
 def _given_failure(sample: Array, low: float, high: float) -> Array:
-    """Return a sample given what the truths were chosen by: a failure between two times."""
+    """Return the sample conditioned on a failure between two times, as the true lives are."""
     return sample[(sample > low) & (sample < high)]
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_fleet_narrows_the_first_life_of_a_new_unit() -> None:
+def test_a_fleet_prior_narrows_the_rul_of_a_new_unit() -> None:
     fleet = fleet_prior([wearing(4, rate=4e-4, unit=f"F{i}", seed=i, every=350.0) for i in range(6)])
     assert (fleet.units, fleet.fleet_share) == (6, 0.75)
     new = wearing(2, rate=4e-4, unit="new", seed=99)
-    alone, taught = prognose(new, WORN), prognose(new, WORN, prior=fleet)
+    alone, by_fleet = prognose(new, WORN), prognose(new, WORN, prior=fleet)
     true = 0.6 / 4e-4 - 100
-    wide, narrow = (one.sample.clip(max=20_000) for one in (alone, taught))
+    wide, narrow = (prognosis.sample.clip(max=20_000) for prognosis in (alone, by_fleet))
     assert np.mean(np.abs(narrow - true)) < np.mean(np.abs(wide - true))
     assert np.mean(np.abs(narrow / true - 1) < 0.3) > np.mean(np.abs(wide / true - 1) < 0.3)
-    assert "mostly follow from 6 other units" in " ".join(taught.notes)
+    assert "mostly follow from 6 other units" in " ".join(by_fleet.notes)
 
 
-def test_units_without_diagnoses_teach_nothing() -> None:
+def test_units_with_too_few_diagnoses_give_no_fleet_prior() -> None:
     assert fleet_prior([Evidence("A", "P1", 5.0), wearing(2)]).fleet is None
 
 
@@ -395,17 +409,17 @@ def test_a_diagnosis_that_is_not_finite_is_refused() -> None:
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_same_seed_same_numbers() -> None:
-    one, same, other = (prognose(wearing(2), WORN, seed=seed) for seed in (1, 1, 2))
-    assert np.array_equal(one.sample, same.sample)
-    assert not np.array_equal(one.sample, other.sample)
+def test_equal_seeds_give_equal_samples_and_other_seeds_give_others() -> None:
+    first, repeated, other_seed = (prognose(wearing(2), WORN, seed=seed) for seed in (1, 1, 2))
+    assert np.array_equal(first.sample, repeated.sample)
+    assert not np.array_equal(first.sample, other_seed.sample)
 
 
 @pytest.mark.parametrize(
     "case", [*range(4), *(pytest.param(case, marks=pytest.mark.evidence) for case in range(4, 16))]
 )
-def test_odd_histories_have_a_prognosis_too(case: int) -> None:
-    """Gaps of years, singular or tiny covariances, levels beyond bounds, replacements: numbers, no error."""
+def test_unusual_histories_have_a_prognosis_without_errors(case: int) -> None:
+    """Gaps of years, singular or tiny covariances, levels beyond bounds, replacements: results are finite."""
     random = np.random.default_rng(case)
     observations = []
     for hours in np.sort(random.uniform(0, 10 ** random.uniform(1, 4.7), random.integers(0, 12))):
@@ -419,9 +433,9 @@ def test_odd_histories_have_a_prognosis_too(case: int) -> None:
     replacements = tuple(
         (float(random.uniform(0, 50_000)), name) for name in ("unit", "eccentricity") if random.random() < 0.3
     )
-    ends = [one.hours for one in observations] + [hours for hours, _ in replacements]
+    ends = [observation.hours for observation in observations] + [hours for hours, _ in replacements]
     evidence = Evidence("S1", "P1", max(ends, default=0.0), tuple(observations), replacements)
-    made = prognose(evidence, THESIS, seed=case, settings=ForecastSettings(paths=100, steps=30))
-    assert np.all(made.sample >= 0)
-    assert np.all(np.isfinite(made.paths.level))
-    json.dumps(made.to_dict(), allow_nan=False)
+    prognosis = prognose(evidence, THESIS, seed=case, settings=ForecastSettings(paths=100, steps=30))
+    assert np.all(prognosis.sample >= 0)
+    assert np.all(np.isfinite(prognosis.paths.level))
+    json.dumps(prognosis.to_dict(), allow_nan=False)

@@ -1,4 +1,4 @@
-"""A note where levels change faster than a forecast can follow: as from thousands of hours."""
+"""Notes on levels that change faster than a forecast can follow, as with hours entered in thousands."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ ERROR = 0.005
 
 
 def worn(rate: float, *, every: float, count: int = 10, jump: float = 0.0, seed: int = 0) -> Evidence:
-    """Return a unit whose friction rises by `rate` an hour, and by `jump` once, half-way."""
+    """Return a unit whose friction rises by `rate` per hour, and by `jump` at half of the diagnoses."""
     random = np.random.default_rng(seed)
     observations = []
     for i in range(1, count + 1):
@@ -24,8 +24,8 @@ def worn(rate: float, *, every: float, count: int = 10, jump: float = 0.0, seed:
     return Evidence("S1", "P1", every * count, tuple(observations))
 
 
-def test_hours_entered_in_thousands_are_said() -> None:
-    """Friction of 0.02 more in each hour, of 0.001 h as entered: 20 per hour."""
+def test_hours_entered_in_thousands_are_noted() -> None:
+    """Friction rises by 0.02 per hour, which is entered as 0.001 h: a rate of 20 per hour."""
     (note,) = rate_notes(worn(20.0, every=1e-3))
     assert note.startswith("levels change faster than this forecast can follow, 0.05 per hour: friction by ")
     assert float(note.partition("friction by ")[2].partition(";")[0]) == pytest.approx(20.0, rel=0.1)
@@ -33,19 +33,19 @@ def test_hours_entered_in_thousands_are_said() -> None:
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_prognosis_has_the_note() -> None:
+def test_a_prognosis_contains_the_note() -> None:
     notes = prognose(worn(20.0, every=1e-3), Actuator.thesis(), keep_past=False).notes
     assert any("faster than this forecast can follow" in note for note in notes)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_noise_jumps_and_rates_that_a_forecast_follows_are_not_said(seed: int) -> None:
+def test_noise_jumps_and_rates_that_a_forecast_can_follow_are_not_noted(seed: int) -> None:
     assert rate_notes(worn(0.0, every=1e-3, seed=seed)) == []  # ten recordings in one flight
     assert rate_notes(worn(0.03, every=1.0, seed=seed)) == []
     assert rate_notes(worn(0.0, every=0.5, jump=0.6, seed=seed)) == []
     assert rate_notes(worn(20.0, every=1e-3, count=2, seed=seed)) == []
 
 
-def test_what_was_before_a_replacement_does_not_count() -> None:
-    one = worn(20.0, every=1e-3)
-    assert rate_notes(replace(one, replacements=((one.hours, "friction"),))) == []
+def test_diagnoses_before_a_replacement_are_not_noted() -> None:
+    fast = worn(20.0, every=1e-3)
+    assert rate_notes(replace(fast, replacements=((fast.hours, "friction"),))) == []

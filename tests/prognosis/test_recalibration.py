@@ -1,4 +1,4 @@
-"""Corrections of a RUL by how predictions of past units turned out."""
+"""Recalibration of a RUL from the outcomes of predictions of past units."""
 
 from dataclasses import replace
 from typing import Any
@@ -33,12 +33,12 @@ ACTUATOR = Actuator.thesis().model_copy(
 )
 FEW = replace(record.PATHS, paths=100)
 ROUGH = replace(FEW, steps=30)
-"""Where no number of a forecast matters."""
+"""Settings for tests that do not depend on the values of a forecast."""
 FIRST, SECOND = np.array([1.0, 0.0]), np.array([0.0, 1.0])
 
 
 def forecasts(share: Array | float, spread: float = 0.3, first: Array = FIRST) -> ForecastSituation:
-    """Return forecasts at some shares of life, by default of which the first of two limits fails first."""
+    """Return forecasts at shares of life; by default, the first of two limits fails first."""
     share = np.asarray(share)
     return ForecastSituation(
         share, np.full(share.shape, spread), np.broadcast_to(first, (*share.shape, first.size))
@@ -46,7 +46,7 @@ def forecasts(share: Array | float, spread: float = 0.3, first: Array = FIRST) -
 
 
 def past(units: int, shift: float, size: float) -> Recalibration:
-    """Return outcomes of predictions that are off by `shift` and too narrow by `size`, in deviations."""
+    """Return outcomes of predictions with normalised errors of mean `shift` and standard deviation `size`."""
     random = np.random.default_rng(0)
     shares = np.linspace(0.1, 0.9, 5)
     return Recalibration(
@@ -58,16 +58,16 @@ def past(units: int, shift: float, size: float) -> Recalibration:
 
 
 @pytest.mark.evidence
-def test_a_corrected_prediction_holds_the_truth_as_often_as_it_says() -> None:
+def test_corrected_predictions_have_the_stated_coverage() -> None:
     random = np.random.default_rng(1)
-    taught = past(300, -0.8, 2.0)
+    recalibration = past(300, -0.8, 2.0)
     before, after = [], []
     for _ in range(400):
         median, spread = float(random.uniform(200, 2000)), float(random.uniform(0.1, 0.4))
         first = median * np.exp(spread * random.standard_normal(500))
         true = median * np.exp(spread * (-0.8 + 2.0 * random.standard_normal()))
         never = np.full(first.size, np.inf)
-        corrected = taught.corrected(np.stack([first, never]), age=1000.0)[0]
+        corrected = recalibration.corrected(np.stack([first, never]), age=1000.0)[0]
         before.append(probability_integral_transform(Prediction(0.0, first), true))
         after.append(probability_integral_transform(Prediction(0.0, corrected), true))
     assert coverage(before) < 0.65
@@ -76,15 +76,15 @@ def test_a_corrected_prediction_holds_the_truth_as_often_as_it_says() -> None:
     assert np.mean(np.array(after) < 0.5) == pytest.approx(0.5, abs=0.1)
 
 
-def test_few_units_correct_little_and_none_nothing() -> None:
+def test_few_past_units_give_a_weak_correction_and_none_gives_no_correction() -> None:
     shift, size = past(5, 1.0, 0.0).correction(forecasts(0.5))
-    assert shift == pytest.approx(0.5)  # five units weigh as much as no correction
+    assert shift == pytest.approx(0.5)  # five units have the same weight as no correction
     assert Recalibration([]).correction(forecasts(0.5)) == (0.0, 1.0)
     assert past(200, 1.0, 0.0).correction(forecasts(0.5))[0] == pytest.approx(1.0, abs=0.05)
     assert size < 1.0
 
 
-def test_what_is_learnt_early_in_life_is_not_said_of_late() -> None:
+def test_corrections_early_in_life_do_not_apply_late_in_life() -> None:
     early = PastForecasts("A", forecasts(np.full(5, 0.1)), np.full(5, 2.0))
     late = PastForecasts("B", forecasts(np.full(5, 0.9)), np.full(5, -2.0))
     both = Recalibration([early, late])
@@ -92,7 +92,7 @@ def test_what_is_learnt_early_in_life_is_not_said_of_late() -> None:
     assert both.without("A").correction(forecasts(0.9))[0] < 0
 
 
-def test_a_component_whose_predictions_are_good_is_not_widened_by_one_whose_are_bad() -> None:
+def test_bad_predictions_of_one_component_do_not_widen_good_ones_of_another() -> None:
     random = np.random.default_rng(3)
     shares = np.full(5, 0.5)
     good = [PastForecasts(f"A{i}", forecasts(shares), 0.3 * random.standard_normal(5)) for i in range(15)]
@@ -100,39 +100,43 @@ def test_a_component_whose_predictions_are_good_is_not_widened_by_one_whose_are_
         PastForecasts(f"B{i}", forecasts(shares, first=SECOND), 3.0 * random.standard_normal(5))
         for i in range(15)
     ]
-    taught = Recalibration([*good, *bad])
-    _, of_good = taught.correction(forecasts(0.5))
-    _, of_bad = taught.correction(forecasts(0.5, first=SECOND))
-    _, of_either = taught.correction(forecasts(0.5, first=(FIRST + SECOND) / 2))
-    assert of_good < 1 < min(of_either, of_bad)
+    recalibration = Recalibration([*good, *bad])
+    _, size_for_good = recalibration.correction(forecasts(0.5))
+    _, size_for_bad = recalibration.correction(forecasts(0.5, first=SECOND))
+    _, size_for_either = recalibration.correction(forecasts(0.5, first=(FIRST + SECOND) / 2))
+    assert size_for_good < 1 < min(size_for_either, size_for_bad)
 
 
-def test_what_was_said_with_certainty_is_corrected_by_what_was_said_so() -> None:
+def test_narrow_predictions_are_corrected_by_past_narrow_predictions() -> None:
     random = np.random.default_rng(4)
     shares = np.full(5, 0.5)
-    sure = [
+    certain = [
         PastForecasts(f"A{i}", forecasts(shares, 0.05), 3.0 * random.standard_normal(5)) for i in range(15)
     ]
-    unsure = [
+    uncertain = [
         PastForecasts(f"B{i}", forecasts(shares, 0.8), 0.3 * random.standard_normal(5)) for i in range(15)
     ]
-    taught = Recalibration([*sure, *unsure])
-    assert taught.correction(forecasts(0.5, 0.05))[1] > 1 > taught.correction(forecasts(0.5, 0.8))[1]
+    recalibration = Recalibration([*certain, *uncertain])
+    assert (
+        recalibration.correction(forecasts(0.5, 0.05))[1]
+        > 1
+        > recalibration.correction(forecasts(0.5, 0.8))[1]
+    )
 
 
-def test_how_a_forecast_looks() -> None:
+def test_the_situation_of_a_forecast_has_its_share_of_life_and_first_limits() -> None:
     hours = np.array([[100.0, 200.0, np.inf, 400.0], [300.0, 150.0, np.inf, np.inf]])
-    found = situation_of(hours, age=275.0)
-    assert found.share == pytest.approx(0.5)
-    assert found.first.tolist() == [0.5, 0.25]
+    situation = situation_of(hours, age=275.0)
+    assert situation.share == pytest.approx(0.5)
+    assert situation.first.tolist() == [0.5, 0.25]
 
 
-def test_a_record_of_other_requirements_is_refused() -> None:
+def test_a_record_for_other_requirements_is_refused() -> None:
     with pytest.raises(PrognosisError, match="other requirements"):
         past(5, 1.0, 1.0).corrected(np.full((3, 10), 100.0), age=100.0)
 
 
-def test_failed_and_endless_lives_stay_and_the_order_too() -> None:
+def test_a_correction_keeps_the_order_of_lives_and_failed_and_unlimited_lives() -> None:
     first = np.array([0.0, 5.0, 100.0, 300.0, 800.0, np.inf])
     never = np.full(first.size, np.inf)
     corrected = past(50, 0.5, 1.5).corrected(np.stack([first, never]), age=500.0)[0]
@@ -140,14 +144,14 @@ def test_failed_and_endless_lives_stay_and_the_order_too() -> None:
     assert np.isinf(corrected[-1])
     assert np.all(np.diff(corrected[:-1]) > 0)
     ended, endless = np.zeros(20), np.full(20, np.inf)
-    for one in (ended, endless):
-        both = np.stack([one, one])
+    for lives_of_paths in (ended, endless):
+        both = np.stack([lives_of_paths, lives_of_paths])
         assert past(50, 0.5, 1.5).corrected(both, age=500.0).tolist() == both.tolist()
-        assert not np.isfinite(log_rul(one)[0])
+        assert not np.isfinite(log_rul(lives_of_paths)[0])
 
 
 def saturating(hours: Array | float) -> Array:
-    """Return a level that no law of the filter has: two rises, with a rest between them."""
+    """Return a level that follows no law of the filter: two rises with a pause between them."""
     share = np.asarray(hours) / 2000.0
     return np.asarray(
         0.33 / (1 + np.exp(-(share - 0.25) / 0.05)) + 0.33 / (1 + np.exp(-(share - 0.9) / 0.05))
@@ -155,15 +159,15 @@ def saturating(hours: Array | float) -> Array:
 
 
 def flown(time: float, seed: int, upto: float | None = None) -> Evidence:
-    """Return diagnoses of a unit whose friction goes that way in a multiple of its time."""
+    """Return diagnoses of a unit whose friction follows `saturating`, with its time scaled by `time`."""
     random = np.random.default_rng(seed)
     hours = np.arange(0.0, 4000.0 * time, 1.0)
     failure = float(hours[np.argmax(saturating(hours / time) >= LIMIT)])
     observations = []
-    for at in np.arange(100.0, upto or failure, 100.0):
+    for at_hours in np.arange(100.0, upto or failure, 100.0):
         level = NEW + 0.005 * random.standard_normal(8)
-        level[0] += saturating(at / time)
-        observations.append(Observation(float(at), level, 0.005**2 * np.eye(8), np.ones(8, bool)))
+        level[0] += saturating(at_hours / time)
+        observations.append(Observation(float(at_hours), level, 0.005**2 * np.eye(8), np.ones(8, bool)))
     last = observations[-1].hours
     return Evidence(f"unit {seed}", "part", last, tuple(observations), failures=(failure,))
 
@@ -175,30 +179,30 @@ def fleet() -> list[Evidence]:
 
 
 @pytest.fixture(scope="module")
-def seldom(fleet: list[Evidence]) -> list[Evidence]:
-    """Return the fleet with every fourth diagnosis, enough where no number of a forecast matters."""
-    return [replace(one, observations=one.observations[::4]) for one in fleet]
+def sparse(fleet: list[Evidence]) -> list[Evidence]:
+    """Return the fleet with every fourth diagnosis, for tests that do not depend on forecast values."""
+    return [replace(evidence, observations=evidence.observations[::4]) for evidence in fleet]
 
 
 @pytest.mark.evidence
-def test_a_shape_that_no_law_has_is_foreseen_where_the_fleet_has_shown_it(
+def test_a_fleet_makes_degradation_predictable_that_follows_no_law_of_the_filter(
     fleet: list[Evidence], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(record, "PATHS", FEW)
     monkeypatch.setattr(record, "AT", (0.5, 0.8))
-    taught = fleet_prior(fleet, actuator=ACTUATOR)
-    assert taught.recalibration is not None
-    assert sorted(one.unit for one in taught.recalibration.outcomes) == [f"unit {i}" for i in range(6)]
+    prior = fleet_prior(fleet, actuator=ACTUATOR)
+    assert prior.recalibration is not None
+    assert sorted(outcome.unit for outcome in prior.recalibration.outcomes) == [f"unit {i}" for i in range(6)]
     new = flown(1.1, 99, upto=1150.0)
     true = new.failures[0] - new.hours
-    by_fleet = prognose(new, ACTUATOR, Question(), prior=taught).interval90
+    by_fleet = prognose(new, ACTUATOR, Question(), prior=prior).interval90
     alone = prognose(new, ACTUATOR, Question()).interval90
     assert by_fleet[1] is not None
     assert by_fleet[0] < true < by_fleet[1]
     assert by_fleet[1] - by_fleet[0] < 0.5 * ((alone[1] or 20_000.0) - alone[0])
 
 
-def test_forecasts_made_together_are_those_made_one_by_one(fleet: list[Evidence]) -> None:
+def test_forecasts_of_several_times_together_agree_with_separate_forecasts(fleet: list[Evidence]) -> None:
     past = follow(fleet[0], Prior(), settings=FilterSettings(particles=200)).past
     chosen = [past[5], past[-1]]
     settings = replace(FORECAST, paths=300, steps=40)
@@ -208,60 +212,62 @@ def test_forecasts_made_together_are_those_made_one_by_one(fleet: list[Evidence]
         assert ks_2samp(times.first, one).pvalue > 0.01
 
 
-def test_past_units_are_predicted_once(seldom: list[Evidence], monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[str] = []
+def test_past_units_are_predicted_only_once(sparse: list[Evidence], monkeypatch: pytest.MonkeyPatch) -> None:
+    predicted: list[str] = []
 
     def outcome(evidence: Evidence, *_: Any) -> PastForecasts:
-        seen.append(evidence.unit)
+        predicted.append(evidence.unit)
         return PastForecasts(evidence.unit, forecasts(np.array([0.5])), np.array([0.0]))
 
     monkeypatch.setattr(record, "_outcome", outcome)
-    # A unit that still works changes nothing, nor does its next diagnosis.
+    # Neither a unit that still works nor its next diagnosis causes new predictions.
     for upto in (400.0, 500.0):
         working = replace(flown(1.0, 50, upto=upto), failures=())
-        fleet_prior([*seldom[:FEWEST_FAILED], working], seed=7, actuator=ACTUATOR)
-    assert sorted(seen) == sorted(one.unit for one in seldom[:FEWEST_FAILED])
+        fleet_prior([*sparse[:FEWEST_FAILED], working], seed=7, actuator=ACTUATOR)
+    assert sorted(predicted) == sorted(evidence.unit for evidence in sparse[:FEWEST_FAILED])
 
 
-def test_a_unit_that_was_diagnosed_at_its_failure_alone_corrects_nothing(
-    seldom: list[Evidence], monkeypatch: pytest.MonkeyPatch
+def test_a_unit_diagnosed_only_at_its_failure_gives_no_correction(
+    sparse: list[Evidence], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(record, "PATHS", ROUGH)
     monkeypatch.setattr(record, "AT", (0.5,))
-    failed, known = seldom[:FEWEST_FAILED], seldom[0]
+    failed, known = sparse[:FEWEST_FAILED], sparse[0]
     failed_at = known.observations[-1].hours
-    # Three diagnoses on one day: no forecast of it was made before.
+    # All three diagnoses are of one day, so no earlier forecast of the unit exists.
     at_once = replace(known, unit="at once", observations=known.observations[-1:] * 3, failures=(failed_at,))
-    found = fleet_prior([*failed, at_once], seed=7, actuator=ACTUATOR).recalibration
-    assert found is not None
-    assert {one.unit for one in found.outcomes} == {one.unit for one in failed}
+    recalibration = fleet_prior([*failed, at_once], seed=7, actuator=ACTUATOR).recalibration
+    assert recalibration is not None
+    assert {outcome.unit for outcome in recalibration.outcomes} == {unit.unit for unit in failed}
 
 
-def test_a_fleet_without_failures_corrects_nothing(seldom: list[Evidence]) -> None:
-    working = [replace(one, failures=()) for one in seldom[:3]]
+def test_a_fleet_without_failures_gives_no_correction(sparse: list[Evidence]) -> None:
+    working = [replace(evidence, failures=()) for evidence in sparse[:3]]
     assert fleet_prior(working, actuator=ACTUATOR).recalibration is None
     assert fleet_prior(working).recalibration is None
 
 
-def test_predictions_of_each_life_that_ended_by_a_failure_are_compared_with_it() -> None:
-    """Failures at 900 and 2,000 h; a replacement before the second, at 1,300 h, ended what was predicted."""
+def test_predictions_are_compared_with_the_failure_that_ended_the_same_life() -> None:
+    """Failures are at 900 and 2,000 h; a replacement at 1,300 h ends the predicted life before the second."""
     hours = np.arange(100.0, 2400.0, 100.0)
     observations = tuple(Observation(float(at), NEW, np.eye(8), np.ones(8, bool)) for at in hours)
     replacements = ((900.0, "friction"), (1300.0, "backlash"), (2000.0, "unit"))
     unit = Evidence("A", "part", 2300.0, observations, replacements, failures=(900.0, 2000.0))
     chosen = record._predicted_observations(unit, ())
-    at = {float(hours[i]): failure for i, failure in chosen.items()}
-    assert set(at.values()) == {900.0, 2000.0}
-    assert all(one <= 900.0 for one, failure in at.items() if failure == 900.0)
-    assert all(1300.0 < one <= 2000.0 for one, failure in at.items() if failure == 2000.0)
+    failure_of = {float(hours[i]): failure for i, failure in chosen.items()}
+    assert set(failure_of.values()) == {900.0, 2000.0}
+    assert all(predicted_at <= 900.0 for predicted_at, failure in failure_of.items() if failure == 900.0)
+    assert all(
+        1300.0 < predicted_at <= 2000.0 for predicted_at, failure in failure_of.items() if failure == 2000.0
+    )
     assert list(chosen) == sorted(chosen)
 
 
-def test_beliefs_of_the_past_are_kept_for_a_figure_only_and_few_of_them(fleet: list[Evidence]) -> None:
-    one, few = (replace(fleet[0], observations=fleet[0].observations[:n]) for n in (MOST_PAST + 2, 3))
-    assert len(one.used) > MOST_PAST
-    kept = prognose(one, ACTUATOR, settings=ROUGH).past
+def test_past_beliefs_are_limited_in_number_and_optional(fleet: list[Evidence]) -> None:
+    many, few = (replace(fleet[0], observations=fleet[0].observations[:n]) for n in (MOST_PAST + 2, 3))
+    assert len(many.used) > MOST_PAST
+    kept = prognose(many, ACTUATOR, settings=ROUGH).past
     assert len(kept) == MOST_PAST
-    assert [kept[0].hours, kept[-1].hours] == [one.used[0].hours, one.used[-1].hours]
+    assert [kept[0].hours, kept[-1].hours] == [many.used[0].hours, many.used[-1].hours]
     assert len(prognose(few, ACTUATOR, settings=ROUGH).past) == 3
     assert prognose(few, ACTUATOR, settings=ROUGH, keep_past=False).past == ()

@@ -1,4 +1,4 @@
-"""Notes on failures that the history leaves open, while the unit counts as in service."""
+"""Notes on failures without a recorded repair, for a unit that counts as in service."""
 
 import pytest
 
@@ -24,7 +24,7 @@ FAILED = Removal(400.0, "failed")
         ([Finding(400.0, "unit", "failed"), FRICTION], None),
     ],
 )
-def test_a_component_that_failed_is_open_until_it_is_replaced(
+def test_a_failed_component_is_open_until_it_is_replaced(
     findings: list[Finding], left: tuple[str, ...] | None
 ) -> None:
     assert not_replaced(findings) == (() if left is None else (Failure(400.0, left),))
@@ -44,7 +44,7 @@ def test_a_component_that_failed_is_open_until_it_is_replaced(
         (400.0, [FAILED, Removal(500.0, "scheduled")], [Finding(400.0, "gain", "healthy")], False),
     ],
 )
-def test_a_removal_as_failed_is_open_while_the_shop_names_only_what_has_not_failed(
+def test_a_removal_as_failed_is_open_while_all_findings_are_of_components_that_work(
     flown: float, removals: list[Removal], findings: list[Finding], is_open: bool
 ) -> None:
     expected = OpenRemoval(400.0, ("gain",)) if is_open else None
@@ -52,7 +52,7 @@ def test_a_removal_as_failed_is_open_while_the_shop_names_only_what_has_not_fail
 
 
 @pytest.mark.usefixtures("few_paths")
-def test_a_prognosis_names_what_is_open_first() -> None:
+def test_the_first_note_of_a_prognosis_names_the_open_failure() -> None:
     assert not repair_notes(Evidence("S1", "P1", 400.0))
     left = Evidence("S1", "P1", 400.0, not_replaced=(Failure(400.0, ("backlash",)),))
     note = prognose(left, Actuator.thesis()).notes[0]

@@ -1,4 +1,4 @@
-"""Requirements and their measures against closed forms of the drive; what is impossible in a description."""
+"""Requirements and their measures against closed forms of the drive; invalid requirements."""
 
 import math
 import tomllib
@@ -25,20 +25,20 @@ def described(*requirements: dict[str, object]) -> Actuator:
 
 def measure(name: str, *faults: Faults, **settings: object) -> list[float]:
     requirement = Requirement.model_validate({"measure": name, "at_most": 0.5, **settings})
-    vectors = np.stack([one.vector for one in faults])
+    vectors = np.stack([fault.vector for fault in faults])
     return [float(x) for x in measured(THESIS, requirement, vectors)]
 
 
-def test_free_play_is_the_backlash_at_the_user() -> None:
+def test_free_play_equals_the_backlash_referred_to_the_user() -> None:
     healthy, worn = measure("free_play", Faults(), Faults(backlash=0.5))
     assert healthy == pytest.approx(5e-3 / 500)
     assert worn == pytest.approx(5e-3 * (1 + 9 * 0.5) / 500)
 
 
-def test_the_stall_margin_is_the_stall_torque() -> None:
-    """The shaft creeps under the rising load: it holds the motor's largest torque plus dynamic friction."""
-    (found,) = measure("stall_margin", Faults(), load=0.5, duration=4.0)
-    assert found == pytest.approx((1.689 + 0.05 * 1.689) / 0.5, rel=0.02)
+def test_the_stall_margin_equals_the_stall_torque() -> None:
+    """The shaft creeps under the rising load, so it holds the largest motor torque plus dynamic friction."""
+    (margin,) = measure("stall_margin", Faults(), load=0.5, duration=4.0)
+    assert margin == pytest.approx((1.689 + 0.05 * 1.689) / 0.5, rel=0.02)
     (worn,) = measure("stall_margin", Faults(friction=0.5), load=0.5, duration=4.0)
     assert worn == pytest.approx((1.689 + 0.1 * 1.689) / 0.5, rel=0.02)
 
@@ -46,62 +46,62 @@ def test_the_stall_margin_is_the_stall_torque() -> None:
 @pytest.mark.parametrize(
     ("name", "fault"), [("thesis", Faults(short_b=0.5)), ("six_step", Faults()), ("pmsm", Faults())]
 )
-def test_a_shaft_that_slips_and_stands_within_the_amplitude_is_held(name: str, fault: Faults) -> None:
-    """The phases that conduct after the slip count, and no back-EMF of a motor that is run away with."""
+def test_a_shaft_that_slips_and_stops_within_the_amplitude_counts_as_held(name: str, fault: Faults) -> None:
+    """The torque is that of the phases that conduct after the slip, without back-EMF of a runaway motor."""
     actuator: Actuator = getattr(Actuator, name)()
     requirement = Requirement(measure="stall_margin", at_least=1.0, load=0.5)
-    (found,) = measured(actuator, requirement, fault.vector[np.newaxis])
-    assert 0.97 < found / ((1.689 + 0.05 * 1.689) / 0.5) < 1.06
+    (margin,) = measured(actuator, requirement, fault.vector[np.newaxis])
+    assert 0.97 < margin / ((1.689 + 0.05 * 1.689) / 0.5) < 1.06
 
 
-def test_a_settling_time_is_the_number_that_is_meant() -> None:
+def test_a_settling_time_has_no_floating_point_rounding_error() -> None:
     for level in np.linspace(0, 0.5, 11):
-        (found,) = measure("settling_time", Faults(gain=float(level)))
-        assert found == float(f"{found:.4f}")
+        (settling_time,) = measure("settling_time", Faults(gain=float(level)))
+        assert settling_time == float(f"{settling_time:.4f}")
 
 
-def test_the_peak_of_a_step_is_seen_between_samples() -> None:
-    """The current is as large as torque constant and speed gain make the first error, for less than 1 ms."""
+def test_the_peak_current_of_a_step_between_samples_is_found() -> None:
+    """The peak, which lasts below 1 ms, follows from the first error, torque constant and speed gain."""
     (coarse,) = measure("peak_current", Faults(), command="step", amplitude=3e-4)
-    whole = simulate(THESIS, Step(3e-4), model="averaged", duration=0.05, sample_rate=20_000.0)
-    assert coarse == pytest.approx(np.abs(whole["current_A"]).max(), rel=0.03)
+    fine = simulate(THESIS, Step(3e-4), model="averaged", duration=0.05, sample_rate=20_000.0)
+    assert coarse == pytest.approx(np.abs(fine["current_A"]).max(), rel=0.03)
 
 
-def test_a_soft_position_loop_holds_what_its_gain_makes_of_the_amplitude() -> None:
-    """Torque is GAP (0.05 N·m·s/rad) times G times the position's error, and friction holds as much more."""
+def test_the_stall_margin_of_a_soft_position_loop_follows_from_its_gain_and_the_amplitude() -> None:
+    """The torque is GAP (0.05 N·m·s/rad) times G times the position error; friction holds in addition."""
     healthy, soft = measure("stall_margin", Faults(), Faults(gain=0.0), load=0.5, amplitude=2e-4)
-    for found, gain in ((healthy, 1e5), (soft, 0.5e5)):
-        assert found == pytest.approx((0.05 * gain * (2e-4 + 5e-6) + 0.05 * 1.689) / 0.5, rel=0.05)
+    for margin, gain in ((healthy, 1e5), (soft, 0.5e5)):
+        assert margin == pytest.approx((0.05 * gain * (2e-4 + 5e-6) + 0.05 * 1.689) / 0.5, rel=0.05)
 
 
 @pytest.mark.parametrize("duration", [0.5, 4.0])
-def test_a_motor_that_stalls_holds_the_same_however_fast_the_load_rises(duration: float) -> None:
+def test_the_stall_margin_does_not_depend_on_the_rate_of_the_load(duration: float) -> None:
     (worn,) = measure("stall_margin", Faults(friction=0.5), load=0.5, duration=duration)
     assert worn == pytest.approx((1.689 + 0.1 * 1.689) / 0.5, rel=0.02)
 
 
-def test_a_motion_that_is_too_fast_to_be_followed_is_all_error() -> None:
-    """Its samples are more than two a period, which would fall on the zeros of the sine."""
+def test_the_tracking_error_of_a_motion_that_is_too_fast_is_the_whole_command() -> None:
+    """There are more than two samples per period; two could coincide with the zeros of the sine."""
     sine = {"command": "sine", "amplitude": 1e-4, "frequency_hz": 1000.0}
     assert measure("tracking_error", Faults(), **sine) == pytest.approx([1e-4 / math.sqrt(2)], rel=0.01)
 
 
-def test_a_slow_ramp_of_position_lags_by_speed_over_gain() -> None:
-    """A slow sine of amplitude A and frequency f, P control: the error has the rms 2π f A / (G √2)."""
-    (found,) = measure(
+def test_the_tracking_error_of_a_slow_sine_is_its_speed_over_the_gain() -> None:
+    """For a slow sine of amplitude A and frequency f with P control, the rms error is 2π f A / (G √2)."""
+    (error,) = measure(
         "tracking_error", Faults(), command="sine", frequency_hz=0.5, amplitude=0.02, duration=2.0
     )
-    # G_prop acts on the user's error and gives the motor's speed: 1e5 (1/s) × 1/500.
+    # G_prop converts the user's position error to the motor's speed: 1e5 (1/s) × 1/500.
     lag = 2 * math.pi * 0.5 * 0.02 / (1e5 / 500) / math.sqrt(2)
-    assert found == pytest.approx(lag, rel=0.15)
+    assert error == pytest.approx(lag, rel=0.15)
     (slow,) = measure(
         "tracking_error", Faults(gain=0.0), command="sine", frequency_hz=0.5, amplitude=0.02, duration=2.0
     )
     assert slow == pytest.approx(2 * lag, rel=0.15)
 
 
-def test_the_bandwidth_of_a_small_motion_is_that_of_the_position_loop() -> None:
-    """Far from all limits the loop is one of second order: 1/(1 + s/K + s² J/(K D)), K = G τ, D = GAP."""
+def test_the_bandwidth_of_a_small_motion_agrees_with_the_linear_position_loop() -> None:
+    """Far from all limits the loop is of second order: 1/(1 + s/K + s² J/(K D)), K = G τ, D = GAP."""
     gain, damping, inertia = 1e5 / 500 / 2, 5e-2 * 1.0, 2.5e-5
     frequencies = np.linspace(1, 100, 10_000)
     s = 2j * np.pi * frequencies
@@ -118,13 +118,13 @@ def test_the_bandwidth_of_a_small_motion_is_that_of_the_position_loop() -> None:
     )
     actuator = THESIS.model_copy(update={"mechanics": smooth})
     requirement = Requirement(measure="bandwidth", at_least=5.0, amplitude=1e-3)
-    (found,) = measured(actuator, requirement, Faults(gain=0.0).vector[np.newaxis])
-    assert found == pytest.approx(exact, rel=0.03)
+    (bandwidth,) = measured(actuator, requirement, Faults(gain=0.0).vector[np.newaxis])
+    assert bandwidth == pytest.approx(exact, rel=0.03)
 
 
-def test_a_step_settles_later_with_half_the_gain_and_never_against_too_large_a_load() -> None:
+def test_a_step_settles_later_with_half_the_gain_and_never_against_an_excessive_load() -> None:
     healthy, slow = measure("settling_time", Faults(), Faults(gain=0.0))
-    # Three time constants of the position loop to 5 %, after the acceleration.
+    # The position loop settles to 5 % in three time constants, after the acceleration.
     assert slow == pytest.approx(3 / (1e5 / 500 / 2), rel=0.5)
     assert healthy < slow
     assert measure("settling_time", Faults(), load=5.0) == [math.inf]
@@ -144,21 +144,23 @@ def test_peak_current_grows_with_friction() -> None:
         {"measure": "bandwidth", "at_least": 3.0},
         {"measure": "stall_margin", "at_least": 0.1, "load": 0.05},
     ],
-    ids=lambda one: str(one["measure"]),
+    ids=lambda settings: str(settings["measure"]),
 )
-def test_a_manoeuvre_of_a_retracted_actuator_is_made_in_the_middle_of_its_travel(
+def test_measures_of_an_actuator_at_an_end_stop_are_taken_in_the_middle_of_its_travel(
     settings: dict[str, object],
 ) -> None:
     stops = THESIS.mechanics.model_copy(update={"end_stops": (-1e-3, 0.5)})
     from_0 = described(settings)
     retracted = from_0.model_copy(update={"mechanics": stops})
     vectors = np.array([Faults().vector, Faults(friction=0.4, gain=0.7).vector])
-    found, expected = (measured(one, one.requirements[0], vectors) for one in (retracted, from_0))
-    # Half a radian further nothing is another but the rounding of 25 turns of the motor.
-    np.testing.assert_allclose(found, expected, rtol=1e-3)
+    actual, expected = (
+        measured(actuator, actuator.requirements[0], vectors) for actuator in (retracted, from_0)
+    )
+    # Half a radian further, only the rounding of the angle of 25 motor turns differs.
+    np.testing.assert_allclose(actual, expected, rtol=1e-3)
 
 
-def test_a_measure_that_reaches_as_far_as_is_looked_holds_the_limit_there() -> None:
+def test_a_measure_at_the_end_of_its_search_range_holds_a_limit_at_that_end() -> None:
     actuator = described(
         {"measure": "bandwidth", "at_least": 5.0, "frequency_hz": 5.0, "amplitude": 1e-3},
         {"measure": "stall_margin", "at_least": 4.0, "load": 0.1},
@@ -166,7 +168,7 @@ def test_a_measure_that_reaches_as_far_as_is_looked_holds_the_limit_there() -> N
     assert np.all(Requirements(actuator).margins(HEALTHY[np.newaxis]) == 0)
 
 
-def test_levels_fail_at_their_limits_and_play_where_it_is_too_large() -> None:
+def test_failure_levels_of_components_and_of_free_play_agree_with_closed_forms() -> None:
     actuator = described(
         {"component": "backlash", "at_most": 0.6},
         {"component": "gain", "at_least": 0.3, "at_most": 0.7},
@@ -182,19 +184,19 @@ def test_levels_fail_at_their_limits_and_play_where_it_is_too_large() -> None:
     assert [one.limit.label for one in (above, below)] == ["gain at most 0.7", "gain at least 0.3"]
 
 
-def test_a_measure_that_jumps_fails_where_it_does() -> None:
-    """From some friction on a step never settles; a level next to it decides, not the next of 41."""
+def test_the_failure_level_of_a_discontinuous_measure_is_at_its_jump() -> None:
+    """Above some friction a step never settles; its level is found more finely than the grid of 41 levels."""
     actuator = described({"measure": "settling_time", "at_most": 0.1, "amplitude": 5e-4})
     (found,) = failure_levels(actuator)
     level = found.levels["friction"][0]
     assert level is not None
-    near = np.stack([Faults(friction=one).vector for one in (level - 2e-3, level)])
+    near = np.stack([Faults(friction=friction).vector for friction in (level - 2e-3, level)])
     holds, fails = Requirements(actuator).margins(near)[0]
     assert fails < 0 < holds
 
 
 @pytest.mark.parametrize(("name", "absent"), [("thesis", 0), ("dc", 4)])
-def test_a_fault_that_the_actuator_cannot_have_has_no_level(name: str, absent: int) -> None:
+def test_a_fault_that_the_actuator_cannot_have_has_no_failure_level(name: str, absent: int) -> None:
     actuator: Actuator = getattr(Actuator, name)()
     assert len(failure_levels(actuator)) == 6 - absent
     short = {"component": "short_a", "at_most": 0.4}
@@ -204,20 +206,20 @@ def test_a_fault_that_the_actuator_cannot_have_has_no_level(name: str, absent: i
     assert found.can_fail == (absent == 0)
 
 
-def test_requirements_of_one_name_are_numbered() -> None:
+def test_requirements_with_equal_names_are_numbered() -> None:
     limits = [{"component": "backlash", "name": "play", "at_most": limit} for limit in (0.6, 0.65, 0.6)]
     labels = [limit.label for limit in Requirements(described(*limits)).limits]
     assert labels == ["play at most 0.6", "play at most 0.65", "play at most 0.6 (2)"]
 
 
-def test_combinations_are_looked_at_from_the_given_faults() -> None:
+def test_given_faults_can_violate_a_requirement() -> None:
     actuator = described({"measure": "free_play", "at_most": 5e-5, "name": "play"})
     (found,) = failure_levels(actuator, Faults(backlash=0.6))
     assert found.violated
     assert found.limit.label == "play at most 5e-05 rad"
 
 
-def test_a_requirement_at_the_healthy_value_fails_with_the_least_fault() -> None:
+def test_a_requirement_at_the_healthy_value_is_violated_by_the_smallest_fault() -> None:
     backlash, gain, friction, short = failure_levels(
         described(
             {"component": "backlash", "at_most": 0.0},
@@ -229,19 +231,19 @@ def test_a_requirement_at_the_healthy_value_fails_with_the_least_fault() -> None
     assert backlash.levels["backlash"] == pytest.approx((0.0, None))
     assert gain.levels["gain"][0] is None
     assert gain.levels["gain"][1] == pytest.approx(0.5)
-    # A friction may fall below that of a new unit, a short not.
+    # A friction may fall below that of a new unit; a short cannot.
     assert friction.levels["friction"] == pytest.approx((None, 0.0))
     assert not any(one.violated for one in (backlash, gain, friction, short))
     assert [one.can_fail for one in (backlash, gain, friction, short)] == [True, True, True, False]
 
 
-def test_a_requirement_that_no_fault_can_violate_is_named() -> None:
+def test_a_requirement_that_no_fault_can_violate_is_marked() -> None:
     (found,) = failure_levels(described({"measure": "free_play", "at_most": 1.0}))
     assert not found.can_fail
     assert not found.violated
 
 
-def test_a_measure_at_its_limit_holds_it() -> None:
+def test_a_measure_equal_to_its_limit_satisfies_it() -> None:
     """A settling time is a number of samples: one that ends exactly at its limit violates nothing."""
     worst = measure("settling_time", *(Faults(friction=level) for level in np.linspace(0, 1, 41)))
     actuator = described({"measure": "settling_time", "at_most": max(worst)})
@@ -305,7 +307,7 @@ WRONG: dict[str, dict[str, object]] = {
 
 
 @pytest.mark.parametrize("message", WRONG)
-def test_what_is_wrong_with_a_requirement_is_said(message: str) -> None:
+def test_errors_in_requirements_are_refused_with_a_message_that_names_them(message: str) -> None:
     with pytest.raises(ActuatorError) as error:
         described(WRONG[message])
     assert message in str(error.value)

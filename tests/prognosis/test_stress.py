@@ -1,4 +1,4 @@
-"""Stress covariates: closed forms of an accelerated life, exponents learnt from flights."""
+"""Stress covariates against closed forms of accelerated life, and exponents estimated from flights."""
 
 import math
 
@@ -37,7 +37,7 @@ HEAVY, LIGHT = Stress(load=2.0), Stress(load=1.0)
 def flown(
     exponent: float, *, count: int = 30, rate: float = 1e-4, unit: str = "S1", seed: int = 0
 ) -> Evidence:
-    """Return a unit that flies 50 h light and 50 h heavy in turn: friction rises by the load's power."""
+    """Return a unit with alternating 50 h light and heavy; friction grows with a power of the load."""
     random = np.random.default_rng(seed)
     observations, pieces, level = [], [], 0.0
     for i in range(count):
@@ -50,7 +50,7 @@ def flown(
     return Evidence(unit, "P1", 50.0 * count, tuple(observations), stresses=tuple(pieces))
 
 
-def test_hours_age_by_the_formula_that_is_stated() -> None:
+def test_the_exposure_of_recorded_hours_agrees_with_the_formula() -> None:
     reference = StressReference(load=0.5, temperature=290.0, cycles_per_hour=4.0)
     pieces = (StressPiece(0.0, 10.0, Stress(1.0, 310.0, 2.0)), StressPiece(20.0, 30.0, Stress(load=0.25)))
     p, b, g = 3.0, 0.5, 0.8
@@ -59,7 +59,7 @@ def test_hours_age_by_the_formula_that_is_stated() -> None:
     assert aged == pytest.approx(by_hand)
 
 
-def test_the_reference_is_the_median_of_what_was_recorded() -> None:
+def test_the_reference_is_the_median_of_the_recorded_stress() -> None:
     pieces = [StressPiece(0, 1, Stress(load=x, temperature=300.0)) for x in (1.0, 2.0, 9.0)]
     assert StressReference.of(pieces) == StressReference(2.0, 300.0, None)
     assert StressReference(1.2345, 293.7, 0.04567).rounded() == StressReference(1.2, 294.0, 0.046)
@@ -69,29 +69,29 @@ def test_the_reference_is_the_median_of_what_was_recorded() -> None:
 
 
 @pytest.mark.parametrize("exponent", [0.0, 3.0])
-def test_the_exponent_of_the_load_is_learnt_from_flights(exponent: float) -> None:
+def test_the_exponent_of_the_load_is_estimated_from_flights(exponent: float) -> None:
     evidence = flown(exponent) if exponent else flown(exponent, rate=6e-4, count=32)
     belief = follow(evidence, Prior(), seed=1, settings=FilterSettings(particles=400)).belief
     learnt = float(np.sum(belief.weights[:, 0] * belief.exponents[:, 0, 0]))
-    assert learnt == pytest.approx(exponent, abs=0.9)  # from 0 to 4, with the mean 2, where nothing is learnt
+    assert learnt == pytest.approx(exponent, abs=0.9)  # prior: from 0 to 4, mean 2
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_lighter_load_to_come_lets_a_unit_last_longer() -> None:
-    """Friction is at 0.45 of 0.6, by the cube of the load: the rest takes 1,500 h light, 187 h heavy."""
+def test_a_lighter_future_load_lengthens_the_rul() -> None:
+    """Friction is 0.45 of 0.6 and grows with the load's cube: the rest takes 1,500 h light, 187 h heavy."""
     evidence = flown(3.0, count=20)
-    made = prognose(evidence, WORN, Question(ahead=HEAVY), keep_past=False)
+    prognosis = prognose(evidence, WORN, Question(ahead=HEAVY), keep_past=False)
     light, as_before = (
-        np.median(lives([made.belief], evidence, WORN, ahead)[0][1]) for ahead in (LIGHT, None)
+        np.median(lives([prognosis.belief], evidence, WORN, ahead)[0][1]) for ahead in (LIGHT, None)
     )
-    heavy = made.median
+    heavy = prognosis.median
     assert heavy == pytest.approx((0.6 - 0.45) / 8e-4, rel=0.3)
     assert heavy < as_before < light
     assert light > 3 * heavy
 
 
-def test_what_a_stress_to_come_leaves_out_stays_as_in_the_past() -> None:
-    """Of 30 h, 10 were warm and heavy, 20 cold and light: the load to come is for all, warmth as it was."""
+def test_covariates_missing_from_a_future_stress_stay_as_in_the_past() -> None:
+    """10 of 30 h were warm and heavy, 20 h cold and light; the future load applies to both temperatures."""
     reference = StressReference(load=2.0, temperature=300.0)
     pieces = (
         StressPiece(0.0, 10.0, Stress(load=4.0, temperature=330.0)),
@@ -108,14 +108,14 @@ def test_what_a_stress_to_come_leaves_out_stays_as_in_the_past() -> None:
     assert ahead(None) == pytest.approx(past)
     assert ahead(Stress(load=3.0)) == pytest.approx(1.5**p * warmth)
     assert ahead(Stress(load=3.0, temperature=310.0)) == pytest.approx(1.5**p * math.exp(b))
-    assert ahead(Stress(cycles_per_hour=9.0)) == ahead(None)  # nobody recorded cycles
+    assert ahead(Stress(cycles_per_hour=9.0)) == ahead(None)  # cycles were not recorded
     assert ahead(Stress()) == ahead(None)
     assert ahead(Stress(load=3.0), hours=0.0) == pytest.approx(1.5**p)
     assert ahead(None, hours=0.0) == 1.0
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_an_unrecorded_stress_to_come_leaves_a_unit_above_the_reference_where_it_is() -> None:
+def test_a_future_stress_that_was_never_recorded_does_not_change_the_sample() -> None:
     evidence = flown(3.0, count=3)
     prior = Prior(reference=StressReference(load=0.5))
     as_before, cycles = (
@@ -126,23 +126,25 @@ def test_an_unrecorded_stress_to_come_leaves_a_unit_above_the_reference_where_it
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_without_records_of_it_a_stress_to_come_changes_nothing_and_is_said() -> None:
+def test_a_future_stress_without_records_is_not_used_and_is_noted() -> None:
     evidence = flown(1.0, count=2)
     plain = Evidence("S1", "P1", evidence.hours, evidence.observations)
-    one, other = (prognose(plain, WORN, Question(ahead=ahead)) for ahead in (None, HEAVY))
-    assert np.array_equal(one.sample, other.sample)
-    assert "not recorded in the history, and therefore not used in the future stress: load" in other.notes
+    without_stress, with_stress = (prognose(plain, WORN, Question(ahead=ahead)) for ahead in (None, HEAVY))
+    assert np.array_equal(without_stress.sample, with_stress.sample)
+    assert (
+        "not recorded in the history, and therefore not used in the future stress: load" in with_stress.notes
+    )
 
 
-def test_a_fleet_teaches_exponents_at_its_own_reference() -> None:
-    taught = fleet_prior([flown(3.0, count=20, unit=f"F{i}", seed=i) for i in range(2)])
-    assert taught.reference == StressReference(load=1.5)
-    assert taught.fleet is not None
-    moving = taught.fleet.law[:, 0] > 0
-    assert taught.fleet.exponents[moving, 0, 0].mean() == pytest.approx(3.0, abs=0.7)
+def test_a_fleet_prior_has_the_exponents_and_the_reference_of_its_units() -> None:
+    prior = fleet_prior([flown(3.0, count=20, unit=f"F{i}", seed=i) for i in range(2)])
+    assert prior.reference == StressReference(load=1.5)
+    assert prior.fleet is not None
+    moving = prior.fleet.law[:, 0] > 0
+    assert prior.fleet.exponents[moving, 0, 0].mean() == pytest.approx(3.0, abs=0.7)
 
 
-def test_cycles_per_hour_follow_from_cycles_and_hours() -> None:
+def test_cycles_per_hour_follow_from_the_recorded_cycles_and_hours() -> None:
     flights = (
         Flight(100.0, 50, None, load=2.0),
         Flight(150.0, None, None, temperature=290.0),
@@ -151,13 +153,13 @@ def test_cycles_per_hour_follow_from_cycles_and_hours() -> None:
     pieces = stress_pieces(flights)
     assert pieces == (
         StressPiece(0.0, 100.0, Stress(2.0, None, 0.5)),
-        # 200 cycles in the 100 h since they were last stated, whatever flight was in between.
+        # 200 cycles in the 100 h since the last stated cycles; the flight in between states none.
         StressPiece(100.0, 150.0, Stress(None, 290.0, 2.0)),
         StressPiece(150.0, 200.0, Stress(None, None, 2.0)),
     )
 
 
-def test_what_is_far_from_what_was_recorded_is_said() -> None:
+def test_a_future_stress_far_from_the_recorded_values_is_noted() -> None:
     reference = StressReference(load=2.0, temperature=300.0)
     assert stress_notes(Stress(20.0, 350.0), reference) == []
     load, temperature = stress_notes(Stress(1e9, 400.0), reference)
@@ -167,6 +169,6 @@ def test_what_is_far_from_what_was_recorded_is_said() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"load": -1.0}, {"temperature": 0.0}, {"cycles_per_hour": math.nan}])
-def test_what_is_no_stress_is_refused(wrong: dict[str, float]) -> None:
+def test_invalid_stress_values_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(PrognosisError):
         Stress(**wrong)

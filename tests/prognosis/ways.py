@@ -1,7 +1,7 @@
-"""What the general prior foresees, by the way that a level goes: `python -m tests.prognosis.ways`.
+"""Forecasts of the general prior for different shapes of degradation: `python -m tests.prognosis.ways`.
 
-One component of one unit, without a fleet, goes from healthy to its limit in one of twelve ways. Some of them
-are no law of the filter: an onset of exponential wear, wear that saturates or slows down, steps.
+One component of one unit, without a fleet, degrades from healthy to its limit with one of twelve shapes. Some
+shapes are no law of the filter: an onset of exponential wear, wear that saturates or slows down, steps.
 """
 
 import argparse
@@ -27,7 +27,7 @@ PATHS = replace(FORECAST, paths=400, steps=80)
 FEWEST = 3
 """Diagnoses before the first forecast."""
 
-Way = Callable[[Array, np.random.Generator], Array]
+Shape = Callable[[Array, np.random.Generator], Array]
 
 
 def _exponential(t: Array, rate: float) -> Array:
@@ -35,7 +35,7 @@ def _exponential(t: Array, rate: float) -> Array:
 
 
 def _crack(t: Array, exponent: float, first: float) -> Array:
-    """Return x - x_0 where dx/dt ~ x^m, x_0 being `first`; it is infinite within finite time."""
+    """Return x - x_0 for dx/dt ~ x^m with x_0 = `first`; it becomes infinite in finite time."""
     e = 1 - exponent
     left = np.maximum(first**e + t * ((first + 1) ** e - first**e), 1e-9)
     return np.asarray(np.minimum(left ** (1 / e) - first, 5.0))
@@ -55,12 +55,12 @@ def _saturating(t: Array, rate: float) -> Array:
 
 
 def _logistic(t: Array, steepness: float, middle: float) -> Array:
-    """Return wear whose rate is largest at `middle` and falls from there on."""
+    """Return wear with its largest rate at `middle`."""
     start, level, end = (1 / (1 + np.exp(-steepness * (at - middle))) for at in (0.0, t, 1.0))
     return np.asarray((level - start) / (end - start))
 
 
-WAYS: dict[str, Way] = {
+SHAPES: dict[str, Shape] = {
     "linear": lambda t, _: t,
     "exponential": lambda t, r: _exponential(t, r.uniform(1, 4)),
     "power law": lambda t, r: t ** r.uniform(0.6, 2.5),
@@ -76,10 +76,10 @@ WAYS: dict[str, Way] = {
 }
 
 
-def unit(way: str, number: int) -> tuple[Evidence, float]:
-    """Return the diagnoses of a unit up to its failure, and its hours [h]."""
-    random = np.random.default_rng([11, number, list(WAYS).index(way)])
-    progress = WAYS[way](AGEING, random)
+def unit(shape: str, number: int) -> tuple[Evidence, float]:
+    """Return the diagnoses of a unit up to its failure, and the hours of the failure [h]."""
+    random = np.random.default_rng([11, number, list(SHAPES).index(shape)])
+    progress = SHAPES[shape](AGEING, random)
     life = float(np.exp(random.uniform(np.log(400), np.log(8000))))
     end = life * float(AGEING[np.argmax(progress >= 1)])
     error = float(np.exp(random.uniform(np.log(0.002), np.log(0.015))))
@@ -91,49 +91,49 @@ def unit(way: str, number: int) -> tuple[Evidence, float]:
         Observation(float(at), np.array([level]), covariance, seen)
         for at, level in zip(hours, levels, strict=True)
     )
-    return Evidence(f"{way} {number}", "synthetic", float(hours[-1]), observed, components=1), end
+    return Evidence(f"{shape} {number}", "synthetic", float(hours[-1]), observed, components=1), end
 
 
-def scores(way: str, number: int, prior: Prior) -> Array:
-    """Return of each share of life: probability of an earlier failure, median and CRPS over the true RUL."""
-    evidence, end = unit(way, number)
+def scores(shape: str, number: int, prior: Prior) -> Array:
+    """Return for each share of life: probability of an earlier failure, median and CRPS over the true RUL."""
+    evidence, end = unit(shape, number)
     past = follow(evidence, prior, seed=number).past
-    hours = [one.hours for one in past]
+    hours = [belief.hours for belief in past]
     rows = []
     for share in SHARES:
         belief = past[max(int(np.searchsorted(hours, share * end, "right")), FEWEST) - 1]
-        made = paths(drawn_states(belief, PATHS.paths), belief.prior, seed=number, settings=PATHS)
-        level, noise = made.level[:, :, 0], made.noise[:, :, 0]
-        sample = first_passage(made.hours, LIMIT - level, noise, stream(number, "first passage"))
+        forecast = paths(drawn_states(belief, PATHS.paths), belief.prior, seed=number, settings=PATHS)
+        level, noise = forecast.level[:, :, 0], forecast.noise[:, :, 0]
+        sample = first_passage(forecast.hours, LIMIT - level, noise, stream(number, "first passage"))
         true, longest = end - belief.hours, PATHS.longest_hours
         median = float(np.median(np.minimum(sample, longest)))
         rows.append((np.mean(sample < true), median / true, crps(sample, true, longest=longest) / true))
     return np.array(rows)
 
 
-def line(of: Array) -> str:
-    """Return what is printed of scores (n, 3): the five cells of a row."""
-    earlier, median, score = of.T
+def line(values: Array) -> str:
+    """Return the five cells of a table row for scores (n, 3)."""
+    earlier, median, score = values.T
     within = (earlier >= 0.05) & (earlier <= 0.95)
-    shares = " | ".join(f"{100 * np.mean(one):.0f} %" for one in (within, earlier < 0.05, median > 1.2))
+    shares = " | ".join(f"{100 * np.mean(share):.0f} %" for share in (within, earlier < 0.05, median > 1.2))
     return f"| {shares} | {np.median(median):.2f} | {np.mean(np.minimum(score, 5)):.2f} |"
 
 
 def main() -> None:
-    """Print two tables in Markdown: of all ways at each share of life; of each way at half of life."""
+    """Print a Markdown table: rows of all shapes at each share of life, and of each shape at half of life."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--units", type=int, default=20, help="of each way")
+    parser.add_argument("--units", type=int, default=20, help="of each shape")
     parser.add_argument("--first", type=int, default=0, help="number of the first unit")
-    asked = parser.parse_args()
-    numbers = range(asked.first, asked.first + asked.units)
-    found = {way: np.array([scores(way, number, Prior()) for number in numbers]) for way in WAYS}
+    arguments = parser.parse_args()
+    numbers = range(arguments.first, arguments.first + arguments.units)
+    by_shape = {shape: np.array([scores(shape, number, Prior()) for number in numbers]) for shape in SHAPES}
     header = "| | in the 90 % interval | failed before it | late by more than 20 % | median | CRPS |\n"
     header += "| --- | ---: | ---: | ---: | ---: | ---: |"
     print(header)
     for i, share in enumerate(SHARES):
-        print(f"| all, at {share:g} of life {line(np.concatenate([one[:, i] for one in found.values()]))}")
-    for way, of_way in found.items():
-        print(f"| {way}, at {SHARES[1]:g} {line(of_way[:, 1])}")
+        print(f"| all, at {share:g} of life {line(np.concatenate([row[:, i] for row in by_shape.values()]))}")
+    for shape, of_shape in by_shape.items():
+        print(f"| {shape}, at {SHARES[1]:g} {line(of_shape[:, 1])}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A server with a small fleet, in this process; skipped where its libraries are missing."""
+"""Fixtures of a server with a small fleet in this process; skipped if its libraries are missing."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +37,7 @@ def _unsynced() -> "Iterator[None]":
 
 @pytest.fixture(scope="session")
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a history of twelve units, which nobody may write to."""
+    """Return a history of twelve units, to which no test may write."""
     file = tmp_path_factory.mktemp("fleet") / "fleet.sqlite"
     fill(file, UNITS)
     return file
@@ -45,7 +45,7 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def fleet(filled: Path, tmp_path: Path) -> Path:
-    """Return a copy of it."""
+    """Return a copy of the history of twelve units, to which a test may write."""
     copied = tmp_path / "fleet.sqlite"
     copied.write_bytes(filled.read_bytes())
     return copied
@@ -53,34 +53,34 @@ def fleet(filled: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def state(fleet: Path) -> "Iterator[ServerState]":
-    """Yield what a server of the fleet without workers shares: uploads wait, prognoses stay as they are."""
-    with running(str(fleet), None, None, {"thesis": Actuator.thesis()}, WITHOUT_WORKERS) as made:
-        yield made
+    """Yield the state of a server without workers: uploads wait, and prognoses are not renewed."""
+    with running(str(fleet), None, None, {"thesis": Actuator.thesis()}, WITHOUT_WORKERS) as shared_state:
+        yield shared_state
 
 
 @pytest.fixture
 def client(state: "ServerState") -> "TestClient":
-    """Return a client of the server, without a network."""
+    """Return a client that calls the server without a network."""
     return client_of(state)
 
 
 @pytest.fixture(scope="module")
 def unchanged(filled: Path, tmp_path_factory: pytest.TempPathFactory) -> "Iterator[ServerState]":
-    """Yield what one server of the fleet shares for all tests of a module that change nothing."""
+    """Yield the state of one server for all tests of a module that change nothing."""
     copied = tmp_path_factory.mktemp("unchanged") / "fleet.sqlite"
     copied.write_bytes(filled.read_bytes())
-    with running(str(copied), None, None, {"thesis": Actuator.thesis()}, WITHOUT_WORKERS) as made:
-        yield made
+    with running(str(copied), None, None, {"thesis": Actuator.thesis()}, WITHOUT_WORKERS) as shared_state:
+        yield shared_state
 
 
 @pytest.fixture(scope="module")
 def reader(unchanged: "ServerState") -> "TestClient":
-    """Return a client of that server, for what only reads."""
+    """Return a client of that server, for tests that only read."""
     return client_of(unchanged)
 
 
 def client_of(state: "ServerState", *, only_loopback: bool = True) -> "TestClient":
-    """Return a client of a server."""
+    """Return a client of the server with this state."""
     from starlette.testclient import TestClient
 
     return TestClient(

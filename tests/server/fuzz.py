@@ -1,7 +1,7 @@
-"""`python -m tests.server.fuzz --requests 5000`: requests that the schema allows, and some that it does not.
+"""`python -m tests.server.fuzz --requests 5000`: random requests, valid and invalid according to the schema.
 
-Schemathesis draws them from /openapi.json; none may be answered by 500 or more, but for 503 where uploads
-wait. What is uploaded is rubbish.
+Schemathesis draws the requests from /openapi.json. No answer may have a status of 500 or above, except 503
+while uploads wait. The uploaded content is random.
 """
 
 import argparse
@@ -21,8 +21,10 @@ from .process import serving
 SERVER_ERROR, BUSY = 500, 503
 
 
-def asked(operation: Any, mode: Any, count: int, number: int, note: Callable[[str, int, str], None]) -> None:
-    """Send `count` requests of an operation, as they are drawn from its schema."""
+def send_requests(
+    operation: Any, mode: Any, count: int, number: int, note: Callable[[str, int, str], None]
+) -> None:
+    """Send `count` requests of an operation, drawn from its schema."""
     from hypothesis import HealthCheck, Phase, given, seed, settings
     from hypothesis.errors import Unsatisfiable
 
@@ -39,52 +41,52 @@ def asked(operation: Any, mode: Any, count: int, number: int, note: Callable[[st
         answer = case.call()
         note(operation.label, answer.status_code, f"{case.method} {case.path} {answer.text[:200]}")
 
-    with contextlib.suppress(Unsatisfiable):  # an operation without parameters cannot be asked wrongly
+    with contextlib.suppress(Unsatisfiable):  # an operation without parameters has no invalid requests
         ask()
 
 
 def main() -> int:
-    """Print how many requests each operation was sent, and what they were answered with."""
+    """Print the number of requests of each operation by the status of the answer."""
     parser = argparse.ArgumentParser(prog="python -m tests.server.fuzz", description=__doc__)
     parser.add_argument("--requests", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     logging.disable(logging.INFO)
     import schemathesis
     from schemathesis.generation import GenerationMode
 
     answers: Counter[tuple[str, int]] = Counter()
-    bad: list[str] = []
+    defects: list[str] = []
 
     def note(label: str, status: int, request: str) -> None:
         answers[label, status] += 1
         if status >= SERVER_ERROR and status != BUSY:
-            bad.append(f"{request} {status}")
+            defects.append(f"{request} {status}")
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "fleet.sqlite"
         fill(file, 20)
         with serving(file) as server:
             schema = schemathesis.openapi.from_url(f"http://{server.address}/openapi.json")
-            operations: list[Any] = [found.ok() for found in schema.get_all_operations()]  # type: ignore[union-attr]
+            operations: list[Any] = [result.ok() for result in schema.get_all_operations()]  # type: ignore[union-attr]
             modes = (GenerationMode.POSITIVE, GenerationMode.NEGATIVE)
-            each = -(-given.requests // (len(operations) * len(modes)))
+            per_mode = -(-arguments.requests // (len(operations) * len(modes)))
             rounds = 0
-            # Some operations have few requests that differ: the others are sent more.
-            while sum(answers.values()) < given.requests:
+            # Some operations have few different requests, so more of the other operations are sent.
+            while sum(answers.values()) < arguments.requests:
                 for operation in operations:
                     for mode in modes:
-                        asked(operation, mode, each, given.seed + rounds, note)
+                        send_requests(operation, mode, per_mode, arguments.seed + rounds, note)
                 rounds += 1
             alive = server.get("/")[0] == 200
     for name in sorted({name for name, _ in answers}):
-        statuses = {status: count for (one, status), count in sorted(answers.items()) if one == name}
+        statuses = {status: count for (label, status), count in sorted(answers.items()) if label == name}
         print(f"{name:40} {statuses}")
-    print(f"{sum(answers.values())} requests, {len(bad)} answered by a defect, server alive: {alive}")
-    for one in bad[:10]:
-        print(one)
-    return 1 if bad or not alive else 0
+    print(f"{sum(answers.values())} requests, {len(defects)} answered by a defect, server alive: {alive}")
+    for request in defects[:10]:
+        print(request)
+    return 1 if defects or not alive else 0
 
 
 if __name__ == "__main__":

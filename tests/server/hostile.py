@@ -1,8 +1,8 @@
-"""`python -m tests.server.hostile`: 200 uploads that mean harm, and what the server makes of them.
+"""`python -m tests.server.hostile`: 200 malicious uploads, and the answers of the server.
 
-Names that are paths, files of the wrong kind, bombs that unpack to gigabytes, forms that are cut, wrong or
-endless, two gigabytes declared. Nothing may be written outside of the server's folder, its memory must stay
-bounded, none may be diagnosed, and it must answer in the end.
+File names that are paths, files of a wrong type, bombs that unpack to gigabytes, truncated, invalid or
+endless forms, a declared length of two gigabytes. The server must not write outside of its folder, its
+memory must stay bounded, no upload may be diagnosed, and the server must still answer at the end.
 """
 
 import argparse
@@ -74,15 +74,15 @@ DECLARED = 2 * 2**30
 
 
 class Marker:
-    """What leaves a file behind when it is unpickled."""
+    """Object whose unpickling creates a file."""
 
     def __reduce__(self) -> tuple[Callable[..., object], tuple[str, str]]:
-        """Return the call that unpickling makes."""
+        """Return the call that is executed by unpickling."""
         return open, ("pwned", "w")
 
 
 def contents(dice: random.Random) -> Iterator[tuple[str, bytes]]:
-    """Yield names with what is in the files."""
+    """Yield file names with contents."""
     good = as_csv(flight(), 1)
     for name in NAMES:
         yield name, b"time_s,command_rad\n0,0\n"
@@ -102,7 +102,7 @@ def contents(dice: random.Random) -> Iterator[tuple[str, bytes]]:
 
 
 def bombs() -> dict[str, bytes]:
-    """Return small files that unpack to gigabytes, by their endings."""
+    """Return small files that unpack to gigabytes, keyed by file-name extension."""
     import h5py
 
     parquet, hdf = io.BytesIO(), io.BytesIO()
@@ -137,7 +137,7 @@ def _mat_bomb() -> bytes:
 
 
 def forms(dice: random.Random) -> Iterator[bytes]:
-    """Yield requests as they go over the wire."""
+    """Yield malformed requests as bytes on the wire."""
     kind, body = form("a.csv", b"time_s\n0\n", FIELDS)
     yield request(kind, body, DECLARED)
     yield request(kind, body, 10**30)
@@ -174,7 +174,7 @@ def forms(dice: random.Random) -> Iterator[bytes]:
 
 
 def request(kind: str, body: bytes, length: int | None = None) -> bytes:
-    """Return a request as it goes over the wire."""
+    """Return an upload request as bytes on the wire."""
     head = (
         "POST /api/v1/recordings HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n"
         f"Content-Type: {kind}\r\nContent-Length: {len(body) if length is None else length}\r\n\r\n"
@@ -183,9 +183,9 @@ def request(kind: str, body: bytes, length: int | None = None) -> bytes:
 
 
 def sent(server: Server, wire: bytes, *, cut: bool = False) -> int:
-    """Return the status of the answer, 0 where the connection is closed without one.
+    """Return the status of the answer, or 0 if the connection is closed without an answer.
 
-    `cut` closes the way to the server after what was sent, as a client that goes away.
+    With `cut`, the sending direction is closed after `wire`, as by a client that disconnects.
     """
     host, _, port = server.address.rpartition(":")
     with socket.create_connection((host, int(port)), timeout=20) as connection:
@@ -194,7 +194,7 @@ def sent(server: Server, wire: bytes, *, cut: bool = False) -> int:
             if cut:
                 connection.shutdown(socket.SHUT_WR)
         except OSError:
-            pass  # the answer is there before all is sent
+            pass  # the server may answer before everything is sent
         try:
             answer = connection.recv(20)
         except OSError:
@@ -203,7 +203,7 @@ def sent(server: Server, wire: bytes, *, cut: bool = False) -> int:
 
 
 def endless(server: Server) -> int:
-    """Send a body in chunks without an end; return the status that ends it."""
+    """Send an endless chunked body; return the status of the answer, or 0 without an answer."""
     host, _, port = server.address.rpartition(":")
     head = "POST /api/v1/recordings HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n"
     kind = "Content-Type: multipart/form-data; boundary=x\r\n\r\n"
@@ -224,18 +224,18 @@ def endless(server: Server) -> int:
 
 
 def outside(folder: Path) -> set[Path]:
-    """Return the files that are not the server's."""
+    """Return the files outside of the server's own folder."""
     own = folder / "fleet.sqlite.serve"
-    found = {path for path in folder.rglob("*") if own not in path.parents and path != own}
-    return found | set(Path(tempfile.gettempdir()).glob("pwned*")) | set(Path("/").glob("pwned*"))
+    foreign = {path for path in folder.rglob("*") if own not in path.parents and path != own}
+    return foreign | set(Path(tempfile.gettempdir()).glob("pwned*")) | set(Path("/").glob("pwned*"))
 
 
 def main() -> int:
-    """Print what the server answered, and what it took."""
+    """Print the server's answers, time and memory."""
     parser = argparse.ArgumentParser(prog="python -m tests.server.hostile", description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    dice = random.Random(given.seed)
+    arguments = parser.parse_args()
+    dice = random.Random(arguments.seed)
     memory, stop, answers, states = [], threading.Event(), Counter[int](), Counter[str]()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -248,7 +248,7 @@ def main() -> int:
                     memory.append(server.memory())
 
             server.get("/")
-            before, began = outside(folder), time.perf_counter()
+            before, start = outside(folder), time.perf_counter()
             watching = threading.Thread(target=watch)
             watching.start()
             wires = [request(*form(name, content, FIELDS)) for name, content in contents(dice)]
@@ -268,8 +268,8 @@ def main() -> int:
             after = {path for path in outside(folder) if not path.name.startswith("fleet.sqlite")}
             written = sorted(after - before)
             waiting = len(list((folder / "fleet.sqlite.serve" / "uploads").iterdir()))
-    took = time.perf_counter() - began
-    print(f"{sum(answers.values())} uploads in {took:.0f} s, answered by {dict(sorted(answers.items()))}")
+    elapsed = time.perf_counter() - start
+    print(f"{sum(answers.values())} uploads in {elapsed:.0f} s, answered by {dict(sorted(answers.items()))}")
     print(f"(0: the connection was closed), of the {len(jobs)} accepted ones: {dict(states)}")
     print(f"files written elsewhere: {[str(path) for path in written]}; uploads kept: {waiting}")
     print(f"memory of the server and its processes: {max(memory):.0f} MiB at most; alive: {alive}")

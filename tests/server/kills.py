@@ -1,7 +1,7 @@
-"""`python -m tests.server.kills --kills 10`: kills the server under uploads, and counts what is lost.
+"""`python -m tests.server.kills --kills 10`: kills the server during uploads, and counts lost recordings.
 
-Four uploaders send recordings; at a random moment the server is killed by SIGKILL and started again. In the
-end every upload that was accepted must be over, and its recording in the history, once.
+Four uploaders send recordings; at a random time the server is killed by SIGKILL and started again. At the
+end, every accepted upload must be done, and the history must contain its recording exactly once.
 """
 
 import argparse
@@ -22,22 +22,22 @@ from .process import Server, over, start
 UPLOADERS = 4
 
 LONGEST_S = 6.0
-"""Between a start and the kill."""
+"""Longest time between a start and the kill."""
 
 PAUSE_S = 5.0
-"""Of an uploader after an upload was accepted."""
+"""Pause of an uploader after an accepted upload."""
 
 
 def send(
     server: Server, accepted: dict[int, int], numbers: "list[int]", table: Any, stop: threading.Event
 ) -> None:
-    """Send recordings until the server is gone; note which were accepted."""
+    """Send recordings until the server is killed; note the accepted uploads."""
     while not stop.is_set():
         number = numbers.pop()
         fields = {"unit": f"UP-{number}", "hours": "10", "actuator": "thesis"}
         try:
             status, answer = server.send(f"{number}.csv", as_csv(table, number), fields)
-        except (OSError, ValueError):  # killed in the middle: nothing was promised
+        except (OSError, ValueError):  # killed during the request, so nothing was accepted
             return
         if status == 202:
             accepted[number] = answer["id"]
@@ -45,17 +45,17 @@ def send(
 
 
 def main() -> int:
-    """Print what was accepted and what is there."""
+    """Print the numbers of accepted uploads and of lost recordings."""
     parser = argparse.ArgumentParser(prog="python -m tests.server.kills", description=__doc__)
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    dice = random.Random(given.seed)
+    arguments = parser.parse_args()
+    dice = random.Random(arguments.seed)
     table, accepted, numbers = flight(), dict[int, int](), list(range(100_000, 0, -1))
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "fleet.sqlite"
         fill(file, 3)
-        for _ in range(given.kills):
+        for _ in range(arguments.kills):
             server, stop = start(file), threading.Event()
             threads = [
                 threading.Thread(target=send, args=(server, accepted, numbers, table, stop))
@@ -74,13 +74,13 @@ def main() -> int:
         server.process.wait(30)
         with History.open(file) as history:
             units = {unit.serial_number: len(unit.diagnoses()) for unit in history.units()}
-    lost = [number for number, found in states.items() if found["state"] != "done"]
+    not_done = [number for number, job in states.items() if job["state"] != "done"]
     absent = [number for number in accepted if units.get(f"UP-{number}") != 1]
-    print(f"{given.kills} kills, {len(accepted)} uploads accepted")
-    print(f"not done in the end: {len(lost)}; not in the history exactly once: {len(absent)}")
-    for number in lost[:5]:
+    print(f"{arguments.kills} kills, {len(accepted)} uploads accepted")
+    print(f"not done in the end: {len(not_done)}; not in the history exactly once: {len(absent)}")
+    for number in not_done[:5]:
         print(number, states[number])
-    return 1 if lost or absent or not accepted else 0
+    return 1 if not_done or absent or not accepted else 0
 
 
 if __name__ == "__main__":

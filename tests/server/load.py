@@ -1,8 +1,8 @@
-"""`python -m tests.server.load`: readers and uploads at once, and how long pages take.
+"""`python -m tests.server.load`: response times of pages under concurrent readers and uploads.
 
-A reader opens pages of a made-up fleet one after the other and looks at each for `--pause` seconds; an
-uploader sends a recording, waits until it is diagnosed, and sends the next. Readers, uploaders, server and
-workers share this machine.
+A reader opens pages of a synthetic fleet one after the other, with a pause of `--pause` seconds; an uploader
+sends a recording, waits until it is diagnosed, and sends the next. Readers, uploaders, server and workers
+share this machine.
 """
 
 import argparse
@@ -25,12 +25,12 @@ from .process import Server, over, serving
 SORTS = ("urgency", "unit", "part", "rul", "hours", "health", "last", "explained")
 
 ORDERS = (("desc", ""), ("asc", "SN-"), ("desc", "SN-"))
-"""And filters that leave all units: each gives a page of its own."""
+"""Orders, and filters that select all units: each combination gives a different page."""
 
 
 @dataclass
 class Times:
-    """Seconds that pages took, by kind, and answers that were no page."""
+    """Response times of pages [s] by kind, answers with an error, upload times [s] and memory."""
 
     seconds: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
     bad: list[tuple[str, int]] = field(default_factory=list)
@@ -39,7 +39,7 @@ class Times:
 
 
 def paths(units: int, each: int, dice: random.Random) -> dict[str, str]:
-    """Return a page of each kind."""
+    """Return the path of a random page of each kind."""
     return {
         "fleet": f"/?sort={dice.choice(SORTS)}&order={dice.choice(('asc', 'desc'))}",
         "fleet, filtered": f"/?search={dice.randrange(units):04d}&advice=fly+on",
@@ -51,14 +51,16 @@ def paths(units: int, each: int, dice: random.Random) -> dict[str, str]:
     }
 
 
-def read(server: Server, times: Times, stop: threading.Event, seed: int, given: argparse.Namespace) -> None:
-    """Read until `stop`."""
+def read(
+    server: Server, times: Times, stop: threading.Event, seed: int, arguments: argparse.Namespace
+) -> None:
+    """Open random pages until `stop`."""
     dice = random.Random(seed)
     connection = server.connection()
-    stop.wait(dice.random() * given.pause)
+    stop.wait(dice.random() * arguments.pause)
     while not stop.is_set():
-        kind, path = dice.choice(list(paths(given.units, given.each, dice).items()))
-        began = time.perf_counter()
+        kind, path = dice.choice(list(paths(arguments.units, arguments.each, dice).items()))
+        start = time.perf_counter()
         try:
             connection.request("GET", path)
             answer = connection.getresponse()
@@ -67,10 +69,10 @@ def read(server: Server, times: Times, stop: threading.Event, seed: int, given: 
         except OSError:
             connection.close()
             status = 0
-        times.seconds[kind].append(time.perf_counter() - began)
+        times.seconds[kind].append(time.perf_counter() - start)
         if status != 200:
             times.bad.append((path, status))
-        stop.wait(given.pause)
+        stop.wait(arguments.pause)
     connection.close()
 
 
@@ -80,54 +82,54 @@ def upload(server: Server, times: Times, stop: threading.Event, number: int) -> 
     while not stop.is_set():
         content = as_csv(table, 1000 * (number + 1) + sent)
         fields = {"unit": f"UP-{number}", "hours": str(10 * sent), "actuator": "thesis"}
-        began = time.perf_counter()
+        start = time.perf_counter()
         status, answer = server.send(f"{sent}.csv", content, fields)
         if status != 202:
             times.bad.append(("upload", status))
             stop.wait(1.0)
             continue
-        found = over(server, answer["id"])
-        if found["state"] != "done":
-            times.bad.append((f"upload: {found['message']}", 0))
-        times.uploads.append(time.perf_counter() - began)
+        job = over(server, answer["id"])
+        if job["state"] != "done":
+            times.bad.append((f"upload: {job['message']}", 0))
+        times.uploads.append(time.perf_counter() - start)
         sent += 1
 
 
 def watch(server: Server, times: Times, stop: threading.Event) -> None:
-    """Note the memory until `stop`."""
+    """Record the server's memory until `stop`."""
     while not stop.wait(2.0):
         times.memory_MiB.append(server.memory())
 
 
 def timed(server: Server, paths: Sequence[str]) -> tuple[float, float]:
-    """Return the median time of pages, and the mean processor time of the server for one [ms]."""
-    took, before = [], server.processor_seconds()
+    """Return the median response time of pages and the server's mean processor time per page [ms]."""
+    times_s, before = [], server.processor_seconds()
     for path in paths:
-        began = time.perf_counter()
+        start = time.perf_counter()
         server.get(path)
-        took.append(time.perf_counter() - began)
-    return 1e3 * statistics.median(took), 1e3 * (server.processor_seconds() - before) / len(paths)
+        times_s.append(time.perf_counter() - start)
+    return 1e3 * statistics.median(times_s), 1e3 * (server.processor_seconds() - before) / len(paths)
 
 
-def alone(server: Server) -> None:
-    """Print how long the page of the fleet takes: the first, others that are made, and one that is kept."""
+def print_unloaded_times(server: Server) -> None:
+    """Print the times of the fleet page without load: the first, newly rendered pages, and a cached page."""
     first, _ = timed(server, ["/"])
-    others = [f"/?sort={sort}&order={order}&search={search}" for sort in SORTS for order, search in ORDERS]
-    made, made_processor = timed(server, others)
-    kept, kept_processor = timed(server, others[-1:] * len(others))
+    queries = [f"/?sort={sort}&order={order}&search={search}" for sort in SORTS for order, search in ORDERS]
+    made, made_processor = timed(server, queries)
+    kept, kept_processor = timed(server, queries[-1:] * len(queries))
     print(f"first {first:.0f} ms; made {made:.0f} ms, of the processor {made_processor:.0f} ms; ", end="")
     print(f"kept {kept:.0f} ms, of the processor {kept_processor:.0f} ms")
 
 
 def line(name: str, seconds: list[float]) -> str:
-    """Return a line on times."""
+    """Return a table row of response times: count, median, 95th percentile and maximum [ms]."""
     ordered = sorted(seconds)
     p50, p95 = statistics.median(ordered), ordered[int(0.95 * (len(ordered) - 1))]
     return f"{name:17} {len(ordered):6} {1e3 * p50:8.0f} {1e3 * p95:8.0f} {1e3 * ordered[-1]:8.0f}"
 
 
 def main() -> int:
-    """Print a line for each kind of page."""
+    """Print a table row for each kind of page."""
     parser = argparse.ArgumentParser(prog="python -m tests.server.load", description=__doc__)
     parser.add_argument("--units", type=int, default=1000)
     parser.add_argument("--each", type=int, default=10, help="recordings of each unit")
@@ -135,37 +137,38 @@ def main() -> int:
     parser.add_argument("--uploaders", type=int, default=4)
     parser.add_argument("--seconds", type=float, default=300.0)
     parser.add_argument("--pause", type=float, default=1.0, help="that a reader looks at a page [s]")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     times, stop = Times(), threading.Event()
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "fleet.sqlite"
-        fill(file, given.units, given.each)
+        fill(file, arguments.units, arguments.each)
         with serving(file) as server:
-            print(f"page of the fleet of {given.units} units, nothing else going on:")
-            alone(server)
+            print(f"page of the fleet of {arguments.units} units, nothing else going on:")
+            print_unloaded_times(server)
             threads = [
-                threading.Thread(target=read, args=(server, times, stop, i, given))
-                for i in range(given.readers)
+                threading.Thread(target=read, args=(server, times, stop, i, arguments))
+                for i in range(arguments.readers)
             ]
             threads += [
-                threading.Thread(target=upload, args=(server, times, stop, i)) for i in range(given.uploaders)
+                threading.Thread(target=upload, args=(server, times, stop, i))
+                for i in range(arguments.uploaders)
             ]
             threads.append(threading.Thread(target=watch, args=(server, times, stop)))
             before = server.processor_seconds()
             for thread in threads:
                 thread.start()
-            time.sleep(given.seconds)
+            time.sleep(arguments.seconds)
             stop.set()
             for thread in threads:
                 thread.join()
-            took = server.processor_seconds() - before
-    print(f"{given.readers} readers, {given.uploaders} uploaders, {given.seconds:g} s:")
+            server_s = server.processor_seconds() - before
+    print(f"{arguments.readers} readers, {arguments.uploaders} uploaders, {arguments.seconds:g} s:")
     print(f"{'page':17} {'opened':>6} {'p50 ms':>8} {'p95 ms':>8} {'most ms':>8}")
     for name, seconds in times.seconds.items():
         print(line(name, seconds))
-    print(line("all pages", [one for each in times.seconds.values() for one in each]))
+    print(line("all pages", [page_s for of_kind in times.seconds.values() for page_s in of_kind]))
     count = sum(map(len, times.seconds.values()))
-    print(f"processor time of the server: {took:.1f} s, {1e3 * took / max(count, 1):.1f} ms a page")
+    print(f"processor time of the server: {server_s:.1f} s, {1e3 * server_s / max(count, 1):.1f} ms a page")
     print(f"load average of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     if times.uploads:
         print(f"uploads diagnosed: {len(times.uploads)}, median {statistics.median(times.uploads):.1f} s")

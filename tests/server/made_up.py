@@ -1,4 +1,4 @@
-"""A fleet that nobody flew: units whose friction rises, each at a rate of its own, with prognoses."""
+"""Synthetic fleet of units with prognoses; the friction of each unit rises at a different rate."""
 
 import json
 from pathlib import Path
@@ -37,7 +37,7 @@ UNEXPLAINED = ("the residual is three times as large as switching and noise allo
 
 
 def recording(number: int) -> Recording:
-    """Return 0.2 s at 1 kHz, which no other number gives."""
+    """Return a recording of 0.2 s at 1 kHz that is unique to its number."""
     time = np.arange(200) / 1e3
     swing = 2 * np.pi * 10.0 * time
     channels = {
@@ -49,7 +49,7 @@ def recording(number: int) -> Recording:
 
 
 def diagnosis(held: Recording, friction: float, *, explained: bool = True) -> Diagnosis:
-    """Return a diagnosis with that friction; all else is healthy."""
+    """Return a diagnosis with this friction; the other components are healthy."""
     components = {
         name: Estimate(
             float(value),
@@ -89,7 +89,7 @@ def diagnosis(held: Recording, friction: float, *, explained: bool = True) -> Di
 
 
 def document_and_curves() -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return one prognosis, which all units share but for the numbers that a page sorts by."""
+    """Return a prognosis for all units; `fill` changes only the numbers by which a page sorts."""
     observations = tuple(
         Observation(
             STEP_H * i,
@@ -100,16 +100,16 @@ def document_and_curves() -> tuple[dict[str, Any], dict[str, Any]]:
         for i in range(1, 9)
     )
     few = ForecastSettings(paths=100, steps=40)
-    made = prognose(Evidence("made up", "EMA-0", 8 * STEP_H, observations), THESIS, settings=few)
+    prognosis = prognose(Evidence("made up", "EMA-0", 8 * STEP_H, observations), THESIS, settings=few)
     earlier = (
         (300.0, 500.0, 1500.0, 4000.0, 9000.0, 15000.0),
         (350.0, 450.0, 1400.0, 3900.0, 8000.0, 12000.0),
     )
-    return made.to_dict(), Curves.of(made, earlier).to_dict()
+    return prognosis.to_dict(), Curves.of(prognosis, earlier).to_dict()
 
 
 def fill(file: str | Path, units: int, each: int = 3) -> None:
-    """Make a history of `units` with `each` recordings and a prognosis."""
+    """Create a history of `units` units with `each` recordings and a prognosis per unit."""
     document, curves = document_and_curves()
     with History.open(file, create=True) as history:
         for number in range(units):
@@ -117,11 +117,11 @@ def fill(file: str | Path, units: int, each: int = 3) -> None:
         last = each * STEP_H + 10.0
         history.add_removal("SN-0002", Removal(last, "suspected", "slow to respond"))
         history.add_finding("SN-0002", Finding(last, "backlash", "degraded", 0.3, replaced=True))
-        # Else the server has one to make.
+        # Without a current prognosis, the server would compute one.
         kept = history.prognoses()["SN-0002"]
-        again = KeptPrognosis.of(history.basis("SN-0002"), kept.document)
+        current = KeptPrognosis.of(history.basis("SN-0002"), kept.document)
         with history.writing() as connection:
-            keep_prognosis(connection, unit_row(connection, "SN-0002"), again, curves)
+            keep_prognosis(connection, unit_row(connection, "SN-0002"), current, curves)
         history.add_events(
             Event("alarm", "raised", "alarm", "friction is degraded", "friction", "SN-0001", 100.0)
         )
@@ -135,11 +135,11 @@ def _fill_unit(
     with history.database.writing() as connection:
         for i in range(each):
             held = recording(number * each + i)
-            made = diagnosis(held, 0.01 * (number % 40) * (i + 1) / each, explained=number % 11 != 5)
+            result = diagnosis(held, 0.01 * (number % 40) * (i + 1) / each, explained=number % 11 != 5)
             position = None if i else f"aileron {number % 4}"
             entry = Entry(name, f"EMA-{number % 3}", STEP_H * (i + 1), position=position)
-            settings = KeptSettings.of(made, digest)
-            add_diagnosis(connection, entry, held, made, recording_hash(held), settings, toml)
+            settings = KeptSettings.of(result, digest)
+            add_diagnosis(connection, entry, held, result, recording_hash(held), settings, toml)
         action, in_hours = ACTIONS[number % 5], float(13 * (number % 77))
         document["unit"], document["hours"] = name, hours
         document["advice"] |= {"action": action, "in_hours": in_hours, "at_hours": hours + in_hours}

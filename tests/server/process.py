@@ -1,4 +1,4 @@
-"""`emaphm serve` as a process of its own, as a user starts it, and what it takes of the machine."""
+"""`emaphm serve` in a separate process, as a user starts it, with its memory and processor time."""
 
 import contextlib
 import http.client
@@ -23,12 +23,12 @@ PATIENCE_S = 120.0
 
 @dataclass
 class Client:
-    """Who asks a server."""
+    """Client of a server at an address."""
 
     address: str
 
     def connection(self, timeout: float = 60.0) -> http.client.HTTPConnection:
-        """Return a connection to it."""
+        """Return a connection to the server."""
         return http.client.HTTPConnection(self.address, timeout=timeout)
 
     def get(self, path: str) -> tuple[int, bytes]:
@@ -39,7 +39,7 @@ class Client:
             return answer.status, answer.read()
 
     def json(self, path: str) -> Any:
-        """Return what the API gives."""
+        """Return the JSON document at a path of the API."""
         return json.loads(self.get(path)[1])
 
     def send(self, name: str, content: bytes, fields: Mapping[str, str]) -> tuple[int, Any]:
@@ -59,7 +59,7 @@ class Server(Client):
     process: "subprocess.Popen[str]"
 
     def kill(self) -> None:
-        """Kill it as a loss of power would."""
+        """Kill the server without a chance to finish, as a loss of power does."""
         self.process.send_signal(signal.SIGKILL)
         self.process.wait()
 
@@ -68,14 +68,14 @@ class Server(Client):
         return sum(map(_resident, family(self.process.pid))) / 1024
 
     def processor_seconds(self) -> float:
-        """Return the processor time of the server, without the processes that it has started [s]."""
+        """Return the processor time of the server without its child processes [s]."""
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @contextmanager
 def serving(file: Path, *options: str) -> Iterator[Server]:
-    """Yield a server of the history in `file`, ended with the block."""
+    """Yield a server of the history in `file`, which is ended with the block."""
     server = start(file, *options)
     try:
         yield server
@@ -93,7 +93,7 @@ def start(file: Path, *options: str) -> Server:
 
 
 def started(program: list[str], file: Path, *options: str) -> Server:
-    """Return a server of the history in `file`, begun in its folder by `program`, in a group of its own."""
+    """Return a server of the history in `file`, started by `program` there, in a new process group."""
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(
         [*program, "serve", "--db", str(file), "--port", "0", "--json", *options],
@@ -111,12 +111,12 @@ def started(program: list[str], file: Path, *options: str) -> Server:
 
 
 def address(line: str) -> str:
-    """Return where a server is that prints this when it answers."""
+    """Return the address of a server from the line that it prints when it is ready."""
     return str(urlsplit(json.loads(line)["url"]).netloc)
 
 
 def form(name: str, content: bytes, fields: Mapping[str, str]) -> tuple[str, bytes]:
-    """Return the type and the body of a form with a file."""
+    """Return the content type and the body of a form with a file."""
     boundary = uuid.uuid4().hex
     parts = [
         f'--{boundary}\r\nContent-Disposition: form-data; name="{key}"\r\n\r\n{value}\r\n'.encode()
@@ -129,29 +129,29 @@ def form(name: str, content: bytes, fields: Mapping[str, str]) -> tuple[str, byt
 
 
 def over(server: Client, job: int) -> dict[str, Any]:
-    """Return a job when nothing more will be done of it."""
+    """Wait until a job has ended, and return its JSON document."""
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
-        found: dict[str, Any] = server.json(f"/api/v1/jobs/{job}")
-        if found["state"] not in {"waiting", "running"}:
-            return found
+        document: dict[str, Any] = server.json(f"/api/v1/jobs/{job}")
+        if document["state"] not in {"waiting", "running"}:
+            return document
         time.sleep(0.1)
     raise SystemExit(f"upload {job} is not over after {PATIENCE_S:g} s")
 
 
 def family(process: int) -> list[int]:
-    """Return a process and those that it has started."""
+    """Return the ids of a process and of all its descendants."""
     parents: dict[int, list[int]] = {}
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             with contextlib.suppress(OSError):
                 fields = (entry / "stat").read_text().rpartition(")")[2].split()
                 parents.setdefault(int(fields[1]), []).append(int(entry.name))
-    found, new = [process], [process]
-    while new:
-        new = [child for parent in new for child in parents.get(parent, [])]
-        found += new
-    return found
+    processes, generation = [process], [process]
+    while generation:
+        generation = [child for parent in generation for child in parents.get(parent, [])]
+        processes += generation
+    return processes
 
 
 def _resident(process: int) -> int:

@@ -1,4 +1,4 @@
-"""A server on a real socket, in a thread of this process."""
+"""A server on a network socket, in a thread of this process."""
 
 import socket
 import threading

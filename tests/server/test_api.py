@@ -1,4 +1,4 @@
-"""The API gives what the pages show, and refuses what is wrong by 4xx."""
+"""The API against the history; invalid requests are refused with a 4xx status."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -14,60 +14,63 @@ if TYPE_CHECKING:
 API = "/api/v1"
 
 
-def test_units_are_the_history_s(reader: "TestClient", unchanged: "ServerState") -> None:
+def test_listed_units_agree_with_the_history(reader: "TestClient", unchanged: "ServerState") -> None:
     answer = reader.get(f"{API}/units?sort=unit").json()
     with History.open(unchanged.history.database.address.shown) as history:
-        known = {one.serial_number: one for one in history.states()}
-    assert [one["unit"] for one in answer["units"]] == sorted(known)
-    for one in answer["units"]:
-        there = known[one["unit"]]
-        assert (one["hours"], one["recordings"], one["explained"]) == (
-            there.hours,
-            there.recordings,
-            there.explained,
+        states = {state.serial_number: state for state in history.states()}
+    assert [unit["unit"] for unit in answer["units"]] == sorted(states)
+    for unit in answer["units"]:
+        state = states[unit["unit"]]
+        assert (unit["hours"], unit["recordings"], unit["explained"]) == (
+            state.hours,
+            state.recordings,
+            state.explained,
         )
-        assert one["current"]
+        assert unit["current"]
 
 
-def test_one_unit_one_diagnosis_one_prognosis(reader: "TestClient", unchanged: "ServerState") -> None:
+def test_a_unit_its_diagnosis_and_its_prognosis_agree_with_the_history(
+    reader: "TestClient", unchanged: "ServerState"
+) -> None:
     unit = reader.get(f"{API}/units/3").json()
     assert unit["unit"]["unit"] == "SN-0002"
     assert unit["removals"][0]["reason"] == "suspected"
     [*_, last] = reader.get(f"{API}/diagnoses?unit_id=3").json()["diagnoses"]
-    one = reader.get(f"{API}/diagnoses/{last['id']}").json()
+    diagnosis = reader.get(f"{API}/diagnoses/{last['id']}").json()
     kept = unchanged.history.unit("SN-0002").diagnoses()[0]
-    assert one["data_manipulation"]["recording_hash"] == kept.recording_hash == last["recording_hash"]
-    assert one["health_assessment"]["k"] == kept.vector.tolist()
+    assert diagnosis["data_manipulation"]["recording_hash"] == kept.recording_hash == last["recording_hash"]
+    assert diagnosis["health_assessment"]["k"] == kept.vector.tolist()
     prognosis = reader.get(f"{API}/units/3/prognosis").json()
     assert prognosis["advice"] == unchanged.history.prognoses()["SN-0002"].document["advice"]
     assert reader.get(f"{API}/prognoses").json()["SN-0002"] == prognosis
     assert reader.get(f"{API}/units/3/curves").json()["unit"] == "made up"
 
 
-def test_the_entries_of_a_unit_are_those_of_one_moment(
+def test_the_entries_of_a_unit_are_read_in_one_transaction(
     client: "TestClient", state: "ServerState", monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = client.get(f"{API}/units/3").json()
     removals = reading.removals
 
-    def meanwhile(*given: Any) -> Any:
-        found = removals(*given)
+    def meanwhile(*arguments: Any) -> Any:
+        entries = removals(*arguments)
         state.history.add_finding("SN-0002", Finding(160.0, "gain", "failed", replaced=True))
-        return found
+        return entries
 
     monkeypatch.setattr(reading, "removals", meanwhile)
-    then = client.get(f"{API}/units/3").json()
-    assert (then["findings"], then["lives"]) == (before["findings"], before["lives"])
+    during = client.get(f"{API}/units/3").json()
+    assert (during["findings"], during["lives"]) == (before["findings"], before["lives"])
     monkeypatch.undo()
     assert len(client.get(f"{API}/units/3").json()["findings"]) == len(before["findings"]) + 1
 
 
-def test_pages_of_diagnoses_follow_each_other(reader: "TestClient") -> None:
+def test_consecutive_pages_of_diagnoses_are_complete(reader: "TestClient") -> None:
     first = reader.get(f"{API}/recordings?limit=5").json()["diagnoses"]
-    then = reader.get(f"{API}/recordings?limit=5&before={first[-1]['id']}").json()["diagnoses"]
-    assert [one["id"] for one in first + then] == list(range(36, 26, -1))
+    second = reader.get(f"{API}/recordings?limit=5&before={first[-1]['id']}").json()["diagnoses"]
+    assert [listed["id"] for listed in first + second] == list(range(36, 26, -1))
     assert all(
-        not one["explained"] for one in reader.get(f"{API}/recordings?explained=false").json()["diagnoses"]
+        not listed["explained"]
+        for listed in reader.get(f"{API}/recordings?explained=false").json()["diagnoses"]
     )
     totals = {
         "limit=5": 36,
@@ -79,30 +82,30 @@ def test_pages_of_diagnoses_follow_each_other(reader: "TestClient") -> None:
         assert reader.get(f"{API}/recordings?{query}").json()["total"] == total
 
 
-def test_recordings_that_are_not_explained_go_on_with_the_lowest_number(reader: "TestClient") -> None:
+def test_pages_of_unexplained_recordings_continue_below_the_lowest_number(reader: "TestClient") -> None:
     first = reader.get(f"{API}/data-health?limit=2").json()
-    then = reader.get(f"{API}/data-health?limit=2&before={first['recordings'][-1]['id']}").json()
-    assert [one["id"] for one in first["recordings"] + then["recordings"]] == [18, 17, 16]
-    assert first["total"] == then["total"] == 3
+    second = reader.get(f"{API}/data-health?limit=2&before={first['recordings'][-1]['id']}").json()
+    assert [listed["id"] for listed in first["recordings"] + second["recordings"]] == [18, 17, 16]
+    assert first["total"] == second["total"] == 3
 
 
-def test_events(reader: "TestClient") -> None:
+def test_events_are_selected_by_unit_and_kind(reader: "TestClient") -> None:
     [event] = reader.get(f"{API}/events?unit_id=2").json()["events"]
     assert (event["event"], event["unit"]) == ("alarm", "SN-0001")
     assert reader.get(f"{API}/events?kind=sensor_fault").json() == {"events": [], "total": 0}
 
 
-def test_pages_of_events_follow_each_other(client: "TestClient", state: "ServerState") -> None:
+def test_consecutive_pages_of_events_are_complete(client: "TestClient", state: "ServerState") -> None:
     state.history.add_events(
         *(Event("refused", "raised", "warning", f"file {n}", f"{n}.csv") for n in range(5))
     )
     first = client.get(f"{API}/events?kind=refused&limit=2").json()
-    then = client.get(f"{API}/events?kind=refused&limit=9&before={first['events'][-1]['number']}").json()
-    assert [one["message"][-1] for one in first["events"] + then["events"]] == list("43210")
-    assert first["total"] == then["total"] == 5
+    second = client.get(f"{API}/events?kind=refused&limit=9&before={first['events'][-1]['number']}").json()
+    assert [listed["message"][-1] for listed in first["events"] + second["events"]] == list("43210")
+    assert first["total"] == second["total"] == 5
     assert client.get(f"{API}/events").json()["total"] == 6
     still_open = client.get(f"{API}/events?only_open=true&limit=1").json()
-    assert ([one["event"] for one in still_open["events"]], still_open["total"]) == (["alarm"], 1)
+    assert ([listed["event"] for listed in still_open["events"]], still_open["total"]) == (["alarm"], 1)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +124,7 @@ def test_pages_of_events_follow_each_other(client: "TestClient", state: "ServerS
         ("/jobs/1", 404),
     ],
 )
-def test_what_is_wrong_is_refused(reader: "TestClient", path: str, status: int) -> None:
+def test_invalid_paths_and_values_are_refused(reader: "TestClient", path: str, status: int) -> None:
     answer = reader.get(API + path)
     assert answer.status_code == status
     assert answer.json()["detail"]
@@ -149,7 +152,7 @@ def test_what_is_wrong_is_refused(reader: "TestClient", path: str, status: int) 
         ("/api/v1/events?kind=alarms", ["unknown value 'alarms' (did you mean 'alarm'?)"]),
     ],
 )
-def test_a_query_that_would_select_nothing_is_refused(
+def test_queries_with_unknown_names_or_values_are_refused(
     reader: "TestClient", path: str, reasons: list[str]
 ) -> None:
     answer = reader.get(path)
@@ -157,27 +160,29 @@ def test_a_query_that_would_select_nothing_is_refused(
     assert all(reason in answer.text for reason in reasons)
 
 
-def test_an_address_of_nothing_says_where_all_stand(reader: "TestClient") -> None:
+def test_the_message_on_an_unknown_address_names_the_schema(reader: "TestClient") -> None:
     answer = reader.get(f"{API}/unit/3")
     assert answer.status_code == 404
     assert "/openapi.json" in answer.json()["detail"]
 
 
-def test_what_is_sent_stands_in_the_form_alone(reader: "TestClient") -> None:
+def test_fields_of_an_upload_in_the_query_are_refused(reader: "TestClient") -> None:
     answer = reader.post(f"{API}/recordings?late=true", data={"unit": "SN-0001", "hours": "900"})
     assert answer.status_code == 422
     assert answer.json()["detail"][0]["loc"] == ["query", "late"]
 
 
-def test_the_schema_names_every_way_in(reader: "TestClient") -> None:
+def test_the_schema_contains_the_api_and_the_upload_form(reader: "TestClient") -> None:
     paths = reader.get("/openapi.json").json()["paths"]
     assert all(path.startswith(API) for path in paths)
     assert "multipart/form-data" in paths[f"{API}/recordings"]["post"]["requestBody"]["content"]
 
 
 @pytest.mark.parametrize("path", ["/api/v1/units", "/", "/static/style.css", "/api/v1/units/999"])
-def test_the_head_alone_is_that_of_the_whole(reader: "TestClient", path: str) -> None:
-    whole, head = reader.get(path), reader.head(path)
-    assert head.status_code == whole.status_code
-    assert head.headers == whole.headers
+def test_a_head_request_has_the_status_and_headers_of_the_get_request(
+    reader: "TestClient", path: str
+) -> None:
+    answer, head = reader.get(path), reader.head(path)
+    assert head.status_code == answer.status_code
+    assert head.headers == answer.headers
     assert head.content == b""

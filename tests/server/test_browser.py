@@ -1,4 +1,4 @@
-"""The pages in headless Chromium, with and without JavaScript: no request elsewhere, a quiet console."""
+"""The pages in headless Chromium, with and without JavaScript; no external request, an empty console."""
 
 import shutil
 from collections.abc import Iterator
@@ -54,7 +54,7 @@ CONTRAST = """() => {
   }
   return poor;
 }"""
-"""Texts whose contrast is below 4.5, what WCAG 2.2 asks for (AA, 1.4.3)."""
+"""Script that returns texts with a contrast below 4.5, the minimum of WCAG 2.2 (AA, 1.4.3)."""
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def browser() -> "Iterator[Browser]":
 
 @pytest.fixture(scope="module")
 def address(filled: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Yield the address of a server that all tests here share."""
+    """Yield the address of a server for all tests of this module."""
     file = tmp_path_factory.mktemp("served") / "fleet.sqlite"
     file.write_bytes(filled.read_bytes())
     with pytest.MonkeyPatch.context() as patched:
@@ -80,7 +80,7 @@ def address(filled: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 
 def _quick_work(*arguments: Any) -> None:
-    """Work as a process of the server does; a diagnosis without corrections takes a tenth of the time."""
+    """Run a worker of the server; its diagnoses have no corrections, which takes a tenth of the time."""
     import emaphm.diagnosis
 
     quick = partial(emaphm.diagnosis.diagnose, max_corrections=0, nuisances=())
@@ -90,8 +90,8 @@ def _quick_work(*arguments: Any) -> None:
 
 @pytest.fixture
 def opened(browser: "Browser") -> Iterator[Any]:
-    """Yield a function that opens a page; it asks for nothing elsewhere, and the console stays empty."""
-    seen: list[str] = []
+    """Yield a function that opens a page; check afterwards for external requests and console messages."""
+    messages: list[str] = []
     contexts = []
 
     def open_page(*, scripts: bool = True, viewport: Any = WIDE) -> "Page":
@@ -99,14 +99,14 @@ def opened(browser: "Browser") -> Iterator[Any]:
         context.set_default_timeout(PATIENCE_MS)
         contexts.append(context)
         page = context.new_page()
-        page.on("console", lambda message: seen.append(f"console: {message.text}"))
-        page.on("pageerror", lambda error: seen.append(f"error: {error}"))
+        page.on("console", lambda message: messages.append(f"console: {message.text}"))
+        page.on("pageerror", lambda error: messages.append(f"error: {error}"))
         page.on(
             "request",
             lambda request: (
                 None
                 if request.url.startswith("http://127.0.0.1:")
-                else seen.append(f"request: {request.url}")
+                else messages.append(f"request: {request.url}")
             ),
         )
         return page
@@ -114,11 +114,11 @@ def opened(browser: "Browser") -> Iterator[Any]:
     yield open_page
     for context in contexts:
         context.close()
-    assert seen == []
+    assert messages == []
 
 
 @pytest.mark.parametrize("scripts", [True, False])
-def test_the_fleet_sorts_and_filters(opened: Any, address: str, scripts: bool) -> None:
+def test_the_fleet_can_be_sorted_and_filtered(opened: Any, address: str, scripts: bool) -> None:
     page = opened(scripts=scripts)
     page.goto(address)
     assert page.locator(ROWS).first.inner_text() == "SN-0004"
@@ -134,7 +134,7 @@ def test_the_fleet_sorts_and_filters(opened: Any, address: str, scripts: bool) -
     assert page.locator("h1").inner_text() == "SN-0003 at 150\u00a0h"
 
 
-def test_plots_draw_and_zoom(opened: Any, address: str) -> None:
+def test_plots_are_drawn_and_can_be_zoomed(opened: Any, address: str) -> None:
     page = opened()
     page.goto(f"{address}/units/2")
     page.wait_for_selector("[data-plot=health] .main-svg")
@@ -154,12 +154,12 @@ def test_plots_draw_and_zoom(opened: Any, address: str) -> None:
 
 
 def shown_hours(page: "Page") -> float:
-    """Return how many hours the plot of the risk of failure shows."""
+    """Return the range of hours that the plot of the risk of failure shows."""
     first, last = page.evaluate("document.querySelector('[data-plot=life] .zoom').layout.xaxis.range")
     return float(last - first)
 
 
-def test_without_scripts_the_drawn_figures_are_there(opened: Any, address: str) -> None:
+def test_without_scripts_pages_show_figures_as_svg(opened: Any, address: str) -> None:
     page = opened(scripts=False)
     answers = []
     page.on("response", lambda answer: answers.append((answer.status, answer.url)))
@@ -172,17 +172,17 @@ def test_without_scripts_the_drawn_figures_are_there(opened: Any, address: str) 
     assert {status for status, _ in answers} == {200}
 
 
-def test_figures_can_be_read_on_a_phone_without_scripts(opened: Any, address: str) -> None:
+def test_figures_without_scripts_are_tall_enough_on_a_phone(opened: Any, address: str) -> None:
     page = opened(scripts=False, viewport=NARROW)
     page.goto(f"{address}/units/2")
     image = page.locator("figure[data-plot=health] img")
     image.scroll_into_view_if_needed()
     page.wait_for_load_state("networkidle")
     box = image.bounding_box()
-    assert box["height"] > 2 * box["width"]  # the components stand one below the other
+    assert box["height"] > 2 * box["width"]  # the components are arranged in one column
 
 
-def test_text_can_be_read_on_wide_and_narrow_screens(opened: Any, address: str) -> None:
+def test_text_has_enough_contrast_and_fits_wide_and_narrow_screens(opened: Any, address: str) -> None:
     page = opened()
     for viewport in (WIDE, NARROW):
         page.set_viewport_size(viewport)
@@ -195,18 +195,20 @@ def test_text_can_be_read_on_wide_and_narrow_screens(opened: Any, address: str) 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a recording of a worn actuator."""
-    # By the model that switches, as a drive does: what the averaged one records is searched again and again.
+    # The switching model, as in a drive: a recording of the averaged model needs repeated searches.
     recorded = simulate(
         Actuator.thesis(), Chirp(duration=0.2), faults=Faults(friction=0.3), duration=0.2, noise=0.05
     )
     file = tmp_path_factory.mktemp("flight") / "flight.csv"
-    # Of fewer channels, a diagnosis takes half the time.
+    # With fewer channels, a diagnosis takes half the time.
     kept = Recording({name: recorded[name] for name in ("time_s", "command_rad", "current_A")})
     write_recording(kept, file)
     return file
 
 
-def test_uploads_good_and_broken(opened: Any, address: str, flight: Path, tmp_path: Path) -> None:
+def test_a_valid_and_a_broken_recording_can_be_uploaded(
+    opened: Any, address: str, flight: Path, tmp_path: Path
+) -> None:
     page = opened(scripts=False)
     upload(page, address, flight, "SN-0003")
     page.wait_for_selector(
@@ -228,7 +230,7 @@ def test_uploads_good_and_broken(opened: Any, address: str, flight: Path, tmp_pa
 
 
 def upload(page: "Page", address: str, file: Path, unit: str) -> None:
-    """Send a recording by the form."""
+    """Upload a recording with the form."""
     page.goto(f"{address}/upload?unit={unit}")
     page.get_by_label("Recording", exact=True).set_input_files(file)
     page.get_by_label("Flight hours").fill("400")
@@ -238,7 +240,7 @@ def upload(page: "Page", address: str, file: Path, unit: str) -> None:
 
 @pytest.fixture(scope="module")
 def guarded(filled: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str]]:
-    """Yield the address of a server that asks for a token, and the token."""
+    """Yield the address of a server that requires a token, and the token."""
     folder = tmp_path_factory.mktemp("guarded")
     file = folder / "fleet.sqlite"
     file.write_bytes(filled.read_bytes())
@@ -247,7 +249,7 @@ def guarded(filled: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield url, token
 
 
-def test_a_token_is_asked_for(opened: Any, guarded: tuple[str, str]) -> None:
+def test_a_browser_logs_in_with_a_token_and_logs_out(opened: Any, guarded: tuple[str, str]) -> None:
     url, token = guarded
     page = opened()
     page.goto(url)
@@ -258,10 +260,10 @@ def test_a_token_is_asked_for(opened: Any, guarded: tuple[str, str]) -> None:
     page.get_by_role("button", name="Log out").click()
     page.goto(f"{url}/units/2")
     assert page.url.endswith("/login")
-    page.close()  # before the server ends: else the icon may be asked for in vain
+    page.close()  # before the server ends, else a request for the icon may fail
 
 
-def test_a_wrong_token_is_refused(browser: "Browser", guarded: tuple[str, str]) -> None:
+def test_a_browser_with_a_wrong_token_is_refused(browser: "Browser", guarded: tuple[str, str]) -> None:
     url, _ = guarded
     page = browser.new_page()
     page.goto(url)

@@ -1,4 +1,4 @@
-"""Connections: a silent or slow one is closed, one that has asked is kept."""
+"""Connections are closed if the client is silent or slow, and kept after a request."""
 
 import asyncio
 import socket
@@ -17,7 +17,7 @@ ANSWER_S = 2 * HEAD_S
 
 
 async def app(scope: Any, _: Any, send: Any) -> None:
-    """Answer everything with nothing, and what is called slow slowly."""
+    """Answer each request with an empty body, and the path /slow after a delay."""
     if scope["path"] == "/slow":
         await asyncio.sleep(ANSWER_S)
     await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"0")]})
@@ -40,24 +40,24 @@ def address(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[str, int]]:
 
 
 @pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\nHost: a\r\n"], ids=["nothing", "half a head"])
-def test_one_that_asks_nothing_is_closed(address: tuple[str, int], sent: bytes) -> None:
+def test_a_connection_without_a_complete_request_is_closed(address: tuple[str, int], sent: bytes) -> None:
     with socket.create_connection(address, timeout=30) as silent:
         silent.sendall(sent)
         assert silent.recv(1) == b""
 
 
-def asked(connection: socket.socket, method: str = "GET", fields: str = "", path: str = "/") -> None:
-    """Send a request, and take the answer."""
+def request(connection: socket.socket, method: str = "GET", fields: str = "", path: str = "/") -> None:
+    """Send a request, and read the answer."""
     connection.sendall(f"{method} {path} HTTP/1.1\r\nHost: a\r\n{fields}\r\n".encode())
     assert connection.recv(12) == b"HTTP/1.1 200"
     while b"\r\n\r\n" not in connection.recv(4096):
         pass
 
 
-def test_one_that_has_asked_is_kept_however_long_the_answer_takes(address: tuple[str, int]) -> None:
+def test_a_connection_is_kept_during_and_after_a_slow_answer(address: tuple[str, int]) -> None:
     with socket.create_connection(address, timeout=30) as asking:
         for _ in range(2):
-            asked(asking, path="/slow")
+            request(asking, path="/slow")
 
 
 @pytest.mark.parametrize(
@@ -65,10 +65,10 @@ def test_one_that_has_asked_is_kept_however_long_the_answer_takes(address: tuple
     [("GET", "", b"GET / HTTP/1.1\r\nHost: a"), ("POST", "Content-Length: 100\r\n", b"x")],
     ids=["half a head", "a body that was not read"],
 )
-def test_one_that_goes_on_with_a_part_is_closed(
+def test_a_kept_connection_with_an_incomplete_request_is_closed(
     address: tuple[str, int], method: str, fields: str, sent: bytes
 ) -> None:
     with socket.create_connection(address, timeout=30) as slow:
-        asked(slow, method, fields)
+        request(slow, method, fields)
         slow.sendall(sent)
         assert slow.recv(1) == b""

@@ -1,4 +1,4 @@
-"""A server that is asked to end while a job is long or hangs: it ends, and the job waits for the next one."""
+"""A server that is to end during a long or hanging job ends, and the job waits for the next server."""
 
 import io
 import os
@@ -39,7 +39,7 @@ else:  # a process of the server, which reads this file
 
 
 @pytest.mark.usefixtures("warm_workers")
-def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(
+def test_a_server_ends_within_seconds_and_the_next_one_does_its_job(
     fleet: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (fleet.parent / "hanging.py").write_text(HANGING)
@@ -48,17 +48,17 @@ def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(
     status, answer = server.send("a.csv", recording, {"unit": "N", "hours": "1", "actuator": "thesis"})
     assert status == 202
     wait_for((fleet.parent / "begun").exists)
-    every = family(server.process.pid)
-    assert len(every) > 1
-    began = time.monotonic()
-    os.killpg(server.process.pid, signal.SIGTERM)  # to its processes too, as of systemd
+    processes = family(server.process.pid)
+    assert len(processes) > 1
+    start = time.monotonic()
+    os.killpg(server.process.pid, signal.SIGTERM)  # to all its processes, as systemd does
     assert server.process.wait(60) == 0
-    assert time.monotonic() - began < 10.0  # of 600
+    assert time.monotonic() - start < 10.0  # of 600
     assert server.process.stdout is not None
     server.process.stdout.close()
-    wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in every[1:]))
+    wait_for(lambda: not any(Path(f"/proc/{process}").exists() for process in processes[1:]))
     with closing(Queue(fleet.with_name(f"{fleet.name}.serve") / "queue.sqlite")) as queue:
-        assert [(one.state, one.kills) for one in queue.jobs(9)] == [(WAITING, 0)]
+        assert [(job.state, job.kills) for job in queue.jobs(9)] == [(WAITING, 0)]
 
     monkeypatch.setattr("emaphm.server.work.pool.work", _quick_work)
     code, job = _served_here(fleet, monkeypatch, lambda client: over(client, answer["id"]))
@@ -66,7 +66,7 @@ def test_it_ends_within_seconds_and_its_job_is_done_by_the_next(
 
 
 def _quick_work(*arguments: Any) -> None:
-    """Work as a process of the server does, with a stand-in for the diagnosis."""
+    """Run a worker of the server with a stand-in for the diagnosis."""
     import emaphm.diagnosis
 
     def diagnosed(recording: Any, actuator: Any, *, seed: int, **_: object) -> object:
@@ -80,16 +80,16 @@ def _quick_work(*arguments: Any) -> None:
 def _served_here(
     fleet: Path, monkeypatch: pytest.MonkeyPatch, ask: Callable[[Client], Any]
 ) -> tuple[int, Any]:
-    """Serve by the command in this process, interrupted once `ask` is answered; return the exit code too."""
-    said, answers = io.StringIO(), list[Any]()
+    """Run `emaphm serve` in this process until `ask` has returned; return the exit code and its answer."""
+    output, answers = io.StringIO(), list[Any]()
 
     def asking() -> None:
-        answers.append(ask(Client(address(said.getvalue()))))
+        answers.append(ask(Client(address(output.getvalue()))))
 
     with (
         monkeypatch.context() as patched,
-        signal_once(signal.SIGINT, lambda: "\n" in said.getvalue(), asking),
+        signal_once(signal.SIGINT, lambda: "\n" in output.getvalue(), asking),
     ):
-        patched.setattr(sys, "stdout", said)
+        patched.setattr(sys, "stdout", output)
         code = main(["serve", "--db", str(fleet), "--port", "0", "--json", "--workers", "1"])
     return code, answers[0]

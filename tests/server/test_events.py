@@ -1,4 +1,4 @@
-"""What an upload makes known is an event, as `emaphm watch` makes it."""
+"""Events of uploads and of the server's prognoses, against those of `emaphm watch`."""
 
 import time
 from collections.abc import Iterable
@@ -37,13 +37,13 @@ if TYPE_CHECKING:
 THESIS = Actuator.thesis()
 
 NUMBERS = range(22, 28)
-"""Of recordings: three with a fault, then three healthy ones."""
+"""Numbers of the recordings: three with a fault, then three healthy ones."""
 
 SEED = 2
-"""Of the server and of the watcher, other than when it is left out."""
+"""Seed of the server and of the watcher, different from the default."""
 
 WRITTEN = replace(stand_in.QUICK, folder=replace(stand_in.QUICK.folder, poll_s=0.05, settle_s=0.0))
-"""Where all files are whole before the watching begins."""
+"""Settings for files that are complete before the watcher starts."""
 
 
 @pytest.fixture
@@ -85,28 +85,32 @@ def uploaded(folder: Path, where: Path, numbers: Iterable[int] = NUMBERS) -> lis
 
 
 def known(events: tuple[Event, ...]) -> list[tuple[object, ...]]:
-    return [(one.kind, one.state, one.severity, one.subject, one.recording_hash) for one in events]
+    return [
+        (event.kind, event.state, event.severity, event.subject, event.recording_hash) for event in events
+    ]
 
 
-def test_uploads_make_the_events_that_watching_makes(arrived: Path, tmp_path: Path) -> None:
+def test_uploads_give_the_same_events_as_watching(arrived: Path, tmp_path: Path) -> None:
     where = tmp_path / "uploads.sqlite"
     outcomes = uploaded(arrived, where)
-    assert {one.state for one in outcomes} == {DONE}
+    assert {outcome.state for outcome in outcomes} == {DONE}
     with History.open(where) as history:
         events = history.events()
-        assert {one.document["seed"] for one in history.unit("U01").diagnoses()} == {SEED}
+        assert {kept.document["seed"] for kept in history.unit("U01").diagnoses()} == {SEED}
     assert known(events) == known(watched(arrived, tmp_path / "watched.sqlite"))
-    assert {one.kind for one in events} == {"health_changed", "alarm"}
-    assert {one.watcher for one in events} == {SERVER}
-    said = [message for one in outcomes for message in one.result["events"]]
-    assert said == [one.message for one in events]
+    assert {event.kind for event in events} == {"health_changed", "alarm"}
+    assert {event.watcher for event in events} == {SERVER}
+    messages = [message for outcome in outcomes for message in outcome.result["events"]]
+    assert messages == [event.message for event in events]
 
-    again = uploaded(arrived, where, NUMBERS[::3])  # a job that was killed after its recording was added
-    assert {one.message for one in again} == {"is in the history already"}
-    assert len(watched(arrived, where)) == len(events)  # nor does a watcher say it a second time
+    again = uploaded(
+        arrived, where, NUMBERS[::3]
+    )  # as jobs that were killed after their recordings were added
+    assert {outcome.message for outcome in again} == {"is in the history already"}
+    assert len(watched(arrived, where)) == len(events)  # a watcher does not repeat the events either
 
 
-def test_a_refusal_names_the_fields_of_an_upload(arrived: Path, tmp_path: Path) -> None:
+def test_the_message_of_a_refused_upload_names_the_fields_to_correct(arrived: Path, tmp_path: Path) -> None:
     where = tmp_path / "uploads.sqlite"
     uploaded(arrived, where, [23])
     (outcome,) = uploaded(arrived, where, [22])  # of earlier hours
@@ -114,11 +118,11 @@ def test_a_refusal_names_the_fields_of_an_upload(arrived: Path, tmp_path: Path) 
     assert message.endswith("check 'hours', or give 'late' for an old recording that is added late")
 
 
-def test_events_of_the_server_go_to_a_webhook(
+def test_events_of_the_server_are_sent_to_a_webhook(
     arrived: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    sooner = replace(WATCH, delivery=replace(WATCH.delivery, first_pause_s=0.1))
-    monkeypatch.setattr("emaphm.server.run.WATCH", sooner)
+    without_long_pause = replace(WATCH, delivery=replace(WATCH.delivery, first_pause_s=0.1))
+    monkeypatch.setattr("emaphm.server.run.WATCH", without_long_pause)
     where = tmp_path / "uploads.sqlite"
     with History.open(where, create=True) as history:
         history.add_events(
@@ -136,18 +140,18 @@ def test_events_of_the_server_go_to_a_webhook(
         with serving(hook.url) as state:
             uploaded(arrived, where)
             state.pool._on_news()  # as after a job
-            wait_for(lambda: len(hook.events) == 4)  # asked again after a pause
+            wait_for(lambda: len(hook.events) == 4)  # sent again after a pause
         uploaded(arrived, where)
         with serving(hook.url):
             pass
     with History.open(where) as history:
-        events = [one.to_dict() for one in history.events()]
-    assert hook.events == [one for one in events if one["message"] not in {"before", "of a watcher"}]
+        events = [event.to_dict() for event in history.events()]
+    assert hook.events == [event for event in events if event["message"] not in {"before", "of a watcher"}]
     assert hook.attempts == 5
 
 
 @pytest.mark.usefixtures("warm_workers")
-def test_a_job_that_is_over_wakes_who_sends_events(fleet: Path) -> None:
+def test_the_end_of_a_job_triggers_the_delivery_of_events(fleet: Path) -> None:
     news = []
     with running(str(fleet), None, None, {"thesis": THESIS}, SMALL) as state:
         state.pool._on_news = lambda: news.append(1)
@@ -169,8 +173,8 @@ def wait_for(condition: "Callable[[], bool]") -> None:
 
 @pytest.mark.evidence
 @pytest.mark.usefixtures("few_paths")
-def test_a_watcher_and_the_server_make_the_same_event_of_a_life(tmp_path: Path) -> None:
-    made = []
+def test_a_watcher_and_the_server_give_the_same_rul_event_and_prognosis(tmp_path: Path) -> None:
+    results = []
     for name in ("watched", "served"):
         where = tmp_path / f"{name}.sqlite"
         with History.open(where, create=True) as history:
@@ -184,14 +188,14 @@ def test_a_watcher_and_the_server_make_the_same_event_of_a_life(tmp_path: Path) 
                 place = Place(str(where), ServerFolder(tmp_path), {}, 2**33, 2**26, seed=SEED)
                 assert worker._outcome(Forecast("S1"), place, Pipe()[1]).state == DONE
             (event,) = history.events()
-            made.append((event.message, event.details, history.prognoses()["S1"].document))
-    assert made[0] == made[1]
-    assert made[0][1]["fleet_units"] == 2
-    assert made[0][2]["seed"] == SEED
+            results.append((event.message, event.details, history.prognoses()["S1"].document))
+    assert results[0] == results[1]
+    assert results[0][1]["fleet_units"] == 2
+    assert results[0][2]["seed"] == SEED
 
 
 @pytest.mark.usefixtures("few_steps", "undrawn_prognosis")
-def test_a_prognosis_of_the_server_makes_the_event_of_a_life_that_ends(tmp_path: Path) -> None:
+def test_a_prognosis_of_the_server_gives_the_event_of_a_short_rul(tmp_path: Path) -> None:
     with History.open(tmp_path / "history.sqlite", create=True) as history:
         stand_in.fly(history, [0.1 + 0.12 * i for i in range(6)])
         place = Place(str(tmp_path / "history.sqlite"), ServerFolder(tmp_path), {}, 2**33, 2**26)
@@ -204,7 +208,7 @@ def test_a_prognosis_of_the_server_makes_the_event_of_a_life_that_ends(tmp_path:
     assert f"within 200 h is {100 * risk:.1f} %, by friction" in event.message
 
 
-def test_events_of_the_fleet_are_a_page(client: "TestClient", state: "ServerState") -> None:
+def test_the_page_of_events_shows_the_events_of_the_fleet(client: "TestClient", state: "ServerState") -> None:
     assert "friction is degraded" in client.get("/events").text
     assert "friction is degraded" not in client.get("/events?kind=sensor_fault").text
     assert "<b>1</b> with an alarm" in client.get("/").text
@@ -213,7 +217,7 @@ def test_events_of_the_fleet_are_a_page(client: "TestClient", state: "ServerStat
     assert not client.get("/api/v1/events?only_open=true").json()["events"]
 
 
-def test_a_list_of_events_that_is_cut_says_so_and_goes_on(
+def test_a_long_list_of_events_is_divided_into_pages(
     client: "TestClient", state: "ServerState", monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pages, "MOST_LISTED", 2)

@@ -1,4 +1,4 @@
-"""Who is let in, and what is turned away before it costs anything."""
+"""Access control by tokens, and requests that are refused before they use resources."""
 
 import asyncio
 from dataclasses import replace
@@ -26,13 +26,13 @@ def token(tmp_path: Path) -> str:
 
 @pytest.fixture
 def closed(state: "ServerState", token: str, tmp_path: Path) -> "TestClient":
-    """Return a client of a server that asks for a token."""
+    """Return a client of a server that requires a token."""
     assert token
     doorkeeper = Doorkeeper(read_tokens(tmp_path / "tokens"), 1.0)
     return client_of(replace(state, doorkeeper=doorkeeper), only_loopback=False)
 
 
-def test_a_token_is_kept_as_its_hash_alone(token: str, tmp_path: Path) -> None:
+def test_only_the_hash_of_a_token_is_stored(token: str, tmp_path: Path) -> None:
     file = tmp_path / "tokens"
     assert token not in file.read_text()
     assert file.stat().st_mode & 0o777 == 0o600
@@ -43,7 +43,7 @@ def test_a_token_is_kept_as_its_hash_alone(token: str, tmp_path: Path) -> None:
         add_token(file, "bob")
 
 
-def test_a_file_that_others_can_read_is_refused(tmp_path: Path) -> None:
+def test_a_token_file_that_other_users_can_read_is_refused(tmp_path: Path) -> None:
     add_token(tmp_path / "tokens", "alice")
     (tmp_path / "tokens").chmod(0o640)
     with pytest.raises(ServerError, match="chmod 600"):
@@ -51,7 +51,7 @@ def test_a_file_that_others_can_read_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["", "alice secret\n", "\0\xff"])
-def test_a_file_of_something_else_is_refused(content: str, tmp_path: Path) -> None:
+def test_a_file_without_valid_tokens_is_refused(content: str, tmp_path: Path) -> None:
     file = tmp_path / "tokens"
     file.write_text(content)
     file.chmod(0o600)
@@ -59,7 +59,7 @@ def test_a_file_of_something_else_is_refused(content: str, tmp_path: Path) -> No
         read_tokens(file)
 
 
-def test_nobody_comes_in_without_a_token(closed: "TestClient", token: str) -> None:
+def test_requests_without_a_valid_token_are_refused(closed: "TestClient", token: str) -> None:
     assert closed.get("/").headers["location"] == "/login"
     assert closed.get("/api/v1/units").status_code == 401
     assert closed.get("/openapi.json").status_code == 401
@@ -80,7 +80,7 @@ def test_a_browser_logs_in_and_out(closed: "TestClient", token: str) -> None:
     assert closed.get("/").status_code == 303
 
 
-def test_another_site_can_neither_read_nor_send(client: "TestClient") -> None:
+def test_requests_from_other_sites_are_refused(client: "TestClient") -> None:
     assert client.get("/", headers={"Host": "attacker.example"}).status_code == 421
     assert client.get("/", headers={"Host": "[::1]:8000"}).status_code == 200
     for header in (
@@ -93,7 +93,7 @@ def test_another_site_can_neither_read_nor_send(client: "TestClient") -> None:
     assert client.post("/api/v1/recordings", headers=own).status_code == 422
 
 
-def asked(
+def answered_status(
     guard: Guard,
     body: list[dict[str, Any]],
     *,
@@ -101,7 +101,7 @@ def asked(
     declared: bytes | None = None,
     pause_s: float = 0.0,
 ) -> int:
-    """Return the status with which `body` is answered, an upload unless `path` says otherwise."""
+    """Return the status of the answer to a request with `body`, by default an upload."""
     sent: list[Any] = []
 
     async def receive() -> Any:
@@ -119,7 +119,7 @@ def asked(
 
 
 async def reader(scope: Any, receive: Any, send: Any) -> None:
-    """Read all, as an application would."""
+    """Read the whole body, as an application does."""
     from starlette.exceptions import HTTPException
     from starlette.responses import PlainTextResponse
 
@@ -136,15 +136,15 @@ def chunk(size: int, *, more: bool = True) -> dict[str, Any]:
     return {"type": "http.request", "body": bytes(size), "more_body": more}
 
 
-def test_too_large_too_slow_too_many() -> None:
+def test_too_large_too_slow_and_too_many_uploads_are_refused() -> None:
     few = replace(SMALL, upload_seconds=0.05, uploads_at_once=1, other_seconds=0.05)
     guard = Guard(reader, settings=few, doorkeeper=None, only_loopback=True)
-    assert asked(guard, [chunk(10, more=False)]) == 200
-    assert asked(guard, [], declared=b"2147483648") == 413
-    assert asked(guard, [], declared=b"9" * 400) == 413
-    assert asked(guard, [], declared=b"-1") == 413
-    assert asked(guard, [chunk(200_000), chunk(200_000), chunk(1, more=False)]) == 413
-    assert asked(guard, [chunk(1)] * 100, pause_s=0.01) == 408
-    assert asked(guard, [chunk(1)] * 100, path="/login", pause_s=0.01) == 408
+    assert answered_status(guard, [chunk(10, more=False)]) == 200
+    assert answered_status(guard, [], declared=b"2147483648") == 413
+    assert answered_status(guard, [], declared=b"9" * 400) == 413
+    assert answered_status(guard, [], declared=b"-1") == 413
+    assert answered_status(guard, [chunk(200_000), chunk(200_000), chunk(1, more=False)]) == 413
+    assert answered_status(guard, [chunk(1)] * 100, pause_s=0.01) == 408
+    assert answered_status(guard, [chunk(1)] * 100, path="/login", pause_s=0.01) == 408
     guard._uploading = 1
-    assert asked(guard, [chunk(10, more=False)]) == 503
+    assert answered_status(guard, [chunk(10, more=False)]) == 503

@@ -1,4 +1,4 @@
-"""What the pages show is what the history holds, in the order that is asked for."""
+"""The pages against the content of the history: order, filters, texts and accessibility."""
 
 import re
 from dataclasses import replace
@@ -22,7 +22,7 @@ PAGES = ("/", "/units/2", "/diagnoses/3", "/upload", "/data", "/events", "/login
 
 
 class Page(HTMLParser):
-    """Tags with their attributes, and the rows of tables."""
+    """Tags of a page with their attributes."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -30,11 +30,11 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note a tag."""
+        """Store a tag with its attributes."""
         self.tags.append((tag, dict(attrs)))
 
     def all(self, name: str) -> list[dict[str, str | None]]:
-        """Return the attributes of each tag of that name."""
+        """Return the attributes of each tag with this name."""
         return [attributes for tag, attributes in self.tags if tag == name]
 
 
@@ -42,14 +42,14 @@ def units_on(client: "TestClient", path: str) -> list[str]:
     return re.findall(r'<th scope="row"><a href="/units/\d+">([^<]+)</a>', client.get(path).text)
 
 
-def test_the_most_urgent_unit_is_first(reader: "TestClient") -> None:
-    # By the made-up advice: every fifth unit is to be replaced, the sooner the lower its number.
+def test_units_are_listed_by_urgency(reader: "TestClient") -> None:
+    # In the synthetic advice, every fifth unit is to be replaced; lower numbers are to be replaced sooner.
     assert units_on(reader, "/")[:4] == ["SN-0004", "SN-0009", "SN-0003", "SN-0008"]
     assert len(units_on(reader, "/")) == 8
     assert units_on(reader, "/?page=2")[-1] == "SN-0011"
 
 
-def test_links_sort_and_forms_filter(reader: "TestClient") -> None:
+def test_queries_sort_and_filter_the_fleet(reader: "TestClient") -> None:
     assert units_on(reader, "/?sort=unit") == [f"SN-{i:04d}" for i in range(8)]
     assert units_on(reader, "/?sort=unit&order=desc")[0] == "SN-0011"
     assert units_on(reader, "/?advice=replace+before&sort=rul&order=desc") == ["SN-0009", "SN-0004"]
@@ -60,7 +60,7 @@ def test_links_sort_and_forms_filter(reader: "TestClient") -> None:
     assert units_on(reader, "/?sort=&order=&part=&advice=&health=&page=9")[-1] == "SN-0011"
 
 
-def test_a_browser_is_not_sent_the_same_fleet_again(client: "TestClient", state: "ServerState") -> None:
+def test_an_unchanged_fleet_is_answered_with_304(client: "TestClient", state: "ServerState") -> None:
     tag = client.get("/?sort=unit").headers["etag"]
     assert client.get("/?sort=unit", headers={"if-none-match": tag}).status_code == 304
     assert client.get("/", headers={"if-none-match": tag}).status_code == 200
@@ -68,14 +68,14 @@ def test_a_browser_is_not_sent_the_same_fleet_again(client: "TestClient", state:
     assert client.get("/?sort=unit", headers={"if-none-match": tag}).status_code == 200
 
 
-def test_a_page_of_a_unit_has_all_that_is_known_of_it(reader: "TestClient") -> None:
+def test_the_page_of_a_unit_shows_its_recordings_entries_and_events(reader: "TestClient") -> None:
     text = reader.get("/units/3").text
     for part in ("SN-0002", "flight 8.csv", "suspected", "slow to respond", "backlash degraded", "Fan chart"):
         assert part in text
     assert "friction is degraded" in reader.get("/units/2").text
 
 
-def test_hours_and_counts_are_shown_as_stated(client: "TestClient", state: "ServerState") -> None:
+def test_pages_show_exact_hours_and_counts(client: "TestClient", state: "ServerState") -> None:
     assert "1 removal, 1 finding of the shop." in client.get("/units/3").text
     held = recording(1000)
     state.history.add(Entry("SN-0000", "EMA-0", 1166.5), held, diagnosis(held, 0.0))
@@ -87,7 +87,9 @@ def test_hours_and_counts_are_shown_as_stated(client: "TestClient", state: "Serv
     assert '<td data-label="flight hours" class="number">1,166.5\u00a0h</td>' in client.get("/").text
 
 
-def test_a_unit_that_failed_has_no_remaining_life(client: "TestClient", state: "ServerState") -> None:
+def test_the_pages_show_no_remaining_life_for_a_failed_unit(
+    client: "TestClient", state: "ServerState"
+) -> None:
     kept = state.history.prognoses()["SN-0002"]
     document = {**kept.document, "failed_at_hours": 160.0}
     state.history.keep_prognosis(
@@ -97,18 +99,20 @@ def test_a_unit_that_failed_has_no_remaining_life(client: "TestClient", state: "
     assert "none: failed at 160" in client.get("/units/3").text
 
 
-def test_a_diagnosis_names_its_verdicts_and_its_residual(reader: "TestClient") -> None:
+def test_the_page_of_a_diagnosis_shows_its_verdicts_and_estimates(reader: "TestClient") -> None:
     assert "Not reliable" in reader.get("/diagnoses/18").text
     text = reader.get("/diagnoses/36").text
     assert "Degraded: friction." in text
     assert "0.1100" in text
 
 
-def test_what_cannot_be_told_is_not_called_sound(client: "TestClient", state: "ServerState") -> None:
+def test_the_verdict_cannot_tell_is_not_shown_as_healthy(client: "TestClient", state: "ServerState") -> None:
     held = recording(1000)
-    made = diagnosis(held, 0.0)
-    untold = {name: replace(one, verdict="cannot tell") for name, one in made.components.items()}
-    state.history.add(Entry("SN-new", "EMA-9", 5.0), held, replace(made, components=untold))
+    result = diagnosis(held, 0.0)
+    undecided = {
+        name: replace(estimate, verdict="cannot tell") for name, estimate in result.components.items()
+    }
+    state.history.add(Entry("SN-new", "EMA-9", 5.0), held, replace(result, components=undecided))
     [line] = client.get("/api/v1/diagnoses?limit=1").json()["diagnoses"]
     assert (line["explained"], line["health"], line["degraded"]) == (True, "cannot tell", [])
     assert units_on(client, "/?health=cannot+tell") == ["SN-new"]
@@ -117,7 +121,7 @@ def test_what_cannot_be_told_is_not_called_sound(client: "TestClient", state: "S
     assert '<td data-label="degraded">none</td>' in client.get("/units/1").text
 
 
-def test_a_list_of_recordings_that_is_cut_says_so_and_goes_on(
+def test_a_long_list_of_recordings_is_divided_into_pages(
     client: "TestClient", monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pages, "MOST_LISTED", 2)
@@ -136,19 +140,19 @@ def test_a_list_of_recordings_that_is_cut_says_so_and_goes_on(
     assert "<caption>3 recordings.</caption>" in client.get("/units/6").text
 
 
-def test_data_health_lists_what_is_not_explained(reader: "TestClient") -> None:
+def test_data_health_lists_recordings_that_are_not_explained(reader: "TestClient") -> None:
     text = reader.get("/data").text
     assert units_on(reader, "/data")[0] == "SN-0005"
     assert "flight 17.csv" in text
     assert "three times as large" in text
 
 
-def test_what_is_added_is_shown_at_once(client: "TestClient", state: "ServerState") -> None:
+def test_new_entries_are_shown_at_once(client: "TestClient", state: "ServerState") -> None:
     assert "SN-new" not in client.get("/").text
     held = recording(1000)
-    with History.open(state.history.database.address.shown) as other:
-        other.add(Entry("SN-new <b>", "EMA-9", 5.0), held, diagnosis(held, 0.3))
-        other.add_removal("SN-0001", Removal(900.0, "failed"))
+    with History.open(state.history.database.address.shown) as second_connection:
+        second_connection.add(Entry("SN-new <b>", "EMA-9", 5.0), held, diagnosis(held, 0.3))
+        second_connection.add_removal("SN-0001", Removal(900.0, "failed"))
     assert "SN-new &lt;b&gt;" in client.get("/?part=EMA-9").text
     assert client.get("/api/v1/units").json()["total"] == UNITS + 1
     [row] = client.get("/api/v1/units?search=SN-0001").json()["units"]
@@ -156,22 +160,30 @@ def test_what_is_added_is_shown_at_once(client: "TestClient", state: "ServerStat
 
 
 @pytest.mark.parametrize("path", PAGES)
-def test_pages_hold_no_code_and_can_be_read_aloud(reader: "TestClient", path: str) -> None:
+def test_pages_contain_no_inline_code_and_are_accessible(reader: "TestClient", path: str) -> None:
     answer = reader.get(path)
     assert answer.headers["content-security-policy"].startswith("default-src 'self';")
     page = Page(answer.text)
-    assert not [a for _, a in page.tags if "style" in a or any(name.startswith("on") for name in a)]
+    assert not [
+        attributes
+        for _, attributes in page.tags
+        if "style" in attributes or any(name.startswith("on") for name in attributes)
+    ]
     assert not page.all("style")
-    assert all(a["src"] for a in page.all("script"))
-    assert all(a["alt"] for a in page.all("img"))
-    assert all(a.get("scope") in {"col", "row"} for a in page.all("th"))
+    assert all(attributes["src"] for attributes in page.all("script"))
+    assert all(attributes["alt"] for attributes in page.all("img"))
+    assert all(attributes.get("scope") in {"col", "row"} for attributes in page.all("th"))
     assert len(page.all("h1")) == 1
-    addresses = [a.get("src") or a.get("href") or "" for _, a in page.tags if "src" in a or "href" in a]
-    assert all(one.startswith(("/", "#")) for one in addresses)
+    addresses = [
+        attributes.get("src") or attributes.get("href") or ""
+        for _, attributes in page.tags
+        if "src" in attributes or "href" in attributes
+    ]
+    assert all(target.startswith(("/", "#")) for target in addresses)
 
 
 @pytest.mark.usefixtures("warm_workers")
-def test_a_figure_is_an_svg_that_may_do_nothing(client: "TestClient") -> None:
+def test_a_figure_is_a_sandboxed_svg(client: "TestClient") -> None:
     answer = client.get("/units/2/life.svg")
     assert answer.headers["content-type"] == "image/svg+xml"
     assert "sandbox" in answer.headers["content-security-policy"]

@@ -1,4 +1,4 @@
-"""The pool of processes: what it does when something fails."""
+"""The pool of worker processes after errors, and the repetition of prognoses."""
 
 import logging
 import threading
@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 
 from emaphm.server.folders import ServerFolder
-from emaphm.server.work import pool as room
+from emaphm.server.work import pool as pool_module
 from emaphm.server.work.pool import Pool
 from emaphm.server.work.queue import AGAIN, DONE, FAILED, REFUSED, Queue
 from emaphm.server.work.worker import JobOutcome, Place
@@ -16,10 +16,10 @@ from emaphm.server.work.worker import JobOutcome, Place
 from .conftest import SMALL
 
 
-def test_a_thread_that_meets_a_defect_goes_on(
+def test_a_thread_continues_after_an_unexpected_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(room, "IDLE_S", 0.01)
+    monkeypatch.setattr(pool_module, "IDLE_S", 0.01)
     asked_again, defects = threading.Event(), iter([RuntimeError("a defect")])
 
     def spare() -> None:
@@ -31,10 +31,10 @@ def test_a_thread_that_meets_a_defect_goes_on(
     pool = Pool(queue, Place("", ServerFolder(tmp_path), {}, 2**33, 2**26), SMALL, spare, lambda *_: None)
     with caplog.at_level(logging.ERROR):
         pool.start()
-        found = asked_again.wait(10)
+        continued = asked_again.wait(10)
         pool.stop()
     queue.close()
-    assert found
+    assert continued
     assert "RuntimeError: a defect" in caplog.text  # with its traceback
 
 
@@ -47,16 +47,16 @@ def test_a_thread_that_meets_a_defect_goes_on(
         ([None, AGAIN, None], [AGAIN, AGAIN, FAILED]),
     ],
 )
-def test_a_prognosis_is_tried_again_where_the_history_is_away_and_once_after_a_kill(
+def test_a_prognosis_is_repeated_while_the_history_is_unavailable_and_once_after_a_kill(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ends: list[str | None], states: list[str]
 ) -> None:
-    monkeypatch.setattr(room, "AGAIN_S", 0.0)
-    found = []
+    monkeypatch.setattr(pool_module, "AGAIN_S", 0.0)
+    ended_jobs = []
     queue = Queue(tmp_path / "queue.sqlite")
     place = Place("", ServerFolder(tmp_path), {}, 2**33, 2**26)
-    pool = Pool(queue, place, SMALL, lambda: "S1", lambda *ended: found.append(ended))
+    pool = Pool(queue, place, SMALL, lambda: "S1", lambda *ended: ended_jobs.append(ended))
     for end in ends:
         monkeypatch.setattr(pool, "_outcome", lambda *_, end=end: None if end is None else JobOutcome(end))
         assert pool._next(cast("Any", None))
     queue.close()
-    assert found == [("S1", state) for state in states]
+    assert ended_jobs == [("S1", state) for state in states]

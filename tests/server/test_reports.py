@@ -1,4 +1,4 @@
-"""Reports and figures of uploads: kept with the diagnosis that they show, and with no other."""
+"""Reports and figures of uploads are stored with the diagnosis that they show."""
 
 import re
 from dataclasses import replace
@@ -27,7 +27,7 @@ FILES = ("report.html", "fit.svg", "residual.svg")
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let stand-ins diagnose and draw."""
+    """Replace diagnosis and drawing by stand-ins."""
 
     def diagnosed(recording: Recording, actuator: Actuator, *, seed: int, **_: object) -> object:
         return stand_in.diagnosed(recording, actuator, seed=seed)
@@ -46,7 +46,7 @@ def flight(folder: Path, number: int) -> Path:
 
 
 def uploaded(path: Path, db: Path, folder: ServerFolder) -> JobOutcome:
-    """Return what a worker makes of the recording at `path`, in a history that is made if missing."""
+    """Return a worker's outcome for the recording at `path`, in a history that is created if missing."""
     with History.open(db, create=True):
         pass
     request = {"unit": "U01", "hours": 1.0, "part": "", "cycles": None, "position": None, "late": False}
@@ -56,16 +56,16 @@ def uploaded(path: Path, db: Path, folder: ServerFolder) -> JobOutcome:
 
 
 def statuses(db: Path, folder: ServerFolder) -> list[int]:
-    """Return the status of each file of the first diagnosis, and whether the page has any."""
+    """Return the status of each file of the first diagnosis, after a check that its page links them."""
     with running(str(db), None, folder.path, {}, replace(SMALL, workers=0)) as state:
         client = client_of(state)
         text = client.get("/diagnoses/1").text
-        found = [client.get(f"/diagnoses/1/{name}").status_code for name in FILES]
-        assert [f"/diagnoses/1/{name}" in text for name in FILES] == [one == 200 for one in found]
-    return found
+        codes = [client.get(f"/diagnoses/1/{name}").status_code for name in FILES]
+        assert [f"/diagnoses/1/{name}" in text for name in FILES] == [code == 200 for code in codes]
+    return codes
 
 
-def test_a_new_history_shows_no_report_of_the_one_before(tmp_path: Path) -> None:
+def test_a_new_history_does_not_show_reports_of_the_previous_history(tmp_path: Path) -> None:
     folder, old, new = ServerFolder(tmp_path / "work"), tmp_path / "old.sqlite", tmp_path / "new.sqlite"
     with folder.locked():
         assert uploaded(flight(tmp_path, 1), old, folder).result["diagnosis"] == 1
@@ -78,7 +78,7 @@ def test_a_new_history_shows_no_report_of_the_one_before(tmp_path: Path) -> None
     assert statuses(old, folder) == [200, 200, 200]
 
 
-def test_a_browser_keeps_a_figure_for_good_under_the_key_of_its_diagnosis_alone(tmp_path: Path) -> None:
+def test_a_figure_is_cached_permanently_only_under_the_key_of_its_diagnosis(tmp_path: Path) -> None:
     folder, db = ServerFolder(tmp_path / "work"), tmp_path / "fleet.sqlite"
     with folder.locked():
         uploaded(flight(tmp_path, 1), db, folder)
@@ -93,7 +93,7 @@ def test_a_browser_keeps_a_figure_for_good_under_the_key_of_its_diagnosis_alone(
 
 
 @pytest.mark.parametrize("error", [OutputError("/srv/reports/1.html: No space left"), MemoryError()])
-def test_an_upload_is_done_though_its_report_cannot_be_kept(
+def test_an_upload_is_done_although_its_report_cannot_be_stored(
     error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def full(*_: object, **__: object) -> None:

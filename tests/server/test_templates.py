@@ -1,4 +1,4 @@
-"""Templates of a user's own: what they may change, and what an error in one of them does."""
+"""User templates: replacement of blocks, and the effect of errors in a template."""
 
 import logging
 from pathlib import Path
@@ -17,7 +17,7 @@ EXTENDED = '{% extends "emaphm/events.html.jinja" %}{% block title %}'
 
 
 def shown(fleet: Path, folder: Path) -> str:
-    """Return the page of events, with the templates in a folder."""
+    """Return the page of events, rendered with the templates in a folder."""
     check_templates(folder)
     thesis = {"thesis": Actuator.thesis()}
     with running(str(fleet), None, None, thesis, WITHOUT_WORKERS, templates=folder) as state:
@@ -26,7 +26,7 @@ def shown(fleet: Path, folder: Path) -> str:
     return answer.text
 
 
-def test_a_block_of_a_page_is_replaced(fleet: Path, tmp_path: Path) -> None:
+def test_a_template_replaces_a_block_of_a_page(fleet: Path, tmp_path: Path) -> None:
     (tmp_path / PAGE).write_text(EXTENDED + "Hangar 3 {{ '<b>' }}{% endblock %}")
     page = shown(fleet, tmp_path)
     assert "<title>Hangar 3 &lt;b&gt;" in page
@@ -44,7 +44,7 @@ def test_a_block_of_a_page_is_replaced(fleet: Path, tmp_path: Path) -> None:
         "{{ found.append(1) }}",
     ],
 )
-def test_an_error_when_it_is_shown_leaves_the_usual_page(
+def test_a_template_with_an_error_is_replaced_by_the_default_page(
     fleet: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture, text: str
 ) -> None:
     (tmp_path / PAGE).write_text(f"{EXTENDED}{text}{{% endblock %}}")
@@ -64,7 +64,7 @@ def test_an_error_when_it_is_shown_leaves_the_usual_page(
         ("events.html", b"", "has no file that ends in .html.jinja; pages: base.html.jinja, "),
     ],
 )
-def test_what_is_no_template_is_refused_at_the_start(
+def test_invalid_templates_are_refused_at_the_start(
     tmp_path: Path, name: str, content: bytes, reason: str
 ) -> None:
     (tmp_path / name).write_bytes(content)
@@ -73,6 +73,6 @@ def test_what_is_no_template_is_refused_at_the_start(
     assert reason in str(caught.value)
 
 
-def test_a_folder_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_a_missing_folder_of_templates_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ServerError, match="no such folder"):
         check_templates(tmp_path / "absent")

@@ -1,4 +1,4 @@
-"""Uploads: what is refused, where they are kept, and that none is lost."""
+"""Uploads: refusals, storage, the order of jobs, and no loss of accepted uploads."""
 
 import errno
 import multiprocessing
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from emaphm.server.state import ServerState
 
 CSV = b"time_s,command_rad\n0,0\n"
-"""A recording that no diagnosis can be made of: it has no current."""
+"""A recording without a current, which cannot be diagnosed."""
 
 GOOD = {"unit": "SN-0001", "hours": "200"}
 
@@ -52,7 +52,7 @@ def sent(client: "TestClient", name: str = "a.csv", content: bytes = CSV, **fiel
         ({"Late": "true"}, "unknown field 'Late' (did you mean 'late'?)"),
     ],
 )
-def test_what_is_said_must_be_right(unchanged: "ServerState", fields: dict[str, str], reason: str) -> None:
+def test_invalid_fields_are_refused(unchanged: "ServerState", fields: dict[str, str], reason: str) -> None:
     answer = sent(client_of(unchanged), "a.csv", CSV, **fields)
     assert answer.status_code == 422
     assert reason in answer.json()["detail"]
@@ -70,7 +70,7 @@ def test_what_is_said_must_be_right(unchanged: "ServerState", fields: dict[str, 
         ({"unit": "SN-0002", "hours": "155"}, "160 h already, from a removal"),
     ],
 )
-def test_what_contradicts_the_history_is_refused_at_once(
+def test_contradictions_to_the_history_are_refused_at_once(
     unchanged: "ServerState", fields: dict[str, str], reason: str
 ) -> None:
     answer = sent(client_of(unchanged), "a.csv", CSV, **fields)
@@ -80,7 +80,7 @@ def test_what_contradicts_the_history_is_refused_at_once(
     assert not unchanged.queue.jobs(1)
 
 
-def test_a_form_that_is_refused_is_shown_to_be_corrected(state: "ServerState") -> None:
+def test_a_refused_form_is_shown_again_with_its_values(state: "ServerState") -> None:
     client = client_of(state)
     fields = {"unit": "sn-0001", "hours": "<1250>", "position": "left", "actuator": "thesis", "late": "on"}
     answer = client.post("/upload", files={"recording": ("a.csv", CSV)}, data=fields)
@@ -106,18 +106,18 @@ def test_a_form_that_is_refused_is_shown_to_be_corrected(state: "ServerState") -
     "fields",
     [
         {"hours": "149", "late": "true"},
-        {"hours": "100"},  # it may be the recording that is there
+        {"hours": "100"},  # it may be the stored recording
         {"unit": "SN-9", "actuator": "thesis"},
-        {"unit": "SN-9"},  # which the one before may begin
+        {"unit": "SN-9"},  # a unit that the upload before may add
     ],
 )
-def test_what_may_be_right_is_left_to_the_job(state: "ServerState", fields: dict[str, str]) -> None:
+def test_fields_that_may_be_valid_are_left_to_the_job(state: "ServerState", fields: dict[str, str]) -> None:
     if fields == {"unit": "SN-9"}:
         assert sent(client_of(state), "a.csv", CSV, actuator="thesis", **fields).status_code == 202
     assert sent(client_of(state), "a.csv", CSV, **fields).status_code == 202
 
 
-def test_an_upload_is_taken_while_the_history_is_away(state: "ServerState", fleet: Path) -> None:
+def test_an_upload_is_accepted_while_the_history_is_unavailable(state: "ServerState", fleet: Path) -> None:
     state.history.close()
     away = fleet.rename(fleet.with_name("away.sqlite"))
     assert sent(client_of(state), unit="nobody").status_code == 202
@@ -125,12 +125,14 @@ def test_an_upload_is_taken_while_the_history_is_away(state: "ServerState", flee
 
 
 @pytest.mark.parametrize("name", ["a.exe", "a", ".csv", "a.csv.gz", "a.pkl"])
-def test_only_recordings_are_taken(unchanged: "ServerState", name: str) -> None:
+def test_files_with_other_extensions_are_refused(unchanged: "ServerState", name: str) -> None:
     assert sent(client_of(unchanged), name).status_code == 422
 
 
 @pytest.mark.parametrize("name", ["../../x.csv", "/etc/x.csv", "..\\x.csv", "a\nb.csv", "é" * 300 + ".csv"])
-def test_no_name_of_a_client_names_a_file(state: "ServerState", name: str, tmp_path: Path) -> None:
+def test_an_uploaded_file_name_is_never_used_as_a_path(
+    state: "ServerState", name: str, tmp_path: Path
+) -> None:
     before = {path for path in tmp_path.rglob("*") if path.parent != state.folder.uploads}
     answer = sent(client_of(state), name)
     assert answer.status_code == 202
@@ -142,7 +144,7 @@ def test_no_name_of_a_client_names_a_file(state: "ServerState", name: str, tmp_p
     assert not {"/", "\\"} & set(answer.json()["recording"])
 
 
-def test_too_many_waiting_and_too_large(state: "ServerState") -> None:
+def test_too_large_and_too_many_waiting_uploads_are_refused(state: "ServerState") -> None:
     client = client_of(state)
     assert sent(client, content=b"x" * 400_000).status_code == 413
     assert [sent(client).status_code for _ in range(4)] == [202, 202, 202, 503]
@@ -161,42 +163,42 @@ def test_a_broken_form_is_refused(unchanged: "ServerState") -> None:
     "fields",
     [{"files": {"file": ("a.csv", CSV)}, "data": GOOD}, {"data": {"recording": "a.csv"}}, {"json": GOOD}],
 )
-def test_a_file_stands_in_its_field(unchanged: "ServerState", fields: dict[str, Any]) -> None:
+def test_a_file_in_another_field_is_refused(unchanged: "ServerState", fields: dict[str, Any]) -> None:
     answer = client_of(unchanged).post("/api/v1/recordings", **fields)
     assert answer.status_code == 422
     assert "as 'recording'" in answer.json()["detail"]
 
 
-def test_a_field_is_given_once(unchanged: "ServerState") -> None:
+def test_a_repeated_field_is_refused(unchanged: "ServerState") -> None:
     answer = sent(client_of(unchanged), unit=["SN-0001", "SN-0002"])
     assert answer.status_code == 422
     assert answer.json()["detail"] == "unit: is given 2 times; give it once"
 
 
-def test_an_accepted_upload_survives_the_server(fleet: Path, state: "ServerState") -> None:
+def test_an_accepted_upload_survives_a_killed_server(fleet: Path, state: "ServerState") -> None:
     number = sent(client_of(state)).json()["id"]
     assert state.queue.take() is not None  # a worker had it when the server was killed
     queue = Queue(state.folder.queue)
     assert queue.resume() == 1
-    found = queue.job(number)
-    assert found is not None
-    assert found.state == WAITING
-    assert state.folder.upload(found.file).read_bytes() == CSV
+    job = queue.job(number)
+    assert job is not None
+    assert job.state == WAITING
+    assert state.folder.upload(job.file).read_bytes() == CSV
     with pytest.raises(ServerError, match="another server works"), running(str(fleet), None, None, {}, SMALL):
         pass
 
 
-def test_two_of_one_unit_are_not_diagnosed_at_once(state: "ServerState") -> None:
+def test_uploads_of_one_unit_are_not_diagnosed_concurrently(state: "ServerState") -> None:
     first, second, other = (
         sent(client_of(state), unit=unit, hours=str(hours)).json()["id"]
         for unit, hours in (("SN-0001", 200), ("SN-0001", 201), ("SN-0002", 200))
     )
     taken = [state.queue.take() for _ in range(3)]
-    assert [one and one.id for one in taken] == [first, other, None]
+    assert [job and job.id for job in taken] == [first, other, None]
     state.queue.end(first, DONE, "", {})
-    found = state.queue.take()
-    assert found is not None
-    assert found.id == second
+    next_job = state.queue.take()
+    assert next_job is not None
+    assert next_job.id == second
 
 
 def added(queue: Queue, *jobs: tuple[str, float]) -> None:
@@ -205,22 +207,24 @@ def added(queue: Queue, *jobs: tuple[str, float]) -> None:
 
 
 def in_order(queue: Queue, quiet_s: float = 0.0) -> list[tuple[str, float]]:
-    """Return unit and hours of the jobs that are taken until none is, each done before the next is."""
-    found = []
+    """Return unit and hours of the jobs that can be taken, each done before the next is taken."""
+    taken = []
     while (job := queue.take(quiet_s)) is not None:
         queue.end(job.id, DONE, "", {})
-        found.append((job.request["unit"], job.request["hours"]))
-    return found
+        taken.append((job.request["unit"], job.request["hours"]))
+    return taken
 
 
-def test_those_of_a_unit_are_taken_in_the_order_of_hours(tmp_path: Path) -> None:
+def test_jobs_of_a_unit_are_taken_in_the_order_of_hours(tmp_path: Path) -> None:
     queue = Queue(tmp_path / "queue.sqlite")
     added(queue, ("A", 30), ("A", 20), ("B", 9), ("A", 100), ("A", 20.5), ("B", 8))
     assert in_order(queue) == [("A", 20), ("A", 20.5), ("A", 30), ("B", 8), ("B", 9), ("A", 100)]
     queue.close()
 
 
-def test_none_is_taken_while_more_come_of_its_unit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_job_waits_while_more_uploads_of_its_unit_arrive(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     now = 1000.0
     monkeypatch.setattr("time.monotonic", lambda: now)
     queue = Queue(tmp_path / "queue.sqlite")
@@ -234,14 +238,14 @@ def test_none_is_taken_while_more_come_of_its_unit(tmp_path: Path, monkeypatch: 
     assert in_order(queue, 2.0) == [("A", 20), ("A", 30)]
     now += 1.5
     assert in_order(queue, 2.0) == [("B", 4), ("B", 5)]
-    for hours in range(61, 0, -1):  # without an end
+    for hours in range(61, 0, -1):  # uploads that do not end
         added(queue, ("A", hours))
         now += 1.0
     assert queue.take(2.0) is not None
     queue.close()
 
 
-def test_jobs_of_a_server_that_has_ended_need_not_be_waited_for(tmp_path: Path) -> None:
+def test_jobs_of_an_ended_server_are_taken_without_waiting(tmp_path: Path) -> None:
     queue = Queue(tmp_path / "queue.sqlite")
     added(queue, ("A", 30), ("A", 20))
     assert in_order(queue, 1e9) == []
@@ -251,7 +255,7 @@ def test_jobs_of_a_server_that_has_ended_need_not_be_waited_for(tmp_path: Path) 
     queue.close()
 
 
-def test_an_upload_waits_where_the_history_is_away(state: "ServerState", fleet: Path) -> None:
+def test_an_upload_waits_while_the_history_is_unavailable(state: "ServerState", fleet: Path) -> None:
     sent(client_of(state))
     job = state.queue.take()
     assert job is not None
@@ -261,9 +265,9 @@ def test_an_upload_waits_where_the_history_is_away(state: "ServerState", fleet: 
     order = Upload(state.folder.upload(job.file), "a.csv", job.request)
     assert worker._outcome(order, place, Pipe()[1]).state == AGAIN
     state.queue.again(job.id)
-    found = state.queue.take()
-    assert found is not None
-    assert (found.id, found.kills) == (job.id, 0)
+    next_job = state.queue.take()
+    assert next_job is not None
+    assert (next_job.id, next_job.kills) == (job.id, 0)
 
 
 def test_an_upload_that_cannot_be_queued_leaves_no_file(
@@ -278,7 +282,7 @@ def test_an_upload_that_cannot_be_queued_leaves_no_file(
 
 
 @pytest.mark.parametrize("where", ["shutil.copyfileobj", "starlette.requests.Request.form"])
-def test_an_upload_that_a_full_disk_does_not_hold_may_be_sent_again(
+def test_an_upload_refused_by_a_full_disk_may_be_sent_again(
     state: "ServerState", monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
     def full(*_: object, **__: object) -> None:
@@ -295,21 +299,21 @@ def test_an_upload_that_a_full_disk_does_not_hold_may_be_sent_again(
 
 @pytest.fixture
 def working(fleet: Path) -> "Iterator[ServerState]":
-    """Yield what a server with a worker shares."""
-    with running(str(fleet), None, None, {"thesis": Actuator.thesis()}, SMALL) as made:
-        yield made
+    """Yield the state of a server with a worker."""
+    with running(str(fleet), None, None, {"thesis": Actuator.thesis()}, SMALL) as shared_state:
+        yield shared_state
 
 
-def test_a_killed_job_is_run_again_once(working: "ServerState") -> None:
+def test_a_killed_job_is_repeated_once(working: "ServerState") -> None:
     number = sent(client_of(working)).json()["id"]
     deadline = time.monotonic() + 60
-    found = working.queue.job(number)
-    while found is not None and not found.is_over and time.monotonic() < deadline:
+    job = working.queue.job(number)
+    while job is not None and not job.is_over and time.monotonic() < deadline:
         for process in multiprocessing.active_children():
             process.kill()
         time.sleep(0.01)
-        found = working.queue.job(number)
-    assert found is not None
-    assert (found.state, found.kills) == (FAILED, 2)
-    assert "killed twice" in found.message
-    assert working.folder.upload(found.file).exists()
+        job = working.queue.job(number)
+    assert job is not None
+    assert (job.state, job.kills) == (FAILED, 2)
+    assert "killed twice" in job.message
+    assert working.folder.upload(job.file).exists()
