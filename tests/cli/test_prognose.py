@@ -1,4 +1,4 @@
-"""`emaphm prognose` and `emaphm limits`: what they answer, and what they refuse in one line."""
+"""`emaphm prognose` and `emaphm limits`: results, and refusals in one line."""
 
 import errno
 import json
@@ -26,23 +26,23 @@ LIMITED = 'component = "friction"\nat_most = 0.6\n'
 
 
 def wearing(history: History, unit: str, hours: list[float], rate: float, first: int) -> None:
-    """Add a diagnosis at each of the hours, of a unit whose friction rises evenly, all else being healthy."""
+    """Add a diagnosis at each of the hours for a unit with linearly rising friction, otherwise healthy."""
     for i, at in enumerate(hours):
         number = first + i
         level = Faults(friction=rate * at).vector
-        made = made_up.diagnosis(number)
+        diagnosis = made_up.diagnosis(number)
         components = {
             name: replace(one, value=float(value))
-            for (name, one), value in zip(made.components.items(), level, strict=True)
+            for (name, one), value in zip(diagnosis.components.items(), level, strict=True)
         }
-        covariance = 1e-4 * np.eye(len(made.coordinates))
-        made = replace(made, components=components, covariance=covariance)
-        history.add(made_up.entry(unit, at), made_up.recording(number), made)
+        covariance = 1e-4 * np.eye(len(diagnosis.coordinates))
+        diagnosis = replace(diagnosis, components=components, covariance=covariance)
+        history.add(made_up.entry(unit, at), made_up.recording(number), diagnosis)
 
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a history of three units, which nobody may write to."""
+    """Return a history of three units; tests must not write to it."""
     file = tmp_path_factory.mktemp("flown") / "history.sqlite"
     with History.open(file, create=True) as history:
         wearing(history, "SN-1", [100.0 * i for i in range(1, 7)], 5e-4, 0)
@@ -78,14 +78,14 @@ def test_a_unit_that_wears_is_predicted(emaphm: Emaphm, fleet: Path) -> None:
     assert (made["component"], made["requirement"]) == ("friction", "friction at most 0.6")
     assert made["horizon_hours"] == 300.0
     assert 0 <= made["probability_of_failure"] <= 1
-    assert made["prior"]["fleet_units"] == 1  # SN-2; SN-3 has one diagnosis alone
+    assert made["prior"]["fleet_units"] == 1  # SN-2; SN-3 has only one diagnosis
     assert made["advice"]["action"] in {"fly on", "inspect by", "replace before"}
     text = emaphm("prognose", "--unit", "SN-1", "--actuator", "required.toml").out
     assert "remaining useful life:" in text
     assert "advice:" in text
 
 
-def test_units_that_failed_correct_a_prognosis_alone_and_among_all(
+def test_failed_units_correct_the_prognosis_of_one_unit_and_of_all(
     emaphm: Emaphm, fleet: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(record, "PATHS", replace(record.PATHS, paths=100, steps=30))
@@ -102,23 +102,25 @@ def test_units_that_failed_correct_a_prognosis_alone_and_among_all(
         assert Evidence.of(history.unit("SN-1")).failures == ()
     alone = asked(emaphm, "prognose", "--unit", "SN-1", *chosen)
     assert before != of_units != alone["rul_hours"]
-    every = asked(emaphm, "prognose", "--all", *chosen, "--workers", "1")["units"]
-    assert next(one for one in every if one["unit"] == "SN-1")["rul_hours"] == alone["rul_hours"]
+    units = asked(emaphm, "prognose", "--all", *chosen, "--workers", "1")["units"]
+    assert next(one for one in units if one["unit"] == "SN-1")["rul_hours"] == alone["rul_hours"]
 
 
-def test_a_failure_counts_though_the_unit_was_repaired_and_flies_again(fleet: Path) -> None:
+def test_a_failure_counts_although_the_unit_was_repaired_and_flies_again(fleet: Path) -> None:
     with History.open(fleet / "history.sqlite") as history:
         history.add_removal("SN-1", Removal(610.0, "failed"))
         history.add_finding("SN-1", Finding(610.0, "friction", "failed", replaced=True))
         wearing(history, "SN-1", [700.0, 800.0], 5e-4, 300)
-        found = Evidence.of(history.unit("SN-1"))
-    assert found.failures == (610.0,)
-    assert found.failed_lives == ((-math.inf, 610.0),)
-    assert found.lives(0) == ((0.0, 610.0), (610.0, math.inf))
+        evidence = Evidence.of(history.unit("SN-1"))
+    assert evidence.failures == (610.0,)
+    assert evidence.failed_lives == ((-math.inf, 610.0),)
+    assert evidence.lives(0) == ((0.0, 610.0), (610.0, math.inf))
 
 
 @pytest.mark.usefixtures("undrawn_prognosis")
-def test_a_unit_that_failed_has_no_life_until_it_is_repaired_or_flies(emaphm: Emaphm, fleet: Path) -> None:
+def test_a_failed_unit_has_no_remaining_life_until_it_is_repaired_or_flies(
+    emaphm: Emaphm, fleet: Path
+) -> None:
     chosen = ("--actuator", "required.toml", "--no-fleet")
     with History.open(fleet / "history.sqlite") as history:
         history.add_removal("SN-1", Removal(610.0, "failed"))
@@ -128,7 +130,7 @@ def test_a_unit_that_failed_has_no_life_until_it_is_repaired_or_flies(emaphm: Em
     assert made["probability_of_failure"] == 1.0
     assert (made["advice"]["action"], made["advice"]["in_hours"]) == ("replace before", 0.0)
     assert made["notes"][0].startswith("the unit failed at 610 h")
-    # Nobody has found what failed: the forecast's cause is a guess, and said to be one.
+    # No finding names the failed component: the cause is from the forecast, and the message states this.
     assert (made["component"], made["requirement"]) == (None, None)
     cause = "states the cause; the most likely component according to the diagnoses: friction"
     assert cause in made["notes"][0]
@@ -141,7 +143,9 @@ def test_a_unit_that_failed_has_no_life_until_it_is_repaired_or_flies(emaphm: Em
     assert "not found" in line
 
 
-def test_a_finding_says_what_failed_and_a_repair_ends_it(emaphm: Emaphm, fleet: Path) -> None:
+def test_a_finding_names_the_failed_component_and_a_repair_ends_the_failure(
+    emaphm: Emaphm, fleet: Path
+) -> None:
     chosen = ("--unit", "SN-1", "--actuator", "required.toml", "--no-fleet")
     with History.open(fleet / "history.sqlite") as history:
         history.add_removal("SN-1", Removal(610.0, "suspected"))
@@ -163,14 +167,14 @@ def test_a_finding_says_what_failed_and_a_repair_ends_it(emaphm: Emaphm, fleet: 
 
 
 def curves_of(history: History, unit: str) -> dict[str, Any]:
-    """Return the curves of the kept prognosis of a unit."""
+    """Return the curves of the stored prognosis of a unit."""
     with history.database.reading() as connection:
-        found = read_curves(connection, history.unit(unit).row.id)
-    assert found is not None
-    return found
+        curves = read_curves(connection, history.unit(unit).row.id)
+    assert curves is not None
+    return curves
 
 
-def test_the_last_blocks_of_iso_13374_are_the_prognosis(emaphm: Emaphm, fleet: Path) -> None:
+def test_the_prognosis_fills_the_last_blocks_of_iso_13374(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
     made = asked(emaphm, "prognose", "--unit", "SN-1")
     plain = asked(emaphm, "history", "show", "--unit", "SN-1")
@@ -189,7 +193,7 @@ def test_the_last_blocks_of_iso_13374_are_the_prognosis(emaphm: Emaphm, fleet: P
     assert ", out of date: remaining useful life" in emaphm("history", "show", "--unit", "SN-1").out
 
 
-def test_all_units_are_as_each_alone(emaphm: Emaphm, fleet: Path) -> None:
+def test_results_of_all_units_equal_those_of_single_units(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
     chosen = ("--actuator", "required.toml", "--horizon", "200", "--seed", "3")
     made = asked(emaphm, "prognose", "--all", *chosen, "--workers", "1", "--keep")
@@ -205,7 +209,7 @@ def test_all_units_are_as_each_alone(emaphm: Emaphm, fleet: Path) -> None:
     assert all(name in text for name in ("SN-1", "SN-2", "SN-3"))
 
 
-def test_the_table_of_all_names_units_to_be_doubted(emaphm: Emaphm, fleet: Path) -> None:
+def test_the_table_of_all_units_marks_units_with_notes(emaphm: Emaphm, fleet: Path) -> None:
     with History.open(fleet / "history.sqlite") as history:
         made = made_up.diagnosis(900, explained=False)
         history.add(made_up.entry("SN-1", 650.0), made_up.recording(900), made)
@@ -229,7 +233,7 @@ def test_requirements_of_another_actuator_are_refused(fleet: Path, emaphm: Emaph
         message = refused("prognose", *units, "--actuator", "renamed.toml")
         assert said in message
         assert f'state name = "{own}" in it' in message
-    # A part number that was given with --part is another name than that of the description.
+    # The part number given with --part differs from that of the description.
     with History.open(fleet / "history.sqlite") as history:
         entry = replace(made_up.entry("SN-9", 50.0), part_number="P-9")
         history.add(entry, made_up.recording(900), made_up.diagnosis(900))
@@ -240,7 +244,7 @@ def test_requirements_of_another_actuator_are_refused(fleet: Path, emaphm: Emaph
     asked(emaphm, "prognose", "--all", "--part", "P-9", "--no-fleet", "--actuator", "named.toml")
 
 
-def test_the_fleet_can_be_left_out(emaphm: Emaphm, fleet: Path) -> None:
+def test_the_fleet_prior_can_be_left_out(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
     made = asked(emaphm, "prognose", "--unit", "SN-3", "--no-fleet", "--actuator", "required.toml")
     assert made["prior"] == {"fleet_units": 0, "fleet_share": 0.0}
@@ -273,7 +277,7 @@ def test_report_and_figure(emaphm: Emaphm, fleet: Path) -> None:
 
 
 @pytest.mark.usefixtures("fleet")
-def test_a_full_disk_takes_the_figure_and_not_the_answer(
+def test_a_full_disk_costs_the_figure_but_not_the_answer(
     emaphm: Emaphm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from matplotlib.figure import Figure
@@ -288,7 +292,7 @@ def test_a_full_disk_takes_the_figure_and_not_the_answer(
     assert json.loads(out)["unit"] == "SN-2"
 
 
-def test_costs_decide_when_given(emaphm: Emaphm, fleet: Path) -> None:
+def test_given_costs_decide_the_advice(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
     costs = ("--failure-cost", "50", "--replacement-cost", "1")
     made = asked(
@@ -359,7 +363,7 @@ REFUSALS = {
 
 
 @pytest.mark.parametrize("arguments", REFUSALS, ids=" ".join)
-def test_what_is_wrong_is_said_in_one_line(fleet: Path, refused: Refusal, arguments: tuple[str, ...]) -> None:
+def test_errors_are_reported_in_one_line(fleet: Path, refused: Refusal, arguments: tuple[str, ...]) -> None:
     text = (fleet / "required.toml").read_text(encoding="utf-8")
     (fleet / "wrong.toml").write_text(text.replace("at_most", "atmost"), encoding="utf-8")
     message = refused(*arguments)
