@@ -1,4 +1,4 @@
-"""Ways in which bytes, text and numbers are spoilt."""
+"""Functions that spoil bytes, text and numbers."""
 
 from collections.abc import Callable
 from random import Random
@@ -38,7 +38,7 @@ def cut(content: bytes, random: Random) -> bytes:
 
 
 def inserted(content: bytes, random: Random) -> bytes:
-    """Return `content` with random bytes, or a piece of its own, put in somewhere."""
+    """Return `content` with random bytes, or a copy of a piece of it, inserted at a random place."""
     place, length = random.randrange(len(content)), random.choice((1, 2, 8, 100))
     piece = random.randbytes(length) if random.random() < 0.5 else content[place : place + length]
     return content[:place] + piece + content[place:]
@@ -73,7 +73,7 @@ def near(content: bytes, places: tuple[int, int], random: Random) -> bytes:
 
 
 def values(column: Array, random: Random) -> Array:
-    """Return a column as a broken sensor or a wrong conversion would give it."""
+    """Return a column as from a broken sensor or a wrong conversion."""
     spoilt, row = column.copy(), random.randrange(column.size)
     match random.randrange(7):
         case 0:

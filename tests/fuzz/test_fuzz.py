@@ -1,4 +1,4 @@
-"""A short run of the fuzzer with every test run; ``make fuzz`` is the long one."""
+"""A short run of the fuzzer with each test run; ``make fuzz`` is the long run."""
 
 import pytest
 
