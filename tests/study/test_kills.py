@@ -1,4 +1,4 @@
-"""A study that is killed at any moment goes on as if nothing had happened."""
+"""A study killed at any moment is resumed with the same results."""
 
 import os
 import random
@@ -30,8 +30,8 @@ PATIENCE_S = 60
 PLAN = small.plan(("runs = 3", "runs = 20"))
 TOTAL = 80
 
-# A Python that has loaded everything takes a millisecond to fork and a second and a half to start. Polars
-# must not have been used before a fork: its threads would be missing in the child.
+# A Python that has loaded all modules takes a millisecond to fork and a second and a half to start. Polars
+# must not be used before a fork: its threads would be missing in the child.
 NURSERY = """
 import os, sys, time
 from pathlib import Path
@@ -77,7 +77,7 @@ Nursery = subprocess.Popen[str]
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
-    """Return the results of a study that nobody kills."""
+    """Return the results of a study that is not killed."""
     return small.table(run_study(PLAN, tmp_path_factory.mktemp("undisturbed") / "study", workers=1))
 
 
@@ -119,13 +119,13 @@ def _wait_for_results(folder: Path, count: int) -> None:
 
 
 def _results(folder: Path) -> int:
-    """Return how many results are kept; a writer that is at it is waited for."""
+    """Return the number of stored results; wait if a writer is active."""
     if not (folder / "results.sqlite").exists():
         return 0
     with closing(sqlite3.connect(folder / "results.sqlite", timeout=PATIENCE_S)) as connection:
         try:
             return int(connection.execute("SELECT COUNT(*) FROM results").fetchone()[0])
-        except sqlite3.OperationalError:  # its table is still to be made
+        except sqlite3.OperationalError:  # its table does not exist yet
             return 0
 
 
@@ -133,28 +133,30 @@ def _left_over(folder: Path) -> list[Path]:
     return [path for path in folder.iterdir() if path.name not in ("plan.json", "results.sqlite", ".lock")]
 
 
-def test_kills_leave_no_trace(tmp_path: Path, nursery: Nursery, undisturbed: pl.DataFrame) -> None:
+def test_a_study_killed_repeatedly_has_the_same_results(
+    tmp_path: Path, nursery: Nursery, undisturbed: pl.DataFrame
+) -> None:
     folder, dice = tmp_path / "study", random.Random(20)  # noqa: S311 - nothing secret
-    kept: list[int] = []
+    counts: list[int] = []
     for kill in range(KILLS):
-        before = _results(folder)
+        count_before = _results(folder)
         _say(nursery, f"start {folder}")
         child = int(_hear(nursery))
         if kill >= EARLY:
-            _wait_for_results(folder, min(before + dice.randrange(4), TOTAL))
+            _wait_for_results(folder, min(count_before + dice.randrange(4), TOTAL))
         # Beginning, reading, searching and writing each take some milliseconds here.
         time.sleep(dice.uniform(0, 0.02))
         os.kill(child, signal.SIGKILL)
         assert int(_hear(nursery)) == signal.SIGKILL
-        kept.append(_results(folder))
+        counts.append(_results(folder))
         if (folder / "plan.json").exists():
             store = Store.open(folder)
             assert store.damaged == ()
-            assert store.results.height == kept[-1]
-    assert kept == sorted(kept)
-    # The kills have met a study under way, most of them one that got further than the last.
-    assert sum(0 < runs < TOTAL for runs in kept) >= KILLS // 2
-    assert len(set(kept)) >= KILLS // 2
+            assert store.results.height == counts[-1]
+    assert counts == sorted(counts)
+    # The kills met a running study, and most of them after further progress.
+    assert sum(0 < runs < TOTAL for runs in counts) >= KILLS // 2
+    assert len(set(counts)) >= KILLS // 2
     _say(nursery, f"start {folder}")
     _hear(nursery)
     assert int(_hear(nursery)) == 0
@@ -162,14 +164,14 @@ def test_kills_leave_no_trace(tmp_path: Path, nursery: Nursery, undisturbed: pl.
     assert not _left_over(folder)
 
 
-def test_a_kill_while_a_result_is_written_leaves_nothing_of_it(
+def test_a_kill_while_a_result_is_written_leaves_no_part_of_it(
     tmp_path: Path, nursery: Nursery, undisturbed: pl.DataFrame
 ) -> None:
     folder = tmp_path / "study"
     _say(nursery, f"slowly {folder}")
     child = int(_hear(nursery))
     assert _hear(nursery) == "half"
-    # Some 400 kB of pages that no transaction has ended for, and what they replace.
+    # Some 400 kB of pages of an unfinished transaction, and the pages that they replace.
     assert (folder / "results.sqlite").stat().st_size > 200_000
     assert [path.name for path in _left_over(folder)] == ["results.sqlite-journal"]
     os.kill(child, signal.SIGKILL)
