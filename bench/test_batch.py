@@ -14,10 +14,10 @@ RECORDINGS = 32
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder of recordings of the default manoeuvre, each with other faults."""
-    made = tmp_path_factory.mktemp("recordings")
-    fill(made, RECORDINGS)
-    return made
+    """Return a folder of recordings of the default manoeuvre with different faults."""
+    recordings = tmp_path_factory.mktemp("recordings")
+    fill(recordings, RECORDINGS)
+    return recordings
 
 
 @pytest.mark.parametrize(("workers", "budget"), [(1, "≥ 1 ×"), (2, "≥ 1.7 ×")])
