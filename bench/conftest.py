@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 MANOEUVRE_S = 0.5
-"""Duration of the default manoeuvre, which speed is measured against [s]."""
+"""Duration [s] of the default manoeuvre, the reference of speed."""
 
 ROWS = pytest.StashKey[list["Row"]]()
 

@@ -19,7 +19,7 @@ from emaphm.study.rig import Manoeuvre, Rig
 from emaphm.text_table import format_table
 
 SEEDS = 1000
-"""Seeds of recordings to a case."""
+"""Number of seeds of recordings per case."""
 
 
 def held(diagnosis: ema.Diagnosis, truth: Array) -> list[Flags]:

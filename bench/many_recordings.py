@@ -15,7 +15,7 @@ from emaphm.study.record import recorded
 from emaphm.study.rig import Manoeuvre, Rig
 
 DISTINCT = 50
-"""Recordings that are simulated; the others are copies with another name."""
+"""Number of simulated recordings; further recordings are copies with other names."""
 
 MEASURED = """\
 import json, resource, sys
@@ -27,9 +27,9 @@ if __name__ == "__main__":
     worker = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     print(json.dumps({"code": code, "peaks_MB": [int(own) / 1024, worker / 1024]}))
 """
-"""A command that says in the end what memory it had at most, itself and the largest of its workers.
+"""A script that finally prints the peak memory of its process and of its largest worker.
 
-Its own is not from `getrusage`: that keeps the size of the process that it was forked from.
+The memory of its process is not from `getrusage`, which keeps the size of the process it was forked from.
 """
 
 

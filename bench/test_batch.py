@@ -9,7 +9,7 @@ from bench.conftest import Report
 from bench.many_recordings import fill, peaks_of
 
 RECORDINGS = 32
-"""One takes up to three times another's time, and starting the processes some seconds of all."""
+"""Times of recordings differ by up to a factor of three, and starting the processes takes some seconds."""
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 AGENTS, DIMENSIONS, GENERATIONS = 50, 8, 100
 
 BUDGET_S = 2e-4
-"""Per generation: a tenth of what its 50 simulations take."""
+"""Time per generation: a tenth of that of its 50 simulations."""
 
 
 def fitness(points: Array) -> Array:

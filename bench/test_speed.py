@@ -38,7 +38,7 @@ RUNS = 64
 """Actuators in a batch: four groups of lanes."""
 
 IDENTIFICATIONS = 16
-"""Recordings that are each diagnosed once: one takes up to three times another's time."""
+"""Number of recordings, each diagnosed once, because times differ by up to a factor of three."""
 
 THESIS_RUN_S = 1000.0
 """One optimisation of 50 agents × 100 iterations in the thesis (6.5), seconds."""

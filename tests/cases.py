@@ -15,14 +15,14 @@ from emaphm.simulation import REFERENCE, Inputs, simulate_batch
 
 THESIS = Actuator.thesis()
 USUAL = THESIS.nuisances.estimated
-"""The nuisances that are estimated in any case: where they are named, nothing else is looked for."""
+"""The nuisances that are always estimated; if they are named, no further nuisance is searched."""
 
 HEALTHY = Faults().vector
 INTERVAL = 2e-4
 """The acquisition of docs/physics.md, section 7: 5 kHz."""
 
 SHORTED = np.array([1.0, 1.0, 0.7, 0.7, 0.7, 1.0, 1.0, 1.0])
-"""Upper ends of the faults that the averaged model is meant for (docs/physics.md, section 5)."""
+"""Upper ends of the faults for which the averaged model is valid (docs/physics.md, section 5)."""
 
 
 def drawn(count: int, seed: int) -> Array:

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PATIENCE_S = 60
-"""For a process to come up on a busy machine."""
+"""Time limit for the start of a process on a busy machine."""
 
 TESTS = str(Path(__file__).parent)
-"""Where workers find the functions of tests."""
+"""Folder in which workers find the functions of tests."""
 
 FORKS = """
 import json, os, signal, sys
@@ -42,10 +42,10 @@ for child in children:
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
 """
-"""Forks schedulers and workers, which loading takes most of their time; Polars must not be used before."""
+"""Forks schedulers and workers, whose start is mostly loading; Polars must not be used before."""
 
 DOES_NOT_WAIT_LONG = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "5s"}
-"""For a worker that has been killed: a scheduler wants its last results, and asks 30 s long by default."""
+"""Time for a killed worker: a scheduler requests its last results, by default for 30 s."""
 
 Forks = subprocess.Popen[str]
 

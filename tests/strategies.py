@@ -20,7 +20,7 @@ EVERYTHING = reduce(
     (law for name, law in LAWS.items() if name != "transition"),  # this law and presliding exclude each other
     Actuator.thesis(),
 )
-"""The thesis's actuator with every optional law that it can have at once."""
+"""The thesis's actuator with all optional laws that can be combined."""
 
 
 def fault_vectors() -> st.SearchStrategy[NDArray[np.float64]]:

@@ -13,7 +13,7 @@ LOADED = (
     *("emaphm.diagnosis", "emaphm.fleet", "emaphm.monitoring", "emaphm.prognosis", "emaphm.report"),
     *("emaphm.study", "pytest"),
 )
-"""What workers of this machine spend most of their start on."""
+"""Modules whose loading takes most of the start of a worker."""
 
 
 @contextmanager

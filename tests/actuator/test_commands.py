@@ -51,10 +51,10 @@ def test_the_limit_of_a_ramp_is_a_magnitude(limit: float) -> None:
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
-        (kind, one.name)
+        (kind, field.name)
         for kind in (Step, Ramp, Sine, Chirp, DecayingChirp)
-        for one in fields(kind)
-        if one.name != "limit"
+        for field in fields(kind)
+        if field.name != "limit"
     ],
 )
 def test_a_value_that_is_not_a_finite_number_is_refused(kind: type, name: str, value: float) -> None:
@@ -167,9 +167,9 @@ def test_a_sampled_signal_keeps_a_copy_of_its_values() -> None:
 
 
 def test_sampled_signals_can_be_compared_and_hashed() -> None:
-    one, other = Sampled([0, 1], [0, 1]), Sampled([0, 1], [0, 2])
-    assert one != other
-    assert len({one, other}) == 2
+    first, second = Sampled([0, 1], [0, 1]), Sampled([0, 1], [0, 2])
+    assert first != second
+    assert len({first, second}) == 2
 
 
 @pytest.mark.parametrize("kind", [Step, Ramp, Sine, Chirp, DecayingChirp])

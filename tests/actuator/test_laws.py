@@ -38,10 +38,10 @@ def test_a_law_can_be_added_to_the_thesis_actuator(name: str) -> None:
 
 
 @EACH_LAW
-def test_a_law_brings_its_parameters(name: str) -> None:
+def test_a_law_adds_its_parameters(name: str) -> None:
     law = law_named(name)
     within = law.added_to(THESIS)
-    described = [one for one in law.parameters if described_parts(within, one) is not None]
+    described = [parameter for parameter in law.parameters if described_parts(within, parameter) is not None]
     # A ripple may have more harmonics than its default.
     assert described == list(law.parameters)[: len(described)]
     assert len(described) >= min(len(law.parameters), 4)

@@ -53,13 +53,13 @@ def test_lumped_parameters_of_the_thesis_actuator_are_those_of_physics() -> None
 def test_setting_the_present_lumped_parameters_changes_nothing(actuator: Actuator) -> None:
     names = tuple(name for name in LUMPED_PARAMETERS if described_parts(actuator, name) is not None)
     unchanged = with_lumped_parameters(actuator, lumped_parameters(actuator, names))
-    kept = {"end_stops"}
+    unchanged_fields = {"end_stops"}
     # Shares of a sum have a few rounding errors.
-    assert unchanged.mechanics.model_dump(exclude=kept) == (
-        pytest.approx(actuator.mechanics.model_dump(exclude=kept), rel=1e-12)
+    assert unchanged.mechanics.model_dump(exclude=unchanged_fields) == (
+        pytest.approx(actuator.mechanics.model_dump(exclude=unchanged_fields), rel=1e-12)
     )
-    others = {"mechanics"}
-    assert unchanged.model_dump(exclude=others) == actuator.model_dump(exclude=others)
+    sections = {"mechanics"}
+    assert unchanged.model_dump(exclude=sections) == actuator.model_dump(exclude=sections)
 
 
 @pytest.mark.parametrize("name", DESCRIBED)

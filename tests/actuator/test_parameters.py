@@ -119,7 +119,7 @@ def test_no_part_can_be_modified(part: Any) -> None:
 def test_units_are_those_of_motor_and_user(section: str, name: str, units: tuple[str, str, str]) -> None:
     extra = type(getattr(THESIS, section)).model_fields[name].json_schema_extra
     assert isinstance(extra, dict)
-    assert tuple(unit_for(str(extra["unit"]), one) for one in ("rotary", "linear", "screw")) == units
+    assert tuple(unit_for(str(extra["unit"]), kind) for kind in ("rotary", "linear", "screw")) == units
 
 
 def test_all_quantities_have_a_unit_and_a_source() -> None:

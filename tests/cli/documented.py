@@ -11,11 +11,11 @@ from emaphm.actuator import NAMES
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "json.md"
 
 ALSO = {"demo": "diagnose"}
-"""Sections that say to be as another one."""
+"""Sections that refer to the keys of another section."""
 
 
 GROUPS = ("detect", "fleet", "history", "study")
-"""Verbs whose second word is a part of them."""
+"""Verbs of two words."""
 
 
 def undocumented(arguments: Sequence[str | Path], answer: dict[str, Any]) -> list[str]:

@@ -8,7 +8,7 @@ from . import files
 from .conftest import Emaphm, Refusal
 
 MOTOR = files.THESIS.splitlines().index("[motor]") + 1
-"""The line of that section in the thesis's description."""
+"""The line of the section in the thesis's description."""
 
 BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     # keys

@@ -13,12 +13,12 @@ from .conftest import Emaphm, Refusal
 from .test_verbs import EMPS, parsed
 
 SOON = ("--candidates", "0", "--tests", "0")
-"""The given manoeuvre, and its expected intervals, only."""
+"""Only the given manoeuvre and its expected intervals."""
 
 SHORT = ("--duration", "0.2", "--sample-rate", "500")
 
 SMALL = ("--actuator", EMPS, "--frequency", "3", *SHORT, "--candidates", "2", "--tests", "4")
-"""A search that takes a second: the actuator has no windings."""
+"""A search that takes one second, because the actuator has no windings."""
 
 PROMISED = {
     "given",

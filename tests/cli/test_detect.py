@@ -65,23 +65,25 @@ def test_detect_learns_from_healthy_recordings_and_judges_others(
 
 def test_files_in_folders_are_cycles_of_one_run(emaphm: Emaphm, folder: Path, tmp_path: Path) -> None:
     healthy = sorted(folder.glob("healthy*.csv"))
-    for k, one in enumerate(healthy):
+    for k, file in enumerate(healthy):
         place = tmp_path / f"run{min(k, 4)}"  # the last file has two cycles
         place.mkdir(exist_ok=True)
-        (place / one.name).write_bytes(one.read_bytes())
+        (place / file.name).write_bytes(file.read_bytes())
     files = sorted(tmp_path.glob("run*/*.csv"))
-    found = emaphm("detect", "learn", *files, "--out", tmp_path / "known.json", "--json")
-    answer = json.loads(found.out)
+    answer_by_folder = emaphm("detect", "learn", *files, "--out", tmp_path / "known.json", "--json")
+    answer = json.loads(answer_by_folder.out)
     assert answer["group"] == "folder"
     assert answer["manoeuvres"][0]["levels"][0]["runs"] == 5
     (note,) = answer["notes"]
     assert "6 files in 5 folders" in note
     assert "--group file" in note
-    assert note in found.err
-    said = emaphm("detect", "learn", *files, "--group=file", "--out", tmp_path / "other.json", "--json")
-    answer = json.loads(said.out)
+    assert note in answer_by_folder.err
+    answer_by_file = emaphm(
+        "detect", "learn", *files, "--group=file", "--out", tmp_path / "other.json", "--json"
+    )
+    answer = json.loads(answer_by_file.out)
     assert (answer["group"], answer["notes"], answer["manoeuvres"][0]["levels"][0]["runs"]) == ("file", [], 6)
-    assert said.err == ""
+    assert answer_by_file.err == ""
 
 
 def test_text_output_has_the_verdict_and_its_basis(emaphm: Emaphm, folder: Path) -> None:
@@ -127,15 +129,15 @@ def test_files_of_a_folder_are_cycles_of_one_run(emaphm: Emaphm, tmp_path: Path)
         (tmp_path / f"run{run}").mkdir()
         for cycle in range(2):
             path = tmp_path / f"run{run}" / f"{cycle}.csv"
-            one = columns()
-            noisy = {**one, "current_A": one["current_A"] + 0.1 * rng.normal(size=one["time_s"].size)}
+            table = columns()
+            noisy = {**table, "current_A": table["current_A"] + 0.1 * rng.normal(size=table["time_s"].size)}
             path.write_bytes(csv(noisy))
             paths.append(path)
     out = tmp_path / "detector.json"
     learned = emaphm("detect", "learn", *paths, "-o", out, "--group", "folder", AS_MEASURED, "--json")
     assert learned.code == 0, learned.err
     levels = json.loads(learned.out)["manoeuvres"][0]["levels"]
-    assert [(one["cycles"], one["runs"]) for one in levels] == [(1, 5), (2, 5)]
+    assert [(table["cycles"], table["runs"]) for table in levels] == [(1, 5), (2, 5)]
     judged = emaphm("detect", "judge", out, *paths[:2], "--together", "--json")
     assert json.loads(judged.out)["results"][0]["cycles"] == 2
 

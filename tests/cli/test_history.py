@@ -112,12 +112,12 @@ def test_the_note_on_a_similar_name_states_the_remedy(emaphm: Emaphm, recordings
 
 
 def test_adding_diagnoses_only_new_recordings(emaphm: Emaphm, flown: Path, recordings: Path) -> None:
-    before = answer(emaphm, "show", "--unit", "SN-7")
-    again = answer(emaphm, "add", recordings / "first.csv", "--unit", "SN-7", "--hours", "100")
-    assert [one["added"] for one in again["recordings"]] == [False]
-    assert again["cycles"] == 40  # the hours of the flight, although not given again
-    assert answer(emaphm, "show", "--unit", "SN-7") == before
-    both = answer(
+    history_before = answer(emaphm, "show", "--unit", "SN-7")
+    second_addition = answer(emaphm, "add", recordings / "first.csv", "--unit", "SN-7", "--hours", "100")
+    assert [item["added"] for item in second_addition["recordings"]] == [False]
+    assert second_addition["cycles"] == 40  # those of the flight, although not given again
+    assert answer(emaphm, "show", "--unit", "SN-7") == history_before
+    third_addition = answer(
         emaphm,
         "add",
         recordings / "second.csv",
@@ -127,17 +127,21 @@ def test_adding_diagnoses_only_new_recordings(emaphm: Emaphm, flown: Path, recor
         "--hours",
         "150",
     )
-    assert [one["added"] for one in both["recordings"]] == [True, False]
-    first, second = both["recordings"]
+    assert [item["added"] for item in third_addition["recordings"]] == [True, False]
+    first, second = third_addition["recordings"]
     assert second == first | {"added": False}
-    assert (both["new_unit"], both["unit"], both["part_number"]) == (False, "SN-7", "thesis")
+    assert (third_addition["new_unit"], third_addition["unit"], third_addition["part_number"]) == (
+        False,
+        "SN-7",
+        "thesis",
+    )
     diagnoses = answer(emaphm, "show", "--unit", "SN-7")["diagnoses"]
-    assert [one["hours"] for one in diagnoses] == [100.0, 150.0]
-    friction = [one["health_assessment"]["faults"]["friction"] for one in diagnoses]
-    for one, truth in zip(friction, (0.2, 0.4), strict=True):
-        assert one["verdict"] == "degraded"
+    assert [item["hours"] for item in diagnoses] == [100.0, 150.0]
+    friction = [item["health_assessment"]["faults"]["friction"] for item in diagnoses]
+    for item, truth in zip(friction, (0.2, 0.4), strict=True):
+        assert item["verdict"] == "degraded"
         # As in the tests of diagnoses: within four standard errors.
-        assert one["value"] == pytest.approx(truth, abs=4 * one["standard_error"])
+        assert item["value"] == pytest.approx(truth, abs=4 * item["standard_error"])
     assert flown.is_dir()
 
 
@@ -157,11 +161,11 @@ def test_the_stored_diagnosis_equals_that_printed_by_diagnose(
 
 def test_json_has_the_blocks_of_iso_13374(emaphm: Emaphm, flown: Path) -> None:
     assert flown.is_dir()
-    shown = answer(emaphm, "show", "--unit", "SN-7")
-    (stored,) = shown["diagnoses"]
+    unit = answer(emaphm, "show", "--unit", "SN-7")
+    (stored,) = unit["diagnoses"]
     assert {"data_manipulation", "state_detection", "health_assessment"} < set(stored)
-    assert {"prognostic_assessment", "advisory_generation"} < set(shown)
-    assert shown["unit"] == {
+    assert {"prognostic_assessment", "advisory_generation"} < set(unit)
+    assert unit["unit"] == {
         "serial_number": "SN-7",
         "part_number": "thesis",
         "position": "left aileron",
@@ -181,8 +185,8 @@ def test_the_stresses_of_a_unit_are_stored_with_the_flight(
     first, second = answer(emaphm, "show", "--unit", "SN-7")["flights"]
     assert (first["load"], first["temperature"]) == (None, None)
     assert (second["load"], second["temperature"]) == (0.4, 290.0)
-    made = json.loads(emaphm("prognose", "--unit", "SN-7", "--load", "0.8", "--json").out)
-    assert made["stress"] == {
+    prognosis = json.loads(emaphm("prognose", "--unit", "SN-7", "--load", "0.8", "--json").out)
+    assert prognosis["stress"] == {
         "reference": {"load": 0.4, "temperature_K": 290.0, "cycles_per_hour": pytest.approx(0.6)},
         "ahead": {"load": 0.8, "temperature_K": None, "cycles_per_hour": None},
     }
@@ -192,12 +196,12 @@ def test_removals_and_findings(emaphm: Emaphm, flown: Path) -> None:
     assert flown.is_dir()
     removal = ("removal", "--unit", "SN-7", "--hours", "120", "--reason", "suspected", "--note", "slow")
     finding = ("finding", "--unit", "SN-7", "--hours", "120", "--component", "friction")
-    found = ("--condition", "failed", "--level", "0.31", "--replaced")
+    finding_options = ("--condition", "failed", "--level", "0.31", "--replaced")
     assert [answer(emaphm, *removal)["added"] for _ in range(2)] == [True, False]
-    assert [answer(emaphm, *finding, *found)["added"] for _ in range(2)] == [True, False]
-    shown = answer(emaphm, "show", "--unit", "SN-7")
-    assert shown["replacements"] == [{"hours": 120.0, "component": "friction"}]
-    (life,) = shown["lives"]["unit"]
+    assert [answer(emaphm, *finding, *finding_options)["added"] for _ in range(2)] == [True, False]
+    unit = answer(emaphm, "show", "--unit", "SN-7")
+    assert unit["replacements"] == [{"hours": 120.0, "component": "friction"}]
+    (life,) = unit["lives"]["unit"]
     assert (life["end_hours"], life["failed"], life["censored"]) == (120.0, True, False)
     text = emaphm("history", "show", "--unit", "SN-7").out
     lines = [line.strip() for line in text.splitlines()]
@@ -255,11 +259,11 @@ def test_a_wrong_entry_can_be_withdrawn(emaphm: Emaphm, flown: Path) -> None:
     answer(emaphm, "removal", *wrong, "--reason", "failed")
     refused = emaphm("history", "removal", *wrong, "--reason", "scheduled").err
     assert "withdraw a wrong entry with 'emaphm history withdraw'" in refused
-    made = answer(emaphm, "withdraw", "removal", *wrong, "--reason", "of SN-8")
-    assert (made["kind"], made["subject"], made["unit_left"]) == ("removal", "failed", True)
-    shown = answer(emaphm, "show", "--unit", "SN-7")
-    assert shown["removals"] == []
-    assert shown["withdrawals"][0]["reason"] == "of SN-8"
+    withdrawal = answer(emaphm, "withdraw", "removal", *wrong, "--reason", "of SN-8")
+    assert (withdrawal["kind"], withdrawal["subject"], withdrawal["unit_left"]) == ("removal", "failed", True)
+    unit = answer(emaphm, "show", "--unit", "SN-7")
+    assert unit["removals"] == []
+    assert unit["withdrawals"][0]["reason"] == "of SN-8"
     assert "removal 'failed' at 120 h (of SN-8)" in emaphm("history", "show", "--unit", "SN-7").out
     only = ("withdraw", "recording", "--unit", "SN-7", "--hours", "100", "--reason", "another actuator")
     text = emaphm("history", *only).out

@@ -64,8 +64,8 @@ def test_a_tolerance_is_asked_for(
 def test_end_stops_stay_without_an_answer_and_are_removed_by_none(
     answering: Emaphm, tmp_path: Path, answer: str, stops: tuple[float, float] | None
 ) -> None:
-    said = answering(ANSWERS.replace("-0.3, 0.4", answer)).err
-    assert "end stops at the user, lower and upper [rad], or none (-0.5236, 0.5236)" in said
+    messages = answering(ANSWERS.replace("-0.3, 0.4", answer)).err
+    assert "end stops at the user, lower and upper [rad], or none (-0.5236, 0.5236)" in messages
     assert Actuator.from_toml(tmp_path / "rig.toml").mechanics.end_stops == stops
 
 

@@ -17,10 +17,10 @@ WRITERS = {
     "calibrate good.csv --free inertia -o spare.toml --figure {}": ("out.png",),
     "replay good.csv --figure {}": ("out.png", "out.svg", "out.pdf"),
 }
-"""Every option that writes a file, with the endings that it takes."""
+"""All options that write a file, with their accepted endings."""
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
-"""What the content of a figure begins with, by its ending."""
+"""First bytes of a figure's file, by its ending."""
 
 EACH = [(line, name) for line, names in WRITERS.items() for name in names]
 

@@ -24,7 +24,7 @@ ON_A_TERMINAL = pytest.mark.skipif(sys.platform == "win32", reason="needs a pseu
 Start = Callable[..., "subprocess.Popen[bytes]"]
 
 PATIENCE_S = 120
-"""For kernels that are compiled for the first time, on a busy machine."""
+"""Time limit; long enough to compile the kernels for the first time on a busy machine."""
 
 
 def environment(**changes: str) -> dict[str, str]:
@@ -47,7 +47,7 @@ from emaphm.cli import main
 for line in sys.argv[1:]:
     print(f"== {main(line.split())}", flush=True)
 """
-"""Runs several command lines in one process, which takes longer to start than they take."""
+"""Runs several command lines in one process, whose start takes longer than the commands."""
 
 
 @pytest.fixture
@@ -184,7 +184,7 @@ def test_a_closed_pipe_is_no_error_for_help(start: Start, line: str) -> None:
     ("closed", "line", "code", "said"),
     [
         (">&-", "--help", 2, "stdout is closed"),
-        # Noticed before the work: the missing file is not reported.
+        # Noticed before the work: the file is not read.
         (">&-", "diagnose absent.csv", 2, "stdout is closed"),
         ("2>&-", "bogus", 2, ""),
         (">&- 2>&-", "replay good.csv", 2, ""),
@@ -320,9 +320,9 @@ sys.exit(main())
 """
 """Runs the command line, interrupted when `bar` is drawn for the second time.
 
-That is once the work has begun, and before its result is written at the latest. From another process, an
-interruption may come too late: one that finds the work done and the interpreter shutting down ends it by the
-signal, which a shell calls 130 too.
+This is after the start of the work and before its result is written. From another process, an
+interruption may come too late: if the work is done and the interpreter is shutting down, the signal ends
+the process, for which a shell also returns 130.
 """
 
 
@@ -376,7 +376,7 @@ added, Progress.add_task, lose = Progress.add_task, add_task, globals()[sys.argv
 from emaphm.cli import main
 sys.exit(main())
 """
-"""Runs the command line, and loses an interruption as its work begins: libraries do so while they load."""
+"""Runs the command line and loses an interruption at the start of the work, as libraries do while loading."""
 
 
 @ON_A_TERMINAL

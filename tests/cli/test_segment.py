@@ -51,10 +51,10 @@ def test_segment_prints_and_writes_the_stretches(emaphm: Emaphm, flight: Path, t
         "written",
     }
     assert (answer["accepted"], answer["seed"], answer["version"]) == (1, 2, VERSION)
-    assert [one["accepted"] for one in answer["segments"]] == [False, True, False]
+    assert [item["accepted"] for item in answer["segments"]] == [False, True, False]
     assert answer["segments"][0]["reason"].startswith("at rest")
     assert "friction" in answer["segments"][1]["identifies"]
-    assert [Path(one).name for one in answer["written"]] == ["stretch_001.csv"]
+    assert [Path(item).name for item in answer["written"]] == ["stretch_001.csv"]
     assert parsed(emaphm, "diagnose", answer["written"][0], *QUICK)["explained"] in (True, False)
 
 
@@ -72,13 +72,13 @@ def test_segment_refuses_an_output_folder_before_the_work(
     (tmp_path / "cut").mkdir()
     (tmp_path / "cut" / "stretch_002.csv").write_text("of an earlier run")
     # If the stretches were searched first, the precision would be refused.
-    for out, said in (
+    for out, message in (
         ("cut", "stretch_002.csv: exists already"),
         ("flight.csv", "this folder cannot be created"),
     ):
         code, text, err = emaphm("segment", flight, "--wanted", "2", "-o", tmp_path / out)
         assert (code, text) == (2, "")
-        assert said in err
+        assert message in err
         assert len(err.splitlines()) == 1
 
 

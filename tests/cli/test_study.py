@@ -44,7 +44,7 @@ iterations = 3
 """
 
 PATIENCE_S = 60
-"""For a process to come up or to end on a busy machine."""
+"""Time limit for the start or end of a process on a busy machine."""
 
 RUN = "study run plan.toml -o out"
 

@@ -65,7 +65,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_wrong_arguments_are_refused_in_one_line(
     folder: Path, arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main([one.format(folder) for one in arguments]) == 2
+    assert main([argument.format(folder) for argument in arguments]) == 2
     captured = capsys.readouterr()
     assert complaint in captured.err
     assert captured.err.count("\n") == 1
@@ -89,7 +89,7 @@ FACTS = {
         "rank_chi2_limit": 0.0,
     },
 }
-"""What is said of a training that did not take place."""
+"""Data of a training that did not take place."""
 
 
 def trained_by(folder: Path, monkeypatch: pytest.MonkeyPatch, meanwhile: Callable[[Path], object]) -> None:
@@ -154,7 +154,7 @@ def test_simulations_that_another_training_uses_are_not_removed(
 
 @pytest.mark.usefixtures("any_delay_shows")
 def test_json_names_the_method(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = [
+    command_line = [
         "diagnose",
         f"{folder}/0.csv",
         "--estimator",
@@ -162,7 +162,7 @@ def test_json_names_the_method(folder: Path, capsys: pytest.CaptureFixture[str])
         "--fast",
         "--json",
     ]
-    assert main(asked) == 0
+    assert main(command_line) == 0
     values = json.loads(capsys.readouterr().out)
     assert values["method"] == "estimator"
     np.testing.assert_allclose(values["k"][0], TRUTH.friction, atol=1e-3)
@@ -170,8 +170,14 @@ def test_json_names_the_method(folder: Path, capsys: pytest.CaptureFixture[str])
 
 @pytest.mark.usefixtures("any_delay_shows")
 def test_a_batch_is_diagnosed_by_the_estimator(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = ["diagnose", f"{folder}/0.csv", f"{folder}/1.csv", "--estimator", f"{folder}/unit.estimator"]
-    assert main([*asked, "--fast", "--json", "--workers", "1", "-o", f"{folder}/batch"]) == 0
+    command_line = [
+        "diagnose",
+        f"{folder}/0.csv",
+        f"{folder}/1.csv",
+        "--estimator",
+        f"{folder}/unit.estimator",
+    ]
+    assert main([*command_line, "--fast", "--json", "--workers", "1", "-o", f"{folder}/batch"]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [line["method"] for line in lines] == ["estimator"] * 2
 
@@ -188,15 +194,15 @@ def test_an_estimator_replaced_during_a_batch_does_not_diagnose(folder: Path, tm
     (replaced,) = running
     assert "unit.estimator: has changed since the work began" in replaced.error
     shutil.copy(folder / "unit.estimator", file)
-    again = [
-        one.values["k"][0]
-        for one in diagnose_all(files, THESIS, settings, workers=1, folder=tmp_path / "out")
+    repeated = [
+        outcome.values["k"][0]
+        for outcome in diagnose_all(files, THESIS, settings, workers=1, folder=tmp_path / "out")
     ]
-    np.testing.assert_allclose(again, TRUTH.friction, atol=1e-3)
+    np.testing.assert_allclose(repeated, TRUTH.friction, atol=1e-3)
 
 
 def test_another_estimator_changes_the_key_of_the_results(folder: Path) -> None:
-    one = DiagnosisSettings(estimator=str(folder / "unit.estimator")).to_dict()
+    first = DiagnosisSettings(estimator=str(folder / "unit.estimator")).to_dict()
     setup = short_setup()
     constant_estimator(setup, np.zeros(10)).save(folder / "other.estimator")
-    assert one != DiagnosisSettings(estimator=str(folder / "other.estimator")).to_dict()
+    assert first != DiagnosisSettings(estimator=str(folder / "other.estimator")).to_dict()

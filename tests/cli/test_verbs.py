@@ -29,7 +29,7 @@ TRUTH = ("--fault", "friction=0.3", "--fault", "short_b=0.2")
 TRUE_K = Faults(friction=0.3, short_b=0.2).vector
 
 QUICK = ("--nuisance", "none", "--no-correction")
-"""Options of a diagnosis in a tenth of the time, for what its values do not matter to."""
+"""Options of a diagnosis in a tenth of the time, for tests that do not check its values."""
 
 DIAGNOSIS = {
     "faults",
@@ -46,7 +46,7 @@ DIAGNOSIS = {
     "actuator",
     "version",
 }
-"""What the design promises of `diagnose --json`."""
+"""Keys of `diagnose --json` that the design specifies."""
 
 
 def _refuse(constant: str) -> NoReturn:
@@ -192,8 +192,8 @@ def test_command_and_load_come_from_files(emaphm: Emaphm, desk: Path, ending: st
     }
     (desk / f"signal.{ending}").write_bytes(write(signal))
     options = ("--command", f"signal.{ending}", "--load", f"signal.{ending}", "--model", "averaged")
-    said = parsed(emaphm, "simulate", "out.csv", *options, "--duration", "0.3")
-    assert "load_Nm" in said["channels"]
+    answer = parsed(emaphm, "simulate", "out.csv", *options, "--duration", "0.3")
+    assert "load_Nm" in answer["channels"]
     written = pl.read_csv(desk / "out.csv")
     middle = written["time_s"].to_numpy() + 0.5 / 5000
     # Linear between the samples and held after the last; a row's mean deviates by half a step of the model.
@@ -314,8 +314,8 @@ def test_json_stays_json_with_a_report(
     emaphm: Emaphm, faulty: Path, desk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")  # its figures are drawn above
-    found = parsed(emaphm, "diagnose", faulty.name, *QUICK, "--report", "report.html")
-    assert found.keys() >= DIAGNOSIS
+    answer = parsed(emaphm, "diagnose", faulty.name, *QUICK, "--report", "report.html")
+    assert answer.keys() >= DIAGNOSIS
     assert (desk / "report.html").is_file()
 
 
@@ -340,7 +340,7 @@ def test_replay_by_the_model_that_made_the_recording_has_a_negligible_error(
 def test_replay_compares_several_recordings_and_writes_their_signals(emaphm: Emaphm, desk: Path) -> None:
     (desk / "servo.csv").write_bytes(files.csv(files.without("current_A", "speed_rad_s")))
     answer = parsed(emaphm, "replay", "good.csv", "servo.csv", "--series", "series.csv")
-    assert [one["recording"] for one in answer["recordings"]] == ["good.csv", "servo.csv"]
+    assert [item["recording"] for item in answer["recordings"]] == ["good.csv", "servo.csv"]
     assert answer["recordings"][0] == parsed(emaphm, "replay", "good.csv")
     assert answer["recordings"][1]["rms_error"].keys() == {"position_rad"}
     assert answer["mean_absolute_error"]["position_rad"] <= answer["rms_error"]["position_rad"]
@@ -390,7 +390,7 @@ def test_replay_uses_the_calibrated_description(emaphm: Emaphm, desk: Path) -> N
     (desk / "worn.toml").write_text(worn, encoding="utf-8")
     options = ("--actuator", "worn.toml", "--model", "averaged")
     assert emaphm("simulate", "worn.csv", *options).code == 0
-    before = parsed(emaphm, "replay", "worn.csv")["relative_error"]
+    error_before = parsed(emaphm, "replay", "worn.csv")["relative_error"]
     # The averaged model made the recording, on a day without load or heat.
     exact = ("--no-correction", "--nuisance", "none")
     answer = parsed(emaphm, "calibrate", "worn.csv", "--free", "inertia,viscous", "-o", "found.toml", *exact)
@@ -400,12 +400,12 @@ def test_replay_uses_the_calibrated_description(emaphm: Emaphm, desk: Path) -> N
     # The same model made the recording: the error is from the command, of which only the means are known.
     assert inertia["value"] == pytest.approx(3.5e-5, rel=0.01)
     assert 0 < inertia["standard_error"] < 0.01 * inertia["value"]
-    after = parsed(emaphm, "replay", "worn.csv", "--actuator", "found.toml")
-    assert after["relative_error"] == pytest.approx(answer["relative_error"])
-    assert after["relative_error"]["current_A"] < 0.1 * before["current_A"]
+    answer_after = parsed(emaphm, "replay", "worn.csv", "--actuator", "found.toml")
+    assert answer_after["relative_error"] == pytest.approx(answer["relative_error"])
+    assert answer_after["relative_error"]["current_A"] < 0.1 * error_before["current_A"]
     described = Actuator.from_toml("found.toml")
     assert described.mechanics.inertia == pytest.approx(inertia["value"])
-    assert after["actuator"] == described.name == answer["actuator"]
+    assert answer_after["actuator"] == described.name == answer["actuator"]
     comments = (desk / "found.toml").read_text(encoding="utf-8").splitlines()
     assert comments[0].startswith("# Calibrated on worn.csv: inertia, viscous")
 
@@ -427,7 +427,7 @@ def test_a_baseline_from_several_recordings_is_used_in_later_diagnoses(emaphm: E
         "--nuisance",
         "none",
     )
-    assert [one["recording"] for one in answer["recordings"]] == list(days)
+    assert [item["recording"] for item in answer["recordings"]] == list(days)
     assert answer["birge_ratio"] > 0
     baseline = Actuator.from_toml("unit.toml").baseline
     assert baseline is not None
@@ -553,8 +553,8 @@ def test_the_demo_prints_the_estimate_and_the_truth(
 
     monkeypatch.setattr("emaphm.demo.diagnose", once)
     monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")  # its figures are drawn above
-    said = parsed(emaphm, "demo", "--seed", "1")
-    check_demo(said, desk)
+    answer = parsed(emaphm, "demo", "--seed", "1")
+    check_demo(answer, desk)
     # Its figure was drawn above.
     monkeypatch.setattr("emaphm.demo.draw_diagnosis", lambda *_: Figure())
     code, out, err = emaphm("demo", "--out", "new/folder", "--seed", "1")

@@ -28,11 +28,11 @@ from . import toy
 pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="Dask is not installed")
 
 PATIENCE_S = 60
-"""For a process to come up on a busy machine."""
+"""Time limit for the start of a process on a busy machine."""
 
 TOTAL = 40
 TASKS = toy.tasks(TOTAL, toy.square, 0.01)
-"""Long enough for a worker to be lost while they run."""
+"""Duration of the tasks, long enough to lose a worker during the run."""
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +117,9 @@ def test_a_study_has_the_same_results_on_a_cluster(
     out, err = capsys.readouterr()
     assert (code, err) == (0, "")
     answer = json.loads(out)
-    assert {one["method"] for one in answer.pop("methods")} == set(small.table(Store.open(folder))["method"])
+    assert {method["method"] for method in answer.pop("methods")} == set(
+        small.table(Store.open(folder))["method"]
+    )
     assert answer == {"plan": "small", "folder": str(folder), "runs": 12, "done_again": []}
     local = run_study(small.plan(), tmp_path / "here", workers=1)
     assert small.table(Store.open(folder)).equals(small.table(local))

@@ -27,7 +27,7 @@ if __name__ == "__main__":
     calls = Calls(60.0, 2**31)
     print(calls(blocked))
 """
-"""A program that calls a function as the first thing it does, and does not end the process of it."""
+"""A program that first calls a function in its own process and does not end this process."""
 
 
 def die() -> None:

@@ -18,7 +18,7 @@ from processes import children, lives
 from . import toy
 
 PATIENCE_S = 60
-"""For a process to come up or to end on a busy machine."""
+"""Time limit for the start or end of a process on a busy machine."""
 
 COMMAND = """
 import sys

@@ -22,7 +22,7 @@ from emaphm.execution import Outcome, ResultStore, Task, in_order, run, run_task
 from . import toy
 
 PATIENCE_S = 60
-"""For a process to come up or to end on a busy machine."""
+"""Time limit for the start or end of a process on a busy machine."""
 
 TASKS = toy.tasks(12)
 

@@ -22,12 +22,12 @@ from emaphm.experiment.test_setup import TestSetup
 from emaphm.recording import read_signal
 
 EMPS = Actuator.from_toml(Path(__file__).resolve().parents[2] / "examples" / "emps" / "emps.toml")
-"""An actuator without electrical section, which has the components friction and gain only."""
+"""An actuator without electrical section, which has only the components friction and gain."""
 
 THESIS_CHIRP = Excitation(Chirp(), 0.5)
 
 SHORT = 0.1
-"""Duration [s] of the poor manoeuvre: as poor as one of half a second, but simulated faster."""
+"""Duration [s] of the poor manoeuvre: as poor as a manoeuvre of half a second, but simulated faster."""
 
 
 def precision_of(
@@ -79,11 +79,11 @@ def test_expected_intervals_are_those_of_diagnoses_of_reference_recordings() -> 
 
 
 def test_voltage_narrows_the_intervals() -> None:
-    alone, both = precision_of(), precision_of(channels=("current", "voltage"))
-    assert both.logarithms.mean() < alone.logarithms.mean()
+    alone, with_voltage = precision_of(), precision_of(channels=("current", "voltage"))
+    assert with_voltage.logarithms.mean() < alone.logarithms.mean()
     # Heat and a short look alike from the current alone; voltage separates them (docs/physics.md, section 6).
     for name in ("short_a", "short_b", "short_c"):
-        assert both.half_widths[name] < alone.half_widths[name] / 3
+        assert with_voltage.half_widths[name] < alone.half_widths[name] / 3
 
 
 LINEAR_CHIRP = Excitation(Chirp(stop_hz=6.0, duration=0.25), 0.25)
@@ -160,19 +160,19 @@ def test_the_finalist_with_the_narrower_intervals_in_simulated_tests_is_selected
 ) -> None:
     predicted = Precision({}, np.zeros(4))
     finalists = [PlannedTest(Excitation(Chirp(stop_hz=hertz), 0.5), predicted) for hertz in (9.0, 12.0)]
-    asked = []
+    calls = []
 
     def simulated(_: TestSetup, excitations: list[Excitation], *given: Any) -> list[SimulatedTests]:
-        asked.append((excitations, given[:2]))
+        calls.append((excitations, given[:2]))
         wide, narrow = (Precision({}, np.full(4, width)) for width in (-3.0, -4.0))
-        return [SimulatedTests(one, np.ones(4), np.zeros(4)) for one in (wide, narrow)]
+        return [SimulatedTests(candidate, np.ones(4), np.zeros(4)) for candidate in (wide, narrow)]
 
     monkeypatch.setattr(candidate_search, "simulate_tests", simulated)
     setup = TestSetup.of(THESIS, ("current",), 0.05, 5000.0)
     assert choose_finalist(setup, finalists, 12, 3, None) is finalists[1]
-    assert asked == [([one.excitation for one in finalists], (6, 3))]
+    assert calls == [([finalist.excitation for finalist in finalists], (6, 3))]
     assert choose_finalist(setup, finalists[:1], 12, 3, None) is finalists[0]
-    assert len(asked) == 1
+    assert len(calls) == 1
 
 
 def test_simulated_tests_that_contradict_the_prediction_do_not_confirm_it(improved: Design) -> None:

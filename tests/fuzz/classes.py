@@ -32,7 +32,7 @@ from . import spoil
 THESIS = write_toml(Actuator.thesis())
 
 REPLAY = ("replay", "{}", "--json")
-"""The quickest verb that reads a recording and runs a model on it."""
+"""The fastest verb that reads a recording and simulates a model."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def columns(*, further: bool = True) -> dict[str, Array]:
     """Return 0.1 s of a healthy thesis actuator at 2 kHz, in closed form."""
     time = np.arange(200) / 2e3
     swing = 2 * np.pi * 15.0 * time
-    kept = {
+    channels = {
         "time_s": time,
         "command_rad": 5e-3 * np.sin(swing),
         "current_A": 1.5 * np.sign(np.cos(swing)) - 0.4 * np.sin(swing),
@@ -63,7 +63,7 @@ def columns(*, further: bool = True) -> dict[str, Array]:
         "load_Nm": np.full(200, 0.01),
         "temperature_K": np.full(200, 293.15),
     }
-    return kept | motion if further else kept
+    return channels | motion if further else channels
 
 
 @cache
@@ -310,7 +310,7 @@ label = "few"
 population = 4
 iterations = 3
 """
-"""A plan that is done in a moment."""
+"""A plan that takes almost no time."""
 
 STUDY_LINE = ("study", "run", "mine.toml", "--out", "study", "--workers", "1", "--json")
 
@@ -386,7 +386,7 @@ CLASSES: dict[str, tuple[Callable[[Random], Case], int]] = {
     "study: plan": (study_plan, 2),
     "study: results": (study_results, 2),
 }
-"""How a case of each class is made, and how often: those that start a process are rarer."""
+"""Function and relative frequency of each class; classes that start a process are rarer."""
 
 if find_spec("h5py"):
     CLASSES["mat 7.3: bytes"] = (_bytewise("mat73", "rec.mat"), 1)

@@ -26,7 +26,7 @@ from emaphm.recording import read_recording
 from .classes import CLASSES, THESIS, Case, columns, good
 
 SLOW_S = 30.0
-"""A case that takes longer is a complaint: something went on without a limit."""
+"""A case that takes longer is a complaint, because some work has no limit."""
 
 
 @dataclass

@@ -12,16 +12,16 @@ ODD_NUMBERS = (
     " ", "1,5", "0x10", "1_000", "١", "1e", "--1", "+-1", "1.5", "true", "None", "1" * 5000, "9" * 25,
     "1e-15", "-1", "1e15",
 )  # fmt: skip
-"""What may stand where a number belongs."""
+"""Odd texts in place of a number."""
 
 ODD_TEXTS = (
     "", " ", "\0", "a\0b", "\n", "\x1b[31m", "ü" * 300, "x" * 5000, "..", "/", "~", "*", "[", "%s", "{}", "'",
     '"', "\udcff", "None", "-", "--", "=", "a=b=c", "nul", "NaN", "\u202e", "💥", ",", ",,", ";", "friction",
 )  # fmt: skip
-"""What may stand where a name belongs."""
+"""Odd texts in place of a name."""
 
 MAGNETIC = (0, 1, 0x7F, 0x80, 0xFF)
-"""Bytes at the edges of what integers mean."""
+"""Bytes at the limits of integers."""
 
 
 def flipped(content: bytes, random: Random) -> bytes:

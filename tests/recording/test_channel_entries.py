@@ -107,7 +107,7 @@ def test_a_label_is_kept_despite_lost_rows(columns: Columns, tmp_path: Path, the
     path = save({name: values[kept] for name, values in lost.items()}, tmp_path)
     recording = read_recording(path, thesis)
     assert recording.samples == 2500
-    # Values that change are no label.
+    # In lost rows, the values of a changing column are unknown.
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(recording["ambient"])), [700, 701, 1200])
     write_recording(recording, tmp_path / "again.csv")
     reread = read_recording(tmp_path / "again.csv", thesis)

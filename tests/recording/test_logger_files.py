@@ -92,7 +92,7 @@ Saved = Callable[[str], Path]
 
 
 HERE = ReadLimits(isolated=False)
-"""In this process: another is not kept where it refused a file, and loads the library of MDF for seconds."""
+"""Read in this process: a reader process that refused a file is not reused, and loading MDF takes seconds."""
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ OF_PHASES = ("time_s", "command_rad", *PHASES, "angle_rad", "voltage_V")
 
 
 @pytest.fixture(scope="module")
-def whole() -> Recording:
+def healthy_recording() -> Recording:
     return simulate(THESIS, Chirp(), noise=0.05, adc_bits=12)
 
 
@@ -140,11 +140,13 @@ def test_a_channel_that_freezes_early_is_found(rows: int) -> None:
 
 
 @pytest.mark.parametrize("name", LINE[2:])
-def test_a_frozen_channel_is_found_and_its_rows_are_discarded(whole: Recording, name: str) -> None:
+def test_a_frozen_channel_is_found_and_its_rows_are_discarded(
+    healthy_recording: Recording, name: str
+) -> None:
     def freeze(columns: dict[str, Array]) -> None:
         columns[name][1000:1500] = columns[name][1000]
 
-    checked = check_sensors(with_fault(whole, LINE, freeze), THESIS)
+    checked = check_sensors(with_fault(healthy_recording, LINE, freeze), THESIS)
     (finding,) = checked.findings
     assert (finding.channel, finding.kind) == (name, "frozen")
     assert finding.size == pytest.approx(0.1, abs=0.002)  # a signal may repeat its value before and after
@@ -153,15 +155,15 @@ def test_a_frozen_channel_is_found_and_its_rows_are_discarded(whole: Recording, 
 
 
 @pytest.mark.parametrize("name", ["current_A", "position_rad", "speed_rad_s"])
-def test_a_clipped_channel_is_found(whole: Recording, name: str) -> None:
+def test_a_clipped_channel_is_found(healthy_recording: Recording, name: str) -> None:
     def clip(columns: dict[str, Array]) -> None:
         limit = 0.7 * np.abs(columns[name]).max()
         columns[name] = np.clip(columns[name], -limit, limit)
 
-    checked = check_sensors(with_fault(whole, LINE, clip), THESIS)
+    checked = check_sensors(with_fault(healthy_recording, LINE, clip), THESIS)
     assert (name, "clipped") in [(item.channel, item.kind) for item in checked.findings]
     finding = next(item for item in checked.findings if item.kind == "clipped")
-    assert finding.size == pytest.approx(0.7 * np.abs(whole[name]).max())
+    assert finding.size == pytest.approx(0.7 * np.abs(healthy_recording[name]).max())
 
 
 def test_all_rows_at_the_end_of_a_range_are_discarded() -> None:
@@ -314,35 +316,35 @@ def test_a_channel_limited_by_the_hardware_raises_no_alarm() -> None:
     assert clipped_rows(np.clip(speed, -0.8 * limit, 0.8 * limit), "speed_rad_s", command, THESIS).any()
 
 
-def test_a_phase_with_a_wrong_scale_is_replaced_from_the_other_phases(whole: Recording) -> None:
+def test_a_phase_with_a_wrong_scale_is_replaced_from_the_other_phases(healthy_recording: Recording) -> None:
     def scale(columns: dict[str, Array]) -> None:
         columns["current_b_A"] = 1.2 * columns["current_b_A"]
 
-    checked = check_sensors(with_fault(whole, OF_PHASES, scale), THESIS)
+    checked = check_sensors(with_fault(healthy_recording, OF_PHASES, scale), THESIS)
     (finding,) = checked.findings
     assert (finding.channel, finding.kind) == ("current_b_A", "scale")
     assert finding.size == pytest.approx(0.2, abs=0.01)
     # Two sensors' noise and counts, five standard deviations.
-    error = checked.recording["current_b_A"] - whole["current_b_A"]
+    error = checked.recording["current_b_A"] - healthy_recording["current_b_A"]
     assert np.abs(error).max() < 5 * 3**0.5 * 0.06
 
 
-def test_a_reversed_phase_is_found(whole: Recording) -> None:
+def test_a_reversed_phase_is_found(healthy_recording: Recording) -> None:
     def reverse(columns: dict[str, Array]) -> None:
         columns["current_c_A"] = -columns["current_c_A"]
 
-    assert kinds(with_fault(whole, OF_PHASES, reverse)) == [("current_c_A", "reversed")]
+    assert kinds(with_fault(healthy_recording, OF_PHASES, reverse)) == [("current_c_A", "reversed")]
 
 
 @pytest.mark.parametrize("order", [(1, 0, 2), (2, 1, 0), (1, 2, 0)])
-def test_exchanged_phases_are_corrected(whole: Recording, order: tuple[int, ...]) -> None:
+def test_exchanged_phases_are_corrected(healthy_recording: Recording, order: tuple[int, ...]) -> None:
     def swap(columns: dict[str, Array]) -> None:
-        columns.update({name: whole[PHASES[i]] for name, i in zip(PHASES, order, strict=True)})
+        columns.update({name: healthy_recording[PHASES[i]] for name, i in zip(PHASES, order, strict=True)})
 
-    checked = check_sensors(with_fault(whole, OF_PHASES, swap), THESIS)
+    checked = check_sensors(with_fault(healthy_recording, OF_PHASES, swap), THESIS)
     assert [finding.kind for finding in checked.findings] == ["swapped"]
     for name in PHASES:
-        np.testing.assert_array_equal(checked.recording[name], whole[name])
+        np.testing.assert_array_equal(checked.recording[name], healthy_recording[name])
 
 
 def _frozen_b(columns: dict[str, Array]) -> None:
@@ -359,32 +361,38 @@ def _exchanged(columns: dict[str, Array]) -> None:
 
 @pytest.mark.parametrize("spoil", [_frozen_b, _reversed_b, _exchanged])
 def test_phases_used_for_the_equivalent_current_are_checked(
-    whole: Recording, spoil: Callable[[dict[str, Array]], None], tmp_path: Path
+    healthy_recording: Recording, spoil: Callable[[dict[str, Array]], None], tmp_path: Path
 ) -> None:
-    in_memory = with_fault(whole, OF_PHASES, spoil)
+    in_memory = with_fault(healthy_recording, OF_PHASES, spoil)
     write_recording(in_memory, tmp_path / "phases.csv")
     from_file = read_recording(tmp_path / "phases.csv", THESIS)
     assert "current_A" in from_file
     expected, checked = check_sensors(in_memory, THESIS), check_sensors(from_file, THESIS)
-    assert [one.sentence for one in checked.findings] == [one.sentence for one in expected.findings]
+    assert [result.sentence for result in checked.findings] == [
+        result.sentence for result in expected.findings
+    ]
     assert checked.findings
-    corrected, right = (with_equivalent_current(one.recording, THESIS) for one in (checked, expected))
+    corrected, right = (with_equivalent_current(result.recording, THESIS) for result in (checked, expected))
     np.testing.assert_array_equal(corrected["current_A"], right["current_A"])
     assert checked.unusable.keys() == expected.unusable.keys()
     for name, rows in expected.unusable.items():
         np.testing.assert_array_equal(checked.unusable[name], rows)
 
 
-def test_a_measured_current_is_checked_although_the_phases_were_recorded(whole: Recording) -> None:
+def test_a_measured_current_is_checked_although_the_phases_were_recorded(
+    healthy_recording: Recording,
+) -> None:
     def freeze(columns: dict[str, Array]) -> None:
         columns["current_A"][600:900] = columns["current_A"][600]
 
-    assert kinds(with_fault(whole, (*OF_PHASES, "current_A"), freeze)) == [("current_A", "frozen")]
+    assert kinds(with_fault(healthy_recording, (*OF_PHASES, "current_A"), freeze)) == [
+        ("current_A", "frozen")
+    ]
 
 
-def test_a_recording_whose_current_is_mostly_frozen_is_refused(whole: Recording) -> None:
+def test_a_recording_whose_current_is_mostly_frozen_is_refused(healthy_recording: Recording) -> None:
     def freeze(columns: dict[str, Array]) -> None:
         columns["current_A"][600:2200] = columns["current_A"][600]
 
     with pytest.raises(RecordingError, match=r"current_A is frozen .* record it again"):
-        check_sensors(with_fault(whole, LINE, freeze), THESIS)
+        check_sensors(with_fault(healthy_recording, LINE, freeze), THESIS)

@@ -91,12 +91,12 @@ def falling(now: float) -> Curves:
     forecast = {name: tuple((0.0, 0.0) for _ in PROBABILITIES) for name in COMPONENTS}
     forecast["friction"] = tuple((-0.16, end) for end in (-0.4, -0.35, -0.3, -0.25, -0.2))
     at = dict.fromkeys(COMPONENTS, 0.0)
-    seen = tuple(
+    levels = tuple(
         Seen(now - 800.0 + hours, True, at | {"friction": -2e-4 * hours}, at) for hours in (0.0, 400.0, 800.0)
     )
     hours = (now, now + 200.0)
     limits = (("friction", -0.3), ("friction", 0.5))
-    return Curves("S1", now, 200.0, 4000.0, seen, hours, forecast, limits, hours, (0.0, 0.5), (), "", ())
+    return Curves("S1", now, 200.0, 4000.0, levels, hours, forecast, limits, hours, (0.0, 0.5), (), "", ())
 
 
 def test_limit_and_forecast_of_falling_friction_are_inside_the_figure() -> None:

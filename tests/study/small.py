@@ -27,7 +27,7 @@ label = "more"
 population = 8
 iterations = 5
 """
-"""Twelve runs of a few milliseconds."""
+"""A plan of twelve runs of a few milliseconds."""
 
 
 def with_(*changes: tuple[str, str], top: str = "", end: str = "") -> str:

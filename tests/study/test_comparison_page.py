@@ -15,7 +15,7 @@ from emaphm.study import Plan, Store
 from .made_up import results
 
 ERRORS = {"GA": 2.2, "PSO": 1.2, "DE": 1.0, "GWO": 4.0, "DA": 3.0, "DA as listed": 20.0, "hybrid": 0.3}
-"""Mean errors [%] on single faults for which the findings of the page's text hold."""
+"""Mean errors [%] for single faults with which the findings in the page's text hold."""
 
 SEARCHED = dict.fromkeys(("lower95", "upper95", "standard_error", "verdict", "explained", "moves"))
 

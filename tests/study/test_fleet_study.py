@@ -223,14 +223,14 @@ def test_the_rate_of_a_linear_law_agrees_with_a_quadrature_over_lives(
     of_stretch = np.hypot(10 / 40 * np.log(2), 3 * 0.06)
     spread = np.hypot(wear.spread, np.hypot(8 / 40 * np.log(2), 3 * 0.06))
     mean_ageing = np.exp(0.5 * (10 / 40 * np.log(2)) ** 2) * (1 + 3 * 0.06**2)
-    seen, together = wear.limit * hours / true_life, np.minimum.outer(hours, hours)
+    expected_level, together = wear.limit * hours / true_life, np.minimum.outer(hours, hours)
     log_density = [
         multivariate_normal(
             wear.limit * hours / life,
             population.new_level**2
             + together * ((wear.limit / life * of_stretch) ** 2 * 100.0 + population.drift**2 / life)
             + LEAST_ERROR**2 * np.eye(hours.size),
-        ).logpdf(seen)
+        ).logpdf(expected_level)
         + norm.logpdf(np.log(life * mean_ageing / wear.life) / spread)
         for life in lives
     ]

@@ -29,7 +29,7 @@ from simulation.rig import FREE, altered, rms
 THESIS = Actuator.thesis()
 CHIRP = Chirp()
 BRIEF = Chirp(duration=0.2)
-"""As far in frequency; for two implementations of the same steps, 200,000 of them are enough."""
+"""The same frequency range; 200,000 steps are enough to compare two implementations of the same steps."""
 STEP = 1e-6
 MIXED = Faults(0.3, 0.4, 0.1, 0.25, 0.0, 0.35, 0.2, 0.4)
 CASES = {
@@ -92,12 +92,12 @@ def test_the_plant_with_commutation_errors_is_the_reference_model_with_these_law
 def test_the_plant_starts_at_the_origin_of_the_command() -> None:
     # An integer number of motor turns, so that the phases are the same as at 0.
     about = 20 * 2 * np.pi * THESIS.mechanics.gear_ratio
-    there, here = (
+    displaced, centred = (
         simulate(THESIS, Chirp(duration=0.05, about=start), Features(), faults=MIXED, duration=0.05)
         for start in (about, 0.0)
     )
-    np.testing.assert_allclose(there["position_rad"] - about, here["position_rad"], rtol=0, atol=1e-6)
-    assert np.abs(there["current_A"]).max() == pytest.approx(np.abs(here["current_A"]).max(), rel=0.1)
+    np.testing.assert_allclose(displaced["position_rad"] - about, centred["position_rad"], rtol=0, atol=1e-6)
+    assert np.abs(displaced["current_A"]).max() == pytest.approx(np.abs(centred["current_A"]).max(), rel=0.1)
 
 
 @pytest.mark.parametrize("rate", [1e3, 3e3, 2e4])

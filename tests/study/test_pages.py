@@ -202,7 +202,7 @@ def test_a_page_without_results_is_refused(accuracy: Plan, limits: Plan) -> None
 # The map of the limits
 
 DRAWN = {"noise"}
-"""Figure of the map, of eight that are drawn alike; drawing is what takes long."""
+"""One of eight similar figures of the map; only one, because drawing takes long."""
 
 
 def test_the_map_names_the_overconfident_settings(limits: Plan) -> None:

@@ -64,7 +64,7 @@ ODD_ERRORS = {
     "high K": (17.152, 19.23),
     "multiple": (64.345, 64.2),
 }
-"""Mean of the rows and mean as printed, where no rounding accounts for the difference."""
+"""Mean of the rows and printed mean, where rounding cannot cause the difference."""
 
 ODD_SECONDS = {"high B": (1028.3, 1027), "low Na": (1043.5, 953)}
 

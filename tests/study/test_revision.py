@@ -97,7 +97,7 @@ HARMLESS = {
     "threads.py": "the same results, whatever the number of threads",
     "version.py": "the number of the version, which is kept with each result",
 }
-"""What tasks reach and what decides none of their results, each with the reason."""
+"""Dependencies of tasks that do not affect their results, each with the reason."""
 
 OF_ONE_TASK = {
     "emaphm.study.task": {
@@ -107,14 +107,14 @@ OF_ONE_TASK = {
     "emaphm.study.spoilt.run": {},
     "emaphm.fleet.task": {"simulated_recording.py": "for the setup that an estimator is trained for"},
 }
-"""What decides no result of this task, and may decide one of another."""
+"""Dependencies that do not affect results of this task, but may affect those of other tasks."""
 
 TASKS = {
     "emaphm.study.task": (study.DECIDING, study.NOT_DECIDING),
     "emaphm.study.spoilt.run": (spoilt.DECIDING, spoilt.NOT_DECIDING),
     "emaphm.fleet.task": (fleet.DECIDING, diagnosis.NOT_DECIDING),
 }
-"""Modules with a `perform` whose results are kept, with the code that identifies them."""
+"""Modules with a `perform` whose results are stored, with the code that identifies the results."""
 
 
 def files_reached(task: str) -> set[str]:

@@ -38,7 +38,7 @@ TOTAL = 24
 WITH_HYBRID = small.plan(
     ("runs = 3", "runs = 1"), top="noises_A = [0, 0.1]", end='[[methods]]\nmethod = "hybrid"\nturns = 0\n'
 )
-"""A run of each and of a method that takes ten times as long: where its results may differ."""
+"""The same plan with a method that takes ten times as long, for tests in which its results may differ."""
 
 
 @pytest.fixture(scope="module")

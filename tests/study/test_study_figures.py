@@ -55,7 +55,7 @@ def _legend(figure: Figure) -> list[str]:
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
-def _there(figure: Figure | None) -> Figure:
+def _existing(figure: Figure | None) -> Figure:
     assert figure is not None
     return figure
 
@@ -105,7 +105,7 @@ def test_the_number_of_drawn_cases_is_limited_to_a_readable_number() -> None:
 
 
 def test_convergence_has_error_and_fitness_by_kind_and_hybrid_as_a_marker(runs: pl.DataFrame) -> None:
-    figure = _there(_convergence(runs))
+    figure = _existing(_convergence(runs))
     above, above_several, below, _ = figure.axes
     assert above.get_title(loc="left") == "single faults"
     assert above_several.get_title(loc="left") == "several faults"
@@ -128,7 +128,7 @@ def test_convergence_has_error_and_fitness_by_kind_and_hybrid_as_a_marker(runs: 
 
 
 def test_costs_show_time_and_evaluations_next_to_those_of_the_thesis(runs: pl.DataFrame) -> None:
-    figure = _there(draw_costs(runs))
+    figure = _existing(draw_costs(runs))
     times, counts, *_ = figure.axes
     assert [axis.get_xlabel() for axis in figure.axes[-2:]] == [
         "wall time of one run [s]",
@@ -144,7 +144,7 @@ def test_costs_show_time_and_evaluations_next_to_those_of_the_thesis(runs: pl.Da
 
 
 def test_success_bars_are_as_long_as_their_share(runs: pl.DataFrame) -> None:
-    figure = _there(draw_success(runs))
+    figure = _existing(draw_success(runs))
     axis = figure.axes[0]
     assert [tick.get_text() for tick in axis.get_yticklabels()] == list(METHODS)
     assert _legend(figure) == [f"error at most {limit} %" for limit in (1, 2, 5)]
@@ -162,7 +162,7 @@ def test_ranks_are_sorted_and_bars_join_methods_that_do_not_differ() -> None:
     errors = {"GA": near, "PSO": near + rng.normal(0, 0.1, 30), "hybrid": near - 4}
     values = [errors[row["method"]][row["run"]] for row in runs.iter_rows(named=True)]
     figure = draw_ranks(runs.with_columns(pl.Series("error_percent", values)))
-    axis = _there(figure).axes[0]
+    axis = _existing(figure).axes[0]
     names = [tick.get_text() for tick in axis.get_yticklabels()]
     assert names[0] == "hybrid"
     assert axis.texts[0].get_text() == "1.00"
@@ -171,7 +171,7 @@ def test_ranks_are_sorted_and_bars_join_methods_that_do_not_differ() -> None:
 
 
 def test_no_bar_joins_methods_without_a_test() -> None:
-    axis = _there(draw_ranks(study(("GA", "PSO", "DE"), ("low F",), 3))).axes[0]
+    axis = _existing(draw_ranks(study(("GA", "PSO", "DE"), ("low F",), 3))).axes[0]
     assert all(line.get_linewidth() < 2.5 for line in axis.get_lines())
 
 
@@ -194,7 +194,7 @@ def test_incomplete_or_unusual_studies_are_drawn_without_pyplot_and_settings_unc
     }[part]
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)  # importing it now fails
     before = _settings()
-    figure = _there(draw(runs))
+    figure = _existing(draw(runs))
     assert b"<svg" in svg(figure)
     assert _settings() == before
     for axis in figure.axes:
@@ -211,7 +211,7 @@ def test_methods_without_common_cases_can_only_be_drawn_by_case(runs: pl.DataFra
 def test_convergence_is_over_the_cases_run_by_all_methods() -> None:
     runs = study(("GA", "hybrid"), ("low F", "low B"), 4)
     lacking = runs.filter((pl.col("case") != "low B") | (pl.col("method") != "GA"))
-    above = _there(_convergence(lacking)).axes[0]
+    above = _existing(_convergence(lacking)).axes[0]
     for method in ("GA", "hybrid"):
         ((_, error),) = _markers(above, method, among=("GA", "hybrid"))
         common = [
@@ -256,7 +256,7 @@ def test_an_initially_infinite_fitness_leaves_a_gap() -> None:
     runs = study(("GA",), ("low F",), 1)
     curve = runs["curve_fitness"][0].to_list()
     runs = runs.with_columns(pl.Series("curve_fitness", [[float("inf"), *curve[1:]]]))
-    axis = _there(_convergence(runs)).axes[1]
+    axis = _existing(_convergence(runs)).axes[1]
     line = next(line for line in axis.get_lines() if len(np.asarray(line.get_ydata())) > 1)
     evaluations, values = np.asarray(line.get_xdata()), np.asarray(line.get_ydata(), float)
     np.testing.assert_array_equal(np.isfinite(values), evaluations >= 100)  # the second population's end
@@ -268,7 +268,7 @@ def test_an_axis_of_less_than_a_decade_has_two_labelled_ticks() -> None:
         pl.when(pl.col("method") == "GA").then(810).otherwise(1000).alias("evaluations"),
         pl.when(pl.col("method") == "GA").then(2.1).otherwise(4.2).alias("error_percent"),
     )
-    figure = _there(draw_costs(near))
+    figure = _existing(draw_costs(near))
     figure.draw_without_rendering()
     axis = figure.axes[1]
     low, high = axis.get_xlim()
