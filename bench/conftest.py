@@ -1,4 +1,4 @@
-"""Prints each benchmark's ratio to what it is held against, and the budget for that ratio."""
+"""Summary of the benchmarks: the ratio of each time to its reference, and the budget of this ratio."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,14 +7,14 @@ from typing import Any
 import pytest
 
 MANOEUVRE_S = 0.5
-"""Duration of the default manoeuvre, which speed is measured against [s]."""
+"""Duration [s] of the default manoeuvre, the reference of speed."""
 
 ROWS = pytest.StashKey[list["Row"]]()
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the summary: what was measured, its time [s], and its ratio against a budget."""
+    """A line of the summary: the measured task, its time [s], its ratio and the budget."""
 
     what: str
     seconds: float
@@ -28,7 +28,7 @@ Report = Callable[..., None]
 
 @pytest.fixture
 def report(request: pytest.FixtureRequest, benchmark: Any) -> Report:
-    """Return a function that notes the benchmark's median over `runs` against `reference` seconds."""
+    """Return a function that stores the benchmark's median per run and its ratio to `reference` seconds."""
     rows = request.config.stash.setdefault(ROWS, [])
 
     def note(
@@ -46,7 +46,7 @@ def report(request: pytest.FixtureRequest, benchmark: Any) -> Report:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """Print the table of ratios after the benchmarks' own."""
+    """Print the table of ratios after the table of the benchmarks."""
     rows = config.stash.get(ROWS, [])
     if not rows:
         return

@@ -1,7 +1,7 @@
 """Joint diagnoses of n recordings of one unit: coverage and width of their intervals.
 
-Random faults on the base setting of docs/accuracy.md; load, temperature and noise are other ones in each
-recording. `python -m bench.joint_coverage --cases 24 --sizes 1,4,8` takes some minutes.
+Random faults on the base setting of docs/accuracy.md; load, temperature and noise differ between
+recordings. `python -m bench.joint_coverage --cases 24 --sizes 1,4,8` takes some minutes.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from emaphm.study.rig import Manoeuvre, Rig
 from emaphm.text_table import format_table
 
 SEEDS = 1000
-"""Seeds of recordings to a case."""
+"""Number of seeds of recordings per case."""
 
 
 def held(diagnosis: ema.Diagnosis, truth: Array) -> list[Flags]:
@@ -30,28 +30,28 @@ def held(diagnosis: ema.Diagnosis, truth: Array) -> list[Flags]:
 def measure(count: int, sizes: Sequence[int], channels: tuple[str, ...]) -> list[tuple[str, ...]]:
     """Return a row of text for each number of recordings, over `count` cases."""
     actuator, rig = ema.Actuator.thesis(), Rig(label="base setting", channels=channels)
-    found: dict[int, list[tuple[ema.JointDiagnosis, Array]]] = {size: [] for size in sizes}
+    diagnoses: dict[int, list[tuple[ema.JointDiagnosis, Array]]] = {size: [] for size in sizes}
     for case in range(count):
         faults = cases.random_faults(case)
         recordings = [
             recorded(rig, actuator, Manoeuvre(), faults, SEEDS * case + i) for i in range(max(sizes))
         ]
         for size in sizes:
-            found[size].append((ema.diagnose_joint(recordings[:size], actuator), faults.vector))
+            diagnoses[size].append((ema.diagnose_joint(recordings[:size], actuator), faults.vector))
     errors = {
-        size: np.array([[one.standard_error for one in d.components.values()] for d, _ in every])
-        for size, every in found.items()
+        size: np.array([[component.standard_error for component in d.components.values()] for d, _ in items])
+        for size, items in diagnoses.items()
     }
     return [
         (
             str(size),
-            f"{100 * np.mean([held(d, truth) for d, truth in every]):.0f} %",
+            f"{100 * np.mean([held(d, truth) for d, truth in items]):.0f} %",
             f"{np.median(errors[size] / errors[sizes[0]]):.2f}",
             f"{(sizes[0] / size) ** 0.5:.2f}",
-            str(sum(d.explained for d, _ in every)),
-            str(sum(bool(d.contradicting) for d, _ in every)),
+            str(sum(d.explained for d, _ in items)),
+            str(sum(bool(d.contradicting) for d, _ in items)),
         )
-        for size, every in found.items()
+        for size, items in diagnoses.items()
     ]
 
 
@@ -61,10 +61,10 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=24)
     parser.add_argument("--sizes", default="1,4,8")
     parser.add_argument("--channels", default="current_A,voltage_V")
-    given = parser.parse_args()
-    sizes = [int(size) for size in given.sizes.split(",")]
+    options = parser.parse_args()
+    sizes = [int(size) for size in options.sizes.split(",")]
     header = ("recordings", "held", "standard error, relative", "1/√n", "explained", "one named")
-    print(format_table(header, measure(given.cases, sizes, tuple(given.channels.split(",")))))
+    print(format_table(header, measure(options.cases, sizes, tuple(options.channels.split(",")))))
 
 
 if __name__ == "__main__":

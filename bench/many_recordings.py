@@ -1,4 +1,4 @@
-"""`python -m bench.many_recordings`: a folder of many recordings, time per recording and peak memory."""
+"""`python -m bench.many_recordings`: time per recording and peak memory for a folder of many recordings."""
 
 import argparse
 import json
@@ -15,7 +15,7 @@ from emaphm.study.record import recorded
 from emaphm.study.rig import Manoeuvre, Rig
 
 DISTINCT = 50
-"""Recordings that are simulated; the others are copies with another name."""
+"""Number of simulated recordings; further recordings are copies with other names."""
 
 MEASURED = """\
 import json, resource, sys
@@ -27,9 +27,9 @@ if __name__ == "__main__":
     worker = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     print(json.dumps({"code": code, "peaks_MB": [int(own) / 1024, worker / 1024]}))
 """
-"""A command that says in the end what memory it had at most, itself and the largest of its workers.
+"""A script that finally prints the peak memory of its process and of its largest worker.
 
-Its own is not from `getrusage`: that keeps the size of the process that it was forked from.
+The memory of its process is not from `getrusage`, which keeps the size of the process it was forked from.
 """
 
 
@@ -46,16 +46,16 @@ def fill(folder: Path, count: int) -> None:
 
 
 def peaks_of(folder: Path, workers: int, place: Path) -> tuple[float, float]:
-    """Return the memory [MB] that a diagnosis of all recordings takes at most: its own, and a worker's.
+    """Return the peak memory [MB] of a diagnosis of all recordings: of the main process and of a worker.
 
-    The command that says so is written to the folder `place`.
+    The script that measures it is written to the folder `place`.
     """
     script = place / "measured.py"
     script.write_text(MEASURED, encoding="utf-8")
     command = [sys.executable, str(script), str(folder), str(workers)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603 - our own script
     measured = json.loads(done.stdout.splitlines()[-1])
-    assert measured["code"] == 0  # noqa: S101 - all must have been diagnosed
+    assert measured["code"] == 0  # noqa: S101 - all recordings must have been diagnosed
     own, worker = measured["peaks_MB"]
     return own, worker
 
@@ -83,10 +83,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recordings", type=int, nargs="+", default=[100, 1000])
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
-    given = parser.parse_args()
+    options = parser.parse_args()
     print("| recordings | workers | a recording | of real time | memory, at most | of a worker |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: |")
-    for row in runs(given.recordings, given.workers):
+    for row in runs(options.recordings, options.workers):
         print(row, flush=True)
 
 

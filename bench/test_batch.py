@@ -9,15 +9,15 @@ from bench.conftest import Report
 from bench.many_recordings import fill, peaks_of
 
 RECORDINGS = 32
-"""One takes up to three times another's time, and starting the processes some seconds of all."""
+"""Times of recordings differ by up to a factor of three, and starting the processes takes some seconds."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder of recordings of the default manoeuvre, each with other faults."""
-    made = tmp_path_factory.mktemp("recordings")
-    fill(made, RECORDINGS)
-    return made
+    """Return a folder of recordings of the default manoeuvre with different faults."""
+    recordings = tmp_path_factory.mktemp("recordings")
+    fill(recordings, RECORDINGS)
+    return recordings
 
 
 @pytest.mark.parametrize(("workers", "budget"), [(1, "≥ 1 ×"), (2, "≥ 1.7 ×")])

@@ -1,6 +1,6 @@
-"""What an optimiser costs besides the simulator, per generation of 50 agents in 8 dimensions, one core.
+"""Overhead of an optimiser without the simulator, per generation of 50 agents in 8 dimensions, one core.
 
-The same trivial fitness for all, so that what is measured is the optimiser. Run by `make bench`.
+All use the same trivial fitness, so that only the optimiser is measured. Run by `make bench`.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 AGENTS, DIMENSIONS, GENERATIONS = 50, 8, 100
 
 BUDGET_S = 2e-4
-"""Per generation: a tenth of what its 50 simulations take."""
+"""Time per generation: a tenth of that of its 50 simulations."""
 
 
 def fitness(points: Array) -> Array:
-    """Return one component: next to no work, and no ties."""
+    """Return one component of each point: almost no work, and no ties."""
     return points[:, 0]
 
 
@@ -63,7 +63,7 @@ def test_scipy(benchmark: Any, report: Report) -> None:
     from scipy.optimize import differential_evolution
 
     start = np.random.default_rng(0).random((AGENTS, DIMENSIONS))
-    minimize: Any = differential_evolution  # its types do not know `vectorized`
+    minimize: Any = differential_evolution  # its types lack `vectorized`
     benchmark(
         lambda: minimize(
             lambda x: fitness(x.T),

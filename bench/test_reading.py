@@ -1,4 +1,4 @@
-"""Reading a recording: by the process that is kept for Parquet files, by a new one, and in this process."""
+"""Reading of a recording: by the reused process for Parquet files, by a new process, and in this process."""
 
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,11 @@ NAMES = ("time_s", "command_rad", "current_A", "voltage_V")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a recording in both formats."""
     folder = tmp_path_factory.mktemp("reading")
-    whole = ema.simulate(THESIS, ema.Chirp(), noise=0.05)
+    recording = ema.simulate(THESIS, ema.Chirp(), noise=0.05)
     for ending in ("csv", "parquet"):
-        ema.write_recording(ema.Recording({name: whole[name] for name in NAMES}), folder / f"rec.{ending}")
+        ema.write_recording(
+            ema.Recording({name: recording[name] for name in NAMES}), folder / f"rec.{ending}"
+        )
     return folder
 
 

@@ -1,4 +1,4 @@
-"""The speed budget: models, identification, start-up. Run by `make bench`, one core each."""
+"""The speed budget of models, identification and start-up, on one core. Run by `make bench`."""
 
 import os
 import subprocess
@@ -38,7 +38,7 @@ RUNS = 64
 """Actuators in a batch: four groups of lanes."""
 
 IDENTIFICATIONS = 16
-"""Recordings that are each diagnosed once: one takes up to three times another's time."""
+"""Number of recordings, each diagnosed once, because times differ by up to a factor of three."""
 
 THESIS_RUN_S = 1000.0
 """One optimisation of 50 agents × 100 iterations in the thesis (6.5), seconds."""
@@ -100,7 +100,7 @@ RIGID = (
 def test_laws(
     benchmark: Any, report: Report, request: pytest.FixtureRequest, laws: tuple[str, ...], budget_ns: float
 ) -> None:
-    actuator = reduce(lambda one, name: law_named(name).added_to(one), laws, ema.Actuator.thesis())
+    actuator = reduce(lambda partial, name: law_named(name).added_to(partial), laws, ema.Actuator.thesis())
     plant, driven = Plant.of(actuator, random_faults(RUNS)), inputs(AVERAGED)
     observe_batch(AVERAGED, plant, driven, channels=CURRENT, workers=1)
     benchmark(observe_batch, AVERAGED, plant, driven, channels=CURRENT, workers=1)

@@ -1,4 +1,4 @@
-"""Recordings of known faults, made by the batch, and what several tests measure on a diagnosis."""
+"""Recordings of known faults, simulated in batches, and errors and coverage of diagnoses."""
 
 from collections.abc import Sequence
 
@@ -15,14 +15,14 @@ from emaphm.simulation import REFERENCE, Inputs, simulate_batch
 
 THESIS = Actuator.thesis()
 USUAL = THESIS.nuisances.estimated
-"""The nuisances that are estimated in any case: where they are named, nothing else is looked for."""
+"""The nuisances that are always estimated; if they are named, no further nuisance is searched."""
 
 HEALTHY = Faults().vector
 INTERVAL = 2e-4
 """The acquisition of docs/physics.md, section 7: 5 kHz."""
 
 SHORTED = np.array([1.0, 1.0, 0.7, 0.7, 0.7, 1.0, 1.0, 1.0])
-"""Upper ends of the faults that the averaged model is meant for (docs/physics.md, section 5)."""
+"""Upper ends of the faults for which the averaged model is valid (docs/physics.md, section 5)."""
 
 
 def drawn(count: int, seed: int) -> Array:
@@ -31,10 +31,10 @@ def drawn(count: int, seed: int) -> Array:
 
 
 def reference_recordings(faults: ArrayLike, *, noise: float = 0.0, duration: float = 0.5) -> list[Recording]:
-    """Return what the reference model of the thesis's actuator records of its chirp under `faults` (n, 8).
+    """Return recordings of the thesis's actuator by the reference model on a chirp under `faults` (n, 8).
 
-    The current alone, with white noise of that rms [A], each recording its own. The chirp is that of the
-    thesis in as many seconds as its `duration`.
+    Only the current is recorded, with independent white noise of the given rms [A]. The chirp is that of the
+    thesis, within `duration` seconds.
     """
     command, samples = Chirp(duration=duration), round(duration / INTERVAL)
     inputs = Inputs.of(command, samples=samples, interval=INTERVAL, step=REFERENCE.step)
@@ -49,7 +49,9 @@ def reference_recordings(faults: ArrayLike, *, noise: float = 0.0, duration: flo
 def differing(actuator: Actuator, **factors: float) -> Actuator:
     """Return an actuator with lumped parameters `factors` times as large."""
     described = lumped_parameters(actuator, tuple(factors))
-    return with_lumped_parameters(actuator, {name: described[name] * one for name, one in factors.items()})
+    return with_lumped_parameters(
+        actuator, {name: described[name] * factor for name, factor in factors.items()}
+    )
 
 
 def on_a_rig(
@@ -57,8 +59,10 @@ def on_a_rig(
 ) -> Recording:
     """Return current and line voltage of `actuator` on a chirp, with `noise` [A] and 12-bit converters."""
     command = Chirp(duration=duration)
-    whole = simulate(actuator, command, faults=faults, duration=duration, noise=noise, adc_bits=12, seed=seed)
-    return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
+    recording = simulate(
+        actuator, command, faults=faults, duration=duration, noise=noise, adc_bits=12, seed=seed
+    )
+    return Recording({name: recording[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
 
 
 def errors_percent(truths: ArrayLike, diagnoses: Sequence[Diagnosis]) -> Array:
@@ -67,7 +71,7 @@ def errors_percent(truths: ArrayLike, diagnoses: Sequence[Diagnosis]) -> Array:
 
 
 def covered(truth: ArrayLike, diagnosis: Diagnosis) -> list[bool]:
-    """Return for each component whether its 95 % interval holds the truth, the phase taken on its circle."""
+    """Return for each component whether its 95 % interval holds the truth; the phase is on a circle."""
     inside = []
     for name, true in zip(NAMES, np.asarray(truth, float), strict=True):
         low, high = diagnosis.interval[name]

@@ -1,4 +1,4 @@
-"""Settings of all tests, and recordings that several files diagnose, simulated once."""
+"""Settings of all tests, and recordings that several test files diagnose, each simulated once."""
 
 import gc
 import importlib
@@ -21,24 +21,24 @@ from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from warm_processes import warm_processes
 
-# Examples are the same on every run, as everything else here; kernels compile on their first call.
+# Examples are the same in each run, like all random numbers in tests; kernels compile on their first call.
 settings.register_profile("emaphm", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("emaphm")
 
 
-# In the background of a shell without job control SIGINT is ignored, also by every process that a test
-# starts: tests that interrupt one would wait for ever.
+# In the background of a shell without job control, SIGINT is ignored, also by processes that a test
+# starts: tests that interrupt a process would wait for ever.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with whole examples, the longest single tests: one at the end would leave a process idle."""
+    """Start with complete examples, the longest tests: at the end, they would leave a process idle."""
     items.sort(key=lambda item: item.path.parent != Path(__file__).parent)
 
 
 def pytest_collection_finish() -> None:
-    """Search for garbage less often, and not among what is loaded by now: that takes a tenth of all time."""
+    """Collect garbage less often, and not among loaded objects: this takes a tenth of the total time."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000)
@@ -46,20 +46,20 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="session")
 def healthy() -> Recording:
-    """Return every channel of the healthy actuator, with the sensor noise of the demonstration."""
+    """Return all channels of the healthy actuator, with the sensor noise of the demonstration."""
     return simulate(THESIS, Chirp(), noise=0.05)
 
 
 @pytest.fixture(scope="session")
 def shorted() -> Recording:
-    """Return every channel of an actuator with a third of phase b shorted."""
+    """Return all channels of an actuator with a third of phase b shorted."""
     return simulate(THESIS, Chirp(), faults=Faults(short_b=0.3), noise=0.05)
 
 
 @pytest.fixture(scope="session")
 def new_history(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """Return the file of a new history: to make its tables takes ten times as long as to open it."""
-    from emaphm.history import History  # with the database's library, which few tests need
+    """Return the file of a new history: creating its tables takes ten times as long as opening it."""
+    from emaphm.history import History  # imports the database library, which few tests need
 
     file = tmp_path_factory.mktemp("new") / "history.sqlite"
     History.open(file, create=True).close()
@@ -68,9 +68,9 @@ def new_history(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 @pytest.fixture(scope="module")
 def one_search() -> Iterator[None]:
-    """Search once, also where that does not explain a recording: where what follows is tested, to save time.
+    """Search only once, also if a recording is not explained, to save time in tests of later steps.
 
-    That it is searched again is tested in `tests/estimation/test_restarts.py`.
+    Repeated searches are tested in `tests/estimation/test_restarts.py`.
     """
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(restarts, "MAX_RESTARTS", 0)
@@ -79,9 +79,9 @@ def one_search() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def unrefined() -> Iterator[None]:
-    """Take a search that does not explain a recording as it ends: where what follows is tested, to save time.
+    """Accept the end of a search that does not explain a recording, to save time in tests of later steps.
 
-    Steps by the reference model are tested in `tests/estimation/test_reference_refinement.py`.
+    Refinement by the reference model is tested in `tests/estimation/test_reference_refinement.py`.
     """
     with pytest.MonkeyPatch.context() as patched:
         for module in (restarts, law_fit):
@@ -91,29 +91,29 @@ def unrefined() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def warm_workers() -> Iterator[None]:
-    """Start the workers of this module's tests from a process that has loaded what they need."""
+    """Start the workers of this module's tests from a process that has loaded their modules."""
     with warm_processes():
         yield
 
 
 @pytest.fixture(scope="session")
 def forks() -> Iterator[Forks]:
-    """Return what forks the processes of all Dask clusters."""
+    """Return the process that forks the processes of all Dask clusters."""
     with forking() as process:
         yield process
 
 
 @pytest.fixture
 def no_prognoses(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let watchers make no prognosis, which takes most of their time and has tests of its own."""
+    """Skip the prognosis of watchers, which takes most of their time and has its own tests."""
     monkeypatch.setattr("emaphm.monitoring.outlook.Outlook.ask", lambda *_: None)
 
 
 @pytest.fixture
 def no_model_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a calibration learn no model's error, which moves no parameter: to save time where it is not asked.
+    """Skip the estimate of the model error in a calibration, which changes no parameter, to save time.
 
-    That it is learned is tested in `tests/calibration/test_model_error.py`.
+    The model error is tested in `tests/calibration/test_model_error.py`.
     """
     module = importlib.import_module("emaphm.calibration.calibrate")  # a function has its name
     monkeypatch.setattr(module, "learned_model_error", lambda *_: NOT_LEARNED)
@@ -121,9 +121,9 @@ def no_model_error(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def few_paths(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a prognosis draw a quarter of its paths, of particles as few as for a long history, to save time.
+    """Let a prognosis draw a quarter of its paths, with the few particles of a long history, to save time.
 
-    For where no number of it needs them all.
+    For tests whose checked numbers do not need all paths.
     """
     module = importlib.import_module("emaphm.prognosis.prognose")  # a function has its name
     few = replace(module.FORECAST, paths=module.FORECAST.paths // 4)
@@ -135,7 +135,7 @@ def few_paths(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def few_steps(few_paths: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001 - changes the same
-    """Let a prognosis look ahead in a quarter of its steps too, which take most of its time."""
+    """Let a prognosis also predict in a quarter of its steps, which take most of its time."""
     module = importlib.import_module("emaphm.prognosis.prognose")  # a function has its name
     few = replace(module.FORECAST, steps=module.FORECAST.steps // 4)
     monkeypatch.setattr(module, "FORECAST", few)
@@ -143,9 +143,9 @@ def few_steps(few_paths: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa
 
 @pytest.fixture
 def undrawn_prognosis(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave the figures of a prognosis's report empty where only its text matters, to save time.
+    """Leave the figures of a prognosis's report empty, to save time in tests that check only its text.
 
-    That they are drawn is tested in `tests/cli/test_prognose.py`.
+    The figures are tested in `tests/cli/test_prognose.py`.
     """
     for part in ("health", "life", "fan"):
         monkeypatch.setattr(f"emaphm.report.prognosis.draw_{part}", lambda _: None)
@@ -154,15 +154,15 @@ def undrawn_prognosis(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def any_delay_shows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the estimators of `amortized.toys`, which compare nothing, answer as if they would see a delay."""
+    """Let the estimators of `amortized.toys`, which compare no signals, answer as if a delay were visible."""
     monkeypatch.setattr(delays, "DELAYS", replace(delays.DELAYS, least_change=0.0))
 
 
 @pytest.fixture
 def answers_taken(any_delay_shows: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001 - patches too
-    """Let fast answers of the estimators of `amortized.toys` be taken as they are, not corrected by a search.
+    """Accept fast answers of the estimators of `amortized.toys` without correction by a search.
 
-    When they are is tested in `tests/amortized`.
+    The conditions of acceptance are tested in `tests/amortized`.
     """
     monkeypatch.setattr("emaphm.amortized.diagnosing._reasons_not_explained", lambda *_, **__: ())
     monkeypatch.setattr("emaphm.amortized.diagnosing.other_explanations", lambda *_: ())

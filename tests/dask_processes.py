@@ -1,4 +1,4 @@
-"""Schedulers and workers of Dask, forked from one process that has loaded what they need."""
+"""Schedulers and workers of Dask, forked from one process that has loaded their modules."""
 
 import json
 import os
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PATIENCE_S = 60
-"""For a process to come up on a busy machine."""
+"""Time limit for the start of a process on a busy machine."""
 
 TESTS = str(Path(__file__).parent)
-"""Where workers find the functions of tests."""
+"""Folder in which workers find the functions of tests."""
 
 FORKS = """
 import json, os, signal, sys
@@ -42,10 +42,10 @@ for child in children:
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
 """
-"""Forks schedulers and workers, which loading takes most of their time; Polars must not be used before."""
+"""Forks schedulers and workers, whose start is mostly loading; Polars must not be used before."""
 
 DOES_NOT_WAIT_LONG = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "5s"}
-"""For a worker that has been killed: a scheduler wants its last results, and asks 30 s long by default."""
+"""Time for a killed worker: a scheduler requests its last results, by default for 30 s."""
 
 Forks = subprocess.Popen[str]
 
@@ -57,12 +57,12 @@ class Process:
     pid: int
 
     def kill(self) -> None:
-        """Kill it; one that was killed already stays until the process that has forked it ends."""
+        """Kill the process; a killed process remains until the process that forked it ends."""
         os.kill(self.pid, signal.SIGKILL)
 
 
 class Cluster:
-    """A scheduler and its workers, each a process of its own that says nothing."""
+    """A scheduler and its workers, each in its own process without output."""
 
     def __init__(self, forks: Forks, folder: Path, **variables: str) -> None:
         self._forks = forks
@@ -71,14 +71,14 @@ class Cluster:
         self.workers: list[Process] = []
         self.scheduler = self._start("scheduler", "--port", "0", **variables)
         deadline = time.monotonic() + PATIENCE_S
-        # The scheduler opens the file before it writes it.
+        # The scheduler opens the file before it writes its content.
         while not (self._file.exists() and self._file.stat().st_size):
             assert time.monotonic() < deadline
             time.sleep(0.02)
         self.address: str = json.loads(self._file.read_text(encoding="utf-8"))["address"]
 
     def add_worker(self, *options: str) -> None:
-        """Start a worker of one thread; it need not be there yet."""
+        """Start a worker with one thread, without waiting for it."""
         self.workers.append(self._start("worker", "--no-nanny", "--nthreads", "1", *options))
 
     def _start(self, kind: str, *options: str, **variables: str) -> Process:
@@ -98,19 +98,19 @@ class Cluster:
         return Process(int(self._forks.stdout.readline()))
 
     def close(self) -> None:
-        """End every process, also one that was killed already."""
+        """End all processes, including processes killed earlier."""
         for process in (*self.workers, self.scheduler):
             process.kill()
 
 
 def with_tests() -> dict[str, str]:
-    """Return the variable by which a process finds the functions of tests."""
+    """Return the environment variable with which a process finds the functions of tests."""
     return {"PYTHONPATH": os.pathsep.join(filter(None, [TESTS, os.environ.get("PYTHONPATH")]))}
 
 
 @contextmanager
 def forking() -> Iterator[Forks]:
-    """Yield what forks the processes of clusters, ended with the block."""
+    """Yield a process that forks the processes of clusters; it ends with the block."""
     with subprocess.Popen(  # noqa: S603 - the arguments are this file's
         [sys.executable, "-W", "ignore", "-c", FORKS],
         stdin=subprocess.PIPE,

@@ -1,4 +1,4 @@
-"""Which files of the package import which: for tests of its rooms, and of what results depend on."""
+"""Imports between files of the package, for tests of its architecture and of dependencies of results."""
 
 import ast
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ ROOT = Path(emaphm.__file__).parent
 
 
 def module_name(path: Path) -> str:
-    """Return the name by which a file is imported."""
+    """Return the module name of a file."""
     parts = path.relative_to(ROOT.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
@@ -28,13 +28,13 @@ def tree_of(name: str) -> ast.Module:
 def import_statements(
     tree: ast.AST, *, when_called: bool, for_types: bool = False
 ) -> Iterator[ast.Import | ast.ImportFrom]:
-    """Yield the imports of `tree` as it is loaded, or also when it is called.
+    """Yield the imports of `tree` at load time, with `when_called` also those within functions.
 
-    Imports for type checkers alone are no dependency of the running program: they are left out but
+    Imports only for type checkers are no dependency of the running program: they are left out, except with
     `for_types`.
     """
     for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.expr):  # holds no import, and most of the nodes
+        if isinstance(node, ast.expr):  # holds no import, but most of the nodes
             continue
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test) and not for_types:
             continue
@@ -56,9 +56,9 @@ def imported_names(tree: ast.AST, *, when_called: bool, for_types: bool = False)
 
 
 def imported(tree: ast.AST, *, when_called: bool, for_types: bool = False) -> Iterator[str]:
-    """Yield the modules of the package that `tree` imports as it is loaded, or also when it is called.
+    """Yield the modules of the package that `tree` imports at load time, or also in functions.
 
-    Those for type checkers alone are left out but `for_types`.
+    Imports only for type checkers are left out, except with `for_types`.
     """
     for module, name in imported_names(tree, when_called=when_called, for_types=for_types):
         below = f"{module}.{name}"
@@ -67,14 +67,14 @@ def imported(tree: ast.AST, *, when_called: bool, for_types: bool = False) -> It
 
 @cache
 def handed_on(package: str) -> dict[str, str]:
-    """Return the names that the `__init__` of a package hands on, with the module that each comes from."""
+    """Return the names that the `__init__` of a package re-exports, each with its module of definition."""
     if MODULES[package].name != "__init__.py":
         return {}
     return {name: module for module, name in imported_names(tree_of(package), when_called=False)}
 
 
 def home_of(module: str, name: str) -> str:
-    """Return the module that a name comes from which is imported from `module`."""
+    """Return the module that defines a name imported from `module`."""
     home = handed_on(module).get(name)
     if home is not None:
         return home_of(home, name)
@@ -83,16 +83,16 @@ def home_of(module: str, name: str) -> str:
 
 
 def reached(start: str) -> set[str]:
-    """Return the modules that `start` depends on, loaded or called, with itself.
+    """Return the modules on which `start` depends when loaded or called, including `start`.
 
-    A name that a package hands on leads to the file that it comes from, not to all that the package has.
+    A re-exported name leads to the file that defines it, not to all files of the package.
     """
-    found: set[str] = set()
+    modules: set[str] = set()
     waiting = [start]
     while waiting:
         module = waiting.pop()
-        if module not in found:
-            found.add(module)
+        if module not in modules:
+            modules.add(module)
             names = imported_names(tree_of(module), when_called=True)
-            waiting += [home_of(*one) for one in names]
-    return found
+            waiting += [home_of(*imported_name) for imported_name in names]
+    return modules

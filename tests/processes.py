@@ -1,22 +1,22 @@
-"""Processes that others have started, by Linux's `/proc`."""
+"""Child processes and loaded libraries, read from Linux's `/proc`."""
 
 from pathlib import Path
 
 
 def children(parent: int) -> list[int]:
-    """Return the processes that `parent` has started."""
-    every = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdecimal()]
-    return [process for process in every if _stat(process)[1:2] == [str(parent)]]
+    """Return the child processes of `parent`."""
+    all_processes = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdecimal()]
+    return [process for process in all_processes if _stat(process)[1:2] == [str(parent)]]
 
 
 def lives(process: int) -> bool:
-    """Return whether there is such a process."""
-    # One that has ended is Z until its parent has asked how.
+    """Return whether the process exists and has not ended."""
+    # A process that has ended has the state Z until its parent reads its exit code.
     return _stat(process)[:1] not in ([], ["Z"])
 
 
 def has_loaded(process: int, library: str) -> bool:
-    """Return whether a process has a library in its memory, a part of whose path is given."""
+    """Return whether a process has loaded a library, given by a part of its path."""
     try:
         return library in Path(f"/proc/{process}/maps").read_text(encoding="utf-8")
     except OSError:
@@ -24,7 +24,7 @@ def has_loaded(process: int, library: str) -> bool:
 
 
 def _stat(process: int) -> list[str]:
-    """Return state, parent and so on; empty where there is no such process."""
+    """Return state, parent and further fields; empty if the process does not exist."""
     try:
         return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     except OSError:

@@ -1,4 +1,4 @@
-"""Hypothesis strategies, and an actuator with every law, that several rooms share."""
+"""Hypothesis strategies, and an actuator with all laws, for several folders of tests."""
 
 from functools import reduce
 
@@ -17,10 +17,10 @@ SIGNED = NOT_NEGATIVE | POSITIVE.map(lambda value: -value)
 
 EVERYTHING = reduce(
     lambda actuator, law: law.added_to(actuator),
-    (law for name, law in LAWS.items() if name != "transition"),  # it and presliding exclude each other
+    (law for name, law in LAWS.items() if name != "transition"),  # this law and presliding exclude each other
     Actuator.thesis(),
 )
-"""The thesis's actuator with every optional law that it can have at once."""
+"""The thesis's actuator with all optional laws that can be combined."""
 
 
 def fault_vectors() -> st.SearchStrategy[NDArray[np.float64]]:

@@ -1,4 +1,4 @@
-"""The rooms of the package: imports point one way, no two files import each other, and none is too large."""
+"""Architecture of the package: imports in one direction, no circular imports, and limited size."""
 
 import ast
 import re
@@ -43,15 +43,15 @@ ORDER = (
     ("cli",),
     ("__main__",),
 )
-"""Rooms from the lowest; one imports from those before it, and from itself."""
+"""Rooms from the lowest; a room imports from lower rooms and from itself."""
 
 LEVEL = {room: level for level, rooms in enumerate(ORDER) for room in rooms}
 
 CARRIES = {("emaphm.diagnosis.result", "emaphm.detection.result")}
-"""A result that carries one of a higher room, which it knows by its type alone."""
+"""A result that holds a result of a higher room, imported only as a type."""
 
 MOST_LINES = 2500
-"""Of a sub-package."""
+"""Limit for a sub-package."""
 
 
 def room(module: str) -> str:
@@ -60,52 +60,52 @@ def room(module: str) -> str:
 
 @cache
 def loaded(name: str) -> set[str]:
-    """Return the modules that one imports as it is loaded."""
+    """Return the modules that a module imports at load time."""
     return set(imported(tree_of(name), when_called=False)) - {name}
 
 
 def called(name: str) -> set[str]:
-    """Return the modules that one imports as it is loaded or called."""
+    """Return the modules that a module imports at load time or in functions."""
     return set(imported(tree_of(name), when_called=True)) - {name}
 
 
-def test_every_file_stands_in_a_room_of_the_order() -> None:
+def test_each_file_is_in_a_room_of_the_order() -> None:
     assert {room(name) for name in MODULES} - {""} == set(LEVEL)
 
 
-def test_the_table_of_rooms_has_the_order() -> None:
+def test_the_table_of_rooms_has_the_same_order() -> None:
     rows = re.findall(r"^\| (\d+) \| (`.*?) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    found = [(int(level), name) for level, rooms in rows for name in re.findall(r"`(\w+)/?`", rooms)]
-    assert [level for level, _ in found] == sorted(level for level, _ in found)
-    assert sorted(found) == sorted((level + 1, name) for name, level in LEVEL.items())
+    listed = [(int(level), name) for level, rooms in rows for name in re.findall(r"`(\w+)/?`", rooms)]
+    assert [level for level, _ in listed] == sorted(level for level, _ in listed)
+    assert sorted(listed) == sorted((level + 1, name) for name, level in LEVEL.items())
 
 
 @cache
 def named(name: str) -> set[str]:
-    """Return the modules that one imports as it is loaded or called, or for its types alone."""
+    """Return the modules that a module imports at load time, in functions, or only for types."""
     return set(imported(tree_of(name), when_called=True, for_types=True)) - {name}
 
 
 def points_up(name: str, other: str) -> bool:
-    """Return whether `other` stands above the module `name`, or beside it in another room."""
+    """Return whether `other` is in a higher room than the module `name`, or in another room of its level."""
     own, level = LEVEL[room(name)], LEVEL.get(room(other), -1)
     peers = ("progress", "text_table", "arrays", "errors", room(name))
     return level > own or (level == own and room(other) not in peers)
 
 
-def test_imports_point_one_way() -> None:
+def test_imports_have_one_direction() -> None:
     in_rooms = [name for name in MODULES if room(name)]
     wrong = {(name, other) for name in in_rooms for other in loaded(name) if points_up(name, other)}
     assert wrong == set()
 
 
-def test_types_point_one_way() -> None:
+def test_imports_for_types_have_one_direction() -> None:
     in_rooms = [name for name in MODULES if room(name)]
     types = {(name, other) for name in in_rooms for other in named(name) - called(name)}
     assert {(name, other) for name, other in types if points_up(name, other)} == CARRIES
 
 
-def test_when_called_a_result_may_reach_down_to_its_drawer_only() -> None:
+def test_functions_import_only_the_plotting_room_from_above() -> None:
     for name in MODULES:
         for other in called(name) - loaded(name):
             if room(name) and LEVEL[room(other)] > LEVEL[room(name)]:
@@ -113,11 +113,11 @@ def test_when_called_a_result_may_reach_down_to_its_drawer_only() -> None:
 
 
 def followed(name: str) -> set[str]:
-    """Return what a module imports, loaded, called or for types, but its drawer."""
+    """Return all imports of a module (load time, functions, types) except its plotting module."""
     return {other for other in named(name) if room(other) != "plotting" or room(name) == "plotting"}
 
 
-def test_no_circles() -> None:
+def test_there_are_no_circular_imports() -> None:
     done: set[str] = set()
 
     def visit(name: str, path: tuple[str, ...]) -> None:
@@ -140,9 +140,11 @@ def test_no_sub_package_is_too_large() -> None:
     assert {package: count for package, count in lines.items() if count > MOST_LINES} == {}
 
 
-def test_the_science_knows_no_figure_library() -> None:
+def test_rooms_below_plotting_do_not_import_matplotlib() -> None:
     for name, path in MODULES.items():
         below = LEVEL.get(room(name), 99) < LEVEL["plotting"]
         if below and "matplotlib" in path.read_text(encoding="utf-8"):
             names = {a.name for n in ast.walk(tree_of(name)) if isinstance(n, ast.Import) for a in n.names}
-            assert not {one for one in names if one.startswith("matplotlib")}, name
+            assert not {imported_name for imported_name in names if imported_name.startswith("matplotlib")}, (
+                name
+            )

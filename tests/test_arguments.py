@@ -1,4 +1,4 @@
-"""What is no recording, no actuator or no seed is refused in one line, whatever function is given it."""
+"""Arguments that are no recording, no actuator or no seed are refused in one line by all functions."""
 
 from collections.abc import Callable
 from typing import Any
@@ -36,7 +36,7 @@ def test_a_name_in_place_of_an_actuator_or_a_recording_is_refused(
         OF_RECORDING[name](FILE, ACTUATOR)
 
 
-def test_simulating_and_reading_refuse_it_too() -> None:
+def test_simulating_and_reading_refuse_a_name_in_place_of_an_actuator_or_a_command() -> None:
     with pytest.raises(ActuatorError, match="no actuator but a str"):
         ema.simulate(NAME, ema.Chirp())
     with pytest.raises(ActuatorError, match="no actuator but a str"):
@@ -46,6 +46,6 @@ def test_simulating_and_reading_refuse_it_too() -> None:
         ema.simulate(ACTUATOR, command)
 
 
-def test_settings_of_a_batch_refuse_a_negative_seed() -> None:
+def test_the_settings_of_a_batch_refuse_a_negative_seed() -> None:
     with pytest.raises(SignalError, match="seed -1 is negative"):
         ema.DiagnosisSettings(seed=-1)

@@ -1,4 +1,4 @@
-"""Linear algebra on one thread while the package computes, and on as many as before after it."""
+"""Linear algebra uses one thread while the package computes, and the earlier number afterwards."""
 
 import sys
 from contextlib import ExitStack
@@ -16,7 +16,7 @@ def threads() -> set[int]:
     return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
 
 
-def test_the_last_to_leave_gives_the_threads_back() -> None:
+def test_the_last_exit_restores_the_number_of_threads() -> None:
     with threadpool_limits(2, user_api="blas"):
         first, second = ExitStack(), ExitStack()
         first.enter_context(one_blas_thread())
@@ -27,7 +27,7 @@ def test_the_last_to_leave_gives_the_threads_back() -> None:
         assert threads() == {2}
 
 
-def test_threads_are_given_back_after_an_error() -> None:
+def test_the_number_of_threads_is_restored_after_an_error() -> None:
     @one_blas_thread()
     def fails() -> None:
         raise KeyError("x")
@@ -38,7 +38,7 @@ def test_threads_are_given_back_after_an_error() -> None:
         assert threads() == {2}
 
 
-def test_libraries_are_looked_for_again_after_an_import(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_libraries_are_searched_again_after_an_import(monkeypatch: pytest.MonkeyPatch) -> None:
     search = Mock(side_effect=ThreadpoolController)
     monkeypatch.setattr("threadpoolctl.ThreadpoolController", search)
 
@@ -54,7 +54,7 @@ def test_libraries_are_looked_for_again_after_an_import(monkeypatch: pytest.Monk
 
 def test_a_diagnosis_uses_one_thread() -> None:
     recording = ema.simulate(THESIS, ema.Chirp(amplitude=5e-3, stop_hz=15))
-    seen: set[int] = set()
+    counts: set[int] = set()
     with threadpool_limits(2, user_api="blas"):
-        ema.diagnose(recording, THESIS, max_corrections=0, on_progress=lambda _: seen.update(threads()))
-    assert seen == {1}
+        ema.diagnose(recording, THESIS, max_corrections=0, on_progress=lambda _: counts.update(threads()))
+    assert counts == {1}

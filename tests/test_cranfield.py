@@ -1,4 +1,4 @@
-"""A measured rig with seeded faults: detections, false alarms and friction, against the published figures.
+"""A measured rig with seeded faults: detections, false alarms and friction, compared with published figures.
 
 Ruiz-Carcel and Starr, "Data-based Detection and Diagnosis of Faults in Linear Actuators", IEEE Transactions
 on Instrumentation and Measurement 67(9), 2018: per cycle, at bounds that 10 % of healthy cycles exceed, 88 %
@@ -30,7 +30,7 @@ def example() -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules["cranfield"] = module  # dataclasses look their module up
+    sys.modules["cranfield"] = module  # dataclasses look up their module
     spec.loader.exec_module(module)
     return module
 
@@ -56,8 +56,8 @@ def ask(
 
 
 @pytest.fixture(scope="module", params=[5, pytest.param(10, marks=pytest.mark.evidence)])
-def found(request: pytest.FixtureRequest, example: ModuleType, data: Path) -> dict[str, Any]:
-    """Return what the first healthy runs at each load, half of them or all, say of all others."""
+def results(request: pytest.FixtureRequest, example: ModuleType, data: Path) -> dict[str, Any]:
+    """Return the results for all other runs, learnt from half or all first healthy runs at each load."""
     healthy = example.read(data / "normal.parquet")
     judged, left_out = example.judge_all(
         "normal",
@@ -67,61 +67,61 @@ def found(request: pytest.FixtureRequest, example: ModuleType, data: Path) -> di
     return dict(json.loads(json.dumps(example.summary(judged, left_out))))
 
 
-def test_seeded_faults_are_detected_from_a_run_of_five_cycles(found: dict[str, Any]) -> None:
-    assert found["sets"]["lackLubrication1"]["runs_detected"] >= 0.95
-    assert found["sets"]["backlash1"]["runs_detected"] >= 0.95
+def test_seeded_faults_are_detected_from_a_run_of_five_cycles(results: dict[str, Any]) -> None:
+    assert results["sets"]["lackLubrication1"]["runs_detected"] >= 0.95
+    assert results["sets"]["backlash1"]["runs_detected"] >= 0.95
 
 
-def test_single_cycles_are_detected_more_often_than_by_hand(found: dict[str, Any]) -> None:
-    assert found["sets"]["lackLubrication1"]["cycles_detected"] > 0.79
-    assert found["sets"]["backlash1"]["cycles_detected"] > 0.32
+def test_single_cycles_are_detected_more_often_than_by_the_manual_analysis(results: dict[str, Any]) -> None:
+    assert results["sets"]["lackLubrication1"]["cycles_detected"] > 0.79
+    assert results["sets"]["backlash1"]["cycles_detected"] > 0.32
 
 
-def test_healthy_runs_left_out_alarm_at_the_stated_rate(found: dict[str, Any]) -> None:
-    runs = found["false_alarms"]["of"]
+def test_healthy_runs_left_out_alarm_at_the_stated_rate(results: dict[str, Any]) -> None:
+    runs = results["false_alarms"]["of"]
     assert runs in {15, 30}
     # At 1 %, two or more of 30 runs have the probability 4 %; six or more of 150 cycles 0.4 %. Two or more of
     # 15 runs have 1 %; three or more of 75 cycles 4 %.
-    assert found["false_alarms"]["runs"] <= 1 / runs
-    assert found["sets"]["normal"]["cycles_detected"] <= 5 / 150
+    assert results["false_alarms"]["runs"] <= 1 / runs
+    assert results["sets"]["normal"]["cycles_detected"] <= 5 / 150
 
 
-def test_no_healthy_run_or_cycle_has_a_degraded_component(found: dict[str, Any]) -> None:
-    assert found["sets"]["normal"]["degraded"] == []
+def test_no_healthy_run_or_cycle_has_a_degraded_component(results: dict[str, Any]) -> None:
+    assert results["sets"]["normal"]["degraded"] == []
 
 
-def test_friction_grows_without_lubricant_where_the_current_shows_it(found: dict[str, Any]) -> None:
-    healthy = found["sets"]["normal"]["friction"]
-    dry = found["sets"]["lackLubrication1"]["friction"]
+def test_friction_rises_without_lubricant_at_loads_where_the_current_rises(results: dict[str, Any]) -> None:
+    healthy = results["sets"]["normal"]["friction"]
+    dry = results["sets"]["lackLubrication1"]["friction"]
     assert len(dry) == 3
-    # The mean current at 20 and 40 kgf rises by 11 to 14 %; at -40 kgf it is that of the healthy runs.
+    # The mean current at 20 and 40 kgf rises by 11 to 14 %; at -40 kgf it equals that of the healthy runs.
     assert dry[1] > 1.1 * healthy[1]
     assert dry[2] > 1.1 * healthy[2]
     assert dry[0] == pytest.approx(healthy[0], rel=0.01)
-    assert found["sets"]["lackLubrication1"]["degraded"] == ["friction"]
+    assert results["sets"]["lackLubrication1"]["degraded"] == ["friction"]
 
 
-def test_friction_below_healthy_is_possible(found: dict[str, Any]) -> None:
-    healthy, loose = found["sets"]["normal"]["friction"], found["sets"]["backlash1"]["friction"]
+def test_friction_below_healthy_is_possible(results: dict[str, Any]) -> None:
+    healthy, loose = results["sets"]["normal"]["friction"], results["sets"]["backlash1"]["friction"]
     assert loose[2] < 0.97 * healthy[2]
-    assert found["sets"]["backlash1"]["degraded"] == []
+    assert results["sets"]["backlash1"]["degraded"] == []
 
 
-def test_a_seeded_fault_is_named_and_never_the_other(example: ModuleType, data: Path) -> None:
+def test_a_seeded_fault_is_named_and_never_the_other_fault(example: ModuleType, data: Path) -> None:
     healthy = example.read(data / "normal.parquet")
     faults = {name: example.read(data / f"{name}.parquet") for name in ("lackLubrication1", "backlash1")}
     known = Detector.learn(
-        [one for cycles in healthy.values() for one in cycles],
+        [item for cycles in healthy.values() for item in cycles],
         groups=[run for run, cycles in healthy.items() for _ in cycles],
     ).with_seeded(
         {
-            name: [one for run, cycles in runs.items() if run[2] % 2 == 0 for one in cycles]
+            name: [item for run, cycles in runs.items() if run[2] % 2 == 0 for item in cycles]
             for name, runs in faults.items()
         }
     )
     for name, runs in faults.items():
         nearest = [known.judge(cycles).nearest for run, cycles in runs.items() if run[2] % 2 == 1]
-        named = [one.fault for one in nearest if one is not None and one.alike]
+        named = [item.fault for item in nearest if item is not None and item.alike]
         assert set(named) == {name}
         assert len(named) >= 0.95 * len(nearest)
 
@@ -132,7 +132,7 @@ def small(data: Path, path: Path, *, runs: int, loads: tuple[int, ...]) -> Path:
     return path
 
 
-def test_a_load_that_was_never_recorded_healthy_is_left_out_and_named(
+def test_a_load_without_healthy_recordings_is_left_out_and_named(
     example: ModuleType, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     healthy = small(data, tmp_path / "normal.parquet", runs=6, loads=(20,))
@@ -141,13 +141,13 @@ def test_a_load_that_was_never_recorded_healthy_is_left_out_and_named(
     assert code == 0
     assert len(json.loads(out)["sets"]["backlash1"]["friction"]) == 1
     assert "backlash1: profile 'trap' at 40 kgf was never recorded healthy; left out" in err
-    other = small(data, tmp_path / "lackLubrication1.parquet", runs=2, loads=(40,))
-    code, out, err = ask(example, capsys, "--healthy", healthy, "--judge", other, "--json")
+    worn = small(data, tmp_path / "lackLubrication1.parquet", runs=2, loads=(40,))
+    code, out, err = ask(example, capsys, "--healthy", healthy, "--judge", worn, "--json")
     assert (code, out) == (2, "")
     assert "none of its manoeuvres and loads was recorded healthy" in err
 
 
-def test_what_is_no_such_file_is_refused(
+def test_a_file_of_another_kind_is_refused(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "wrong.parquet"
@@ -161,7 +161,7 @@ def test_what_is_no_such_file_is_refused(
     )
 
 
-def test_what_would_be_judged_wrongly_without_a_word_is_refused(
+def test_files_that_would_be_judged_wrongly_are_refused(
     example: ModuleType, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     few = small(data, tmp_path / "normal.parquet", runs=3, loads=(20, 40))
@@ -172,12 +172,12 @@ def test_what_would_be_judged_wrongly_without_a_word_is_refused(
     code, out, err = ask(example, capsys, "--healthy", few, "--judge", data / "backlash1.parquet", "--json")
     assert (code, out) == (2, "")
     assert "normal: 5 healthy runs of profile 'trap', at least 6 are needed" in err
-    whole = data / "normal.parquet"
-    code, out, err = ask(example, capsys, "--healthy", whole, "--judge", few, "--json")
+    complete = data / "normal.parquet"
+    code, out, err = ask(example, capsys, "--healthy", complete, "--judge", few, "--json")
     assert (code, out) == (2, "")
     assert "two files have the same name" in err
     turned = tmp_path / "turned.parquet"
-    frame = pl.read_parquet(whole)
+    frame = pl.read_parquet(complete)
     frame.with_columns(-pl.col("set_point"), -pl.col("position_error")).write_parquet(turned)
     code, out, err = ask(example, capsys, "--healthy", turned, "--judge", turned, "--json")
     assert (code, out) == (2, "")
@@ -187,14 +187,14 @@ def test_what_would_be_judged_wrongly_without_a_word_is_refused(
 def rig_file(
     path: Path, *, runs: int, profiles: dict[str, int], friction: float = 1.0, seed: int = 0
 ) -> Path:
-    """Write a file of a made-up rig: three cycles a run, of each profile with that number of rows."""
+    """Write a file of a made-up rig: three cycles per run, for each profile with its number of rows."""
     rng = np.random.default_rng(seed)
     frames = []
     for profile, rows in profiles.items():
         time = 0.04 * np.arange(rows)
         command = 80 - 60 * np.cos(2 * np.pi * time / time[-1])  # [mm]
         speed = np.gradient(command, 0.04)
-        # Friction with a viscous part: a faster motion takes more current.
+        # Friction with a viscous part: faster motion needs more current.
         torque = friction * (0.7 + 0.01 * np.abs(speed)) * np.tanh(speed) - 0.11
         frames += [
             pl.DataFrame(
@@ -215,7 +215,7 @@ def rig_file(
     return path
 
 
-def test_each_profile_is_judged_by_its_own_healthy_runs(
+def test_each_profile_is_compared_with_its_own_healthy_runs(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     healthy = rig_file(tmp_path / "normal.parquet", runs=6, profiles={"slow": 160, "fast": 100})
@@ -225,11 +225,11 @@ def test_each_profile_is_judged_by_its_own_healthy_runs(
     )
     code, out, err = ask(example, capsys, "--healthy", healthy, "--judge", later, dry, "--json")
     assert (code, err) == (0, "")
-    found = json.loads(out)
-    assert found["false_alarms"]["of"] == 12
-    sets = found["sets"]
+    summary = json.loads(out)
+    assert summary["false_alarms"]["of"] == 12
+    sets = summary["sets"]
     assert sets["normal"]["conditions"] == ["profile 'fast' at 20 kgf", "profile 'slow' at 20 kgf"]
-    # The friction of the slow motion, which is less, says nothing of the fast one.
+    # The friction of the slow motion is lower and does not apply to the fast motion.
     assert sets["later"]["friction"] == pytest.approx(sets["normal"]["friction"][:1], rel=0.02)
     assert (sets["later"]["runs_detected"], sets["later"]["degraded"]) == (0.0, [])
     assert (sets["dry"]["runs_detected"], sets["dry"]["degraded"]) == (1.0, ["friction"])
@@ -239,9 +239,9 @@ def test_a_set_in_another_unit_is_refused_in_a_few_lines(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     healthy = rig_file(tmp_path / "normal.parquet", runs=7, profiles={"slow": 200})
-    other = tmp_path / "milliamperes.parquet"
-    pl.read_parquet(healthy).with_columns(pl.col("current") * 1000).write_parquet(other)
-    code, out, err = ask(example, capsys, "--healthy", healthy, "--judge", other, "--json")
+    in_milliamperes = tmp_path / "milliamperes.parquet"
+    pl.read_parquet(healthy).with_columns(pl.col("current") * 1000).write_parquet(in_milliamperes)
+    code, out, err = ask(example, capsys, "--healthy", healthy, "--judge", in_milliamperes, "--json")
     assert (code, out) == (2, "")
     assert "current_A has the shape of the healthy one, but seems to be in" in err
     assert "milliamperes: 16 further cycles" in err

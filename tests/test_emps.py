@@ -1,4 +1,4 @@
-"""A measured actuator: the EMPS benchmark, against what its authors identified by inverse dynamics.
+"""A measured actuator: the EMPS benchmark, compared with its authors' identification by inverse dynamics.
 
 Janot, Gautier, Brunot, "Data Set and Reference Models of EMPS", Workshop on Nonlinear System
 Identification Benchmarks, 2019: mass 95.1089 kg, viscous friction 203.5034 N·s/m, Coulomb friction
@@ -53,13 +53,13 @@ def halves(measured: Recording) -> tuple[Recording, Recording]:
 
 @pytest.fixture(scope="module")
 def calibrated(halves: tuple[Recording, Recording], guess: Actuator) -> Calibration:
-    """Return what the second half says: the first one is left to be predicted."""
+    """Return the calibration by the second half; the first half is for prediction."""
     return calibrate(halves[1], guess, FREE, max_corrections=0)
 
 
 @pytest.fixture(scope="module")
 def quarter(measured: Recording) -> Recording:
-    """Return the first quarter, which tells of the rig what any other does."""
+    """Return the first quarter, which identifies the rig as well as other quarters."""
     return Recording({name: measured[name][: measured.samples // 4] for name in measured}, "instant")
 
 
@@ -68,7 +68,7 @@ def diagnosed(quarter: Recording, calibrated: Calibration) -> Diagnosis:
     return diagnose(quarter, calibrated.actuator, max_corrections=1)
 
 
-def test_the_recording_is_what_its_authors_describe(measured: Recording) -> None:
+def test_the_recording_agrees_with_the_description_by_its_authors(measured: Recording) -> None:
     assert measured.samples == 24_841
     assert measured.sample_rate_hz == pytest.approx(1000)
     assert measured.sampling == "instant"
@@ -83,8 +83,8 @@ def test_the_recording_is_what_its_authors_describe(measured: Recording) -> None
 
 @pytest.mark.parametrize(
     ("name", "published", "tolerance"),
-    # Another method with another friction at low speed: viscous and Coulomb friction trade against each other
-    # by a few per cent. A constant load stands for unequal Coulomb friction: half its difference.
+    # Another method with another friction at low speed: viscous and Coulomb friction are confounded by a few
+    # per cent. A constant load represents unequal Coulomb friction: half its difference.
     [
         ("inertia", 95.1089, 0.01),
         ("viscous", (166.71 + 240.42) / 2, 0.05),
@@ -93,14 +93,14 @@ def test_the_recording_is_what_its_authors_describe(measured: Recording) -> None
         ("offset", (20.144 - 20.628) / 2, 0.5),
     ],
 )
-def test_parameters_agree_with_the_published_ones(
+def test_parameters_agree_with_the_published_parameters(
     calibrated: Calibration, name: str, published: float, tolerance: float
 ) -> None:
-    found = calibrated.parameters[name]
-    assert found.value == pytest.approx(published, rel=tolerance)
-    assert found.identifiable
-    # And a standard error that admits the difference.
-    assert abs(found.value - published) < 4 * found.standard_error
+    parameter = calibrated.parameters[name]
+    assert parameter.value == pytest.approx(published, rel=tolerance)
+    assert parameter.identifiable
+    # The standard error must be consistent with the difference.
+    assert abs(parameter.value - published) < 4 * parameter.standard_error
 
 
 def test_units_are_those_of_a_linear_actuator(calibrated: Calibration) -> None:
@@ -114,7 +114,7 @@ def test_units_are_those_of_a_linear_actuator(calibrated: Calibration) -> None:
     }
 
 
-def test_the_calibrated_model_replays_no_worse_than_the_published_one(
+def test_the_error_of_the_calibrated_model_is_no_larger_than_published(
     calibrated: Calibration, measured: Recording, guess: Actuator
 ) -> None:
     replayed = replay(measured, calibrated.actuator).relative_error
@@ -134,32 +134,32 @@ def test_the_calibrated_model_replays_no_worse_than_the_published_one(
         ),
     ],
 )
-def test_inverse_dynamics_finds_the_published_values(
+def test_inverse_dynamics_estimates_the_published_values(
     measured: Recording,
     guess: Actuator,
     free: tuple[str, ...],
     published: tuple[float, ...],
     force_error: float,
 ) -> None:
-    # As its authors: the drive's hold neglected, and low-passes of about their frequencies.
+    # As by the authors: without the drive's hold, and with low-passes of about their frequencies.
     bare = guess.model_copy(update={"friction": None})
     bare = with_lumped_parameters(bare, {"torque_lag": 0.0})
-    found = inverse_dynamics(measured, bare, free, position_hz=100.0, regression_hz=50.0)
-    assert tuple(found.values.values()) == pytest.approx(published, rel=0.01, abs=0.001)
-    assert found.relative_error == pytest.approx(force_error, abs=0.0005)
+    estimate = inverse_dynamics(measured, bare, free, position_hz=100.0, regression_hz=50.0)
+    assert tuple(estimate.values.values()) == pytest.approx(published, rel=0.01, abs=0.001)
+    assert estimate.relative_error == pytest.approx(force_error, abs=0.0005)
 
 
 def test_inverse_dynamics_and_the_closed_loop_agree(
     halves: tuple[Recording, Recording], guess: Actuator, calibrated: Calibration
 ) -> None:
-    found = inverse_dynamics(halves[1], guess, FREE)
-    assert found.relative_error < 0.026
+    estimate = inverse_dynamics(halves[1], guess, FREE)
+    assert estimate.relative_error < 0.026
     for name in set(FREE) - {"transition_speed"}:
         closed = calibrated.parameters[name]
-        error = np.hypot(found.standard_errors[name], closed.standard_error)
-        assert abs(found.values[name] - closed.value) < 3 * error
-    # What it finds is where the simulated fit may start: it is almost there.
-    start = replay(halves[1], found.identified).relative_error["current_A"]
+        error = np.hypot(estimate.standard_errors[name], closed.standard_error)
+        assert abs(estimate.values[name] - closed.value) < 3 * error
+    # The result is a start for the fit by simulation, and is almost its end.
+    start = replay(halves[1], estimate.identified).relative_error["current_A"]
     assert start < calibrated.relative_error["current_A"] + 0.002
 
 
@@ -174,7 +174,7 @@ def test_the_described_controller_is_that_of_the_recording(quarter: Recording, g
 
 
 @pytest.mark.evidence
-def test_half_of_the_recording_predicts_the_other_half_whatever_the_starting_values(
+def test_half_of_the_recording_predicts_the_other_half_from_any_start(
     halves: tuple[Recording, Recording], guess: Actuator
 ) -> None:
     mechanics = guess.mechanics.model_copy(
@@ -185,10 +185,10 @@ def test_half_of_the_recording_predicts_the_other_half_whatever_the_starting_val
             "dynamic_friction_motor": 35.0,
         }
     )
-    found = calibrate(halves[1], guess.model_copy(update={"mechanics": mechanics}), FREE)
-    assert found.parameters["inertia"].value == pytest.approx(95.1089, rel=0.01)
-    assert found.relative_error["current_A"] <= 0.035
-    assert replay(halves[0], found.actuator).relative_error["current_A"] <= 0.036
+    calibration = calibrate(halves[1], guess.model_copy(update={"mechanics": mechanics}), FREE)
+    assert calibration.parameters["inertia"].value == pytest.approx(95.1089, rel=0.01)
+    assert calibration.relative_error["current_A"] <= 0.035
+    assert replay(halves[0], calibration.actuator).relative_error["current_A"] <= 0.036
 
 
 def test_the_rig_is_healthy(diagnosed: Diagnosis) -> None:
@@ -198,20 +198,22 @@ def test_the_rig_is_healthy(diagnosed: Diagnosis) -> None:
         assert diagnosed.components[name].identifiable
 
 
-def test_what_the_description_lacks_is_named(diagnosed: Diagnosis) -> None:
+def test_missing_sections_of_the_description_are_named(diagnosed: Diagnosis) -> None:
     for name in set(NAMES) - {"friction", "gain"}:
         component = diagnosed.components[name]
         assert (component.verdict, component.identifiable) == ("cannot tell", False)
         missing = "healthy backlash is zero" if name == "backlash" else "electrical description"
         assert missing in component.reason
-    # The temperature needs windings; the load, a drive of any kind can show.
+    # The temperature needs windings; the load can be identified with any drive.
     assert diagnosed.coordinates[:3] == ("friction", "gain", "load")
-    # And none of its six parameters is known to a thousandth.
+    # None of its six parameters is known to a thousandth.
     assert set(diagnosed.nuisances) == {"load", *(f"baseline {name}" for name in FREE)}
 
 
 @pytest.mark.evidence
-def test_the_guess_is_not_taken_for_a_healthy_unit(quarter: Recording, guess: Actuator) -> None:
+def test_an_uncalibrated_description_is_not_taken_for_a_healthy_unit(
+    quarter: Recording, guess: Actuator
+) -> None:
     assert not diagnose(quarter, guess).explained
 
 
@@ -234,7 +236,7 @@ def axis_with_pulses(sign: float) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("sign", [-1.0, 0.0])
-def test_the_motion_says_which_way_the_pulses_of_a_file_act(
+def test_the_sign_of_the_force_pulses_is_identified_from_the_motion(
     guess: Actuator, tmp_path: Path, capsys: pytest.CaptureFixture[str], sign: float
 ) -> None:
     spec = importlib.util.spec_from_file_location("emps", ROOT / "examples" / "emps" / "emps.py")
@@ -245,12 +247,12 @@ def test_the_motion_says_which_way_the_pulses_of_a_file_act(
     columns = axis_with_pulses(sign)
     path = tmp_path / "another name.mat"
     savemat(path, {name: values[:, np.newaxis] for name, values in columns.items()})
-    read = example.read(path, guess)
-    said = "taken as a force with the motor" if sign else "left out"
-    assert f"pulses_N {said}" in capsys.readouterr().out
+    recording = example.read(path, guess)
+    note = "taken as a force with the motor" if sign else "left out"
+    assert f"pulses_N {note}" in capsys.readouterr().out
     if sign:
-        np.testing.assert_allclose(read["load_Nm"], sign * columns["pulses_N"])
-    assert ("load_Nm" in read) == bool(sign)
-    found = inverse_dynamics(read, guess, SYMMETRIC).parameters
-    assert found["inertia"].value == pytest.approx(95.1, rel=0.01)
-    assert found["coulomb"].value == pytest.approx(20.4, rel=0.03)
+        np.testing.assert_allclose(recording["load_Nm"], sign * columns["pulses_N"])
+    assert ("load_Nm" in recording) == bool(sign)
+    parameters = inverse_dynamics(recording, guess, SYMMETRIC).parameters
+    assert parameters["inertia"].value == pytest.approx(95.1, rel=0.01)
+    assert parameters["coulomb"].value == pytest.approx(20.4, rel=0.03)

@@ -1,4 +1,4 @@
-"""What the package shows of itself before anything of it is imported: the same by each of its three lists."""
+"""Public names of the package: its three lists agree, before any of its modules is imported."""
 
 import ast
 
@@ -18,18 +18,18 @@ def named_for_type_checkers() -> dict[str, str]:
     }
 
 
-def test_each_public_name_has_one_home_which_type_checkers_read_too() -> None:
+def test_each_public_name_has_one_module_also_for_type_checkers() -> None:
     assert named_for_type_checkers() == emaphm._HOME
 
 
-def test_the_public_names_are_those_that_have_a_home_and_the_version() -> None:
+def test_the_public_names_are_those_with_a_module_and_the_version() -> None:
     assert sorted(emaphm.__all__) == sorted([*emaphm._HOME, "__version__"])
 
 
-def test_every_public_name_can_be_imported() -> None:
+def test_all_public_names_can_be_imported() -> None:
     assert all(getattr(emaphm, name) is not None for name in emaphm.__all__)
 
 
-def test_names_are_listed_that_nobody_has_imported_yet() -> None:
+def test_names_are_listed_before_they_are_imported() -> None:
     assert set(emaphm.__all__) - set(vars(emaphm)) != set()
     assert set(emaphm.__all__) <= set(dir(emaphm))

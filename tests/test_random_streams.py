@@ -1,4 +1,4 @@
-"""Streams of random numbers: the same for the same name, and without common numbers for different ones."""
+"""Streams of random numbers: equal for equal names, and without common numbers for different names."""
 
 import ast
 from itertools import combinations
@@ -30,11 +30,11 @@ def test_the_same_name_gives_the_same_numbers(seed: int, name: tuple[str | int, 
 @given(seed=st.integers(0, 2**64), names=st.lists(NAME, min_size=2, max_size=4, unique=True))
 def test_different_names_share_no_numbers(seed: int, names: list[tuple[str | int, ...]]) -> None:
     drawn_by = [set(stream(seed, *name).random(200)) for name in names]
-    for one, other in combinations(drawn_by, 2):
-        assert not one & other  # of 2**53 values a common one would be no chance
+    for first, second in combinations(drawn_by, 2):
+        assert not first & second  # a common value among 2**53 cannot be chance
 
 
-def test_neither_do_names_that_only_look_alike() -> None:
+def test_similar_names_share_no_numbers() -> None:
     alike = [("a", "b"), ("ab",), ("a", 1), ("a1",), ("a", "1"), ("a", 1, 1), ("a", 11)]
     assert len({stream(0, *name).random() for name in alike}) == len(alike)
     assert stream(0, "a").random() != stream(1, "a").random()
@@ -56,17 +56,17 @@ def test_the_bias_correction_follows_its_seed() -> None:
     assert not np.array_equal(ends[0], ends[2])
 
 
-def test_no_numbers_are_drawn_but_from_streams() -> None:
-    # Cases of a study's plan are drawn from the plan's own seed, as they are published.
+def test_random_numbers_are_drawn_only_from_streams() -> None:
+    # Cases of a study's plan are drawn from the plan's own seed, because they are published.
     exempt = {"random_streams.py", "study/cases.py", "study/record.py", "study/analysis/statistics.py"}
     root = Path(emaphm.__file__).parent
     names = ("default_rng", "SeedSequence")
     texts = {path: path.read_text(encoding="utf-8") for path in root.rglob("*.py")}
-    found = {
+    files = {
         path.relative_to(root).as_posix()
         for path, text in texts.items()
-        if any(name in text for name in names)  # few do, and the others need no parser
+        if any(name in text for name in names)  # few files do; other files need not be parsed
         for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Attribute) and node.attr in names
     }
-    assert found <= exempt
+    assert files <= exempt

@@ -1,4 +1,4 @@
-"""A measured run to a jam: alarm, false alarms and remaining useful life, each test from its past alone.
+"""A measured run to a jam: alarm, false alarms and remaining useful life, from past data only.
 
 Mazzoleni, Scandella, Previdi, Pispola, Data in Brief 29:105153 (2020): no lubricant from 2 October 2017 on, a
 jam after 13 October.
@@ -25,7 +25,7 @@ def example() -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules["reprise"] = module  # dataclasses look their module up
+    sys.modules["reprise"] = module  # dataclasses look up their module
     spec.loader.exec_module(module)
     return module
 
@@ -36,8 +36,8 @@ def frame(example: ModuleType) -> pl.DataFrame:
     path = folder / "phase_current_features_5mm.csv"
     if not path.is_file():
         pytest.skip(f"the REPRISE data are not at {folder}; set EMAPHM_DATA to the folder that holds them")
-    read: pl.DataFrame = example.read(path)
-    return read
+    table: pl.DataFrame = example.read(path)
+    return table
 
 
 @pytest.fixture(scope="module")
@@ -45,16 +45,16 @@ def judged(example: ModuleType, frame: pl.DataFrame) -> dict[str, Any]:
     return dict(example.judge(frame).to_dict())
 
 
-def test_the_jam_is_announced_and_no_alarm_is_false(judged: dict[str, Any]) -> None:
+def test_the_jam_is_predicted_without_false_alarms(judged: dict[str, Any]) -> None:
     run = json.loads(json.dumps(judged, allow_nan=False))
     assert (run["first_alarm"], run["false_alarms"]) == ("2017-10-02", 0)
     # The publication's own medians.
-    assert [round(one["rms_A"], 2) for one in run["tests"][-3:]] == [5.82, 7.25, 7.48]
-    assert [one["holds_jam"] for one in run["tests"][-3:]] == [True] * 3
-    assert all(one["alarm"] for one in run["tests"][-3:])
+    assert [round(day["rms_A"], 2) for day in run["tests"][-3:]] == [5.82, 7.25, 7.48]
+    assert [day["holds_jam"] for day in run["tests"][-3:]] == [True] * 3
+    assert all(day["alarm"] for day in run["tests"][-3:])
 
 
-def test_what_is_said_of_a_test_needs_no_later_one(
+def test_the_result_of_a_day_does_not_depend_on_later_days(
     example: ModuleType, frame: pl.DataFrame, judged: dict[str, Any]
 ) -> None:
     shorter = frame.filter(pl.col("date") <= example.date(2017, 9, 18))
@@ -88,7 +88,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("message", WRONG)
-def test_what_is_no_such_table_is_refused(
+def test_a_table_of_another_kind_is_refused(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str], message: str
 ) -> None:
     path = tmp_path / "table.csv"
@@ -100,7 +100,7 @@ def test_what_is_no_such_table_is_refused(
     assert ask(example, capsys, tmp_path / "none.csv")[0] == 2
 
 
-def test_the_limit_is_what_a_drive_gives_and_no_single_period(
+def test_the_limit_is_a_robust_maximum_of_the_current_and_not_a_single_period(
     example: ModuleType, frame: pl.DataFrame, judged: dict[str, Any]
 ) -> None:
     healthy = frame.filter(pl.col("date") <= example.date(2017, 6, 21))
@@ -112,7 +112,7 @@ def test_the_limit_is_what_a_drive_gives_and_no_single_period(
     assert example.most_current(spoilt, example.date(2017, 6, 21), 1.0) < max(fast)
 
 
-def test_an_empty_period_matters_at_its_own_frequency_alone(
+def test_an_empty_period_matters_only_at_its_own_frequency(
     example: ModuleType, tmp_path: Path, judged: dict[str, Any], frame: pl.DataFrame
 ) -> None:
     spoilt = frame.with_columns(
@@ -121,14 +121,14 @@ def test_an_empty_period_matters_at_its_own_frequency_alone(
         .otherwise(pl.col("rms_A"))
     )
     spoilt.write_csv(tmp_path / "spoilt.csv")
-    read = example.read(tmp_path / "spoilt.csv", 1.0)
-    assert read.height == frame.height - 1
-    assert [one.rms for one in example.tests_of(read, 1.0)] == [one["rms_A"] for one in judged["tests"]]
+    table = example.read(tmp_path / "spoilt.csv", 1.0)
+    assert table.height == frame.height - 1
+    assert [day.rms for day in example.tests_of(table, 1.0)] == [day["rms_A"] for day in judged["tests"]]
     with pytest.raises(example.RecordingError, match="of column 'rms_A' is empty"):
         example.read(tmp_path / "spoilt.csv", 2.0)
 
 
-def test_what_says_nothing_of_the_healthy_state_is_refused(example: ModuleType, frame: pl.DataFrame) -> None:
+def test_data_without_a_usable_healthy_state_are_refused(example: ModuleType, frame: pl.DataFrame) -> None:
     error = example.RecordingError
     with pytest.raises(error, match="200 periods of the condition 'no_lubricant', where 100 are usual"):
         example.judge(frame.with_columns(pl.col("condition").str.replace("_[0-9]$", "")))
@@ -142,11 +142,11 @@ def test_what_says_nothing_of_the_healthy_state_is_refused(example: ModuleType, 
 
 
 @pytest.mark.parametrize("day", [(2017, 4, 18), (2017, 5, 23)])
-def test_without_a_healthy_day_the_next_condition_is_still_judged(
+def test_the_next_condition_is_judged_despite_a_missing_healthy_day(
     example: ModuleType, frame: pl.DataFrame, day: tuple[int, int, int]
 ) -> None:
     run = example.judge(frame.filter(pl.col("date") != example.date(*day)))
     assert run.monitored[0].test.day == example.date(2017, 7, 31)
-    # As the page says of these days.
+    # As stated on the page for these days.
     assert run.first_alarm == example.date(2017, 10, 9)
-    assert [one.holds_jam for one in run.judged[-3:]] == [True] * 3
+    assert [item.holds_jam for item in run.judged[-3:]] == [True] * 3

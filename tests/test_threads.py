@@ -1,4 +1,4 @@
-"""Work in threads: results are in the order of the items, and what is raised arrives."""
+"""Work in threads: results are in the order of the items, and errors reach the caller."""
 
 import threading
 
@@ -13,19 +13,19 @@ def test_results_are_in_the_order_of_the_items(workers: int | None) -> None:
     assert in_threads(lambda i: i, [], workers) == []
 
 
-def test_items_are_worked_on_at_the_same_time_by_several_and_in_turn_by_one() -> None:
+def test_several_threads_work_simultaneously_and_one_thread_in_sequence() -> None:
     together = threading.Barrier(3, timeout=10)
-    in_threads(lambda _: together.wait(), range(3), 3)  # would time out in turn
+    in_threads(lambda _: together.wait(), range(3), 3)  # would time out one after the other
     assert set(in_threads(lambda _: threading.current_thread(), range(3), 1)) == {threading.current_thread()}
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_progress_is_reported_by_who_asked(workers: int) -> None:
+def test_progress_is_reported_in_the_calling_thread(workers: int) -> None:
     reported = []
     in_threads(lambda i: i, range(4), workers, lambda done: reported.append((done, threading.get_ident())))
     assert reported == [(share, threading.get_ident()) for share in (0.25, 0.5, 0.75, 1.0)]
 
 
-def test_what_is_raised_for_one_is_raised() -> None:
+def test_an_error_for_one_item_is_raised() -> None:
     with pytest.raises(ZeroDivisionError):
         in_threads(lambda i: 1 // i, [1, 0, 2], 2)

@@ -1,8 +1,8 @@
-"""A measured servo: the XL330 logs of Rhoban/bam, predicted from their goal by a fit to other logs.
+"""A measured servo: the XL330 logs of Rhoban/bam, predicted from their command by a fit to other logs.
 
 The bound is what BAM's model M6, fitted to the same four logs by its own loss (mean absolute error), has on
-the other four: 43 mrad (M1 64, M4 48). For the reverse split, which takes as long again and is not tested, it
-is 30 mrad (M1 50, M4 37); the example asked with `--train` and `--test` exchanged has its figure.
+the other four: 43 mrad (M1 64, M4 48). For the reverse split, which takes the same time and is not tested, it
+is 30 mrad (M1 50, M4 37); the example with `--train` and `--test` exchanged gives its figure.
 """
 
 import importlib
@@ -30,10 +30,10 @@ BY_M6 = 43.0
 
 @pytest.fixture
 def parameters_alone(monkeypatch: pytest.MonkeyPatch, no_model_error: None) -> None:  # noqa: ARG001
-    """Let a calibration find the parameters only: what it does afterwards moves none and takes half the time.
+    """Let a calibration estimate only the parameters: its later steps change none and take half the time.
 
-    That is a fit of each log alone, for contradictions, one without each log, for the model's error, and what
-    acts alike.
+    These steps are a fit of each log alone (contradictions), a fit without each log (model error), and the
+    search for parameters with similar effects.
     """
     monkeypatch.setattr(uncertainty, "_alone", lambda *_: None)
     module = importlib.import_module("emaphm.calibration.calibrate")  # a function has its name
@@ -42,7 +42,7 @@ def parameters_alone(monkeypatch: pytest.MonkeyPatch, no_model_error: None) -> N
 
 @pytest.mark.evidence
 @pytest.mark.usefixtures("parameters_alone")
-def test_the_logs_left_out_are_predicted_better_than_by_m6(
+def test_held_out_logs_are_predicted_better_than_by_m6(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     if not DATA.is_dir():
@@ -56,16 +56,16 @@ def test_the_logs_left_out_are_predicted_better_than_by_m6(
     assert {"load-dependent", "gravity"} <= set(errors["laws"])
 
 
-def test_without_the_logs_one_line_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_missing_logs_are_reported_in_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("EMAPHM_DATA", str(tmp_path))
     monkeypatch.setattr(sys, "argv", ["xl330.py"])
     with pytest.raises(SystemExit) as ended:
         runpy.run_path(str(ROOT / "examples" / "xl330" / "xl330.py"), run_name="__main__")
     # Python writes it to stderr, and its status is 1.
-    said = ended.value.code
-    assert isinstance(said, str)
-    assert said.startswith(f"error: {tmp_path}")
-    assert "\n" not in said
+    exit_code = ended.value.code
+    assert isinstance(exit_code, str)
+    assert exit_code.startswith(f"error: {tmp_path}")
+    assert "\n" not in exit_code
 
 
 def _files(names: tuple[str, ...]) -> list[str]:
@@ -77,6 +77,6 @@ def _run_example() -> None:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules["xl330"] = module  # dataclasses look their module up
+    sys.modules["xl330"] = module  # dataclasses look up their module
     spec.loader.exec_module(module)
     module.main()

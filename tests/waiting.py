@@ -1,4 +1,4 @@
-"""Waiting for what another thread or process does, and a signal to this very process at that moment."""
+"""Waiting for an action of another thread or process, and sending a signal to this process then."""
 
 import os
 import threading
@@ -10,7 +10,7 @@ PATIENCE_S = 60.0
 
 
 def wait_for(condition: Callable[[], object], patience_s: float = PATIENCE_S) -> None:
-    """Return once `condition` holds, within `patience_s`."""
+    """Return when `condition` holds, within `patience_s`."""
     deadline = time.monotonic() + patience_s
     while not condition():
         assert time.monotonic() < deadline
@@ -19,9 +19,9 @@ def wait_for(condition: Callable[[], object], patience_s: float = PATIENCE_S) ->
 
 @contextmanager
 def signal_once(number: int, condition: Callable[[], object], then: Callable[[], None]) -> Iterator[None]:
-    """Within the block, wait in a thread until `condition` holds, do what comes `then`, and send the signal.
+    """Within the block, wait in a thread until `condition` holds, call `then`, and send the signal.
 
-    Nothing is sent to this process once the block has ended, by an error say.
+    After the end of the block, for example by an error, no signal is sent to this process.
     """
     ended = threading.Event()
 

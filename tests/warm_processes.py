@@ -1,4 +1,4 @@
-"""Workers that have loaded what they need before they start, where their start is not what is tested."""
+"""Workers forked with loaded modules, for tests that do not check the start of workers."""
 
 import multiprocessing
 from collections.abc import Iterator
@@ -13,19 +13,19 @@ LOADED = (
     *("emaphm.diagnosis", "emaphm.fleet", "emaphm.monitoring", "emaphm.prognosis", "emaphm.report"),
     *("emaphm.study", "pytest"),
 )
-"""What workers of this machine spend most of their start on."""
+"""Modules whose loading takes most of the start of a worker."""
 
 
 @contextmanager
 def warm_processes() -> Iterator[None]:
-    """Let each worker be forked from a process that has loaded `LOADED`, instead of starting from nothing.
+    """Fork each worker from a process that has loaded `LOADED`, instead of starting a new Python.
 
-    It takes a twentieth of the time. How they start without it is tested in `tests/execution`, and wherever
-    the command runs as a process.
+    This takes a twentieth of the time. The normal start is tested in `tests/execution`, and in all tests
+    that run the command as a process.
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([*LOADED])
-    first = context.Process(target=int)  # it waits for the loading, so that none that is timed does
+    first = context.Process(target=int)  # waits for the loading, so that no timed test waits
     first.start()
     first.join()
     with pytest.MonkeyPatch.context() as patched:

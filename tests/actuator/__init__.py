@@ -1,1 +1,1 @@
-"""Tests of what an actuator is: parameters, faults, commands."""
+"""Tests of `emaphm.actuator`: parameters, faults, commands, channels, laws and sensors."""

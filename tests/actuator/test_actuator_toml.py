@@ -1,4 +1,4 @@
-"""An actuator's TOML: what goes out comes back, and what is wrong in it is named in one line."""
+"""An actuator's TOML: written values are read back unchanged, and errors are named in one line."""
 
 import errno
 import tomllib
@@ -13,19 +13,19 @@ from strategies import actuators
 
 
 @given(actuator=actuators())
-def test_round_trip_keeps_every_value(actuator: Actuator, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_round_trip_keeps_all_values(actuator: Actuator, tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.getbasetemp() / "round_trip.toml"
     actuator.to_toml(path)
     assert Actuator.from_toml(path) == actuator
 
 
-def test_round_trip_of_the_thesis(tmp_path: Path) -> None:
+def test_a_round_trip_keeps_the_thesis_actuator(tmp_path: Path) -> None:
     path = tmp_path / "thesis.toml"
     Actuator.thesis().to_toml(path)
     assert Actuator.load(path) == Actuator.thesis() == Actuator.load("thesis")
 
 
-def test_round_trip_of_a_linear_actuator_without_electrical_part(tmp_path: Path) -> None:
+def test_a_round_trip_keeps_a_linear_actuator_without_electrical_section(tmp_path: Path) -> None:
     values = Actuator.thesis().model_dump()
     del values["electrical"]
     values |= {"name": "slide", "coordinates": "linear", "channels": {"command_rad": "qg"}}
@@ -57,7 +57,7 @@ def comment_of(key: str, text: str) -> str:
         ("position_gain", "1/s", "1/s"),
     ],
 )
-def test_each_value_has_its_unit(key: str, rotary: str, linear: str, tmp_path: Path) -> None:
+def test_each_value_has_its_unit_in_a_comment(key: str, rotary: str, linear: str, tmp_path: Path) -> None:
     thesis = Actuator.thesis()
     for actuator, unit in (
         (thesis, rotary),
@@ -127,7 +127,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_error_names_file_key_and_remedy(case: str, tmp_path: Path) -> None:
+def test_an_error_names_file_key_and_remedy(case: str, tmp_path: Path) -> None:
     old, new, expected = WRONG[case]
     path = tmp_path / "actuator.toml"
     Actuator.thesis().to_toml(path)
@@ -141,18 +141,18 @@ def test_error_names_file_key_and_remedy(case: str, tmp_path: Path) -> None:
         assert part in message
 
 
-def test_a_section_that_is_no_table_is_named() -> None:
+def test_a_section_that_is_not_a_table_is_named() -> None:
     values = Actuator.thesis().model_dump() | {"electrical": 3}
     with pytest.raises(ActuatorError, match=r"^rig: 'electrical': .* got 3$"):
         Actuator.from_dict(values, where="rig")
 
 
-def test_error_counts_what_else_is_wrong(tmp_path: Path) -> None:
+def test_an_error_states_the_number_of_further_errors(tmp_path: Path) -> None:
     path = tmp_path / "actuator.toml"
     Actuator.thesis().to_toml(path)
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace("supply = ", "suply = ").replace("inductance = ", "inductence = "), "utf-8")
-    # Two misspellings, each of which also leaves its key missing.
+    # Two misspellings; for each of them, the correct key is missing too.
     assert complaint_about(path).endswith("(and 3 more)")
 
 
@@ -170,7 +170,7 @@ def test_a_directory_is_refused(tmp_path: Path) -> None:
     assert "is a folder" in complaint_about(tmp_path)
 
 
-def test_a_full_disk_is_reported_of_the_file_asked_for(
+def test_a_full_disk_is_reported_with_the_name_of_the_requested_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object, **__: object) -> None:

@@ -1,4 +1,4 @@
-"""A baseline in an actuator's file: what it keeps, and what it refuses."""
+"""A baseline in an actuator's file: values kept by a round trip, and refused values."""
 
 from pathlib import Path
 from typing import Any
@@ -24,19 +24,19 @@ def with_baseline(**changed: object) -> Actuator:
     return Actuator.from_dict(THESIS.model_dump() | {"baseline": GOOD | changed})
 
 
-def test_a_baseline_survives_a_file_to_the_last_bit(tmp_path: Path) -> None:
+def test_a_baseline_is_read_back_to_the_last_bit(tmp_path: Path) -> None:
     root = np.random.default_rng(0).normal(0.0, 0.03, (3, 3))
     baseline = Baseline.of(("inertia", "coulomb", "offset"), root @ root.T, ("monday.csv",))
     actuator = Actuator.from_dict(THESIS.model_dump() | {"baseline": baseline.model_dump()})
     path = tmp_path / "unit.toml"
     actuator.to_toml(path)
-    again = Actuator.from_toml(path)
-    assert again == actuator
-    assert again.baseline is not None
-    np.testing.assert_array_equal(again.baseline.covariance, root @ root.T)
+    reread = Actuator.from_toml(path)
+    assert reread == actuator
+    assert reread.baseline is not None
+    np.testing.assert_array_equal(reread.baseline.covariance, root @ root.T)
 
 
-def test_a_description_that_nobody_calibrated_has_none(tmp_path: Path) -> None:
+def test_a_description_without_calibration_has_no_baseline(tmp_path: Path) -> None:
     path = tmp_path / "thesis.toml"
     THESIS.to_toml(path)
     assert THESIS.baseline is None
@@ -44,14 +44,14 @@ def test_a_description_that_nobody_calibrated_has_none(tmp_path: Path) -> None:
     assert Actuator.from_toml(path).baseline is None
 
 
-def test_other_values_keep_the_baseline() -> None:
+def test_a_change_of_other_values_keeps_the_baseline() -> None:
     actuator = with_baseline()
     assert with_lumped_parameters(actuator, {"inertia": 3e-5}).baseline == actuator.baseline
 
 
-def test_a_parameter_known_exactly_is_allowed() -> None:
+def test_a_baseline_may_know_a_parameter_exactly() -> None:
     assert with_baseline(covariance=np.zeros((3, 3)).tolist()).baseline is not None
-    # Of two parameters of which one mixture alone is unknown.
+    # Two parameters of which only one combination is unknown.
     assert with_baseline(names=["inertia", "coulomb"], covariance=[[1e-4, 1e-4], [1e-4, 1e-4]]).baseline
 
 
@@ -99,7 +99,7 @@ def test_an_impossible_baseline_is_refused_in_one_line(changed: dict[str, object
     assert len(str(caught.value)) < 300
 
 
-def test_a_baseline_needs_the_section_that_its_parameters_stand_in() -> None:
+def test_a_baseline_needs_the_section_of_its_parameters() -> None:
     values = THESIS.model_dump() | {"electrical": None}
     baseline = {"names": ["resistance"], "covariance": [[1e-4]], "recordings": ["monday.csv"]}
     with pytest.raises(ActuatorError, match=r"'resistance' needs \[electrical\] with it; add it"):

@@ -1,4 +1,4 @@
-"""`[channels]` and `[reading]` as an owner writes them: units, short forms, and field-level errors."""
+"""`[channels]` and `[reading]` of a description: units, short forms, and errors that name the key."""
 
 import subprocess
 import sys
@@ -35,12 +35,12 @@ THESIS = write_toml(Actuator.thesis())
         ("µs", "s", 2e-6),
     ],
 )
-def test_units(unit: str, target: str, of_two: float) -> None:
+def test_units_of_channels_are_converted(unit: str, target: str, of_two: float) -> None:
     np.testing.assert_allclose(in_unit(np.array([2.0]), unit, target), of_two, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("unit", "target"), [("percent", "rad"), ("Hz", "rad/s"), ("mm", "rad"), ("C", "K")])
-def test_another_quantity_is_no_unit_of_a_channel(unit: str, target: str) -> None:
+def test_a_unit_of_another_quantity_is_refused(unit: str, target: str) -> None:
     with pytest.raises(ValueError, match="does not convert"):
         in_unit(np.ones(1), unit, target)
 
@@ -91,7 +91,7 @@ split = "run"
 """
 
 
-def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+def test_written_channels_are_read_back(tmp_path: Path) -> None:
     actuator = described(LONG)
     actuator.to_toml(tmp_path / "a.toml")
     assert Actuator.from_toml(tmp_path / "a.toml") == actuator
@@ -99,7 +99,7 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     assert actuator.channels.time_s == Channels(time_s="t").time_s
 
 
-def test_the_library_of_units_is_loaded_only_for_a_unit() -> None:
+def test_the_library_of_units_is_loaded_only_if_a_unit_is_given() -> None:
     check = (
         "import sys, emaphm.cli.command_line, emaphm.diagnosis.diagnose; "
         "from emaphm.actuator import Actuator; Actuator.thesis(); assert 'pint' not in sys.modules"

@@ -1,4 +1,4 @@
-"""Commands against closed forms."""
+"""Commands, compared with closed forms."""
 
 import copy
 import pickle
@@ -17,20 +17,23 @@ from emaphm.errors import SignalError
 
 
 def zero_crossings(signal: Callable[[Array], Array], start: float, stop: float) -> Array:
-    """Return where the signal changes sign, by linear interpolation in a fine grid."""
+    """Return the times of the sign changes of the signal, by linear interpolation in a fine grid."""
     t = np.linspace(start, stop, 200_001)
     x = signal(t)
-    before = np.flatnonzero(x[:-1] * x[1:] < 0)
-    return np.asarray(t[before] - x[before] * (t[before + 1] - t[before]) / (x[before + 1] - x[before]))
+    rows_before = np.flatnonzero(x[:-1] * x[1:] < 0)
+    return np.asarray(
+        t[rows_before]
+        - x[rows_before] * (t[rows_before + 1] - t[rows_before]) / (x[rows_before + 1] - x[rows_before])
+    )
 
 
-def test_step() -> None:
+def test_a_step_changes_at_its_time() -> None:
     t = np.array([0.0, 0.0999, 0.1, 5.0])
     assert Step(2e-3, start=0.1)(t).tolist() == [0.0, 0.0, 2e-3, 2e-3]
     assert Step()(t).tolist() == [5e-3] * 4
 
 
-def test_ramp_rises_from_its_start_and_is_held_at_its_limit() -> None:
+def test_a_ramp_rises_from_its_start_and_is_held_at_its_limit() -> None:
     t = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 9.0])
     expected = np.array([0.0, 0.0, 0.1, 0.2, 0.25, 0.25])
     np.testing.assert_allclose(Ramp(0.2, start=0.5, limit=0.25)(t), expected, rtol=1e-15)
@@ -39,7 +42,7 @@ def test_ramp_rises_from_its_start_and_is_held_at_its_limit() -> None:
 
 
 @pytest.mark.parametrize("limit", [-0.25, 0.0, np.nan])
-def test_a_limit_of_a_ramp_is_a_size(limit: float) -> None:
+def test_the_limit_of_a_ramp_is_a_magnitude(limit: float) -> None:
     with pytest.raises(SignalError, match="give one above 0"):
         Ramp(-0.2, limit=limit)
 
@@ -48,23 +51,23 @@ def test_a_limit_of_a_ramp_is_a_size(limit: float) -> None:
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
-        (kind, one.name)
+        (kind, field.name)
         for kind in (Step, Ramp, Sine, Chirp, DecayingChirp)
-        for one in fields(kind)
-        if one.name != "limit"
+        for field in fields(kind)
+        if field.name != "limit"
     ],
 )
-def test_a_value_that_is_no_finite_number_is_refused(kind: type, name: str, value: float) -> None:
+def test_a_value_that_is_not_a_finite_number_is_refused(kind: type, name: str, value: float) -> None:
     with pytest.raises(SignalError, match=r"is nan|inf, which is no finite number|sweeps nothing"):
         kind(**{name: value})
 
 
-@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])  # noqa: S301 - our own bytes
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])  # noqa: S301 - pickled by this test
 def test_copies_of_a_sampled_signal_are_equal_and_read_only(duplicate: Callable[[Sampled], Sampled]) -> None:
-    other = duplicate(Sampled([0.0, 1.0], [2.0, 4.0]))
-    assert (other.time_s.tolist(), other.values.tolist()) == ([0.0, 1.0], [2.0, 4.0])
-    assert not other.time_s.flags.writeable
-    assert not other.values.flags.writeable
+    copy_ = duplicate(Sampled([0.0, 1.0], [2.0, 4.0]))
+    assert (copy_.time_s.tolist(), copy_.values.tolist()) == ([0.0, 1.0], [2.0, 4.0])
+    assert not copy_.time_s.flags.writeable
+    assert not copy_.values.flags.writeable
 
 
 def test_a_sampled_signal_has_no_masked_values_and_no_dates() -> None:
@@ -76,7 +79,7 @@ def test_a_sampled_signal_has_no_masked_values_and_no_dates() -> None:
     assert Sampled(np.array([0, 500], "timedelta64[ms]"), [2.0, 4.0])(np.array([0.25])).tolist() == [3.0]
 
 
-def test_sine() -> None:
+def test_a_sine_has_its_frequency_and_amplitude() -> None:
     quarter = 1 / (4 * 7.0)
     values = Sine(3e-3, 7.0)(quarter * np.arange(5.0))
     np.testing.assert_allclose(values, [0, 3e-3, 0, -3e-3, 0], atol=1e-17)
@@ -87,12 +90,12 @@ def test_sine() -> None:
     ("start_hz", "stop_hz", "duration"),
     [(0.0, 15.0, 0.5), (3.0, 40.0, 1.5), (50.0, 5.0, 0.4), (8.0, 8.0, 1.0)],
 )
-def test_frequency_of_a_chirp_runs_linearly_between_its_ends(
+def test_the_frequency_of_a_chirp_changes_linearly_between_its_ends(
     kind: type[Chirp | DecayingChirp], start_hz: float, stop_hz: float, duration: float
 ) -> None:
     crossings = zero_crossings(kind(1.0, start_hz, stop_hz, duration), 1e-3, duration)
     assert crossings.size > 5
-    # Half a turn lies between crossings, and a linear frequency takes its mean in the middle between them.
+    # Half a turn lies between crossings, and a linear frequency equals its mean midway between them.
     measured = 0.5 / np.diff(crossings)
     middle = (crossings[1:] + crossings[:-1]) / 2
     expected = start_hz + (stop_hz - start_hz) * middle / duration
@@ -118,7 +121,7 @@ def test_the_default_chirp_is_the_manoeuvre_of_physics_section_1() -> None:
 
 
 @given(t=st.floats(0, 2), amplitude=st.floats(1e-6, 10), duration=st.floats(0.1, 1.5))
-def test_envelope_of_the_decaying_chirp_falls_linearly_to_zero(
+def test_the_envelope_of_the_decaying_chirp_falls_linearly_to_zero(
     t: float, amplitude: float, duration: float
 ) -> None:
     at = np.array([t])
@@ -127,7 +130,7 @@ def test_envelope_of_the_decaying_chirp_falls_linearly_to_zero(
     assert np.abs(full) <= amplitude
 
 
-def test_sampled_is_linear_between_its_rows_and_held_outside() -> None:
+def test_a_sampled_signal_is_linear_between_its_rows_and_held_outside() -> None:
     signal = Sampled([1.0, 2.0, 4.0], [10.0, 20.0, 0.0])
     t = np.array([0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0])
     assert signal(t).tolist() == [10.0, 10.0, 15.0, 20.0, 10.0, 0.0, 0.0]
@@ -156,7 +159,7 @@ def test_a_malformed_sampled_signal_is_refused(
         Sampled(time_s, values)
 
 
-def test_sampled_keeps_its_own_values() -> None:
+def test_a_sampled_signal_keeps_a_copy_of_its_values() -> None:
     values = np.array([1.0, 2.0])
     signal = Sampled(np.array([0.0, 1.0]), values)
     values[:] = 9.0
@@ -164,14 +167,14 @@ def test_sampled_keeps_its_own_values() -> None:
 
 
 def test_sampled_signals_can_be_compared_and_hashed() -> None:
-    one, other = Sampled([0, 1], [0, 1]), Sampled([0, 1], [0, 2])
-    assert one != other
-    assert len({one, other}) == 2
+    first, second = Sampled([0, 1], [0, 1]), Sampled([0, 1], [0, 2])
+    assert first != second
+    assert len({first, second}) == 2
 
 
 @pytest.mark.parametrize("kind", [Step, Ramp, Sine, Chirp, DecayingChirp])
 @given(about=st.floats(-1.0, 1.0))
-def test_a_command_by_name_is_counted_from_where_the_shaft_rests(
+def test_a_command_by_name_is_relative_to_the_rest_position(
     kind: Callable[..., Command], about: float
 ) -> None:
     t, moved = np.linspace(0.0, 0.6, 301), kind(about=about)

@@ -1,4 +1,4 @@
-"""Arithmetic and conditions in a description: against Python's own, and nothing but what is allowed."""
+"""Arithmetic and conditions in a description, compared with Python's own; other syntax is refused."""
 
 import numpy as np
 import pytest
@@ -27,11 +27,11 @@ COLUMNS = {
         ("profile != 'trap' or a == 3", [False, True, True]),
     ],
 )
-def test_values(text: str, expected: list[float]) -> None:
+def test_values_agree_with_pythons_arithmetic(text: str, expected: list[float]) -> None:
     np.testing.assert_allclose(Expression.parse(text).evaluate(COLUMNS), expected)
 
 
-def test_names_in_their_order() -> None:
+def test_names_are_listed_in_their_order() -> None:
     assert Expression.parse("b * `Drive/set point` - a / b").names == ("b", "Drive/set point", "a")
 
 
@@ -55,12 +55,12 @@ def test_names_in_their_order() -> None:
         ("'a' + b", "is a text"),
     ],
 )
-def test_what_is_not_allowed_is_refused_with_a_reason(text: str, expected: str) -> None:
+def test_disallowed_syntax_is_refused_with_a_reason(text: str, expected: str) -> None:
     with pytest.raises(ValueError, match=expected):
         Expression.parse(text)
 
 
-def test_a_text_is_no_number() -> None:
+def test_a_text_is_not_used_as_a_number() -> None:
     with pytest.raises(ValueError, match="text"):
         Expression.parse("profile < 2").evaluate(COLUMNS)
 
@@ -72,6 +72,6 @@ def test_a_text_is_never_compared_with_a_number(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["x != 0", "x and y < 5", "y < 5 and x", "x == 1", "x > 0"])
-def test_an_empty_cell_meets_no_condition(text: str) -> None:
-    found = Expression.parse(text).evaluate({"x": np.array([1.0, 0.0, np.nan]), "y": np.zeros(3)})
-    assert found.tolist() == [True, False, False]
+def test_an_empty_cell_satisfies_no_condition(text: str) -> None:
+    rows = Expression.parse(text).evaluate({"x": np.array([1.0, 0.0, np.nan]), "y": np.zeros(3)})
+    assert rows.tolist() == [True, False, False]

@@ -1,4 +1,4 @@
-"""The fault vector: its bounds, its physical meaning, and the coordinates that estimators use."""
+"""The fault vector: its bounds, its physical values, and the coordinates used by estimators."""
 
 import math
 from dataclasses import FrozenInstanceError
@@ -24,7 +24,7 @@ from strategies import UNIT, fault_vectors, faults
 THESIS = Actuator.thesis()
 
 
-def test_all_but_the_direction_of_an_eccentricity_can_degrade() -> None:
+def test_all_components_except_the_eccentricity_phase_can_degrade() -> None:
     assert set(NAMES) - set(COMPONENTS) == {"eccentricity_phase"}
     assert [name for name in NAMES if name in COMPONENTS] == list(COMPONENTS)
 
@@ -47,7 +47,7 @@ def test_friction_stays_positive_down_to_the_bound_of_the_actuator(scale: float)
     actuator = Actuator.from_dict(THESIS.model_dump() | {"faults": {"friction": scale}})
     lowest = lower_bounds(actuator)
     assert np.count_nonzero(lowest) == 1
-    # A tenth of healthy, unless the scale is too small to get there: 1 - 0.3 then.
+    # A tenth of healthy, or 1 - 0.3 if the scale is too small for a tenth.
     expected = max(0.1, 1 - scale)
     meaning = Faults(friction=lowest[0]).physical(actuator)["friction_factor"]
     assert meaning == pytest.approx(expected, rel=1e-12)
@@ -58,14 +58,14 @@ def test_friction_stays_positive_down_to_the_bound_of_the_actuator(scale: float)
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("value", [0, 1, 0.0, 1.0, np.float32(0.5), True])
-def test_the_ends_belong_to_the_interval(name: str, value: float) -> None:
+def test_the_ends_of_the_interval_are_accepted(name: str, value: float) -> None:
     stored = getattr(Faults(**{name: value}), name)
     assert stored == value
     assert type(stored) is float
 
 
 @pytest.mark.parametrize("value", ["much", None, [0.5]])
-def test_a_component_that_is_no_number_is_named(value: object) -> None:
+def test_a_component_that_is_not_a_number_is_named(value: object) -> None:
     with pytest.raises(FaultError, match="friction"):
         Faults(friction=value)  # type: ignore[arg-type]
 
@@ -85,7 +85,7 @@ def test_names_are_those_of_physics_section_2_in_order_of_k() -> None:
 
 
 @given(vector=fault_vectors())
-def test_vector_round_trip(vector: NDArray[np.float64]) -> None:
+def test_faults_from_their_own_vector_are_equal(vector: NDArray[np.float64]) -> None:
     assert np.array_equal(Faults.from_vector(vector).vector, vector)
 
 
@@ -95,13 +95,13 @@ def test_a_vector_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
         Faults.from_vector(np.zeros(shape))
 
 
-def test_a_mapping_sets_what_it_names_and_leaves_the_rest_healthy() -> None:
-    made = Faults.from_mapping({"gain": 0.75, "short_b": 0.2})
-    assert made == Faults(gain=0.75, short_b=0.2)
+def test_a_mapping_sets_the_named_components_and_leaves_others_healthy() -> None:
+    faults = Faults.from_mapping({"gain": 0.75, "short_b": 0.2})
+    assert faults == Faults(gain=0.75, short_b=0.2)
     assert Faults.from_mapping({}) == HEALTHY
 
 
-def test_a_misspelt_name_is_answered_with_the_nearest() -> None:
+def test_a_misspelt_name_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(FaultError, match=r"unknown fault 'fricton' \(did you mean 'friction'\?\)"):
         Faults.from_mapping({"fricton": 0.1})
     with pytest.raises(FaultError, match=r"unknown fault 'zzz' \(known: backlash, .*short_c\)"):
@@ -122,14 +122,16 @@ def test_a_misspelt_name_is_answered_with_the_nearest() -> None:
         ("gain", "gain_factor", 0.5, 0.75, 1.5),
     ],
 )
-def test_physical_values(component: str, key: str, at_0: float, at_quarter: float, at_1: float) -> None:
+def test_physical_values_are_those_of_physics_section_2(
+    component: str, key: str, at_0: float, at_quarter: float, at_1: float
+) -> None:
     for k, expected in ((0.0, at_0), (0.25, at_quarter), (1.0, at_1)):
         meaning = Faults(**{component: k}).physical(THESIS)
-        assert meaning[key] == pytest.approx(expected, rel=1e-14)  # a few roundings
+        assert meaning[key] == pytest.approx(expected, rel=1e-14)  # a few rounding errors
         assert meaning == HEALTHY.physical(THESIS) | {key: meaning[key]}
 
 
-def test_healthy_means_nominal() -> None:
+def test_healthy_faults_give_the_nominal_values() -> None:
     assert HEALTHY.physical(THESIS) == {
         "friction_factor": 1.0,
         "backlash_rad": 5e-3,
@@ -142,12 +144,12 @@ def test_healthy_means_nominal() -> None:
     }
 
 
-def test_the_scales_are_the_actuators() -> None:
+def test_the_scales_are_those_of_the_actuator() -> None:
     values = THESIS.model_dump()
     values["faults"] = {"friction": 4.0, "backlash": 1.0, "eccentricity": 0.2, "gain": 0.1}
     values["mechanics"]["backlash"] = 0.3
-    made = Faults(friction=0.5, backlash=0.5, eccentricity=0.5, gain=1.0)
-    meaning = made.physical(Actuator.from_dict(values))
+    faults = Faults(friction=0.5, backlash=0.5, eccentricity=0.5, gain=1.0)
+    meaning = faults.physical(Actuator.from_dict(values))
     assert meaning["friction_factor"] == pytest.approx(3.0)
     assert meaning["backlash_rad"] == pytest.approx(0.45)
     assert meaning["eccentricity_Z"] == pytest.approx(0.1)
@@ -162,25 +164,25 @@ def test_cartesian_coordinates_are_those_of_the_physical_eccentricity(made: Faul
     # Z is 0.42 k6 and phi at most pi: an error of a few ulp of 1.
     assert 0.42 * point["eccentricity_x"] == pytest.approx(Z * math.cos(phi), abs=1e-15)
     assert 0.42 * point["eccentricity_y"] == pytest.approx(Z * math.sin(phi), abs=1e-15)
-    others = [name for name in NAMES if not name.startswith("eccentricity")]
-    assert [point[name] for name in others] == [getattr(made, name) for name in others]
+    other_names = [name for name in NAMES if not name.startswith("eccentricity")]
+    assert [point[name] for name in other_names] == [getattr(made, name) for name in other_names]
 
 
 @given(vector=fault_vectors())
-def test_cartesian_round_trip(vector: NDArray[np.float64]) -> None:
-    kept = vector.copy()
+def test_a_round_trip_through_cartesian_coordinates_is_exact(vector: NDArray[np.float64]) -> None:
+    original = vector.copy()
     back = from_cartesian(to_cartesian(vector))
-    assert np.array_equal(vector, kept)
+    assert np.array_equal(vector, original)
     assert np.array_equal(np.delete(back, [5, 6]), np.delete(vector, [5, 6]))
     assert back[5] == pytest.approx(vector[5], abs=1e-15)
-    # The phase is known as well as the point is: to about an ulp, unless the radius underflows.
+    # The phase is as accurate as the point: about one ulp, unless the radius underflows.
     if vector[5] > 1e-300:
-        away = abs(back[6] - vector[6])
-        assert min(away, 1 - away) < 1e-15
+        phase_error = abs(back[6] - vector[6])
+        assert min(phase_error, 1 - phase_error) < 1e-15
 
 
 @given(radius=UNIT)
-def test_both_ends_of_the_phase_are_one_point(radius: float) -> None:
+def test_both_ends_of_the_phase_are_the_same_point(radius: float) -> None:
     low, high = (to_cartesian([0, 0, 0, 0, 0, radius, phase, 0.5]) for phase in (0.0, 1.0))
     np.testing.assert_allclose(low, high, rtol=0, atol=3e-16)  # sin(pi) in binary is 1.2e-16
 
@@ -189,7 +191,7 @@ def test_without_eccentricity_the_phase_is_the_healthy_one() -> None:
     assert from_cartesian(np.zeros(8))[6] == 0.5
 
 
-def test_many_vectors_convert_as_one_by_one() -> None:
+def test_many_vectors_are_converted_like_single_vectors() -> None:
     many = np.random.default_rng(1).random((4, 5, 8))
     points = to_cartesian(many)
     assert points.shape == many.shape
@@ -207,7 +209,7 @@ def test_many_vectors_convert_as_one_by_one() -> None:
         ({"eccentricity_phase": "cannot tell"}, True, "healthy"),
     ],
 )
-def test_a_unit_is_healthy_where_all_that_can_degrade_is(
+def test_a_unit_is_healthy_if_all_components_that_can_degrade_are(
     verdicts: dict[str, str], explained: bool, health: str
 ) -> None:
     faults = {name: {"verdict": verdicts.get(name, "healthy")} for name in NAMES}

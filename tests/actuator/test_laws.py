@@ -1,4 +1,4 @@
-"""The catalogue of optional laws: each can be added, written, read, and refused where it cannot be."""
+"""The catalogue of optional laws: each law can be added, written and read, or is refused."""
 
 from functools import reduce
 from pathlib import Path
@@ -38,11 +38,11 @@ def test_a_law_can_be_added_to_the_thesis_actuator(name: str) -> None:
 
 
 @EACH_LAW
-def test_a_law_brings_its_parameters(name: str) -> None:
+def test_a_law_adds_its_parameters(name: str) -> None:
     law = law_named(name)
     within = law.added_to(THESIS)
-    described = [one for one in law.parameters if described_parts(within, one) is not None]
-    # A ripple may have more harmonics than it starts with.
+    described = [parameter for parameter in law.parameters if described_parts(within, parameter) is not None]
+    # A ripple may have more harmonics than its default.
     assert described == list(law.parameters)[: len(described)]
     assert len(described) >= min(len(law.parameters), 4)
     assert set(law.also_free) <= set(LUMPED_PARAMETERS)
@@ -50,13 +50,13 @@ def test_a_law_brings_its_parameters(name: str) -> None:
 
 
 @EACH_LAW
-def test_a_law_that_is_there_is_not_added_again(name: str) -> None:
+def test_an_existing_law_is_not_added_again(name: str) -> None:
     within = law_named(name).added_to(THESIS, 50.0)
     assert law_named(name).added_to(within, 80.0) == within
 
 
 @EACH_LAW
-def test_an_actuator_with_a_law_survives_a_file(name: str, tmp_path: Path) -> None:
+def test_an_actuator_with_a_law_is_read_back_unchanged(name: str, tmp_path: Path) -> None:
     within = law_named(name).added_to(THESIS)
     path = tmp_path / "actuator.toml"
     within.to_toml(path)
@@ -64,8 +64,8 @@ def test_an_actuator_with_a_law_survives_a_file(name: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("without", ["transition", "presliding"])
-def test_an_actuator_with_every_law_survives_a_file(without: str, tmp_path: Path) -> None:
-    # These two say each how friction passes standstill.
+def test_an_actuator_with_all_laws_is_read_back_unchanged(without: str, tmp_path: Path) -> None:
+    # Both laws define friction at standstill and exclude each other.
     laws = {name: law for name, law in LAWS.items() if name != without}
     within = reduce(lambda actuator, law: law.added_to(actuator), laws.values(), THESIS)
     assert laws_of(within) == tuple(laws)
@@ -87,12 +87,12 @@ IN_ITS_KERNEL = {
     "compliance": {"compliance"},
     "gravity": {"gravity"},
     "cogging": {"ripples"},
-    "command-lag": {"position_pid"},  # it delays what that controller follows
-    "speed-lag": set[str](),  # every speed loop has it, of a time constant of 0
-    "speed-integral": set[str](),  # likewise, of a gain of 0
+    "command-lag": {"position_pid"},  # it delays the signal that this controller follows
+    "speed-lag": set[str](),  # every speed loop has it, with a time constant of 0
+    "speed-integral": set[str](),  # likewise, with a gain of 0
     "position-integral": {"position_pid"},
     "feedforward": {"position_pid"},
-    "winding-temperature": set[str](),  # likewise of its resistance and torque constant
+    "winding-temperature": set[str](),  # likewise its resistance and torque constant
     "saturation": {"saturation"},
     "emf-flats": {"emf_shape"},
     "emf-sine": {"emf_shape"},
@@ -105,7 +105,7 @@ IN_ITS_KERNEL = {
 
 
 @EACH_LAW
-def test_a_kernel_has_the_laws_that_are_described_and_no_other(name: str) -> None:
+def test_a_law_changes_only_its_own_part_of_the_kernel(name: str) -> None:
     plain, within = Structure()._asdict(), structure_of(law_named(name).added_to(THESIS))._asdict()
     assert structure_of(THESIS) == Structure()
     assert {key for key in plain if plain[key] != within[key]} == IN_ITS_KERNEL[name]
@@ -137,7 +137,7 @@ def test_a_law_that_an_actuator_cannot_have_is_refused(name: str, actuator: Actu
         law_named(name).added_to(actuator)
 
 
-def test_an_unknown_law_is_answered_with_the_nearest() -> None:
+def test_an_unknown_law_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(MethodError, match=r"unknown law 'stribek' \(did you mean 'stribeck'\?\)"):
         law_named("stribek")
 

@@ -1,4 +1,4 @@
-"""Totals referred to the motor shaft: reading them from an actuator and setting them."""
+"""Lumped parameters referred to the motor shaft: reading from an actuator and setting."""
 
 import numpy as np
 import pytest
@@ -17,8 +17,8 @@ OF_THE_THESIS = tuple(name for name in LUMPED_PARAMETERS if described_parts(THES
 DESCRIBED = tuple(name for name in LUMPED_PARAMETERS if described_parts(EVERYTHING, name) is not None)
 
 
-def test_lumped_parameters_of_the_thesis() -> None:
-    # Sums of the table in docs/physics.md, section 1, which knows no lags.
+def test_lumped_parameters_of_the_thesis_actuator_are_those_of_physics() -> None:
+    # Sums of the table in docs/physics.md, section 1, which has no lags.
     assert lumped_parameters(THESIS, OF_THE_THESIS) == pytest.approx(
         {
             "inertia": 2.5e-5,
@@ -50,20 +50,20 @@ def test_lumped_parameters_of_the_thesis() -> None:
 
 
 @given(actuator=actuators())
-def test_setting_the_lumped_parameters_that_it_has_changes_nothing(actuator: Actuator) -> None:
+def test_setting_the_present_lumped_parameters_changes_nothing(actuator: Actuator) -> None:
     names = tuple(name for name in LUMPED_PARAMETERS if described_parts(actuator, name) is not None)
-    same = with_lumped_parameters(actuator, lumped_parameters(actuator, names))
-    kept = {"end_stops"}
-    # Shares of a sum take a few roundings.
-    assert same.mechanics.model_dump(exclude=kept) == (
-        pytest.approx(actuator.mechanics.model_dump(exclude=kept), rel=1e-12)
+    unchanged = with_lumped_parameters(actuator, lumped_parameters(actuator, names))
+    unchanged_fields = {"end_stops"}
+    # Shares of a sum have a few rounding errors.
+    assert unchanged.mechanics.model_dump(exclude=unchanged_fields) == (
+        pytest.approx(actuator.mechanics.model_dump(exclude=unchanged_fields), rel=1e-12)
     )
-    others = {"mechanics"}
-    assert same.model_dump(exclude=others) == actuator.model_dump(exclude=others)
+    sections = {"mechanics"}
+    assert unchanged.model_dump(exclude=sections) == actuator.model_dump(exclude=sections)
 
 
 @pytest.mark.parametrize("name", DESCRIBED)
-def test_a_total_that_was_set_is_read_back_and_the_others_stay(name: str) -> None:
+def test_a_lumped_parameter_that_was_set_is_read_back_and_others_stay(name: str) -> None:
     value = {"static": 0.19, "current_lag": 2e-5, "commutation_delay": 2e-5}.get(name, 0.06)
     changed = with_lumped_parameters(EVERYTHING, {name: value}, name="calibrated")
     assert changed.name == "calibrated"
@@ -72,21 +72,21 @@ def test_a_total_that_was_set_is_read_back_and_the_others_stay(name: str) -> Non
     assert after == pytest.approx(before | {name: value} | follows, rel=1e-12)
 
 
-def test_motor_and_user_keep_their_shares() -> None:
+def test_motor_and_user_keep_their_shares_of_a_total() -> None:
     m = with_lumped_parameters(THESIS, {"inertia": 5e-5, "coulomb": 0.05, "static": 0.2}).mechanics
     assert m.inertia_motor / m.inertia_user == pytest.approx(1.3 / 1.2)
     assert m.dynamic_friction_motor / m.dynamic_friction_user == pytest.approx(1.5)
     assert m.static_friction_motor / m.static_friction_user == pytest.approx(1.5)
 
 
-def test_a_total_of_nothing_goes_to_the_motor() -> None:
+def test_a_total_that_was_zero_is_given_to_the_motor() -> None:
     values = THESIS.model_dump()
     values["mechanics"] |= {"viscous_motor": 0.0, "viscous_user": 0.0}
     m = with_lumped_parameters(Actuator.from_dict(values), {"viscous": 1e-4}).mechanics
     assert (m.viscous_motor, m.viscous_user) == (1e-4, 0.0)
 
 
-def test_what_cannot_be_set_is_refused() -> None:
+def test_impossible_lumped_parameters_are_refused() -> None:
     with pytest.raises(MethodError, match=r"unknown parameter 'intertia' \(did you mean 'inertia'\?\)"):
         with_lumped_parameters(THESIS, {"intertia": 1.0})
     with pytest.raises(ActuatorError, match=r"thesis: 'mechanics\.inertia_motor'.*greater than"):
@@ -98,18 +98,18 @@ def test_what_cannot_be_set_is_refused() -> None:
         lumped_parameters(without, ("resistance",))
 
 
-def test_static_friction_follows_each_of_several_actuators() -> None:
+def test_the_static_friction_of_several_actuators_keeps_its_ratio() -> None:
     plants = Plant.of(THESIS, np.tile(Faults().vector, (2, 1)), {"coulomb": [0.05, 0.1]})
     assert plants.static == pytest.approx([0.1, 0.2])
 
 
-def test_a_drive_assumes_the_torque_constant_that_it_was_built_for() -> None:
+def test_a_drive_keeps_the_torque_constant_for_which_it_was_built() -> None:
     described = Actuator.thesis().model_dump(exclude_none=True)
     described["controller"]["torque_constant"] = None
     actuator = Actuator.from_dict(described)
     stronger = 1.2 * actuator.motor.torque_constant
     unit = with_lumped_parameters(actuator, {"torque_constant": stronger})
-    # As the fit of the constant has it: the motor's alone.
+    # As a fit of the torque constant: only that of the motor changes.
     fitted = Plant.of(actuator, Faults().vector, {"torque_constant": stronger})
     assert unit.drive_constant == actuator.drive_constant == fitted.drive_constant
     assert unit.motor.torque_constant == stronger == fitted.torque_constant

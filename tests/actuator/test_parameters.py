@@ -1,4 +1,4 @@
-"""The actuator's parameters: the thesis's table, sums, and that nothing can be changed."""
+"""The actuator's parameters, compared with the thesis's table; their sums; they cannot be modified."""
 
 import math
 import re
@@ -57,7 +57,7 @@ PARTS = [
 ]
 
 
-def test_other_values_are_given_by_their_keys() -> None:
+def test_values_are_changed_by_their_keys() -> None:
     heavier = THESIS.changed(
         {"mechanics.inertia_motor": 2e-5, "sensors.current_A.lag": 1e-4, "name": "unit 7"}
     )
@@ -90,13 +90,13 @@ def test_impossible_changes_are_refused(key: str, value: Any, complaint: str) ->
     assert "\n" not in str(error.value)
 
 
-def test_a_copy_has_no_misspelt_field() -> None:
+def test_a_copy_refuses_a_misspelt_field() -> None:
     with pytest.raises(ActuatorError, match=r"'inertia_moter'.*did you mean 'inertia_motor'"):
         THESIS.mechanics.model_copy(update={"inertia_moter": 1.0})
 
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: type(part).__name__)
-def test_no_part_can_be_changed(part: Any) -> None:
+def test_no_part_can_be_modified(part: Any) -> None:
     for name in type(part).model_fields:
         with pytest.raises(ValidationError, match="frozen"):
             setattr(part, name, getattr(part, name))
@@ -119,10 +119,10 @@ def test_no_part_can_be_changed(part: Any) -> None:
 def test_units_are_those_of_motor_and_user(section: str, name: str, units: tuple[str, str, str]) -> None:
     extra = type(getattr(THESIS, section)).model_fields[name].json_schema_extra
     assert isinstance(extra, dict)
-    assert tuple(unit_for(str(extra["unit"]), one) for one in ("rotary", "linear", "screw")) == units
+    assert tuple(unit_for(str(extra["unit"]), kind) for kind in ("rotary", "linear", "screw")) == units
 
 
-def test_every_quantity_has_a_unit_and_a_source() -> None:
+def test_all_quantities_have_a_unit_and_a_source() -> None:
     for section in ("controller", "motor", "mechanics", "electrical", "faults"):
         for name, field in type(getattr(THESIS, section)).model_fields.items():
             extra = field.json_schema_extra

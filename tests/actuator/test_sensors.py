@@ -1,4 +1,4 @@
-"""Sensors in an actuator's TOML."""
+"""Sensors in an actuator's TOML: round trip, ideal sensors, and refused values."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ DESCRIBED = THESIS.model_copy(
 )
 
 
-def test_they_are_written_with_units_and_read_again(tmp_path: Path) -> None:
+def test_sensors_are_written_with_units_and_read_back(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     DESCRIBED.to_toml(path)
     assert Actuator.from_toml(path) == DESCRIBED
@@ -38,18 +38,18 @@ def test_ideal_sensors_are_not_written(tmp_path: Path) -> None:
     assert "sensors" not in path.read_text(encoding="utf-8")
 
 
-def test_every_channel_has_one_that_is_ideal_unless_described() -> None:
+def test_each_channel_has_an_ideal_sensor_unless_described() -> None:
     assert DESCRIBED.sensors.of("current_A").unsigned
     for name in (*SCHEMA, "torque_Nm"):
         assert THESIS.sensors.of(name) == IDEAL
     assert set(Sensors.model_fields) < set(SCHEMA)
 
 
-def test_every_channel_of_the_schema_may_have_a_name_of_its_own() -> None:
+def test_each_channel_of_the_schema_may_have_a_foreign_name() -> None:
     assert set(Channels.model_fields) == {*SCHEMA, "sampling"}
 
 
-def test_noise_and_rounding_add_by_squares() -> None:
+def test_the_squares_of_noise_and_rounding_error_add() -> None:
     # A uniform error of width r has the variance r²/12.
     assert Sensor(noise=3.0, resolution=48**0.5).noise_variance == pytest.approx(9 + 4)
 
@@ -64,7 +64,7 @@ def test_noise_and_rounding_add_by_squares() -> None:
         ("[sensors.command_rad]\nlag = 0.1", ("unknown key 'sensors.command_rad'",)),
     ],
 )
-def test_impossible_ones_are_refused(tmp_path: Path, toml: str, pieces: tuple[str, ...]) -> None:
+def test_impossible_sensors_are_refused(tmp_path: Path, toml: str, pieces: tuple[str, ...]) -> None:
     path = tmp_path / "rig.toml"
     THESIS.to_toml(path)
     path.write_text(path.read_text(encoding="utf-8") + toml, encoding="utf-8")

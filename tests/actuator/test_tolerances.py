@@ -1,4 +1,4 @@
-"""Tolerances in an actuator's TOML."""
+"""Tolerances in an actuator's TOML: round trip, meaning, and refused values."""
 
 import math
 from pathlib import Path
@@ -18,7 +18,7 @@ THESIS = Actuator.thesis()
 DESCRIBED = THESIS.model_copy(update={"tolerances": Tolerances(resistance=0.05, torque_constant=0.1)})
 
 
-def test_they_are_written_with_what_they_mean_and_read_again(tmp_path: Path) -> None:
+def test_tolerances_are_written_with_their_meaning_and_read_back(tmp_path: Path) -> None:
     path = tmp_path / "unit.toml"
     DESCRIBED.to_toml(path)
     assert Actuator.from_toml(path) == DESCRIBED
@@ -30,22 +30,22 @@ def test_they_are_written_with_what_they_mean_and_read_again(tmp_path: Path) -> 
     assert "tolerances" not in path.read_text(encoding="utf-8")
 
 
-def test_each_is_of_a_lumped_parameter_that_is_positive() -> None:
+def test_each_tolerance_belongs_to_a_positive_lumped_parameter() -> None:
     assert set(Tolerances.model_fields) <= set(LUMPED_PARAMETERS) - set(SIGNED)
 
 
 @given(st.floats(1e-3, LARGEST_TOLERANCE))
-def test_of_100_units_95_are_within_it(tolerance: float) -> None:
+def test_95_of_100_units_are_within_the_tolerance(tolerance: float) -> None:
     values = lognorm(s=Tolerances(inertia=tolerance).deviations["inertia"])
     within = values.cdf(1 + tolerance) - values.cdf(1 / (1 + tolerance))
     assert within == pytest.approx(0.95, abs=0.005)
 
 
-def test_some_can_be_left_out() -> None:
-    both = Tolerances(resistance=0.05, torque_constant=0.1)
-    assert both.names == ("torque_constant", "resistance")
-    assert both.without(("inertia", "resistance")) == Tolerances(torque_constant=0.1)
-    assert both.without(both.names) is None
+def test_tolerances_are_optional() -> None:
+    tolerances = Tolerances(resistance=0.05, torque_constant=0.1)
+    assert tolerances.names == ("torque_constant", "resistance")
+    assert tolerances.without(("inertia", "resistance")) == Tolerances(torque_constant=0.1)
+    assert tolerances.without(tolerances.names) is None
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_some_can_be_left_out() -> None:
         ("offset = 0.1", ("unknown key 'tolerances.offset'",)),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path: Path, toml: str, pieces: tuple[str, ...]) -> None:
+def test_errors_name_the_wrong_value(tmp_path: Path, toml: str, pieces: tuple[str, ...]) -> None:
     path = tmp_path / "unit.toml"
     THESIS.to_toml(path)
     path.write_text(f"{path.read_text(encoding='utf-8')}\n[tolerances]\n{toml}\n", encoding="utf-8")
@@ -71,5 +71,5 @@ def test_what_is_wrong_is_said(tmp_path: Path, toml: str, pieces: tuple[str, ...
         assert piece in str(caught.value)
 
 
-def test_the_largest_is_a_factor_of_three() -> None:
+def test_the_largest_tolerance_is_a_factor_of_three() -> None:
     assert Tolerances(viscous=LARGEST_TOLERANCE).deviations["viscous"] == pytest.approx(math.log(3) / 2)

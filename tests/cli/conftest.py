@@ -1,4 +1,4 @@
-"""A command, and what comes back of it."""
+"""Fixtures that run a command line and return its exit code, stdout and stderr."""
 
 import json
 import os
@@ -20,7 +20,7 @@ GOOD = files.csv(files.columns())
 
 
 class Answer(NamedTuple):
-    """What a command left: its exit code, and both of its streams."""
+    """Exit code, stdout and stderr of a command."""
 
     code: int
     out: str
@@ -38,7 +38,7 @@ def _unsynced() -> Iterator[None]:
 
 @pytest.fixture
 def emaphm(capsys: pytest.CaptureFixture[str]) -> Emaphm:
-    """Return what runs a command line in this process; its JSON has no key that the reference lacks."""
+    """Return a function that runs a command line here and compares its JSON keys with the reference."""
 
     def run(*arguments: str | Path) -> Answer:
         capsys.readouterr()
@@ -63,19 +63,19 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def refused(emaphm: Emaphm, desk: Path) -> Refusal:
-    """Return what runs a command that must be refused, and gives its message.
+    """Return a function that runs a command, checks that it is refused, and returns the message.
 
-    Exit code 2; one line on stderr, nothing on stdout; no file made, changed or removed.
+    Checked: exit code 2, one line on stderr, empty stdout, and no file created, changed or removed.
     """
 
     def run(*arguments: str | Path) -> str:
-        before = dict(_contents(desk))
+        contents_before = dict(_contents(desk))
         code, out, err = emaphm(*arguments)
         assert (code, out) == (2, "")
         assert err.startswith("emaphm: ")
         assert err.endswith("\n")
         assert len(err.splitlines()) == 1
-        assert dict(_contents(desk)) == before
+        assert dict(_contents(desk)) == contents_before
         return err
 
     return run
@@ -88,7 +88,7 @@ def _contents(folder: Path) -> Iterator[tuple[str, Any]]:
 
 @pytest.fixture
 def emps_file() -> Path:
-    """Return the path of the measured EMPS data; tests that want it are skipped where it is absent."""
+    """Return the path of the measured EMPS data; tests that need it are skipped if it is missing."""
     beside = Path(__file__).resolve().parents[3] / "shared" / "data"
     path = Path(os.environ.get("EMAPHM_DATA", beside)) / "emps" / "DATA_EMPS.mat"
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""The keys that docs/reference/json.md explains, and those of an answer that it does not."""
+"""Comparison of the JSON keys of an answer with the keys listed in docs/reference/json.md."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -11,15 +11,15 @@ from emaphm.actuator import NAMES
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "json.md"
 
 ALSO = {"demo": "diagnose"}
-"""Sections that say to be as another one."""
+"""Sections that refer to the keys of another section."""
 
 
 GROUPS = ("detect", "fleet", "history", "study")
-"""Verbs whose second word is a part of them."""
+"""Verbs of two words."""
 
 
 def undocumented(arguments: Sequence[str | Path], answer: dict[str, Any]) -> list[str]:
-    """Return the keys that the page lacks of the JSON that a command of these `arguments` printed."""
+    """Return the keys of a command's JSON `answer` that the page does not list."""
     words = 2 if arguments[0] in GROUPS else 1
     verb = " ".join(map(str, arguments[:words]))
     rows = {*_keys().get(verb, ()), *_keys().get(ALSO.get(verb, ""), ())}
@@ -28,22 +28,22 @@ def undocumented(arguments: Sequence[str | Path], answer: dict[str, Any]) -> lis
 
 @cache
 def _keys() -> dict[str, set[tuple[str, ...]]]:
-    """Return the keys of each section, one part a level: `a.b[].c` is ("a", "b[]", "c")."""
-    found: dict[str, set[tuple[str, ...]]] = {}
+    """Return the keys by section, with one tuple element per level: `a.b[].c` is ("a", "b[]", "c")."""
+    keys_by_verb: dict[str, set[tuple[str, ...]]] = {}
     for section in PAGE.read_text(encoding="utf-8").split("\n## ")[1:]:
         title, _, text = section.partition("\n")
         keys = {tuple(key.split(".")) for key in re.findall(r"^\| `([^`]+)` \|", text, re.MULTILINE)}
         for verb in re.findall(r"`([^`]+)`", title):
-            found[verb] = keys
-    return found
+            keys_by_verb[verb] = keys
+    return keys_by_verb
 
 
 def _missing(value: Any, place: tuple[str, ...], rows: set[tuple[str, ...]]) -> Iterator[str]:
-    """Yield the keys at and below `place` that no row explains; a row on an object explains all of it."""
-    if any(_is(row, place) for row in rows):
+    """Yield the keys at and below `place` without a row; a row on an object covers all its keys."""
+    if any(_matches(row, place) for row in rows):
         return
     listed = (*place[:-1], f"{place[-1]}[]") if place and isinstance(value, list) else place
-    if not any(_is(row[: len(listed)], listed) for row in rows):
+    if not any(_matches(row[: len(listed)], listed) for row in rows):
         yield ".".join(place)
     elif isinstance(value, dict):
         for name, inner in value.items():
@@ -53,11 +53,11 @@ def _missing(value: Any, place: tuple[str, ...], rows: set[tuple[str, ...]]) -> 
             yield from _missing(inner, listed, rows)
 
 
-def _is(row: tuple[str, ...], place: tuple[str, ...]) -> bool:
-    return len(row) == len(place) and all(map(_stands_for, row, place))
+def _matches(row: tuple[str, ...], place: tuple[str, ...]) -> bool:
+    return len(row) == len(place) and all(map(_part_matches, row, place))
 
 
-def _stands_for(part: str, name: str) -> bool:
+def _part_matches(part: str, name: str) -> bool:
     if part == "FAULT":
         return name in NAMES
     return (

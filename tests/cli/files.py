@@ -1,4 +1,4 @@
-"""Recordings and descriptions as a rig, a spreadsheet or a slip of the hand would make them."""
+"""Recordings and descriptions as rigs, spreadsheets and typing errors produce them."""
 
 import io
 from collections.abc import Mapping
@@ -32,14 +32,14 @@ def columns() -> Columns:
 
 
 def with_value(name: str, row: int, value: float) -> Columns:
-    """Return `columns` with a value replaced, or a gap of five; rows count from 1, as messages do."""
+    """Return `columns` with one value replaced, or with a gap of five; rows count from 1, as in messages."""
     spoiled = columns()
     spoiled[name][row - 1 : row + (4 if np.isnan(value) else 0)] = value
     return spoiled
 
 
 def scaled(**factors: float) -> Columns:
-    """Return `columns`, some of them in another unit."""
+    """Return `columns` with some columns in another unit."""
     return {name: values * factors.get(name, 1.0) for name, values in columns().items()}
 
 
@@ -75,7 +75,7 @@ def mat(table: Mapping[str, object]) -> bytes:
 
 
 def thesis_with(old: str, new: str) -> str:
-    """Return the thesis's TOML with a piece of it replaced."""
+    """Return the TOML text of the thesis actuator with `old` replaced by `new`."""
     if old not in THESIS:
         raise ValueError(f"the description has no '{old}'")
     return THESIS.replace(old, new, 1)

@@ -1,6 +1,6 @@
-"""Programs with stderr on a terminal, forked from a process that has loaded what `emaphm` needs.
+"""Programs with stderr on a terminal, forked from a process that has loaded the modules of `emaphm`.
 
-Where their start is not what is tested: it takes five times as long as what most of them do.
+Used by tests that do not check the start of the program: the start takes five times as long as most runs.
 """
 
 import json
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PATIENCE_S = 120
-"""For kernels that are compiled for the first time, on a busy machine."""
+"""Time limit; long enough to compile the kernels for the first time on a busy machine."""
 
 # Polars must not be used before a fork: its threads would be missing in the child.
 FORKS = """
@@ -51,44 +51,44 @@ for line in sys.stdin:
 
 
 def shown_on(terminal: int, until: bytes = b"") -> bytes:
-    """Return what a terminal shows until `until` has appeared, or until the other side is closed."""
-    shown, deadline = b"", time.monotonic() + PATIENCE_S
+    """Return the output of a terminal until `until` has appeared, or until the other side is closed."""
+    output, deadline = b"", time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         try:
             piece = os.read(terminal, 65536)
-        except OSError:  # so Linux says that the other side is closed
+        except OSError:  # on Linux: the other side is closed
             break
-        shown += piece
-        if not piece or (until and until in shown):
+        output += piece
+        if not piece or (until and until in output):
             break
-    return shown
+    return output
 
 
 @dataclass(frozen=True)
 class Forks:
-    """The process that forks."""
+    """The process that forks the programs."""
 
     process: "subprocess.Popen[str]"
 
     def run(self, folder: Path, out: Path, program: str, *arguments: str) -> tuple[int, str, bytes]:
-        """Run a program in `folder` with stdout in `out`; return its exit code, stdout and what is shown."""
-        terminal, other = os.openpty()
+        """Run a program in `folder` with stdout in `out`; return exit code, stdout and terminal output."""
+        terminal, program_side = os.openpty()
         order = {
             "folder": str(folder),
             "program": program,
             "arguments": arguments,
             "out": str(out),
-            "err": os.ttyname(other),
+            "err": os.ttyname(program_side),
         }
         assert self.process.stdin is not None
         self.process.stdin.write(f"{json.dumps(order)}\n")
         self.process.stdin.flush()
         assert self._line() == "opened"
-        os.close(other)
-        shown = shown_on(terminal)
+        os.close(program_side)
+        terminal_output = shown_on(terminal)
         code = int(self._line())
         os.close(terminal)
-        return code, out.read_text(encoding="utf-8"), shown
+        return code, out.read_text(encoding="utf-8"), terminal_output
 
     def _line(self) -> str:
         assert self.process.stdout is not None
@@ -97,7 +97,7 @@ class Forks:
 
 @contextmanager
 def forks(environment: Mapping[str, str]) -> Iterator[Forks]:
-    """Yield what forks programs with this environment, ended with the block."""
+    """Yield a process that forks programs with this environment; it ends with the block."""
     with subprocess.Popen(  # noqa: S603 - the arguments are this file's
         [sys.executable, "-W", "ignore", "-c", FORKS],
         stdin=subprocess.PIPE,

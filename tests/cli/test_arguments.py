@@ -1,4 +1,4 @@
-"""Arguments that make no sense: each is refused in one line that says what to mend."""
+"""Invalid arguments: each is refused in one line that states the remedy."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ BAD_ARGUMENTS = {
     "replay good.csv --json=maybe": ("--json", '"maybe"'),
     "replay good.csv --model averaged --model monitor": ("--model", "multiple times"),
     "demo extra": ("extra",),
-    # something left out
+    # missing arguments
     "simulate": ("'emaphm simulate' requires OUT", "See emaphm simulate --help"),
     "diagnose": ("'emaphm diagnose' requires RECORDING", "See emaphm diagnose --help"),
     "replay": ("'emaphm replay' requires RECORDING", "See emaphm replay --help"),
@@ -57,7 +57,7 @@ BAD_ARGUMENTS = {
     "simulate out.csv --about nan": ("not finite", "--about nan"),
     "simulate out.csv --seed abc": ("--seed", '"abc"', "int"),
     "simulate out.csv --seed nan": ("--seed", '"nan"', "int"),
-    # Not rounded: another seed would give other numbers.
+    # A seed is not rounded, because another seed gives other numbers.
     "simulate out.csv --seed 1.5": ("--seed", '"1.5"', "whole number"),
     "simulate out.csv --adc-bits 12.5": ("--adc-bits", '"12.5"', "whole number"),
     "design --tests 1.5": ("--tests", '"1.5"', "whole number"),
@@ -78,7 +78,7 @@ BAD_ARGUMENTS = {
     "simulate out.csv --sample-rate -5": ("sample rate (-5 Hz)", "above 0"),
     "simulate out.csv --sample-rate nan": ("sample rate (nan Hz)", "above 0"),
     "simulate out.csv --sample-rate inf": ("sample rate (inf Hz)", "above 0"),
-    # More rows than memory holds; the last is more than a float holds.
+    # More rows than fit in memory; the last number is beyond the range of a float.
     "simulate out.csv --sample-rate 1e9": ("5e+08 rows are too many", "are possible"),
     "simulate out.csv --sample-rate 1e300": ("rows are too many", "sample slower"),
     "simulate out.csv --sample-rate 1e308 --duration 299": ("rows are too many", "sample slower"),
@@ -143,12 +143,12 @@ BAD_ARGUMENTS = {
 
 FURTHER = {
     "simulate out.csv --model averaged --fault gain=0.4 --fault gain=0.6": ("gain", "twice"),
-    # Not finite, yet no matter for NumPy to warn of.
+    # Not finite; NumPy's warning must not appear.
     "simulate out.csv --amplitude inf": ("amplitude", "inf"),
     "simulate out.csv --frequency inf": ("frequency", "inf"),
     # Neither a number nor a file.
     "simulate out.csv --load 0,05": ("--load", "0,05", "number"),
-    # The option's name, rather than a channel's.
+    # The message names the option, not a channel.
     "simulate out.csv --model averaged --noise -2": ("--noise -2",),
 }
 
@@ -179,8 +179,8 @@ def test_further_bad_arguments_are_refused_in_one_line(refused: Refusal, line: s
         "replay good.csv --json --nois",
     ],
 )
-def test_a_refusal_is_no_json(refused: Refusal, line: str) -> None:
-    # `refused` sees to it that stdout is empty: a program that reads it must not find half an object.
+def test_a_refusal_with_json_leaves_stdout_empty(refused: Refusal, line: str) -> None:
+    # `refused` checks that stdout is empty: a program that reads it must not find half an object.
     assert "{" not in refused(*line.split())
 
 
@@ -193,10 +193,10 @@ def test_an_empty_value_is_refused(refused: Refusal, option: str) -> None:
 @pytest.mark.parametrize(
     "line", ["replay ./-good.csv", "replay -- -good.csv", "replay --recording=-good.csv"]
 )
-def test_a_name_may_begin_with_a_dash(emaphm: Emaphm, desk: Path, line: str) -> None:
+def test_a_file_name_may_begin_with_a_dash(emaphm: Emaphm, desk: Path, line: str) -> None:
     (desk / "good.csv").rename(desk / "-good.csv")
     assert emaphm(*line.split()).code == 0
 
 
-def test_a_forgotten_dash_dash_is_explained(refused: Refusal) -> None:
+def test_a_missing_double_dash_is_explained(refused: Refusal) -> None:
     assert "-good.csv" in refused("replay", "-good.csv")

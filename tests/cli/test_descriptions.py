@@ -1,4 +1,4 @@
-"""Actuator descriptions with mistakes: each is refused in one line that names file, key and remedy."""
+"""Actuator descriptions with errors: each is refused in one line that names file, key and remedy."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from . import files
 from .conftest import Emaphm, Refusal
 
 MOTOR = files.THESIS.splitlines().index("[motor]") + 1
-"""The line of that section in the thesis's description."""
+"""The line of the section in the thesis's description."""
 
 BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     # keys
@@ -37,7 +37,7 @@ BAD_DESCRIPTIONS: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
         files.thesis_with("[motor]", '[motor]\ncoordinates = "linear"'),
         ("unknown key 'motor.coordinates' ('coordinates' stands above all sections; move it there)",),
     ),
-    # A nuisance has that name too, but what stands there is a property of the machine.
+    # A nuisance has the same name, but this section holds properties of the machine.
     "lumped.toml": (
         files.thesis_with("inertia_motor", "inertia"),
         ("unknown key 'mechanics.inertia' (did you mean 'inertia_",),
@@ -155,7 +155,7 @@ def test_bad_descriptions_are_refused_in_one_line(refused: Refusal, desk: Path, 
         ("negative.toml", ("'mechanics.inertia_motor'",)),
     ],
 )
-def test_every_verb_refuses_a_bad_description(
+def test_all_verbs_refuse_a_bad_description(
     refused: Refusal, desk: Path, line: str, name: str, pieces: tuple[str, ...]
 ) -> None:
     (desk / "folder.toml").mkdir()
@@ -165,7 +165,7 @@ def test_every_verb_refuses_a_bad_description(
         assert piece in message
 
 
-def test_a_channel_that_the_file_lacks_is_refused(refused: Refusal, desk: Path) -> None:
+def test_a_channel_missing_from_the_file_is_refused(refused: Refusal, desk: Path) -> None:
     (desk / "rig.toml").write_text(files.THESIS + '\n[channels]\ncurrent_A = "vir"\nposition_rad = "qm"\n')
     rig = files.without("position_rad", "current_A") | {"vir": files.columns()["current_A"]}
     (desk / "rig.csv").write_bytes(files.csv(rig))
@@ -174,7 +174,7 @@ def test_a_channel_that_the_file_lacks_is_refused(refused: Refusal, desk: Path) 
         assert piece in message
 
 
-def test_parameters_that_the_description_lacks_are_refused(refused: Refusal, desk: Path) -> None:
+def test_parameters_missing_from_the_description_are_refused(refused: Refusal, desk: Path) -> None:
     start, end = files.THESIS.index("[electrical]"), files.THESIS.index("[faults]")
     (desk / "ideal.toml").write_text(files.THESIS[:start] + files.THESIS[end:], encoding="utf-8")
     line = "calibrate good.csv --free resistance -o out.toml --actuator ideal.toml"
@@ -184,11 +184,13 @@ def test_parameters_that_the_description_lacks_are_refused(refused: Refusal, des
 
 
 @pytest.mark.parametrize("content", [files.THESIS.replace("\n", "\r\n").encode(), files.THESIS.encode()])
-def test_the_thesis_from_a_file_is_the_built_in_one(emaphm: Emaphm, desk: Path, content: bytes) -> None:
+def test_the_thesis_actuator_from_a_file_equals_the_built_in_one(
+    emaphm: Emaphm, desk: Path, content: bytes
+) -> None:
     (desk / "thesis ü.toml").write_bytes(content)
     assert emaphm("replay", "good.csv", "--actuator", "thesis ü.toml") == emaphm("replay", "good.csv")
 
 
-def test_a_byte_order_mark_does_no_harm(emaphm: Emaphm, desk: Path) -> None:
+def test_a_byte_order_mark_is_accepted(emaphm: Emaphm, desk: Path) -> None:
     (desk / "notepad.toml").write_bytes(b"\xef\xbb\xbf" + files.THESIS.encode())
     assert emaphm("replay", "good.csv", "--actuator", "notepad.toml").code == 0

@@ -1,4 +1,4 @@
-"""The verb `design`: what it prints and writes, and what it refuses."""
+"""The verb `design`: printed and written results, and refusals."""
 
 from pathlib import Path
 
@@ -13,12 +13,12 @@ from .conftest import Emaphm, Refusal
 from .test_verbs import EMPS, parsed
 
 SOON = ("--candidates", "0", "--tests", "0")
-"""The given manoeuvre, and its expected intervals, only."""
+"""Only the given manoeuvre and its expected intervals."""
 
 SHORT = ("--duration", "0.2", "--sample-rate", "500")
 
 SMALL = ("--actuator", EMPS, "--frequency", "3", *SHORT, "--candidates", "2", "--tests", "4")
-"""A search that takes a second: the actuator has no windings."""
+"""A search that takes one second, because the actuator has no windings."""
 
 PROMISED = {
     "given",
@@ -37,13 +37,13 @@ PROMISED = {
 }
 
 
-def test_design_reports_on_the_thesiss_chirp(emaphm: Emaphm) -> None:
-    said = parsed(emaphm, "design", *SOON, "--seed", "4")
-    assert said.keys() == PROMISED
-    assert (said["actuator"], said["seed"], said["version"]) == ("thesis", 4, VERSION)
-    assert said["found"] == said["given"]
-    assert (said["better"], said["gain"], said["proven_by"]) == (False, None, None)
-    manoeuvre = said["given"]["manoeuvre"]
+def test_design_reports_the_precision_of_the_thesis_chirp(emaphm: Emaphm) -> None:
+    answer = parsed(emaphm, "design", *SOON, "--seed", "4")
+    assert answer.keys() == PROMISED
+    assert (answer["actuator"], answer["seed"], answer["version"]) == ("thesis", 4, VERSION)
+    assert answer["found"] == answer["given"]
+    assert (answer["better"], answer["gain"], answer["proven_by"]) == (False, None, None)
+    manoeuvre = answer["given"]["manoeuvre"]
     assert [manoeuvre[name] for name in ("command", "amplitude", "start_hz", "stop_hz", "duration_s")] == [
         "chirp",
         5e-3,
@@ -51,14 +51,14 @@ def test_design_reports_on_the_thesiss_chirp(emaphm: Emaphm) -> None:
         15.0,
         0.5,
     ]
-    assert said["given"]["expected"].keys() == set(NAMES)
-    assert all(0 < half < 0.25 for half in said["given"]["expected"].values())
+    assert answer["given"]["expected"].keys() == set(NAMES)
+    assert all(0 < half < 0.25 for half in answer["given"]["expected"].values())
 
 
-def test_design_searches_and_proves(emaphm: Emaphm) -> None:
-    said = parsed(emaphm, "design", *SMALL)
-    assert (said["candidates"], said["tests"], said["proven_by"]) == (2, 4, "averaged")
-    for plan in (said["given"], said["found"]):
+def test_design_searches_a_manoeuvre_and_tests_it(emaphm: Emaphm) -> None:
+    answer = parsed(emaphm, "design", *SMALL)
+    assert (answer["candidates"], answer["tests"], answer["proven_by"]) == (2, 4, "averaged")
+    for plan in (answer["given"], answer["found"]):
         assert plan["expected"].keys() == plan["proven"].keys() == {"friction", "gain"}
         assert plan["median_error_percent"] > 0
 
@@ -72,7 +72,7 @@ def test_design_prints_a_table(emaphm: Emaphm, desk: Path) -> None:
 
 
 @pytest.mark.parametrize("command", [("--command", "chirp"), ("--command", "sine"), ("--command", "step")])
-def test_the_command_written_is_one_that_simulate_plays(
+def test_simulate_plays_the_command_that_design_wrote(
     emaphm: Emaphm, desk: Path, command: tuple[str, ...]
 ) -> None:
     code, out, _ = emaphm("design", *SOON, *command, "--out", "plan.csv")
@@ -81,7 +81,7 @@ def test_the_command_written_is_one_that_simulate_plays(
     assert emaphm("simulate", "file.csv", "--command", "plan.csv", "--model", "averaged").code == 0
     assert emaphm("simulate", "named.csv", *command, "--model", "averaged").code == 0
     first, second = (pl.read_csv(desk / name) for name in ("file.csv", "named.csv"))
-    # Lines between rows at 5 kHz are off by (2 pi 15 Hz × 0.2 ms)² / 8 of the amplitude.
+    # Linear interpolation between rows at 5 kHz deviates by (2 pi 15 Hz × 0.2 ms)² / 8 of the amplitude.
     np.testing.assert_allclose(first["command_rad"], second["command_rad"], atol=5e-5 * 5e-3)
 
 
@@ -91,8 +91,8 @@ def test_a_file_may_be_the_given_command(emaphm: Emaphm) -> None:
     by_file = parsed(emaphm, "design", *SOON, "--command", "plan.csv")["given"]
     assert by_file["manoeuvre"]["command"] == "command from a file"
     for name, half in by_name["expected"].items():
-        # The kinks of stick-slip move with the last digits of a command: by them alone a width differs up to
-        # a fifth, seen at amplitudes that differ by as much as lines between rows do.
+        # The kinks of stick-slip move with the last digits of a command: this alone changes a width by up
+        # to a fifth, as observed with amplitudes that differ by the interpolation error between rows.
         assert by_file["expected"][name] == pytest.approx(half, rel=0.5)
 
 
@@ -124,7 +124,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("line", BAD)
-def test_what_makes_no_sense_is_refused(refused: Refusal, line: str) -> None:
+def test_invalid_arguments_are_refused(refused: Refusal, line: str) -> None:
     message = refused(*line.split())
     for piece in BAD[line]:
         assert piece in message

@@ -1,4 +1,4 @@
-"""`emaphm detect` and `diagnose --healthy`: what they print, and what they refuse."""
+"""`emaphm detect` and `diagnose --healthy`: printed results and refusals."""
 
 import json
 from pathlib import Path
@@ -30,16 +30,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recordings = []
     for seed in range(7):
         faults = Faults(friction=0.25) if seed == 6 else Faults()
-        one = simulate(actuator, COMMAND, faults=faults, duration=0.2, model="averaged", noise=0.1, seed=seed)
-        kept = one.with_channels({name: one[name] for name in KEPT})
-        write_recording(kept, place / ("dry.csv" if seed == 6 else f"healthy{seed}.csv"))
-        recordings.append(kept)
+        recording = simulate(
+            actuator, COMMAND, faults=faults, duration=0.2, model="averaged", noise=0.1, seed=seed
+        )
+        reduced = recording.with_channels({name: recording[name] for name in KEPT})
+        write_recording(reduced, place / ("dry.csv" if seed == 6 else f"healthy{seed}.csv"))
+        recordings.append(reduced)
     Detector.learn(recordings[:6], actuator=actuator).save(place / "known.json")
     (place / "thesis.toml").write_text(DESCRIPTION, encoding="utf-8")
     return place
 
 
-def test_it_learns_and_judges(emaphm: Emaphm, folder: Path, tmp_path: Path) -> None:
+def test_detect_learns_from_healthy_recordings_and_judges_others(
+    emaphm: Emaphm, folder: Path, tmp_path: Path
+) -> None:
     healthy = sorted(folder.glob("healthy*.csv"))
     detector = tmp_path / "detector.json"
     learned = emaphm(
@@ -54,40 +58,42 @@ def test_it_learns_and_judges(emaphm: Emaphm, folder: Path, tmp_path: Path) -> N
     assert judged.code == 0, judged.err
     values = json.loads(judged.out)
     assert (values["not_like_healthy"], values["of"]) == (1, 2)
-    assert [one["like_healthy"] for one in values["results"]] == [True, False]
+    assert [result["like_healthy"] for result in values["results"]] == [True, False]
     assert values["results"][1]["nearest"]["fault"] == "dry"
     assert figure.stat().st_size > 1000
 
 
 def test_files_in_folders_are_cycles_of_one_run(emaphm: Emaphm, folder: Path, tmp_path: Path) -> None:
     healthy = sorted(folder.glob("healthy*.csv"))
-    for k, one in enumerate(healthy):
-        place = tmp_path / f"run{min(k, 4)}"  # two cycles in the last
+    for k, file in enumerate(healthy):
+        place = tmp_path / f"run{min(k, 4)}"  # the last file has two cycles
         place.mkdir(exist_ok=True)
-        (place / one.name).write_bytes(one.read_bytes())
+        (place / file.name).write_bytes(file.read_bytes())
     files = sorted(tmp_path.glob("run*/*.csv"))
-    found = emaphm("detect", "learn", *files, "--out", tmp_path / "known.json", "--json")
-    answer = json.loads(found.out)
+    answer_by_folder = emaphm("detect", "learn", *files, "--out", tmp_path / "known.json", "--json")
+    answer = json.loads(answer_by_folder.out)
     assert answer["group"] == "folder"
     assert answer["manoeuvres"][0]["levels"][0]["runs"] == 5
     (note,) = answer["notes"]
     assert "6 files in 5 folders" in note
     assert "--group file" in note
-    assert note in found.err
-    said = emaphm("detect", "learn", *files, "--group=file", "--out", tmp_path / "other.json", "--json")
-    answer = json.loads(said.out)
+    assert note in answer_by_folder.err
+    answer_by_file = emaphm(
+        "detect", "learn", *files, "--group=file", "--out", tmp_path / "other.json", "--json"
+    )
+    answer = json.loads(answer_by_file.out)
     assert (answer["group"], answer["notes"], answer["manoeuvres"][0]["levels"][0]["runs"]) == ("file", [], 6)
-    assert said.err == ""
+    assert answer_by_file.err == ""
 
 
-def test_as_text_it_says_the_sentence_and_what_it_rests_on(emaphm: Emaphm, folder: Path) -> None:
+def test_text_output_has_the_verdict_and_its_basis(emaphm: Emaphm, folder: Path) -> None:
     judged = emaphm("detect", "judge", folder / "known.json", folder / "dry.csv")
     assert "dry.csv: not like healthy (" in judged.out
     assert "of 6 healthy runs left out alarmed" in judged.out
 
 
-def test_a_diagnosis_says_beside_the_faults_whether_it_is_like_healthy(emaphm: Emaphm, folder: Path) -> None:
-    options = ("--no-correction", "--json")  # the recording is the averaged model's own
+def test_a_diagnosis_states_whether_the_recording_is_like_healthy_ones(emaphm: Emaphm, folder: Path) -> None:
+    options = ("--no-correction", "--json")  # the averaged model made the recording
     answer = emaphm("diagnose", folder / "dry.csv", "--healthy", folder / "known.json", *options)
     assert answer.code == 0, answer.err
     values = json.loads(answer.out)
@@ -97,7 +103,7 @@ def test_a_diagnosis_says_beside_the_faults_whether_it_is_like_healthy(emaphm: E
     assert "detector" not in json.loads(plain.out)
 
 
-def test_what_it_cannot_do_is_refused_in_one_line(folder: Path, refused: Refusal) -> None:
+def test_impossible_requests_are_refused_in_one_line(folder: Path, refused: Refusal) -> None:
     known = folder / "known.json"
     assert "no healthy cycles" in refused("detect", "judge", known, "good.csv")
     assert "no healthy cycles" in refused("diagnose", "good.csv", "--healthy", known)
@@ -116,27 +122,27 @@ def test_what_it_cannot_do_is_refused_in_one_line(folder: Path, refused: Refusal
 AS_MEASURED = "--no-subtract-model"
 
 
-def test_files_of_a_folder_are_one_run(emaphm: Emaphm, tmp_path: Path) -> None:
+def test_files_of_a_folder_are_cycles_of_one_run(emaphm: Emaphm, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     paths = []
     for run in range(5):
         (tmp_path / f"run{run}").mkdir()
         for cycle in range(2):
             path = tmp_path / f"run{run}" / f"{cycle}.csv"
-            one = columns()
-            noisy = {**one, "current_A": one["current_A"] + 0.1 * rng.normal(size=one["time_s"].size)}
+            table = columns()
+            noisy = {**table, "current_A": table["current_A"] + 0.1 * rng.normal(size=table["time_s"].size)}
             path.write_bytes(csv(noisy))
             paths.append(path)
     out = tmp_path / "detector.json"
     learned = emaphm("detect", "learn", *paths, "-o", out, "--group", "folder", AS_MEASURED, "--json")
     assert learned.code == 0, learned.err
     levels = json.loads(learned.out)["manoeuvres"][0]["levels"]
-    assert [(one["cycles"], one["runs"]) for one in levels] == [(1, 5), (2, 5)]
+    assert [(table["cycles"], table["runs"]) for table in levels] == [(1, 5), (2, 5)]
     judged = emaphm("detect", "judge", out, *paths[:2], "--together", "--json")
     assert json.loads(judged.out)["results"][0]["cycles"] == 2
 
 
 @pytest.mark.parametrize("option", [AS_MEASURED, "--no-model", "--subtract-model", "--model"])
-def test_the_option_of_the_model_has_its_former_name_too(option: str) -> None:
+def test_the_former_name_of_the_model_option_is_accepted(option: str) -> None:
     _, bound, _ = app.parse_args(["detect", "learn", "good.csv", "--out", "new.json", option])
     assert bound.arguments["detection"].subtract_model is not option.startswith("--no-")

@@ -1,4 +1,4 @@
-"""`emaphm history`: a unit's recordings are diagnosed and kept, and what is wrong is said in one line."""
+"""`emaphm history`: diagnoses of a unit's recordings are stored, and errors are reported in one line."""
 
 import json
 import shutil
@@ -23,14 +23,14 @@ from .conftest import Emaphm, Refusal
 
 @pytest.fixture(scope="module", autouse=True)
 def _diagnosed_once() -> Iterator[None]:
-    """Diagnose each recording once: most tests here are of what is kept of a diagnosis, and where."""
-    made: dict[tuple[str, str], Diagnosis] = {}
+    """Diagnose each recording only once: most tests check how and where a diagnosis is stored."""
+    diagnoses: dict[tuple[str, str], Diagnosis] = {}
 
     def once(recording: Recording, actuator: Actuator, **settings: Any) -> Diagnosis:
         key = (recording_hash(recording), f"{recording.source}, {settings['seed']}")
-        if key not in made:
-            made[key] = diagnose(recording, actuator, **settings)
-        return made[key]
+        if key not in diagnoses:
+            diagnoses[key] = diagnose(recording, actuator, **settings)
+        return diagnoses[key]
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(settings_module, "diagnose", once)
@@ -46,10 +46,14 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     folder = tmp_path_factory.mktemp("recordings")
     for seed, (name, friction) in enumerate([("first", 0.2), ("second", 0.4)]):
-        made = simulate(Actuator.thesis(), Chirp(), faults=Faults(friction=friction), noise=0.05, seed=seed)
-        # Of fewer channels, a diagnosis takes half the time.
-        kept = Recording({channel: made[channel] for channel in ("time_s", "command_rad", "current_A")})
-        write_recording(kept, folder / f"{name}.csv")
+        recording = simulate(
+            Actuator.thesis(), Chirp(), faults=Faults(friction=friction), noise=0.05, seed=seed
+        )
+        # With fewer channels, a diagnosis takes half the time.
+        reduced = Recording(
+            {channel: recording[channel] for channel in ("time_s", "command_rad", "current_A")}
+        )
+        write_recording(reduced, folder / f"{name}.csv")
     return folder
 
 
@@ -64,7 +68,7 @@ def first_flight(recordings: Path) -> Path:
 
 @pytest.fixture
 def flown(desk: Path, first_flight: Path) -> Path:
-    """Return the current folder with a copy of `first_flight`, which is the default history."""
+    """Return the current folder with a copy of `first_flight` as the default history."""
     shutil.copy(first_flight, desk / "history.sqlite")
     return desk
 
@@ -77,7 +81,7 @@ def answer(emaphm: Emaphm, *arguments: str | Path) -> dict[str, Any]:
     return result
 
 
-def test_the_first_recording_makes_the_history_and_the_unit(
+def test_the_first_recording_creates_the_history_and_the_unit(
     emaphm: Emaphm, desk: Path, recordings: Path
 ) -> None:
     code, out, err = emaphm("history", "add", recordings / "first.csv", "--unit", "SN-8", "--hours", "100")
@@ -91,31 +95,29 @@ def test_the_first_recording_makes_the_history_and_the_unit(
 @pytest.mark.parametrize(
     ("unit", "similar"), [("sn 7", ["SN-7"]), ("SN7", ["SN-7"]), ("SN-17", []), ("SN-7", [])]
 )
-def test_a_new_unit_that_may_be_another_spelling_of_one_is_noted(
+def test_a_new_unit_with_a_name_like_that_of_a_known_unit_has_a_note(
     emaphm: Emaphm, recordings: Path, unit: str, similar: list[str]
 ) -> None:
     added = ("add", recordings / "second.csv", "--unit", unit, "--hours", "120")
     assert answer(emaphm, *added)["similar_units"] == similar
-    assert "Note" not in emaphm("history", *added).out  # it is a known unit by then
+    assert "Note" not in emaphm("history", *added).out  # the unit is known now
 
 
 @pytest.mark.usefixtures("flown")
-def test_the_note_on_another_spelling_says_what_to_do(emaphm: Emaphm, recordings: Path) -> None:
-    said = emaphm("history", "add", recordings / "second.csv", "--unit", "SN_7", "--hours", "120")
-    assert said.code == 0
-    assert "Note: the history has a unit SN-7 too" in said.out
-    assert "history withdraw" in said.out
+def test_the_note_on_a_similar_name_states_the_remedy(emaphm: Emaphm, recordings: Path) -> None:
+    answer_with_note = emaphm("history", "add", recordings / "second.csv", "--unit", "SN_7", "--hours", "120")
+    assert answer_with_note.code == 0
+    assert "Note: the history has a unit SN-7 too" in answer_with_note.out
+    assert "history withdraw" in answer_with_note.out
 
 
-def test_adding_diagnoses_what_is_new_and_leaves_the_rest(
-    emaphm: Emaphm, flown: Path, recordings: Path
-) -> None:
-    before = answer(emaphm, "show", "--unit", "SN-7")
-    again = answer(emaphm, "add", recordings / "first.csv", "--unit", "SN-7", "--hours", "100")
-    assert [one["added"] for one in again["recordings"]] == [False]
-    assert again["cycles"] == 40  # of the flight, though not given again
-    assert answer(emaphm, "show", "--unit", "SN-7") == before
-    both = answer(
+def test_adding_diagnoses_only_new_recordings(emaphm: Emaphm, flown: Path, recordings: Path) -> None:
+    history_before = answer(emaphm, "show", "--unit", "SN-7")
+    second_addition = answer(emaphm, "add", recordings / "first.csv", "--unit", "SN-7", "--hours", "100")
+    assert [item["added"] for item in second_addition["recordings"]] == [False]
+    assert second_addition["cycles"] == 40  # those of the flight, although not given again
+    assert answer(emaphm, "show", "--unit", "SN-7") == history_before
+    third_addition = answer(
         emaphm,
         "add",
         recordings / "second.csv",
@@ -125,29 +127,33 @@ def test_adding_diagnoses_what_is_new_and_leaves_the_rest(
         "--hours",
         "150",
     )
-    assert [one["added"] for one in both["recordings"]] == [True, False]
-    first, second = both["recordings"]
+    assert [item["added"] for item in third_addition["recordings"]] == [True, False]
+    first, second = third_addition["recordings"]
     assert second == first | {"added": False}
-    assert (both["new_unit"], both["unit"], both["part_number"]) == (False, "SN-7", "thesis")
-    kept = answer(emaphm, "show", "--unit", "SN-7")["diagnoses"]
-    assert [one["hours"] for one in kept] == [100.0, 150.0]
-    friction = [one["health_assessment"]["faults"]["friction"] for one in kept]
-    for one, truth in zip(friction, (0.2, 0.4), strict=True):
-        assert one["verdict"] == "degraded"
+    assert (third_addition["new_unit"], third_addition["unit"], third_addition["part_number"]) == (
+        False,
+        "SN-7",
+        "thesis",
+    )
+    diagnoses = answer(emaphm, "show", "--unit", "SN-7")["diagnoses"]
+    assert [item["hours"] for item in diagnoses] == [100.0, 150.0]
+    friction = [item["health_assessment"]["faults"]["friction"] for item in diagnoses]
+    for item, truth in zip(friction, (0.2, 0.4), strict=True):
+        assert item["verdict"] == "degraded"
         # As in the tests of diagnoses: within four standard errors.
-        assert one["value"] == pytest.approx(truth, abs=4 * one["standard_error"])
+        assert item["value"] == pytest.approx(truth, abs=4 * item["standard_error"])
     assert flown.is_dir()
 
 
-def test_the_kept_diagnosis_is_the_one_that_diagnose_prints(
+def test_the_stored_diagnosis_equals_that_printed_by_diagnose(
     emaphm: Emaphm, flown: Path, recordings: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert flown.is_dir()
     monkeypatch.setattr(settings_module, "diagnose", diagnose)
     printed = json.loads(emaphm("diagnose", recordings / "first.csv", "--json").out)
-    (kept,) = answer(emaphm, "show", "--unit", "SN-7")["diagnoses"]
+    (stored,) = answer(emaphm, "show", "--unit", "SN-7")["diagnoses"]
     blocks = ("data_manipulation", "state_detection", "health_assessment", "settings")
-    joined = {key: value for block in blocks for key, value in kept[block].items()}
+    joined = {key: value for block in blocks for key, value in stored[block].items()}
     assert joined["recording_hash"]
     for key in set(printed) - {"seconds"}:
         assert joined[key] == printed[key], key
@@ -155,21 +161,23 @@ def test_the_kept_diagnosis_is_the_one_that_diagnose_prints(
 
 def test_json_has_the_blocks_of_iso_13374(emaphm: Emaphm, flown: Path) -> None:
     assert flown.is_dir()
-    shown = answer(emaphm, "show", "--unit", "SN-7")
-    (kept,) = shown["diagnoses"]
-    assert {"data_manipulation", "state_detection", "health_assessment"} < set(kept)
-    assert {"prognostic_assessment", "advisory_generation"} < set(shown)
-    assert shown["unit"] == {
+    unit = answer(emaphm, "show", "--unit", "SN-7")
+    (stored,) = unit["diagnoses"]
+    assert {"data_manipulation", "state_detection", "health_assessment"} < set(stored)
+    assert {"prognostic_assessment", "advisory_generation"} < set(unit)
+    assert unit["unit"] == {
         "serial_number": "SN-7",
         "part_number": "thesis",
         "position": "left aileron",
         "hours": 100.0,
         "cycles": 40,
     }
-    assert set(kept["health_assessment"]["faults"]) == set(NAMES)
+    assert set(stored["health_assessment"]["faults"]) == set(NAMES)
 
 
-def test_what_stresses_a_unit_is_kept_with_its_flight(emaphm: Emaphm, flown: Path, recordings: Path) -> None:
+def test_the_stresses_of_a_unit_are_stored_with_the_flight(
+    emaphm: Emaphm, flown: Path, recordings: Path
+) -> None:
     assert flown.is_dir()
     stress = ("--load", "0.4", "--temperature", "290")
     flight = ("--unit", "SN-7", "--hours", "150", "--cycles", "80")
@@ -177,8 +185,8 @@ def test_what_stresses_a_unit_is_kept_with_its_flight(emaphm: Emaphm, flown: Pat
     first, second = answer(emaphm, "show", "--unit", "SN-7")["flights"]
     assert (first["load"], first["temperature"]) == (None, None)
     assert (second["load"], second["temperature"]) == (0.4, 290.0)
-    made = json.loads(emaphm("prognose", "--unit", "SN-7", "--load", "0.8", "--json").out)
-    assert made["stress"] == {
+    prognosis = json.loads(emaphm("prognose", "--unit", "SN-7", "--load", "0.8", "--json").out)
+    assert prognosis["stress"] == {
         "reference": {"load": 0.4, "temperature_K": 290.0, "cycles_per_hour": pytest.approx(0.6)},
         "ahead": {"load": 0.8, "temperature_K": None, "cycles_per_hour": None},
     }
@@ -188,12 +196,12 @@ def test_removals_and_findings(emaphm: Emaphm, flown: Path) -> None:
     assert flown.is_dir()
     removal = ("removal", "--unit", "SN-7", "--hours", "120", "--reason", "suspected", "--note", "slow")
     finding = ("finding", "--unit", "SN-7", "--hours", "120", "--component", "friction")
-    found = ("--condition", "failed", "--level", "0.31", "--replaced")
+    finding_options = ("--condition", "failed", "--level", "0.31", "--replaced")
     assert [answer(emaphm, *removal)["added"] for _ in range(2)] == [True, False]
-    assert [answer(emaphm, *finding, *found)["added"] for _ in range(2)] == [True, False]
-    shown = answer(emaphm, "show", "--unit", "SN-7")
-    assert shown["replacements"] == [{"hours": 120.0, "component": "friction"}]
-    (life,) = shown["lives"]["unit"]
+    assert [answer(emaphm, *finding, *finding_options)["added"] for _ in range(2)] == [True, False]
+    unit = answer(emaphm, "show", "--unit", "SN-7")
+    assert unit["replacements"] == [{"hours": 120.0, "component": "friction"}]
+    (life,) = unit["lives"]["unit"]
     assert (life["end_hours"], life["failed"], life["censored"]) == (120.0, True, False)
     text = emaphm("history", "show", "--unit", "SN-7").out
     lines = [line.strip() for line in text.splitlines()]
@@ -211,7 +219,7 @@ def test_removals_and_findings(emaphm: Emaphm, flown: Path) -> None:
         (None, "90", None),
     ],
 )
-def test_a_finding_of_other_hours_than_the_units_is_noted(
+def test_a_finding_at_hours_that_differ_from_the_units_has_a_note(
     emaphm: Emaphm, flown: Path, removed: str | None, found: str, words: str | None
 ) -> None:
     assert flown.is_dir()
@@ -237,7 +245,7 @@ def test_a_finding_of_other_hours_than_the_units_is_noted(
     ("hours", "words"),
     [("60", "after this removal: 1, up to 100 h; the unit counts as in service"), ("120", None)],
 )
-def test_a_removal_before_the_last_recording_is_noted(
+def test_a_removal_before_the_last_recording_has_a_note(
     emaphm: Emaphm, flown: Path, hours: str, words: str | None
 ) -> None:
     assert flown.is_dir()
@@ -245,17 +253,17 @@ def test_a_removal_before_the_last_recording_is_noted(
     assert note is None if words is None else words in note
 
 
-def test_a_mistake_is_withdrawn(emaphm: Emaphm, flown: Path) -> None:
+def test_a_wrong_entry_can_be_withdrawn(emaphm: Emaphm, flown: Path) -> None:
     assert flown.is_dir()
     wrong = ("--unit", "SN-7", "--hours", "120")
     answer(emaphm, "removal", *wrong, "--reason", "failed")
     refused = emaphm("history", "removal", *wrong, "--reason", "scheduled").err
     assert "withdraw a wrong entry with 'emaphm history withdraw'" in refused
-    made = answer(emaphm, "withdraw", "removal", *wrong, "--reason", "of SN-8")
-    assert (made["kind"], made["subject"], made["unit_left"]) == ("removal", "failed", True)
-    shown = answer(emaphm, "show", "--unit", "SN-7")
-    assert shown["removals"] == []
-    assert shown["withdrawals"][0]["reason"] == "of SN-8"
+    withdrawal = answer(emaphm, "withdraw", "removal", *wrong, "--reason", "of SN-8")
+    assert (withdrawal["kind"], withdrawal["subject"], withdrawal["unit_left"]) == ("removal", "failed", True)
+    unit = answer(emaphm, "show", "--unit", "SN-7")
+    assert unit["removals"] == []
+    assert unit["withdrawals"][0]["reason"] == "of SN-8"
     assert "removal 'failed' at 120 h (of SN-8)" in emaphm("history", "show", "--unit", "SN-7").out
     only = ("withdraw", "recording", "--unit", "SN-7", "--hours", "100", "--reason", "another actuator")
     text = emaphm("history", *only).out
@@ -281,20 +289,24 @@ def test_list_and_export(emaphm: Emaphm, flown: Path) -> None:
     assert table.select("serial_number", "hours", "friction_verdict").row(0) == ("SN-7", 100.0, "degraded")
 
 
-def test_what_cannot_be_told_is_not_called_sound(emaphm: Emaphm, flown: Path) -> None:
+def test_a_unit_with_inconclusive_verdicts_is_not_called_healthy(emaphm: Emaphm, flown: Path) -> None:
     with closing(sqlite3.connect(flown / "history.sqlite")) as database:
         for verdict in ("degraded", "healthy"):
-            told, untold = f'"verdict": "{verdict}"', '"verdict": "cannot tell"'
-            database.execute("UPDATE diagnoses SET document = replace(document, ?, ?)", (told, untold))
+            conclusive, inconclusive = f'"verdict": "{verdict}"', '"verdict": "cannot tell"'
+            database.execute(
+                "UPDATE diagnoses SET document = replace(document, ?, ?)", (conclusive, inconclusive)
+            )
         database.commit()
     (line,) = answer(emaphm, "list")["units"]
     assert (line["last"]["explained"], line["last"]["health"]) == (True, "cannot tell")
     assert emaphm("history", "list").out.rstrip().endswith("cannot tell")
-    (row,) = (one for one in emaphm("history", "show", "--unit", "SN-7").out.splitlines() if "100 " in one)
+    (row,) = (text for text in emaphm("history", "show", "--unit", "SN-7").out.splitlines() if "100 " in text)
     assert row.endswith("cannot tell")
 
 
-def test_the_database_may_be_named_once(emaphm: Emaphm, flown: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_database_may_be_named_once_in_the_environment(
+    emaphm: Emaphm, flown: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (flown / "history.sqlite").rename(flown / "fleet.sqlite")
     monkeypatch.setenv("EMAPHM_DB", "fleet.sqlite")
     assert len(answer(emaphm, "list")["units"]) == 1
@@ -337,7 +349,7 @@ REFUSALS = {
 
 
 @pytest.mark.parametrize("arguments", REFUSALS, ids=" ".join)
-def test_what_is_wrong_is_said_in_one_line(
+def test_errors_are_reported_in_one_line(
     flown: Path, recordings: Path, refused: Refusal, arguments: tuple[str, ...]
 ) -> None:
     for name in ("first.csv", "second.csv"):

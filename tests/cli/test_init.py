@@ -1,4 +1,4 @@
-"""`emaphm init`: a first description, by questions or from a built-in actuator."""
+"""`emaphm init`: a first description from questions or from a built-in actuator."""
 
 import io
 import json
@@ -26,19 +26,19 @@ def answering(emaphm: Emaphm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("machine", MACHINES)
-def test_without_questions(machine: str, emaphm: Emaphm, tmp_path: Path) -> None:
+def test_a_built_in_actuator_needs_no_questions(machine: str, emaphm: Emaphm, tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     assert emaphm("init", path, "--from", machine).code == 0
     assert Actuator.from_toml(path) == template(machine)
     assert path.read_text(encoding="utf-8").startswith("# First description")
 
 
-def test_answers_are_in_the_description(answering: Emaphm, tmp_path: Path) -> None:
+def test_the_description_holds_the_answers(answering: Emaphm, tmp_path: Path) -> None:
     answer = answering(ANSWERS, "--json")
     assert answer.code == 0
     assert (
         json.loads(answer.out)["answers"] == len(QUESTIONS) + 1
-    )  # and the name and the tolerance, less the one that was kept
+    )  # plus the name and the tolerance, minus the value that was not changed
     rig = Actuator.from_toml(tmp_path / "rig.toml")
     assert rig.name == "Rig 7"
     assert rig.electrical is not None
@@ -56,27 +56,27 @@ def test_a_tolerance_is_asked_for(
     answering: Emaphm, tmp_path: Path, answer: str, tolerance: float | None
 ) -> None:
     assert answering(ANSWERS.replace("0.05", answer)).code == 0
-    found = Actuator.from_toml(tmp_path / "rig.toml").tolerances
-    assert (None if found is None else found.torque_constant) == tolerance
+    tolerances = Actuator.from_toml(tmp_path / "rig.toml").tolerances
+    assert (None if tolerances is None else tolerances.torque_constant) == tolerance
 
 
 @pytest.mark.parametrize(("answer", "stops"), [("", (-0.5236, 0.5236)), ("none", None)])
-def test_end_stops_are_kept_without_an_answer_and_taken_out_by_none(
+def test_end_stops_stay_without_an_answer_and_are_removed_by_none(
     answering: Emaphm, tmp_path: Path, answer: str, stops: tuple[float, float] | None
 ) -> None:
-    said = answering(ANSWERS.replace("-0.3, 0.4", answer)).err
-    assert "end stops at the user, lower and upper [rad], or none (-0.5236, 0.5236)" in said
+    messages = answering(ANSWERS.replace("-0.3, 0.4", answer)).err
+    assert "end stops at the user, lower and upper [rad], or none (-0.5236, 0.5236)" in messages
     assert Actuator.from_toml(tmp_path / "rig.toml").mechanics.end_stops == stops
 
 
-def test_what_must_be_there_is_not_taken_out_by_none(answering: Emaphm, tmp_path: Path) -> None:
+def test_required_values_are_not_removed_by_none(answering: Emaphm, tmp_path: Path) -> None:
     answer = answering(ANSWERS.replace("\n4\n", "\nnone\n4\n"))
     assert answer.code == 0
     assert "pole_pairs" in answer.err
     assert "pole_pairs = 4" in (tmp_path / "rig.toml").read_text(encoding="utf-8")
 
 
-def test_an_impossible_answer_is_asked_again(answering: Emaphm, tmp_path: Path) -> None:
+def test_a_question_with_an_impossible_answer_is_repeated(answering: Emaphm, tmp_path: Path) -> None:
     answer = answering(ANSWERS.replace("1.5", "-3\nmuch\n1.5"))
     assert answer.code == 0
     assert "greater than 0" in answer.err
@@ -91,32 +91,32 @@ def test_answers_that_end_early_write_nothing(answering: Emaphm, tmp_path: Path)
     assert not (tmp_path / "rig.toml").exists()
 
 
-def test_the_next_steps_run_as_they_are_printed(
+def test_the_printed_next_steps_can_be_run(
     emaphm: Emaphm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     printed = emaphm("init", "unit.toml", "--from", "dc").out.splitlines()
     _, calibrate, diagnose = (line.split()[1:] for line in printed if line.startswith("  emaphm"))
-    # Nothing is amiss but the recordings and the calibration that are still to be made.
+    # Only the recordings and the calibration are missing, which the user makes later.
     assert "healthy.csv" in emaphm(*calibrate).err
     (tmp_path / "unit-calibrated.toml").write_bytes((tmp_path / "unit.toml").read_bytes())
     assert "flight.csv" in emaphm(*diagnose).err
 
 
 @pytest.mark.parametrize("name", ["bldc", "thesis"])
-def test_a_machine_goes_by_either_of_its_names(emaphm: Emaphm, tmp_path: Path, name: str) -> None:
+def test_a_machine_has_two_accepted_names(emaphm: Emaphm, tmp_path: Path, name: str) -> None:
     answer = emaphm("init", tmp_path / "rig.toml", "--from", name, "--json")
     assert json.loads(answer.out)["machine"] == "bldc"
     assert Actuator.load(name) == Actuator.thesis()
 
 
-def test_unknown_machine(answering: Emaphm) -> None:
+def test_an_unknown_machine_is_refused(answering: Emaphm) -> None:
     answer = answering("", "--from", "pmms")
     assert answer.code == 2
     assert "did you mean 'pmsm'" in answer.err
 
 
-def test_the_kinds_of_machine_are_listed_one_below_the_other(answering: Emaphm) -> None:
+def test_the_kinds_of_machine_are_listed_one_per_line(answering: Emaphm) -> None:
     first, *listed = answering("nothing-like-it\n").err.splitlines()[: 1 + len(MACHINES)]
     assert first.startswith("An empty answer")
     assert (
@@ -124,14 +124,14 @@ def test_the_kinds_of_machine_are_listed_one_below_the_other(answering: Emaphm) 
     )
 
 
-def test_an_existing_file_is_kept(answering: Emaphm, tmp_path: Path) -> None:
+def test_an_existing_file_is_not_overwritten(answering: Emaphm, tmp_path: Path) -> None:
     (tmp_path / "rig.toml").write_text("mine", encoding="utf-8")
     assert answering("", "--from", "dc").code == 2
     assert (tmp_path / "rig.toml").read_text(encoding="utf-8") == "mine"
 
 
 @pytest.mark.parametrize("machine", MACHINES)
-def test_what_is_suggested_below_is_valid(machine: str, emaphm: Emaphm, tmp_path: Path) -> None:
+def test_the_suggested_sections_are_valid(machine: str, emaphm: Emaphm, tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     emaphm("init", path, "--from", machine)
     prose, _, sections = ENDING.partition("\n\n")

@@ -1,11 +1,11 @@
-"""Where results go: never over something else, never half, and refused before the work."""
+"""Output files: nothing is overwritten unasked or written partly, and refusals come before the work."""
 
 from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
 
-# Loaded before anything is replaced: whatever takes a name from elsewhere would keep the replacement.
+# Loaded before a function is replaced: a module that imports its name later would keep the replacement.
 import emaphm.demo  # noqa: F401
 
 from .conftest import Emaphm, Refusal
@@ -17,10 +17,10 @@ WRITERS = {
     "calibrate good.csv --free inertia -o spare.toml --figure {}": ("out.png",),
     "replay good.csv --figure {}": ("out.png", "out.svg", "out.pdf"),
 }
-"""Every option that writes a file, with the endings that it takes."""
+"""All options that write a file, with their accepted endings."""
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
-"""What the content of a figure begins with, by its ending."""
+"""First bytes of a figure's file, by its ending."""
 
 EACH = [(line, name) for line, names in WRITERS.items() for name in names]
 
@@ -44,7 +44,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize(("line", "name"), EACH)
-def test_an_existing_file_is_kept(refused: Refusal, desk: Path, line: str, name: str) -> None:
+def test_an_existing_file_is_not_overwritten(refused: Refusal, desk: Path, line: str, name: str) -> None:
     # `refused` compares all contents before and after.
     (desk / name).write_text("three weeks of work", encoding="utf-8")
     message = refused(*line.format(name).split())
@@ -84,7 +84,7 @@ def test_an_impossible_output_is_refused_before_the_work(
         "itself",
     ],
 )
-def test_a_link_to_nowhere_is_refused_before_the_work(
+def test_a_broken_link_is_refused_before_the_work(
     refused: Refusal, desk: Path, line: str, target: str
 ) -> None:
     name = WRITERS[line][0]
@@ -94,7 +94,7 @@ def test_a_link_to_nowhere_is_refused_before_the_work(
 
 @pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize("line", WRITERS)
-def test_a_folder_of_the_system_is_refused_before_the_work(refused: Refusal, line: str) -> None:
+def test_a_system_folder_is_refused_before_the_work(refused: Refusal, line: str) -> None:
     if not Path("/proc/self").is_dir():
         pytest.skip("needs a folder that nobody may write to: /proc")
     path = Path("/proc") / WRITERS[line][0]
@@ -108,10 +108,10 @@ def _plain_figure() -> Figure:
 
 
 @pytest.mark.parametrize(("line", "name"), EACH)
-def test_force_replaces_the_file_by_what_its_name_says_and_nothing_else_is_left(
+def test_force_replaces_the_file_in_the_format_of_its_name_and_leaves_no_other_file(
     emaphm: Emaphm, desk: Path, monkeypatch: pytest.MonkeyPatch, line: str, name: str
 ) -> None:
-    monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")  # drawn in `test_verbs.py`
+    monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")  # `test_verbs.py` draws it
     (desk / name).write_text("old", encoding="utf-8")
     verb = line.partition(" ")[0]
     if name.endswith((".svg", ".pdf")):  # the whole figure is drawn as a PNG
@@ -120,16 +120,16 @@ def test_force_replaces_the_file_by_what_its_name_says_and_nothing_else_is_left(
     quick = {"simulate": ["--model", "averaged"], "diagnose": plain, "calibrate": plain}.get(verb, [])
     code, _, err = emaphm(*line.format(name).split(), *quick, "--force")
     assert (code, err) == (0, "")
-    written = (desk / name).read_bytes()
-    assert len(written) > 1000
-    assert written.startswith(MAGIC.get(Path(name).suffix, b""))
+    content = (desk / name).read_bytes()
+    assert len(content) > 1000
+    assert content.startswith(MAGIC.get(Path(name).suffix, b""))
     spare = {"spare.toml"} if "spare.toml" in line else set()
     assert {path.name for path in desk.iterdir()} == {"good.csv", "good.toml", name} | spare
 
 
 @pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize("present", ["report.html", "diagnosis.svg"])
-def test_the_demo_keeps_what_is_there(refused: Refusal, desk: Path, present: str) -> None:
+def test_the_demo_does_not_overwrite_files(refused: Refusal, desk: Path, present: str) -> None:
     (desk / "demo").mkdir()
     (desk / "demo" / present).write_text("mine", encoding="utf-8")
     assert f"{present}: exists already" in refused("demo")
@@ -152,6 +152,6 @@ def test_impossible_sensors_are_refused_before_the_work(
 
 
 @pytest.mark.parametrize("line", ["simulate --model averaged -o out.csv", "init --from dc -o out.toml"])
-def test_a_first_result_may_be_named_by_an_option(emaphm: Emaphm, desk: Path, line: str) -> None:
+def test_the_first_result_file_may_be_named_by_an_option(emaphm: Emaphm, desk: Path, line: str) -> None:
     assert emaphm(*line.split()).code == 0
     assert (desk / line.rsplit(maxsplit=1)[-1]).is_file()

@@ -1,4 +1,4 @@
-"""The command as a process: exit codes, signals, pipes, terminals, encodings, and what it loads."""
+"""The command as a process: exit codes, signals, pipes, terminals, encodings and loaded modules."""
 
 import json
 import os
@@ -24,11 +24,11 @@ ON_A_TERMINAL = pytest.mark.skipif(sys.platform == "win32", reason="needs a pseu
 Start = Callable[..., "subprocess.Popen[bytes]"]
 
 PATIENCE_S = 120
-"""For kernels that are compiled for the first time, on a busy machine."""
+"""Time limit; long enough to compile the kernels for the first time on a busy machine."""
 
 
 def environment(**changes: str) -> dict[str, str]:
-    """Return this process's environment without what changes Python's streams."""
+    """Return this process's environment without the variables that change Python's streams."""
     dropped = (
         "PYTHONUNBUFFERED",
         "PYTHONIOENCODING",
@@ -47,12 +47,12 @@ from emaphm.cli import main
 for line in sys.argv[1:]:
     print(f"== {main(line.split())}", flush=True)
 """
-"""Runs several command lines in one process, which takes longer to start than they take."""
+"""Runs several command lines in one process, whose start takes longer than the commands."""
 
 
 @pytest.fixture
 def start(desk: Path) -> Start:
-    """Return what starts `emaphm` in the folder `desk`."""
+    """Return a function that starts `emaphm` in the folder `desk`."""
 
     def run(
         *arguments: str, stdout: int, stderr: int = subprocess.PIPE, **variables: str
@@ -75,8 +75,8 @@ def ended(process: "subprocess.Popen[bytes]") -> tuple[int, str, str]:
     return process.returncode, (out or b"").decode(), (err or b"").decode()
 
 
-def test_help_loads_nothing_heavy() -> None:
-    # One process: what the help of any of them loads stays loaded.
+def test_help_loads_no_heavy_modules() -> None:
+    # One process is enough: a module that the help of any verb loads stays loaded.
     code = """
 import json, sys
 from emaphm.cli import main
@@ -125,7 +125,7 @@ def test_the_package_run_as_a_module_is_the_command_with_its_workers(desk: Path)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="scripts are named otherwise there")
-def test_the_installed_command_runs_whatever_lies_in_the_folder(desk: Path) -> None:
+def test_the_installed_command_runs_whatever_files_the_folder_holds(desk: Path) -> None:
     script = Path(sys.executable).with_name("emaphm")
     if not script.is_file():
         pytest.skip("emaphm is not installed beside this Python")
@@ -142,7 +142,7 @@ def test_the_installed_command_runs_whatever_lies_in_the_folder(desk: Path) -> N
     assert "relative_error" in json.loads(done.stdout)
 
 
-def test_a_defect_of_ours_is_not_hidden(emaphm: Emaphm, desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_internal_error_is_not_hidden(emaphm: Emaphm, desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError
 
@@ -160,7 +160,7 @@ def test_a_defect_of_ours_is_not_hidden(emaphm: Emaphm, desk: Path, monkeypatch:
     ("line", "unbuffered"),
     [("completion bash", "1"), ("init --from dc -o out.toml", "")],
 )
-def test_a_reader_that_left_is_no_mishap(start: Start, line: str, unbuffered: str) -> None:
+def test_a_closed_pipe_is_no_error(start: Start, line: str, unbuffered: str) -> None:
     reading, writing = os.pipe()
     os.close(reading)
     process = start(*line.split(), stdout=writing, PYTHONUNBUFFERED=unbuffered)
@@ -170,7 +170,7 @@ def test_a_reader_that_left_is_no_mishap(start: Start, line: str, unbuffered: st
 
 
 @pytest.mark.parametrize("line", ["diagnose --help", "--version"])
-def test_a_reader_of_help_that_left_is_no_mishap(start: Start, line: str) -> None:
+def test_a_closed_pipe_is_no_error_for_help(start: Start, line: str) -> None:
     reading, writing = os.pipe()
     os.close(reading)
     process = start(*line.split(), stdout=writing)
@@ -184,7 +184,7 @@ def test_a_reader_of_help_that_left_is_no_mishap(start: Start, line: str) -> Non
     ("closed", "line", "code", "said"),
     [
         (">&-", "--help", 2, "stdout is closed"),
-        # Noticed before the work: the file is never looked for.
+        # Noticed before the work: the file is not read.
         (">&-", "diagnose absent.csv", 2, "stdout is closed"),
         ("2>&-", "bogus", 2, ""),
         (">&- 2>&-", "replay good.csv", 2, ""),
@@ -192,7 +192,9 @@ def test_a_reader_of_help_that_left_is_no_mishap(start: Start, line: str) -> Non
         ("1</dev/null", "--version", 2, "stdout cannot be written: it is not open for writing"),
     ],
 )
-def test_closed_streams_have_an_exit_code(desk: Path, closed: str, line: str, code: int, said: str) -> None:
+def test_closed_streams_end_with_an_exit_code(
+    desk: Path, closed: str, line: str, code: int, said: str
+) -> None:
     done = subprocess.run(  # noqa: S603 - the arguments are this file's
         ["/bin/sh", "-c", f'exec "$0" -m emaphm.cli {line} {closed}', sys.executable],
         capture_output=True,
@@ -210,7 +212,7 @@ def test_closed_streams_have_an_exit_code(desk: Path, closed: str, line: str, co
 @ON_POSIX
 @pytest.mark.parametrize("module", ["signal", "cyclopts", "rich.console"])
 def test_an_early_interruption_shows_no_traceback(desk: Path, module: str) -> None:
-    # The interruption comes at a certain import, whatever the speed of the machine.
+    # The interruption comes at a given import, whatever the speed of the machine.
     code = f"""
 import os, signal, sys
 class Interrupting:
@@ -227,13 +229,13 @@ sys.exit(main())
     done = subprocess.run(  # noqa: S603 - the arguments are this file's
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=desk, env=environment()
     )
-    assert done.returncode in {-signal.SIGINT, 130}  # a shell gives 130 for both
+    assert done.returncode in {-signal.SIGINT, 130}  # a shell returns 130 in both cases
     assert done.stdout == ""
     assert done.stderr in {"", "emaphm: interrupted\n"}
 
 
 @ON_POSIX
-def test_sigterm_ends_it_in_the_background_where_ctrl_c_does_not(desk: Path) -> None:
+def test_sigterm_ends_a_background_command_that_ignores_ctrl_c(desk: Path) -> None:
     code = """
 import os, signal, sys
 import emaphm.recording
@@ -254,7 +256,7 @@ sys.exit(main())
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on the size of files")
-def test_a_disk_that_fills_up_leaves_nothing_behind(emaphm: Emaphm, desk: Path) -> None:
+def test_a_full_disk_leaves_no_partial_files(emaphm: Emaphm, desk: Path) -> None:
     # The kernel's own cache on disk is larger than the limit, and must be there before.
     assert emaphm("simulate", "warm.csv", "--model", "averaged").code == 0
     (desk / "warm.csv").unlink()
@@ -279,23 +281,23 @@ def test_a_disk_that_fills_up_leaves_nothing_behind(emaphm: Emaphm, desk: Path) 
 
 @pytest.fixture(scope="module")
 def terminals() -> Iterator[Forks]:
-    """Return what runs programs with stderr on a terminal."""
+    """Return a process that runs programs with stderr on a terminal."""
     with forks(environment(TERM="xterm")) as started:
         yield started
 
 
 @ON_A_TERMINAL
-def test_progress_is_shown_on_a_terminal_and_stdout_stays_clean(start: Start) -> None:
-    terminal, other = os.openpty()
+def test_progress_is_shown_on_a_terminal_and_not_on_stdout(start: Start) -> None:
+    terminal, program_side = os.openpty()
     line = "diagnose good.csv --no-correction --nuisance none"
-    process = start(*line.split(), stdout=subprocess.PIPE, stderr=other, TERM="xterm")
-    os.close(other)
-    shown = shown_on(terminal)
+    process = start(*line.split(), stdout=subprocess.PIPE, stderr=program_side, TERM="xterm")
+    os.close(program_side)
+    terminal_output = shown_on(terminal)
     code, out, _ = ended(process)
     os.close(terminal)
     assert code == 0
-    assert b"diagnosing" in shown
-    assert b"100%" in shown
+    assert b"diagnosing" in terminal_output
+    assert b"100%" in terminal_output
     assert "\x1b" not in out
     assert "diagnosing" not in out
 
@@ -318,9 +320,9 @@ sys.exit(main())
 """
 """Runs the command line, interrupted when `bar` is drawn for the second time.
 
-That is once the work has begun, and before its result is written at the latest. From another process, an
-interruption may come too late: one that finds the work done and the interpreter shutting down ends it by the
-signal, which a shell calls 130 too.
+This is after the start of the work and before its result is written. From another process, an
+interruption may come too late: if the work is done and the interpreter is shutting down, the signal ends
+the process, for which a shell also returns 130.
 """
 
 
@@ -333,15 +335,15 @@ signal, which a shell calls 130 too.
         ("calibrate good.csv --free inertia,viscous,coulomb -o out.toml", "calibrating"),
     ],
 )
-def test_an_interruption_ends_it_without_traceback_or_half_a_file(
+def test_an_interruption_ends_the_command_without_traceback_or_partial_files(
     terminals: Forks, desk: Path, tmp_path_factory: pytest.TempPathFactory, line: str, bar: str
 ) -> None:
-    said = tmp_path_factory.mktemp("said") / "stdout"
-    code, out, shown = terminals.run(desk, said, AMID_THE_WORK, bar, *line.split())
-    assert (code, out) == (130, ""), shown.decode(errors="replace")
-    assert bar.encode() in shown
-    assert b"interrupted" in shown
-    assert b"Traceback" not in shown
+    stdout_file = tmp_path_factory.mktemp("said") / "stdout"
+    code, out, terminal_output = terminals.run(desk, stdout_file, AMID_THE_WORK, bar, *line.split())
+    assert (code, out) == (130, ""), terminal_output.decode(errors="replace")
+    assert bar.encode() in terminal_output
+    assert b"interrupted" in terminal_output
+    assert b"Traceback" not in terminal_output
     assert {path.name for path in desk.rglob("*")} == {"good.csv", "good.toml"}
 
 
@@ -374,20 +376,22 @@ added, Progress.add_task, lose = Progress.add_task, add_task, globals()[sys.argv
 from emaphm.cli import main
 sys.exit(main())
 """
-"""Runs the command line, and loses an interruption as its work begins: libraries do so while they load."""
+"""Runs the command line and loses an interruption at the start of the work, as libraries do while loading."""
 
 
 @ON_A_TERMINAL
 @pytest.mark.parametrize("way", ["swallow", "report", "convert", "drop"])
-def test_an_interruption_that_a_library_loses_ends_it_too(terminals: Forks, desk: Path, way: str) -> None:
+def test_an_interruption_swallowed_by_a_library_still_ends_the_command(
+    terminals: Forks, desk: Path, way: str
+) -> None:
     line = ("diagnose", "good.csv", "--no-correction")
-    code, out, shown = terminals.run(desk, desk / "stdout", LOST, way, *line)
+    code, out, terminal_output = terminals.run(desk, desk / "stdout", LOST, way, *line)
     assert (code, out) == (130, "")
-    assert shown.endswith(b"emaphm: interrupted\r\n")
-    assert b"Traceback" not in shown
+    assert terminal_output.endswith(b"emaphm: interrupted\r\n")
+    assert b"Traceback" not in terminal_output
 
 
-def test_an_interruption_is_said(
+def test_an_interruption_is_reported(
     desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def interrupted(*_: object, **__: object) -> None:
@@ -402,7 +406,7 @@ def test_an_interruption_is_said(
 # Encodings
 
 
-def test_answers_survive_ascii_and_files_are_utf_8_in_every_locale(desk: Path) -> None:
+def test_stdout_works_in_ascii_and_files_are_utf_8_in_all_locales(desk: Path) -> None:
     diagnosed = "diagnose good.csv --no-correction --nuisance none"
     calibrated = "calibrate good.csv --free inertia --no-correction --nuisance none -o out.toml --json"
     lines = (f"{diagnosed} --json", "replay good.csv", diagnosed, "simulate --help", calibrated)
@@ -422,7 +426,7 @@ def test_answers_survive_ascii_and_files_are_utf_8_in_every_locale(desk: Path) -
     assert "# kg·m²" in (desk / "out.toml").read_text(encoding="utf-8")
 
 
-def test_a_message_survives_ascii(start: Start) -> None:
+def test_a_message_can_be_printed_in_ascii(start: Start) -> None:
     process = start("replay", "räder ×.csv", stdout=subprocess.PIPE, PYTHONIOENCODING="ascii")
     code, out, err = ended(process)
     assert (code, out) == (2, "")
@@ -430,7 +434,7 @@ def test_a_message_survives_ascii(start: Start) -> None:
     assert "no such file" in err
 
 
-def test_the_command_is_a_function_whatever_has_run(emaphm: Emaphm) -> None:
+def test_main_works_as_a_function_whatever_ran_before(emaphm: Emaphm) -> None:
     from emaphm import cli
 
     assert emaphm("--version").code == 0

@@ -1,4 +1,4 @@
-"""`emaphm prognose` and `emaphm limits`: what they answer, and what they refuse in one line."""
+"""`emaphm prognose` and `emaphm limits`: results, and refusals in one line."""
 
 import errno
 import json
@@ -26,23 +26,23 @@ LIMITED = 'component = "friction"\nat_most = 0.6\n'
 
 
 def wearing(history: History, unit: str, hours: list[float], rate: float, first: int) -> None:
-    """Add a diagnosis at each of the hours, of a unit whose friction rises evenly, all else being healthy."""
+    """Add a diagnosis at each of the hours for a unit with linearly rising friction, otherwise healthy."""
     for i, at in enumerate(hours):
         number = first + i
         level = Faults(friction=rate * at).vector
-        made = made_up.diagnosis(number)
+        diagnosis = made_up.diagnosis(number)
         components = {
-            name: replace(one, value=float(value))
-            for (name, one), value in zip(made.components.items(), level, strict=True)
+            name: replace(component, value=float(value))
+            for (name, component), value in zip(diagnosis.components.items(), level, strict=True)
         }
-        covariance = 1e-4 * np.eye(len(made.coordinates))
-        made = replace(made, components=components, covariance=covariance)
-        history.add(made_up.entry(unit, at), made_up.recording(number), made)
+        covariance = 1e-4 * np.eye(len(diagnosis.coordinates))
+        diagnosis = replace(diagnosis, components=components, covariance=covariance)
+        history.add(made_up.entry(unit, at), made_up.recording(number), diagnosis)
 
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a history of three units, which nobody may write to."""
+    """Return a history of three units; tests must not write to it."""
     file = tmp_path_factory.mktemp("flown") / "history.sqlite"
     with History.open(file, create=True) as history:
         wearing(history, "SN-1", [100.0 * i for i in range(1, 7)], 5e-4, 0)
@@ -60,7 +60,7 @@ def fleet(desk: Path, flown: Path) -> Path:
     return desk
 
 
-def asked(emaphm: Emaphm, *arguments: str | Path) -> dict[str, Any]:
+def json_answer(emaphm: Emaphm, *arguments: str | Path) -> dict[str, Any]:
     code, out, err = emaphm(*arguments, "--json")
     assert (code, err) == (0, "")
     result = json.loads(out)
@@ -70,151 +70,159 @@ def asked(emaphm: Emaphm, *arguments: str | Path) -> dict[str, Any]:
 
 def test_a_unit_that_wears_is_predicted(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
-    made = asked(emaphm, "prognose", "--unit", "SN-1", "--actuator", "required.toml", "--horizon", "300")
+    prognosis = json_answer(
+        emaphm, "prognose", "--unit", "SN-1", "--actuator", "required.toml", "--horizon", "300"
+    )
     # Friction 5e-4 an hour, limit 0.6, 600 h flown.
-    assert made["rul_hours"]["median"] == pytest.approx(600.0, rel=0.15)
-    low, high = made["rul_hours"]["interval90"]
+    assert prognosis["rul_hours"]["median"] == pytest.approx(600.0, rel=0.15)
+    low, high = prognosis["rul_hours"]["interval90"]
     assert low < 600 < high
-    assert (made["component"], made["requirement"]) == ("friction", "friction at most 0.6")
-    assert made["horizon_hours"] == 300.0
-    assert 0 <= made["probability_of_failure"] <= 1
-    assert made["prior"]["fleet_units"] == 1  # SN-2; SN-3 has one diagnosis alone
-    assert made["advice"]["action"] in {"fly on", "inspect by", "replace before"}
+    assert (prognosis["component"], prognosis["requirement"]) == ("friction", "friction at most 0.6")
+    assert prognosis["horizon_hours"] == 300.0
+    assert 0 <= prognosis["probability_of_failure"] <= 1
+    assert prognosis["prior"]["fleet_units"] == 1  # SN-2; SN-3 has only one diagnosis
+    assert prognosis["advice"]["action"] in {"fly on", "inspect by", "replace before"}
     text = emaphm("prognose", "--unit", "SN-1", "--actuator", "required.toml").out
     assert "remaining useful life:" in text
     assert "advice:" in text
 
 
-def test_units_that_failed_correct_a_prognosis_alone_and_among_all(
+def test_failed_units_correct_the_prognosis_of_one_unit_and_of_all(
     emaphm: Emaphm, fleet: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(record, "PATHS", replace(record.PATHS, paths=100, steps=30))
     chosen = ("--actuator", "required.toml")
-    before = asked(emaphm, "prognose", "--unit", "SN-1", *chosen)["rul_hours"]
+    life_before = json_answer(emaphm, "prognose", "--unit", "SN-1", *chosen)["rul_hours"]
     with History.open(fleet / "history.sqlite") as history:
         for i, rate in enumerate((8e-4, 1e-3, 1.1e-3, 1.2e-3)):
             wearing(history, f"SN-{10 + i}", [100.0, 250.0, 400.0], rate, 300 + 10 * i)
-    of_units = asked(emaphm, "prognose", "--unit", "SN-1", *chosen)["rul_hours"]
+    of_units = json_answer(emaphm, "prognose", "--unit", "SN-1", *chosen)["rul_hours"]
     with History.open(fleet / "history.sqlite") as history:
         for i in range(4):
             history.add_removal(f"SN-{10 + i}", Removal(450.0 + i, "failed"))
         assert Evidence.of(history.unit("SN-10")).failures == (450.0,)
         assert Evidence.of(history.unit("SN-1")).failures == ()
-    alone = asked(emaphm, "prognose", "--unit", "SN-1", *chosen)
-    assert before != of_units != alone["rul_hours"]
-    every = asked(emaphm, "prognose", "--all", *chosen, "--workers", "1")["units"]
-    assert next(one for one in every if one["unit"] == "SN-1")["rul_hours"] == alone["rul_hours"]
+    alone = json_answer(emaphm, "prognose", "--unit", "SN-1", *chosen)
+    assert life_before != of_units != alone["rul_hours"]
+    units = json_answer(emaphm, "prognose", "--all", *chosen, "--workers", "1")["units"]
+    assert next(unit for unit in units if unit["unit"] == "SN-1")["rul_hours"] == alone["rul_hours"]
 
 
-def test_a_failure_counts_though_the_unit_was_repaired_and_flies_again(fleet: Path) -> None:
+def test_a_failure_counts_although_the_unit_was_repaired_and_flies_again(fleet: Path) -> None:
     with History.open(fleet / "history.sqlite") as history:
         history.add_removal("SN-1", Removal(610.0, "failed"))
         history.add_finding("SN-1", Finding(610.0, "friction", "failed", replaced=True))
         wearing(history, "SN-1", [700.0, 800.0], 5e-4, 300)
-        found = Evidence.of(history.unit("SN-1"))
-    assert found.failures == (610.0,)
-    assert found.failed_lives == ((-math.inf, 610.0),)
-    assert found.lives(0) == ((0.0, 610.0), (610.0, math.inf))
+        evidence = Evidence.of(history.unit("SN-1"))
+    assert evidence.failures == (610.0,)
+    assert evidence.failed_lives == ((-math.inf, 610.0),)
+    assert evidence.lives(0) == ((0.0, 610.0), (610.0, math.inf))
 
 
 @pytest.mark.usefixtures("undrawn_prognosis")
-def test_a_unit_that_failed_has_no_life_until_it_is_repaired_or_flies(emaphm: Emaphm, fleet: Path) -> None:
+def test_a_failed_unit_has_no_remaining_life_until_it_is_repaired_or_flies(
+    emaphm: Emaphm, fleet: Path
+) -> None:
     chosen = ("--actuator", "required.toml", "--no-fleet")
     with History.open(fleet / "history.sqlite") as history:
         history.add_removal("SN-1", Removal(610.0, "failed"))
-    made = asked(emaphm, "prognose", "--unit", "SN-1", *chosen, "--keep")
-    assert (made["failed_at_hours"], made["hours"]) == (610.0, 610.0)
-    assert made["rul_hours"] == {"median": 0.0, "interval90": [0.0, 0.0]}
-    assert made["probability_of_failure"] == 1.0
-    assert (made["advice"]["action"], made["advice"]["in_hours"]) == ("replace before", 0.0)
-    assert made["notes"][0].startswith("the unit failed at 610 h")
-    # Nobody has found what failed: the forecast's cause is a guess, and said to be one.
-    assert (made["component"], made["requirement"]) == (None, None)
+    prognosis = json_answer(emaphm, "prognose", "--unit", "SN-1", *chosen, "--keep")
+    assert (prognosis["failed_at_hours"], prognosis["hours"]) == (610.0, 610.0)
+    assert prognosis["rul_hours"] == {"median": 0.0, "interval90": [0.0, 0.0]}
+    assert prognosis["probability_of_failure"] == 1.0
+    assert (prognosis["advice"]["action"], prognosis["advice"]["in_hours"]) == ("replace before", 0.0)
+    assert prognosis["notes"][0].startswith("the unit failed at 610 h")
+    # No finding names the failed component: the cause is from the forecast, and the message states this.
+    assert (prognosis["component"], prognosis["requirement"]) == (None, None)
     cause = "states the cause; the most likely component according to the diagnoses: friction"
-    assert cause in made["notes"][0]
+    assert cause in prognosis["notes"][0]
     text = emaphm("prognose", "--unit", "SN-1", *chosen, "--report", "failed.html").out
     assert "remaining useful life: none, failed at 610 h, cause not found\n" in text
     assert "none, failed at 610 h" in (fleet / "failed.html").read_text(encoding="utf-8")
     assert "no remaining useful life, failed at 610 h" in emaphm("history", "show", "--unit", "SN-1").out
-    (line,) = (one for one in emaphm("prognose", "--all", *chosen).out.splitlines() if "SN-1" in one)
+    (line,) = (row for row in emaphm("prognose", "--all", *chosen).out.splitlines() if "SN-1" in row)
     assert line.endswith("failed at 610 h")
     assert "not found" in line
 
 
-def test_a_finding_says_what_failed_and_a_repair_ends_it(emaphm: Emaphm, fleet: Path) -> None:
+def test_a_finding_names_the_failed_component_and_a_repair_ends_the_failure(
+    emaphm: Emaphm, fleet: Path
+) -> None:
     chosen = ("--unit", "SN-1", "--actuator", "required.toml", "--no-fleet")
     with History.open(fleet / "history.sqlite") as history:
         history.add_removal("SN-1", Removal(610.0, "suspected"))
-        assert asked(emaphm, "prognose", *chosen)["failed_at_hours"] is None
+        assert json_answer(emaphm, "prognose", *chosen)["failed_at_hours"] is None
         history.add_finding("SN-1", Finding(610.0, "backlash", "failed"))
-        made = asked(emaphm, "prognose", *chosen)
-        assert (made["failed_at_hours"], made["component"]) == (610.0, "backlash")
+        prognosis = json_answer(emaphm, "prognose", *chosen)
+        assert (prognosis["failed_at_hours"], prognosis["component"]) == (610.0, "backlash")
         # Only the friction has a limit.
-        assert made["requirement"] is None
+        assert prognosis["requirement"] is None
         assert "none, failed at 610 h, by backlash\n" in emaphm("prognose", *chosen).out
         history.add_finding("SN-1", Finding(610.0, "gain", "healthy", replaced=True))
-        repaired = asked(emaphm, "prognose", *chosen)
+        repaired = json_answer(emaphm, "prognose", *chosen)
         assert repaired["failed_at_hours"] is None
         assert repaired["notes"][0].startswith("backlash found failed at 610 h, and no replacement")
         assert repaired["rul_hours"]["median"] > 0
         history.add_removal("SN-2", Removal(210.0, "failed"))
         wearing(history, "SN-2", [300.0], 5e-4, 400)
-    assert asked(emaphm, "prognose", "--unit", "SN-2", *chosen[2:])["failed_at_hours"] is None
+    assert json_answer(emaphm, "prognose", "--unit", "SN-2", *chosen[2:])["failed_at_hours"] is None
 
 
 def curves_of(history: History, unit: str) -> dict[str, Any]:
-    """Return the curves of the kept prognosis of a unit."""
+    """Return the curves of the stored prognosis of a unit."""
     with history.database.reading() as connection:
-        found = read_curves(connection, history.unit(unit).row.id)
-    assert found is not None
-    return found
+        curves = read_curves(connection, history.unit(unit).row.id)
+    assert curves is not None
+    return curves
 
 
-def test_the_last_blocks_of_iso_13374_are_the_prognosis(emaphm: Emaphm, fleet: Path) -> None:
+def test_the_prognosis_fills_the_last_blocks_of_iso_13374(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
-    made = asked(emaphm, "prognose", "--unit", "SN-1")
-    plain = asked(emaphm, "history", "show", "--unit", "SN-1")
+    prognosis = json_answer(emaphm, "prognose", "--unit", "SN-1")
+    plain = json_answer(emaphm, "history", "show", "--unit", "SN-1")
     assert (plain["prognostic_assessment"], plain["advisory_generation"]) == (None, None)
-    assert asked(emaphm, "prognose", "--unit", "SN-1", "--keep") == made
+    assert json_answer(emaphm, "prognose", "--unit", "SN-1", "--keep") == prognosis
     with History.open(fleet / "history.sqlite") as history:
         curves = curves_of(history, "SN-1")
-    assert (curves["now"], curves["horizon"]) == (made["hours"], made["horizon_hours"])
-    shown = asked(emaphm, "history", "show", "--unit", "SN-1")
-    assert shown["advisory_generation"] == made.pop("advice")
-    assert made.items() < shown["prognostic_assessment"].items()
-    assert shown["prognostic_assessment"]["out_of_date"] is False
+    assert (curves["now"], curves["horizon"]) == (prognosis["hours"], prognosis["horizon_hours"])
+    unit = json_answer(emaphm, "history", "show", "--unit", "SN-1")
+    assert unit["advisory_generation"] == prognosis.pop("advice")
+    assert prognosis.items() < unit["prognostic_assessment"].items()
+    assert unit["prognostic_assessment"]["out_of_date"] is False
     with History.open(fleet / "history.sqlite") as history:
         wearing(history, "SN-1", [700.0], 5e-4, 300)
-    assert asked(emaphm, "history", "show", "--unit", "SN-1")["prognostic_assessment"]["out_of_date"]
+    assert json_answer(emaphm, "history", "show", "--unit", "SN-1")["prognostic_assessment"]["out_of_date"]
     assert ", out of date: remaining useful life" in emaphm("history", "show", "--unit", "SN-1").out
 
 
-def test_all_units_are_as_each_alone(emaphm: Emaphm, fleet: Path) -> None:
+def test_results_of_all_units_equal_those_of_single_units(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
     chosen = ("--actuator", "required.toml", "--horizon", "200", "--seed", "3")
-    made = asked(emaphm, "prognose", "--all", *chosen, "--workers", "1", "--keep")
-    alone = [asked(emaphm, "prognose", "--unit", name, *chosen) for name in ("SN-1", "SN-2", "SN-3")]
-    assert made["units"] == alone
-    assert made["failed"] == []
+    prognoses = json_answer(emaphm, "prognose", "--all", *chosen, "--workers", "1", "--keep")
+    alone = [json_answer(emaphm, "prognose", "--unit", name, *chosen) for name in ("SN-1", "SN-2", "SN-3")]
+    assert prognoses["units"] == alone
+    assert prognoses["failed"] == []
     with History.open(fleet / "history.sqlite") as history:
         assert set(history.prognoses()) == {"SN-1", "SN-2", "SN-3"}
-        assert all(curves_of(history, one)["horizon"] == 200.0 for one in ("SN-1", "SN-2", "SN-3"))
+        assert all(
+            curves_of(history, unit_name)["horizon"] == 200.0 for unit_name in ("SN-1", "SN-2", "SN-3")
+        )
     text = emaphm(
-        "prognose", "--all", *chosen, "--workers", "1", "--part", made["units"][0]["part_number"]
+        "prognose", "--all", *chosen, "--workers", "1", "--part", prognoses["units"][0]["part_number"]
     ).out
     assert all(name in text for name in ("SN-1", "SN-2", "SN-3"))
 
 
-def test_the_table_of_all_names_units_to_be_doubted(emaphm: Emaphm, fleet: Path) -> None:
+def test_the_table_of_all_units_marks_units_with_notes(emaphm: Emaphm, fleet: Path) -> None:
     with History.open(fleet / "history.sqlite") as history:
-        made = made_up.diagnosis(900, explained=False)
-        history.add(made_up.entry("SN-1", 650.0), made_up.recording(900), made)
+        unexplained = made_up.diagnosis(900, explained=False)
+        history.add(made_up.entry("SN-1", 650.0), made_up.recording(900), unexplained)
     chosen = ("prognose", "--all", "--no-fleet", "--actuator", "required.toml", "--workers", "1")
     lines = emaphm(*chosen).out.splitlines()
     assert "newest recording not explained, and not used in the prognosis: SN-1" in lines
     assert "remaining useful life mostly from the prior, with fewer than 3 explained diagnoses: SN-3" in lines
-    noted = asked(emaphm, *chosen)["units"]
-    count = sum(bool(one["notes"]) for one in noted)
+    noted = json_answer(emaphm, *chosen)["units"]
+    count = sum(bool(unit["notes"]) for unit in noted)
     assert lines[-1].startswith(
         f"notes on {count} of 3 units; for the notes of a unit: emaphm prognose --unit UNIT"
     )
@@ -224,45 +232,49 @@ def test_requirements_of_another_actuator_are_refused(fleet: Path, emaphm: Emaph
     text = (fleet / "required.toml").read_text(encoding="utf-8")
     own = made_up.PART
     (fleet / "renamed.toml").write_text(text.replace(f'name = "{own}"', 'name = "other"'), encoding="utf-8")
-    said = f"unit 'SN-1' has the part number '{own}', the description is of 'other'"
+    expected = f"unit 'SN-1' has the part number '{own}', the description is of 'other'"
     for units in (("--unit", "SN-1"), ("--all",)):
         message = refused("prognose", *units, "--actuator", "renamed.toml")
-        assert said in message
+        assert expected in message
         assert f'state name = "{own}" in it' in message
-    # A part number that was given with --part is another name than that of the description.
+    # The part number given with --part differs from that of the description.
     with History.open(fleet / "history.sqlite") as history:
         entry = replace(made_up.entry("SN-9", 50.0), part_number="P-9")
         history.add(entry, made_up.recording(900), made_up.diagnosis(900))
     for described in ("required.toml", "named.toml"):
         (fleet / "named.toml").write_text(text.replace(f'name = "{own}"', 'name = "P-9"'), encoding="utf-8")
-        asked(emaphm, "prognose", "--unit", "SN-9", "--no-fleet", "--actuator", described)
+        json_answer(emaphm, "prognose", "--unit", "SN-9", "--no-fleet", "--actuator", described)
     assert "unit 'SN-1'" in refused("prognose", "--all", "--actuator", "named.toml")
-    asked(emaphm, "prognose", "--all", "--part", "P-9", "--no-fleet", "--actuator", "named.toml")
+    json_answer(emaphm, "prognose", "--all", "--part", "P-9", "--no-fleet", "--actuator", "named.toml")
 
 
-def test_the_fleet_can_be_left_out(emaphm: Emaphm, fleet: Path) -> None:
+def test_the_fleet_prior_can_be_left_out(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
-    made = asked(emaphm, "prognose", "--unit", "SN-3", "--no-fleet", "--actuator", "required.toml")
-    assert made["prior"] == {"fleet_units": 0, "fleet_share": 0.0}
-    assert any("3 are needed to estimate a rate" in note for note in made["notes"])
+    prognosis = json_answer(emaphm, "prognose", "--unit", "SN-3", "--no-fleet", "--actuator", "required.toml")
+    assert prognosis["prior"] == {"fleet_units": 0, "fleet_share": 0.0}
+    assert any("3 are needed to estimate a rate" in note for note in prognosis["notes"])
 
 
 def test_a_replacement_is_taken_from_the_history(emaphm: Emaphm, fleet: Path) -> None:
-    before = asked(emaphm, "prognose", "--unit", "SN-1", "--actuator", "required.toml", "--no-fleet")
+    prognosis_before = json_answer(
+        emaphm, "prognose", "--unit", "SN-1", "--actuator", "required.toml", "--no-fleet"
+    )
     with History.open(fleet / "history.sqlite") as history:
         history.add_finding("SN-1", Finding(600.0, "friction", "failed", 0.3, replaced=True))
-    after = asked(emaphm, "prognose", "--unit", "SN-1", "--actuator", "required.toml", "--no-fleet")
-    assert before["levels"]["friction"]["median"] > 0.25
-    assert after["levels"]["friction"]["median"] < 0.1
+    prognosis_after = json_answer(
+        emaphm, "prognose", "--unit", "SN-1", "--actuator", "required.toml", "--no-fleet"
+    )
+    assert prognosis_before["levels"]["friction"]["median"] > 0.25
+    assert prognosis_after["levels"]["friction"]["median"] < 0.1
 
 
-def test_report_and_figure(emaphm: Emaphm, fleet: Path) -> None:
+def test_a_report_and_a_figure_are_written(emaphm: Emaphm, fleet: Path) -> None:
     arguments = ("prognose", "--unit", "SN-2", "--no-fleet", "--report", "out.html", "--figure", "out.svg")
-    written = [fleet / "out.html", fleet / "out.svg"]
-    for one in written:
-        one.write_text("three weeks of work", encoding="utf-8")
+    outputs = [fleet / "out.html", fleet / "out.svg"]
+    for path in outputs:
+        path.write_text("three weeks of work", encoding="utf-8")
     assert emaphm(*arguments).code == 2
-    assert [one.read_text(encoding="utf-8") for one in written] == ["three weeks of work"] * 2
+    assert [path.read_text(encoding="utf-8") for path in outputs] == ["three weeks of work"] * 2
     assert emaphm(*arguments, "--force").code == 0
     page = (fleet / "out.html").read_text(encoding="utf-8")
     assert "SN-2 at 200 h" in page
@@ -273,7 +285,7 @@ def test_report_and_figure(emaphm: Emaphm, fleet: Path) -> None:
 
 
 @pytest.mark.usefixtures("fleet")
-def test_a_full_disk_takes_the_figure_and_not_the_answer(
+def test_a_full_disk_costs_the_figure_but_not_the_answer(
     emaphm: Emaphm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from matplotlib.figure import Figure
@@ -288,23 +300,23 @@ def test_a_full_disk_takes_the_figure_and_not_the_answer(
     assert json.loads(out)["unit"] == "SN-2"
 
 
-def test_costs_decide_when_given(emaphm: Emaphm, fleet: Path) -> None:
+def test_given_costs_decide_the_advice(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
     costs = ("--failure-cost", "50", "--replacement-cost", "1")
-    made = asked(
+    prognosis = json_answer(
         emaphm, "prognose", "--unit", "SN-1", "--actuator", "required.toml", *costs, "--horizon", "2000"
     )
-    assert "cheaper" in made["advice"]["reason"]
+    assert "cheaper" in prognosis["advice"]["reason"]
 
 
-def test_limits_are_shown(emaphm: Emaphm, fleet: Path) -> None:
+def test_limits_are_printed(emaphm: Emaphm, fleet: Path) -> None:
     assert fleet.is_dir()
-    made = asked(emaphm, "limits", "--actuator", "required.toml", "--fault", "backlash=0.2")
-    (one,) = made["requirements"]
-    assert one["fails_at"]["friction"] == {"rising": pytest.approx(0.6), "falling": None}
-    assert set(one["fails_at"]) == set(NAMES) - {"eccentricity_phase"}
-    assert (one["violated"], one["can_fail"]) == (False, True)
-    assert made["k"][1] == 0.2
+    answer = json_answer(emaphm, "limits", "--actuator", "required.toml", "--fault", "backlash=0.2")
+    (requirement,) = answer["requirements"]
+    assert requirement["fails_at"]["friction"] == {"rising": pytest.approx(0.6), "falling": None}
+    assert set(requirement["fails_at"]) == set(NAMES) - {"eccentricity_phase"}
+    assert (requirement["violated"], requirement["can_fail"]) == (False, True)
+    assert answer["k"][1] == 0.2
     text = emaphm("limits", "--actuator", "required.toml", "--fault", "friction=0.7").out
     assert "violated already: friction at most 0.6" in text
     assert "states no [[requirements]]" in emaphm("limits").out
@@ -359,7 +371,7 @@ REFUSALS = {
 
 
 @pytest.mark.parametrize("arguments", REFUSALS, ids=" ".join)
-def test_what_is_wrong_is_said_in_one_line(fleet: Path, refused: Refusal, arguments: tuple[str, ...]) -> None:
+def test_errors_are_reported_in_one_line(fleet: Path, refused: Refusal, arguments: tuple[str, ...]) -> None:
     text = (fleet / "required.toml").read_text(encoding="utf-8")
     (fleet / "wrong.toml").write_text(text.replace("at_most", "atmost"), encoding="utf-8")
     message = refused(*arguments)

@@ -1,4 +1,4 @@
-"""Recordings that cannot be used: each is refused in one line that names file, column, row and remedy."""
+"""Unusable recordings: each is refused in one line that names file, column, row and remedy."""
 
 from pathlib import Path
 
@@ -167,7 +167,7 @@ def test_bad_recordings_are_refused_in_one_line(refused: Refusal, desk: Path, na
         ("milliamperes.csv", ("convert it to A",)),
     ],
 )
-def test_every_verb_refuses_a_bad_recording(
+def test_all_verbs_refuse_a_bad_recording(
     refused: Refusal, desk: Path, verb: str, name: str, pieces: tuple[str, ...]
 ) -> None:
     (desk / "folder.csv").mkdir()
@@ -223,7 +223,7 @@ def test_bad_commands_and_loads_are_refused_in_one_line(
 
 
 @pytest.mark.parametrize("option", ["--command", "--load"])
-def test_a_signal_of_another_time_is_refused(refused: Refusal, desk: Path, option: str) -> None:
+def test_a_signal_that_does_not_cover_the_time_is_refused(refused: Refusal, desk: Path, option: str) -> None:
     signal = {"time_s": 100 + np.arange(3.0), "command_rad": np.ones(3) * 1e-3, "load_Nm": np.ones(3) * 1e-3}
     (desk / "late.csv").write_bytes(files.csv(signal))
     assert "late.csv" in refused("simulate", "out.csv", "--model", "averaged", option, "late.csv")
@@ -250,7 +250,7 @@ HARMLESS = {
 
 
 @pytest.mark.parametrize("name", HARMLESS)
-def test_what_only_looks_unusual_is_read(emaphm: Emaphm, desk: Path, name: str) -> None:
+def test_unusual_but_valid_files_are_read(emaphm: Emaphm, desk: Path, name: str) -> None:
     expected = emaphm("replay", "good.csv").out
     (desk / name).write_bytes(HARMLESS[name])
     code, out, err = emaphm("replay", name)
@@ -260,14 +260,14 @@ def test_what_only_looks_unusual_is_read(emaphm: Emaphm, desk: Path, name: str) 
         assert out == expected
 
 
-def test_a_line_break_in_a_name_does_not_break_the_message(refused: Refusal) -> None:
+def test_a_line_break_in_a_name_keeps_the_message_in_one_line(refused: Refusal) -> None:
     assert "no such file" in refused("replay", "absent\nfile.csv")
 
 
 @pytest.mark.parametrize(
     "names", [[f"channel_{i}" for i in range(300)], ["x" * 5000], ["\x1b[31mred\x07"], ["\x00" * 5000]]
 )
-def test_a_message_stays_readable_whatever_the_columns(
+def test_a_message_stays_readable_with_any_column_names(
     refused: Refusal, desk: Path, names: list[str]
 ) -> None:
     (desk / "odd.csv").write_text(",".join(names) + "\n1\n", encoding="utf-8")
@@ -277,8 +277,8 @@ def test_a_message_stays_readable_whatever_the_columns(
 
 
 @pytest.mark.parametrize("verb", ["calibrate", "diagnose", "history add", "detect learn", "detect judge"])
-def test_help_names_all_kinds_of_files_that_are_read(emaphm: Emaphm, verb: str) -> None:
-    said = emaphm(*verb.split(), "--help").out.replace("│", " ").split()
+def test_help_names_all_readable_file_formats(emaphm: Emaphm, verb: str) -> None:
+    words = emaphm(*verb.split(), "--help").out.replace("│", " ").split()
     assert {".csv", ".parquet", ".mat", ".tdms", ".h5", ".hdf5", ".mf4"} <= {
-        word.rstrip(",;.") for word in said
+        word.rstrip(",;.") for word in words
     }

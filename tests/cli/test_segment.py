@@ -1,4 +1,4 @@
-"""The verb `segment`: what it prints and writes, and what it refuses."""
+"""The verb `segment`: printed and written results, and refusals."""
 
 from pathlib import Path
 
@@ -21,9 +21,13 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     def command(t: np.ndarray) -> np.ndarray:
         return np.where((t >= 1.0) & (t < 2.0), 5e-3 * np.sin(2 * np.pi * 3.0 * (t - 1.0)), 0.0)
 
-    made = simulate(Actuator.thesis(), command, model="averaged", duration=3.0, sample_rate=500.0, noise=0.05)
+    recording = simulate(
+        Actuator.thesis(), command, model="averaged", duration=3.0, sample_rate=500.0, noise=0.05
+    )
     path = tmp_path_factory.mktemp("flown") / "flight.csv"
-    write_recording(Recording({name: made[name] for name in ("time_s", "command_rad", "current_A")}), path)
+    write_recording(
+        Recording({name: recording[name] for name in ("time_s", "command_rad", "current_A")}), path
+    )
     return path.read_bytes()
 
 
@@ -35,8 +39,8 @@ def flight(tmp_path: Path, flown: bytes) -> Path:
 
 
 def test_segment_prints_and_writes_the_stretches(emaphm: Emaphm, flight: Path, tmp_path: Path) -> None:
-    said = parsed(emaphm, "segment", str(flight), "-o", str(tmp_path / "cut"), "--seed", "2")
-    assert said.keys() == {
+    answer = parsed(emaphm, "segment", str(flight), "-o", str(tmp_path / "cut"), "--seed", "2")
+    assert answer.keys() == {
         "recording",
         "actuator",
         "wanted",
@@ -46,12 +50,12 @@ def test_segment_prints_and_writes_the_stretches(emaphm: Emaphm, flight: Path, t
         "version",
         "written",
     }
-    assert (said["accepted"], said["seed"], said["version"]) == (1, 2, VERSION)
-    assert [one["accepted"] for one in said["segments"]] == [False, True, False]
-    assert said["segments"][0]["reason"].startswith("at rest")
-    assert "friction" in said["segments"][1]["identifies"]
-    assert [Path(one).name for one in said["written"]] == ["stretch_001.csv"]
-    assert parsed(emaphm, "diagnose", said["written"][0], *QUICK)["explained"] in (True, False)
+    assert (answer["accepted"], answer["seed"], answer["version"]) == (1, 2, VERSION)
+    assert [item["accepted"] for item in answer["segments"]] == [False, True, False]
+    assert answer["segments"][0]["reason"].startswith("at rest")
+    assert "friction" in answer["segments"][1]["identifies"]
+    assert [Path(item).name for item in answer["written"]] == ["stretch_001.csv"]
+    assert parsed(emaphm, "diagnose", answer["written"][0], *QUICK)["explained"] in (True, False)
 
 
 def test_segment_prints_a_table(emaphm: Emaphm, flight: Path) -> None:
@@ -62,17 +66,19 @@ def test_segment_prints_a_table(emaphm: Emaphm, flight: Path) -> None:
     assert "1 of 3 stretches identify something to ±0.1" in text
 
 
-def test_segment_refuses_a_folder_before_it_begins(emaphm: Emaphm, flight: Path, tmp_path: Path) -> None:
+def test_segment_refuses_an_output_folder_before_the_work(
+    emaphm: Emaphm, flight: Path, tmp_path: Path
+) -> None:
     (tmp_path / "cut").mkdir()
     (tmp_path / "cut" / "stretch_002.csv").write_text("of an earlier run")
-    # Were the stretches looked for first, the precision would be refused.
-    for out, said in (
+    # If the stretches were searched first, the precision would be refused.
+    for out, message in (
         ("cut", "stretch_002.csv: exists already"),
         ("flight.csv", "this folder cannot be created"),
     ):
         code, text, err = emaphm("segment", flight, "--wanted", "2", "-o", tmp_path / out)
         assert (code, text) == (2, "")
-        assert said in err
+        assert message in err
         assert len(err.splitlines()) == 1
 
 

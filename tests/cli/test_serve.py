@@ -1,4 +1,4 @@
-"""`emaphm serve` with what cannot be served, or not safely."""
+"""`emaphm serve` with options or files that cannot be served, or not safely."""
 
 import os
 import socket
@@ -19,9 +19,9 @@ def db(tmp_path: Path) -> str:
     return str(tmp_path / "h.sqlite")
 
 
-def test_a_port_in_use(refused: Refusal, db: str) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
+def test_a_port_in_use_is_refused(refused: Refusal, db: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as occupied:
+        port = occupied.getsockname()[1]
         message = refused("serve", "--db", db, "--port", port)
     assert f"127.0.0.1:{port} cannot be used" in message
     assert "give another --port" in message
@@ -31,7 +31,7 @@ def test_a_port_in_use(refused: Refusal, db: str) -> None:
     ("options", "reason"),
     [
         (("--port", "70000"), "from 0 to 65535"),
-        (("--host", "0.0.0.0"), "--add-token NAME"),  # noqa: S104 - it is refused
+        (("--host", "0.0.0.0"), "--add-token NAME"),  # noqa: S104 - the address is refused
         (("--tokens", "none"), "none: no such file; make it with --tokens none --add-token NAME"),
         (("--healthy", "none.json"), "none.json"),
         (("--host", "no.such.host.invalid"), "--add-token NAME"),
@@ -43,12 +43,14 @@ def test_a_port_in_use(refused: Refusal, db: str) -> None:
         (("--risk", "2"), "a risk of 2 is not a probability"),
     ],
 )
-def test_options_that_cannot_be(refused: Refusal, db: str, options: tuple[str, ...], reason: str) -> None:
+def test_impossible_options_are_refused(
+    refused: Refusal, db: str, options: tuple[str, ...], reason: str
+) -> None:
     port = () if "--port" in options else ("--port", 0)
     assert reason in refused("serve", "--db", db, *port, *options)
 
 
-def test_a_database_that_is_missing_or_of_something_else(refused: Refusal, tmp_path: Path) -> None:
+def test_a_missing_or_foreign_database_is_refused(refused: Refusal, tmp_path: Path) -> None:
     import sqlite3
 
     absent, empty = tmp_path / "absent.sqlite", tmp_path / "empty.sqlite"
@@ -68,5 +70,5 @@ def test_a_token_is_printed_once(emaphm: Emaphm, refused: Refusal, db: str, tmp_
     answer = emaphm("serve", "--tokens", file, "--add-token", "alice")
     assert answer.code == 0
     assert answer.out.split()[0] not in file.read_text()
-    os.chmod(file, 0o644)  # noqa: PTH101 - what is refused
+    os.chmod(file, 0o644)  # noqa: PTH101 - the access rights that are refused
     assert "chmod 600" in refused("serve", "--db", db, "--port", 0, "--tokens", file)

@@ -1,4 +1,4 @@
-"""`emaphm split`: one long file, many recordings, and a description that fits them."""
+"""`emaphm split`: one long file is split into recordings with a matching description."""
 
 import json
 from pathlib import Path
@@ -48,26 +48,28 @@ def test_split_writes_recordings_and_their_description(emaphm: Emaphm, log: Path
     )
     answer = emaphm(*arguments, "--json")
     assert answer.code == 0, answer.err
-    found = json.loads(answer.out)
-    assert [Path(one["file"]).name for one in found["recordings"]] == [
+    summary = json.loads(answer.out)
+    assert [Path(recording["file"]).name for recording in summary["recordings"]] == [
         "log_0001_run_1.csv",
         "log_0002_run_2.csv",
     ]
-    assert [one["labels"] for one in found["recordings"]] == [{"run": n, "serial": "A17"} for n in (1.0, 2.0)]
-    assert "run 3 has 30 rows" in found["refused"][0]
-    described = Actuator.from_toml(found["actuator"])
-    second = read_recording(found["recordings"][1]["file"], described)
+    assert [recording["labels"] for recording in summary["recordings"]] == [
+        {"run": n, "serial": "A17"} for n in (1.0, 2.0)
+    ]
+    assert "run 3 has 30 rows" in summary["refused"][0]
+    described = Actuator.from_toml(summary["actuator"])
+    second = read_recording(summary["recordings"][1]["file"], described)
     raw = pl.read_csv(log)[100:200]
     np.testing.assert_allclose(second["command_rad"], 1e-3 * raw["goal"].to_numpy(), rtol=1e-12)
     np.testing.assert_allclose(second["current_A"], 2 * raw["current_A"].to_numpy())
     assert second.labels == {"run": 2.0, "serial": "A17"}
-    again = emaphm(*arguments)
-    assert again.code == 2
-    assert "--force" in again.err
+    second_answer = emaphm(*arguments)
+    assert second_answer.code == 2
+    assert "--force" in second_answer.err
     assert "log_0002_run_2.csv" in emaphm(*arguments, "--force").out
 
 
-def test_what_was_cleaned_or_was_not_to_be_is_read_back_unchanged(
+def test_cleaned_and_uncleaned_values_are_read_back_unchanged(
     emaphm: Emaphm, log: Path, tmp_path: Path
 ) -> None:
     frame = pl.read_csv(log)
@@ -78,8 +80,8 @@ def test_what_was_cleaned_or_was_not_to_be_is_read_back_unchanged(
     rig.write_text(f"{rig.read_text()}outliers = false\n")
     assert emaphm("split", log, "-o", tmp_path / "out", "--actuator", rig).code == 0
     for description in (tmp_path / "out" / "actuator.toml", rig):
-        read = read_recording(tmp_path / "out" / "log_0002_run_2.csv", Actuator.from_toml(description))
-        np.testing.assert_array_equal(read["current_A"], 2 * raw[100:200])
+        recording = read_recording(tmp_path / "out" / "log_0002_run_2.csv", Actuator.from_toml(description))
+        np.testing.assert_array_equal(recording["current_A"], 2 * raw[100:200])
 
 
 def test_a_file_is_cut_where_time_jumps(emaphm: Emaphm, tmp_path: Path) -> None:
@@ -88,16 +90,16 @@ def test_a_file_is_cut_where_time_jumps(emaphm: Emaphm, tmp_path: Path) -> None:
     pl.DataFrame({**frame, "current_A": frame["command_rad"]}).write_csv(tmp_path / "day.csv")
     answer = emaphm("split", tmp_path / "day.csv", "-o", tmp_path / "out", "--json")
     assert answer.code == 0, answer.err
-    assert [one["samples"] for one in json.loads(answer.out)["recordings"]] == [100, 100]
+    assert [recording["samples"] for recording in json.loads(answer.out)["recordings"]] == [100, 100]
 
 
-def test_the_description_that_was_given_is_kept(emaphm: Emaphm, log: Path, tmp_path: Path) -> None:
-    given = (tmp_path / "rig.toml").rename(tmp_path / "actuator.toml")
-    before = given.read_bytes()
-    code, _, err = emaphm("split", log, "-o", tmp_path, "--actuator", given, "--force")
+def test_the_given_description_is_not_overwritten(emaphm: Emaphm, log: Path, tmp_path: Path) -> None:
+    description = (tmp_path / "rig.toml").rename(tmp_path / "actuator.toml")
+    content = description.read_bytes()
+    code, _, err = emaphm("split", log, "-o", tmp_path, "--actuator", description, "--force")
     assert code == 2
     assert "choose another folder" in err
-    assert given.read_bytes() == before
+    assert description.read_bytes() == content
 
 
 @pytest.mark.parametrize(
@@ -109,7 +111,7 @@ def test_the_description_that_was_given_is_kept(emaphm: Emaphm, log: Path, tmp_p
         (("--known", "a=1", "--known", "a=2"), "given twice"),
     ],
 )
-def test_what_cannot_be_cut_is_refused(
+def test_a_file_that_cannot_be_split_is_refused(
     emaphm: Emaphm, log: Path, tmp_path: Path, arguments: tuple[str, ...], expected: str
 ) -> None:
     answer = emaphm("split", log, "-o", tmp_path / "out", "--actuator", tmp_path / "rig.toml", *arguments)

@@ -1,4 +1,4 @@
-"""`emaphm study …`: what it prints, how it ends, and what it refuses."""
+"""`emaphm study …`: printed results, exit codes and refusals."""
 
 import json
 import os
@@ -44,14 +44,14 @@ iterations = 3
 """
 
 PATIENCE_S = 60
-"""For a process to come up or to end on a busy machine."""
+"""Time limit for the start or end of a process on a busy machine."""
 
 RUN = "study run plan.toml -o out"
 
 
 @pytest.fixture
 def plan(desk: Path) -> Path:
-    """Return the file of a plan of four short runs, in the folder `desk`."""
+    """Return the file of a plan with four short runs, in the folder `desk`."""
     file = desk / "plan.toml"
     file.write_text(PLAN, encoding="utf-8")
     return file
@@ -59,7 +59,7 @@ def plan(desk: Path) -> Path:
 
 @pytest.fixture
 def study(plan: Path, emaphm: Emaphm) -> Path:
-    """Return the folder "out" of that plan's results."""
+    """Return the folder "out" with the results of that plan."""
     assert emaphm(*RUN.split(), "--workers", "1").code == 0
     return plan.with_name("out")
 
@@ -82,7 +82,7 @@ def test_run_prints_a_line_for_each_method(plan: Path, emaphm: Emaphm) -> None:
         assert line[5] == "12"  # 4 points, 3 times
 
 
-def test_run_answers_in_json(plan: Path, emaphm: Emaphm) -> None:
+def test_run_prints_json(plan: Path, emaphm: Emaphm) -> None:
     code, out, err = emaphm(*RUN.split(), "--workers", "1", "--json")
     assert (code, err) == (0, "")
     answer = json.loads(out)
@@ -90,12 +90,12 @@ def test_run_answers_in_json(plan: Path, emaphm: Emaphm) -> None:
     assert answer == {"plan": "small", "folder": "out", "runs": 4, "done_again": []}
     results = Store.open(plan.with_name("out")).results
     assert results.height == 4
-    assert {one["method"] for one in methods} == {"da", "dragonfly-thesis"}
-    for one in methods:
-        assert one["mean_error_percent"] == results.filter(method=one["method"])["error_percent"].mean()
+    assert {method["method"] for method in methods} == {"da", "dragonfly-thesis"}
+    for method in methods:
+        assert method["mean_error_percent"] == results.filter(method=method["method"])["error_percent"].mean()
 
 
-def test_a_report_replaces_no_files_unasked(study: Path, emaphm: Emaphm) -> None:
+def test_a_report_does_not_overwrite_files_without_force(study: Path, emaphm: Emaphm) -> None:
     mine = study.with_name("mine")
     mine.mkdir()
     (mine / "report.md").write_text("my own")
@@ -112,7 +112,7 @@ def test_a_finished_study_may_be_started_again(emaphm: Emaphm) -> None:
     assert out.startswith("small: 4 of 4 runs\n")
 
 
-def test_a_damaged_row_is_named(study: Path, emaphm: Emaphm) -> None:
+def test_a_damaged_row_is_named_in_the_message(study: Path, emaphm: Emaphm) -> None:
     plan = Store.open(study).plan
     name, key = "worn, da, run 1", tasks(plan, trials_of(plan))[2].key
     for line in (f"{RUN} --workers 1", f"{RUN} --workers 1 --json"):
@@ -127,7 +127,7 @@ def test_a_damaged_row_is_named(study: Path, emaphm: Emaphm) -> None:
             assert out.startswith(f"small: 4 of 4 runs; damaged, and done again: {name}\n")
 
 
-def test_a_share_is_run_and_the_rest_later(plan: Path, emaphm: Emaphm) -> None:
+def test_a_share_of_the_runs_can_be_run_and_the_rest_later(plan: Path, emaphm: Emaphm) -> None:
     code, out, _ = emaphm(*RUN.split(), "--workers", "1", "--share", "0.5")
     assert code == 0
     assert out.startswith("small: 2 of 4 runs\n")
@@ -136,7 +136,7 @@ def test_a_share_is_run_and_the_rest_later(plan: Path, emaphm: Emaphm) -> None:
     assert out.startswith("small: 4 of 4 runs\n")
 
 
-def test_results_of_another_version_may_be_mixed_in(study: Path, emaphm: Emaphm) -> None:
+def test_results_of_another_version_may_be_mixed_in_on_request(study: Path, emaphm: Emaphm) -> None:
     _disguise(study)
     code, out, err = emaphm(*RUN.split(), "--mix")
     assert (code, err) == (0, "")
@@ -144,14 +144,14 @@ def test_results_of_another_version_may_be_mixed_in(study: Path, emaphm: Emaphm)
 
 
 def _disguise(study: Path) -> None:
-    """Give the first result of a study another version."""
+    """Change the version of the first result of a study."""
     plan = Store.open(study).plan
-    every = tasks(plan, trials_of(plan))
-    kept = ResultStore(study / "results.sqlite")
-    outcome = kept.read(every)[0][0]
+    study_tasks = tasks(plan, trials_of(plan))
+    store = ResultStore(study / "results.sqlite")
+    outcome = store.read(study_tasks)[0][0]
     outcome.result["revision"] = "0123456789ab"
-    with kept.writing() as writer:
-        writer.keep(every[0], outcome, "another", 1.0)
+    with store.writing() as writer:
+        writer.keep(study_tasks[0], outcome, "another", 1.0)
 
 
 # Plans
@@ -174,7 +174,7 @@ def test_plans_are_listed_in_json(emaphm: Emaphm) -> None:
     assert [plan["runs"] for plan in listed] == [Plan.load(name).total for name in BUILT_IN]
 
 
-def test_a_printed_plan_is_a_plan(emaphm: Emaphm) -> None:
+def test_a_printed_plan_can_be_read(emaphm: Emaphm) -> None:
     code, out, err = emaphm("study", "plans", "thesis")
     assert (code, err) == (0, "")
     assert Plan.from_toml_text(out) == Plan.load("thesis")
@@ -235,7 +235,7 @@ def test_bad_plans_are_refused(
         assert piece in message
 
 
-def test_another_plans_folder_is_refused(study: Path, plan: Path, refused: Refusal) -> None:
+def test_the_folder_of_another_plan_is_refused(study: Path, plan: Path, refused: Refusal) -> None:
     assert study.is_dir()
     plan.write_text(PLAN.replace("runs = 2", "runs = 3"), encoding="utf-8")
     assert "out holds results of another plan: 'runs' (2 there, 3 here); give another" in refused(
@@ -243,7 +243,7 @@ def test_another_plans_folder_is_refused(study: Path, plan: Path, refused: Refus
     )
 
 
-def test_another_versions_results_are_refused(study: Path, refused: Refusal) -> None:
+def test_results_of_another_version_are_refused(study: Path, refused: Refusal) -> None:
     _disguise(study)
     message = refused(*RUN.split())
     assert "out holds results of another version of the models (0123456789ab; this is " in message
@@ -257,7 +257,7 @@ Start = Callable[..., "subprocess.Popen[bytes]"]
 
 @pytest.fixture
 def start(desk: Path) -> Iterator[Start]:
-    """Return what starts a study of many runs, in a process group of its own."""
+    """Return a function that starts a study of many runs in its own process group."""
     longer = PLAN.replace("runs = 2", "runs = 800").replace("iterations = 3", "iterations = 10")
     (desk / "plan.toml").write_text(longer, encoding="utf-8")
     started = []
@@ -286,12 +286,12 @@ def _wait_for_results(desk: Path, count: int) -> None:
 
 
 def _kept(file: Path) -> int:
-    """Return how many results are kept; to read them all again and again would take longer than the runs."""
+    """Return the number of stored results; reading all results repeatedly would take longer than the runs."""
     if not file.exists():
         return 0
     with closing(sqlite3.connect(file, timeout=PATIENCE_S)) as connection, suppress(sqlite3.OperationalError):
         return int(connection.execute("SELECT COUNT(*) FROM results").fetchone()[0])
-    return 0  # its table is still to be made
+    return 0  # its table does not exist yet
 
 
 # Its quick tests: the next two, amid the work of one process and while others start; the exit code of SIGTERM
@@ -302,7 +302,7 @@ def _kept(file: Path) -> int:
     ("kill", "number", "code"),
     [(os.killpg, signal.SIGINT, 130), (os.kill, signal.SIGINT, 130), (os.kill, signal.SIGTERM, 143)],
 )
-def test_an_interruption_says_how_to_go_on(
+def test_an_interruption_states_how_to_resume(
     start: Start, desk: Path, kill: Callable[[int, int], None], number: int, code: int
 ) -> None:
     process = start("--workers", "2")
@@ -327,27 +327,27 @@ def test_an_interruption_while_workers_start_leaves_no_traceback(start: Start) -
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
-def test_progress_is_shown_on_a_terminal_alone_until_an_interruption(start: Start, desk: Path) -> None:
-    terminal, other = os.openpty()
-    process = start("--workers", "1", stderr=other)
-    os.close(other)
+def test_progress_is_shown_only_on_a_terminal_until_an_interruption(start: Start, desk: Path) -> None:
+    terminal, program_side = os.openpty()
+    process = start("--workers", "1", stderr=program_side)
+    os.close(program_side)
     _wait_for_results(desk, 5)
-    shown = b""
-    while b"/1600" not in shown:
-        shown += os.read(terminal, 65536)
+    output = b""
+    while b"/1600" not in output:
+        output += os.read(terminal, 65536)
     os.killpg(process.pid, signal.SIGINT)
     while True:
         try:
             piece = os.read(terminal, 65536)
-        except OSError:  # so Linux says that the other side is closed
+        except OSError:  # on Linux: the other side is closed
             break
-        shown += piece
+        output += piece
     out, _ = process.communicate(timeout=PATIENCE_S)
     os.close(terminal)
     assert (process.returncode, out) == (130, b"")
-    assert b"study small" in shown
+    assert b"study small" in output
     last = b"emaphm: interrupted: finished results are stored in out; the same command resumes\r\n"
-    assert shown.endswith(last)
-    assert b"Traceback" not in shown
+    assert output.endswith(last)
+    assert b"Traceback" not in output
     assert 5 <= Store.open(desk / "out").results.height < 1600
     assert not list(desk.rglob("*.tmp"))

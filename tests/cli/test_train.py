@@ -1,4 +1,4 @@
-"""`emaphm train` and `diagnose --estimator`: what is asked wrongly, and what is answered."""
+"""`emaphm train` and `diagnose --estimator`: refused arguments, and results."""
 
 import json
 import shutil
@@ -29,8 +29,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     setup = RecordingSetup.of(THESIS, Chirp())
     constant_estimator(setup, setup.space.points(TRUTH.vector), 0.02).save(place / "unit.estimator")
     for seed in range(2):
-        whole = simulate(THESIS, Chirp(), faults=TRUTH, noise=0.05, adc_bits=12, seed=seed)
-        columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
+        recording = simulate(THESIS, Chirp(), faults=TRUTH, noise=0.05, adc_bits=12, seed=seed)
+        columns = {name: recording[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
         write_recording(Recording(columns), place / f"{seed}.csv")
     return place
 
@@ -62,10 +62,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["train", "-o", "{0}/new.estimator", "--nuisance", "lod"], "did you mean 'load'"),
     ],
 )
-def test_what_is_asked_wrongly_is_answered_in_one_line(
+def test_wrong_arguments_are_refused_in_one_line(
     folder: Path, arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main([one.format(folder) for one in arguments]) == 2
+    assert main([argument.format(folder) for argument in arguments]) == 2
     captured = capsys.readouterr()
     assert complaint in captured.err
     assert captured.err.count("\n") == 1
@@ -89,11 +89,11 @@ FACTS = {
         "rank_chi2_limit": 0.0,
     },
 }
-"""What is said of a training that did not take place."""
+"""Data of a training that did not take place."""
 
 
 def trained_by(folder: Path, monkeypatch: pytest.MonkeyPatch, meanwhile: Callable[[Path], object]) -> None:
-    """Let training give the estimator in `folder`; `meanwhile` is called with the folder of simulations."""
+    """Replace training: it returns the estimator in `folder` after `meanwhile(folder of simulations)`."""
 
     def train(_: object, __: object, place: Path, **___: object) -> Estimator:
         place.mkdir()
@@ -104,30 +104,30 @@ def trained_by(folder: Path, monkeypatch: pytest.MonkeyPatch, meanwhile: Callabl
 
 
 @pytest.mark.parametrize("force", [False, True])
-def test_a_file_that_appears_while_it_learns_is_replaced_only_by_force(
+def test_a_file_created_during_training_is_replaced_only_by_force(
     folder: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     force: bool,
 ) -> None:
-    out, other = tmp_path / "new.estimator", tmp_path / "new-2.estimator"
+    out, later = tmp_path / "new.estimator", tmp_path / "new-2.estimator"
     trained_by(folder, monkeypatch, lambda _: out.write_text("of another training"))
     assert main(["train", "-o", str(out), "--json", *(["--force"] if force else [])]) == 0
-    said = capsys.readouterr()
-    written = out if force else other
-    assert json.loads(said.out)["estimator"] == str(written)
+    streams = capsys.readouterr()
+    written = out if force else later
+    assert json.loads(streams.out)["estimator"] == str(written)
     assert Estimator.load(written).setup.actuator == THESIS
     if not force:
         assert out.read_text() == "of another training"
         assert (
-            f"new.estimator has appeared during the training and is not replaced; the estimator is in {other}"
-            in said.err
+            f"new.estimator has appeared during the training and is not replaced; the estimator is in {later}"
+            in streams.err
         )
     assert {path.name for path in tmp_path.iterdir()} == {out.name, written.name}
 
 
-def test_an_estimator_that_cannot_be_written_where_it_should_is_kept(
+def test_an_estimator_that_cannot_be_written_to_its_file_is_saved_elsewhere(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     away, kept = tmp_path / "away", tmp_path / "kept"
@@ -138,7 +138,7 @@ def test_an_estimator_that_cannot_be_written_where_it_should_is_kept(
     assert Estimator.load(kept / "new.estimator").setup.actuator == THESIS
 
 
-def test_simulations_that_another_training_uses_by_now_are_kept(
+def test_simulations_that_another_training_uses_are_not_removed(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with ExitStack() as other_training:
@@ -153,8 +153,8 @@ def test_simulations_that_another_training_uses_by_now_are_kept(
 
 
 @pytest.mark.usefixtures("any_delay_shows")
-def test_json_says_which_method_it_was(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = [
+def test_json_names_the_method(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command_line = [
         "diagnose",
         f"{folder}/0.csv",
         "--estimator",
@@ -162,24 +162,28 @@ def test_json_says_which_method_it_was(folder: Path, capsys: pytest.CaptureFixtu
         "--fast",
         "--json",
     ]
-    assert main(asked) == 0
+    assert main(command_line) == 0
     values = json.loads(capsys.readouterr().out)
     assert values["method"] == "estimator"
     np.testing.assert_allclose(values["k"][0], TRUTH.friction, atol=1e-3)
 
 
 @pytest.mark.usefixtures("any_delay_shows")
-def test_a_batch_is_answered_by_the_estimator(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    asked = ["diagnose", f"{folder}/0.csv", f"{folder}/1.csv", "--estimator", f"{folder}/unit.estimator"]
-    assert main([*asked, "--fast", "--json", "--workers", "1", "-o", f"{folder}/batch"]) == 0
+def test_a_batch_is_diagnosed_by_the_estimator(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command_line = [
+        "diagnose",
+        f"{folder}/0.csv",
+        f"{folder}/1.csv",
+        "--estimator",
+        f"{folder}/unit.estimator",
+    ]
+    assert main([*command_line, "--fast", "--json", "--workers", "1", "-o", f"{folder}/batch"]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert [line["method"] for line in lines] == ["estimator"] * 2
 
 
 @pytest.mark.usefixtures("any_delay_shows")
-def test_an_estimator_that_is_replaced_during_a_batch_answers_for_no_other(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_an_estimator_replaced_during_a_batch_does_not_diagnose(folder: Path, tmp_path: Path) -> None:
     setup = RecordingSetup.of(THESIS, Chirp())
     file, files = tmp_path / "unit.estimator", [folder / "0.csv", folder / "1.csv"]
     settings = DiagnosisSettings(estimator=str(file), fast=True)
@@ -190,15 +194,15 @@ def test_an_estimator_that_is_replaced_during_a_batch_answers_for_no_other(
     (replaced,) = running
     assert "unit.estimator: has changed since the work began" in replaced.error
     shutil.copy(folder / "unit.estimator", file)
-    again = [
-        one.values["k"][0]
-        for one in diagnose_all(files, THESIS, settings, workers=1, folder=tmp_path / "out")
+    repeated = [
+        outcome.values["k"][0]
+        for outcome in diagnose_all(files, THESIS, settings, workers=1, folder=tmp_path / "out")
     ]
-    np.testing.assert_allclose(again, TRUTH.friction, atol=1e-3)
+    np.testing.assert_allclose(repeated, TRUTH.friction, atol=1e-3)
 
 
-def test_another_estimator_makes_other_results(folder: Path) -> None:
-    one = DiagnosisSettings(estimator=str(folder / "unit.estimator")).to_dict()
+def test_another_estimator_changes_the_key_of_the_results(folder: Path) -> None:
+    first = DiagnosisSettings(estimator=str(folder / "unit.estimator")).to_dict()
     setup = short_setup()
     constant_estimator(setup, np.zeros(10)).save(folder / "other.estimator")
-    assert one != DiagnosisSettings(estimator=str(folder / "other.estimator")).to_dict()
+    assert first != DiagnosisSettings(estimator=str(folder / "other.estimator")).to_dict()

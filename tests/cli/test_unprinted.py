@@ -1,6 +1,6 @@
-"""An answer that cannot be printed: what was asked for as a file is written all the same.
+"""An answer that cannot be printed: the requested files are written nevertheless.
 
-The reader of a pipe leaves early (`emaphm … | head`), or the device is full.
+Cases: the reader closes a pipe early (`emaphm … | head`), or the device is full.
 """
 
 import os
@@ -23,7 +23,7 @@ QUICK = "--model averaged --nuisance none --no-correction"
 
 @pytest.fixture
 def plain(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw figures of nothing: what they show is tested elsewhere, and takes a second."""
+    """Draw empty figures: other tests check their content, and drawing takes a second."""
     monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")
     for drawer in ("replay.draw_replay", "design.draw_design"):
         monkeypatch.setattr(f"emaphm.plotting.{drawer}", lambda *_: Figure())
@@ -31,7 +31,7 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def unread(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
-    """Return what makes a stream of this process a pipe that nobody reads; each line fails at once."""
+    """Return a function that replaces a stream by a pipe without a reader; each line fails at once."""
     pipes = []
 
     def make(name: str) -> None:
@@ -57,7 +57,7 @@ def unread(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
         ("init --from dc -o out.toml", ["out.toml"]),
     ],
 )
-def test_the_files_asked_for_are_written(
+def test_requested_files_are_written_without_a_reader(
     desk: Path,
     unread: Callable[[str], None],
     line: str,
@@ -74,7 +74,7 @@ FULL = Path("/dev/full")
 
 @pytest.fixture
 def full(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], None]]:
-    """Return what makes stdout a device that is full; each line fails at once."""
+    """Replace stdout by a full device; each line fails at once."""
     if not FULL.exists():
         pytest.skip("needs a device that is always full")
     with FULL.open("w", buffering=1, encoding="utf-8") as file:
@@ -92,7 +92,7 @@ def full(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], None]]:
         ("diagnose --help", []),
     ],
 )
-def test_a_full_device_costs_the_answer_alone(
+def test_a_full_device_costs_only_the_answer(
     desk: Path,
     full: Callable[[], None],
     capsys: pytest.CaptureFixture[str],
@@ -101,8 +101,8 @@ def test_a_full_device_costs_the_answer_alone(
 ) -> None:
     full()
     assert main(line.split()) == 2
-    said = capsys.readouterr().err
-    assert said == "emaphm: stdout cannot be written: no space is left for it; write elsewhere\n"
+    messages = capsys.readouterr().err
+    assert messages == "emaphm: stdout cannot be written: no space is left for it; write elsewhere\n"
     assert [name for name in names if not (desk / name).stat().st_size] == []
 
 
@@ -115,24 +115,24 @@ def test_a_full_device_does_not_hide_another_error(
     assert "absent.csv" in capsys.readouterr().err
 
 
-def test_a_batch_goes_on_where_a_folder_keeps_it(desk: Path, unread: Callable[[str], None]) -> None:
+def test_a_batch_continues_if_a_folder_stores_its_results(desk: Path, unread: Callable[[str], None]) -> None:
     shutil.copy("good.csv", "other.csv")
     unread("stdout")
     assert main(f"diagnose good.csv other.csv {QUICK} --workers 1 --json -o kept".split()) == 0
-    with closing(sqlite3.connect(desk / "kept" / "results.sqlite")) as kept:
-        assert kept.execute("SELECT count(*) FROM results").fetchone() == (2,)
+    with closing(sqlite3.connect(desk / "kept" / "results.sqlite")) as store:
+        assert store.execute("SELECT count(*) FROM results").fetchone() == (2,)
 
 
-def test_a_failure_is_said_all_the_same(desk: Path, unread: Callable[[str], None]) -> None:
+def test_a_failure_is_reported_without_a_reader(desk: Path, unread: Callable[[str], None]) -> None:
     assert desk.is_dir()
     unread("stdout")
     assert main(["diagnose", "absent.csv", "none.csv", "--workers", "1"]) == 2
 
 
-def test_nobody_need_read_what_is_said_on_the_way(
+def test_progress_messages_need_no_reader(
     desk: Path, unread: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # `emaphm train … 2>&1 | head -1` would end the work of hours.
+    # Otherwise `emaphm train … 2>&1 | head -1` would end hours of work.
     with (desk / "answers").open("w", encoding="utf-8") as answers:
         answers.write("\n" * 20)
     with (desk / "answers").open(encoding="utf-8") as answers:
@@ -142,11 +142,13 @@ def test_nobody_need_read_what_is_said_on_the_way(
     assert (desk / "out.toml").is_file()
 
 
-def test_a_pipe_broken_elsewhere_is_not_taken_for_it(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_broken_pipe_is_not_taken_for_that_of_stdout(
+    desk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def broken(*_: object, **__: object) -> None:
         raise BrokenPipeError
 
     assert desk.is_dir()
-    monkeypatch.setattr("emaphm.recording.read_recording", broken)  # say, to a worker that died
+    monkeypatch.setattr("emaphm.recording.read_recording", broken)  # for example to a worker that died
     with pytest.raises(BrokenPipeError):
         main(["replay", "good.csv"])

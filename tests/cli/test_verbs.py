@@ -1,4 +1,4 @@
-"""The verbs used as they are meant: what they print, write and pass on to each other."""
+"""The verbs in normal use: what they print, write and pass to each other."""
 
 import json
 import re
@@ -29,7 +29,7 @@ TRUTH = ("--fault", "friction=0.3", "--fault", "short_b=0.2")
 TRUE_K = Faults(friction=0.3, short_b=0.2).vector
 
 QUICK = ("--nuisance", "none", "--no-correction")
-"""Options of a diagnosis in a tenth of the time, for what its values do not matter to."""
+"""Options of a diagnosis in a tenth of the time, for tests that do not check its values."""
 
 DIAGNOSIS = {
     "faults",
@@ -46,7 +46,7 @@ DIAGNOSIS = {
     "actuator",
     "version",
 }
-"""What the design promises of `diagnose --json`."""
+"""Keys of `diagnose --json` that the design specifies."""
 
 
 def _refuse(constant: str) -> NoReturn:
@@ -54,11 +54,11 @@ def _refuse(constant: str) -> NoReturn:
 
 
 def parsed(emaphm: Emaphm, *arguments: str | Path) -> dict[str, Any]:
-    """Return the one JSON object that a command prints."""
+    """Return a function that runs a command and returns the JSON object it prints."""
     code, out, err = emaphm(*arguments, "--json")
     assert (code, err) == (0, "")
     assert out.count("\n") == 1
-    # Python's own parser would let NaN and Infinity pass, which are no JSON.
+    # Python's own parser accepts NaN and Infinity, which are not JSON.
     result = json.loads(out, parse_constant=_refuse)
     assert isinstance(result, dict)
     return result
@@ -66,7 +66,7 @@ def parsed(emaphm: Emaphm, *arguments: str | Path) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a recording of an actuator with the faults `TRUTH`, made by the reference model."""
+    """Return the file of a recording with the faults `TRUTH`, simulated by the reference model."""
     path = tmp_path_factory.mktemp("made") / "faulty.csv"
     assert main(["simulate", str(path), *TRUTH, "--duration", "0.2", "--json"]) == 0
     return path
@@ -78,23 +78,27 @@ def faulty(desk: Path, made: Path) -> Path:
     return Path(shutil.copy(made, desk))
 
 
-def test_simulate_writes_what_it_says(emaphm: Emaphm, desk: Path) -> None:
-    said = parsed(
+def test_simulate_writes_the_recording_that_it_reports(emaphm: Emaphm, desk: Path) -> None:
+    answer = parsed(
         emaphm, "simulate", "out.parquet", "--duration", "0.3", "--sample-rate", "2000", "--seed", "3", *TRUTH
     )
     written = pl.read_parquet(desk / "out.parquet")
-    assert written.columns == said["channels"]
-    assert written.height == said["samples"] == 600
-    assert said["duration_s"] == pytest.approx(0.3)
-    assert said["sample_rate_hz"] == pytest.approx(2000)
-    np.testing.assert_array_equal(said["k"], TRUE_K)
-    assert (said["recording"], said["model"], said["actuator"]) == ("out.parquet", "reference", "thesis")
-    assert (said["seed"], said["version"]) == (3, VERSION)
+    assert written.columns == answer["channels"]
+    assert written.height == answer["samples"] == 600
+    assert answer["duration_s"] == pytest.approx(0.3)
+    assert answer["sample_rate_hz"] == pytest.approx(2000)
+    np.testing.assert_array_equal(answer["k"], TRUE_K)
+    assert (answer["recording"], answer["model"], answer["actuator"]) == (
+        "out.parquet",
+        "reference",
+        "thesis",
+    )
+    assert (answer["seed"], answer["version"]) == (3, VERSION)
 
 
 @pytest.fixture
 def retracted(tmp_path: Path) -> Path:
-    """Return the description of an actuator whose position is counted from one of its end stops."""
+    """Return the description of an actuator whose position counts from one of its end stops."""
     path = tmp_path / "retracted.toml"
     path.write_text(files.thesis_with("[-0.5236, 0.5236]", "[0.0, 0.6]"), encoding="utf-8")
     return path
@@ -113,7 +117,7 @@ def retracted(tmp_path: Path) -> Path:
         (("--command", "file.csv", "--about", "0.2"), 0.2, 0.21, ()),
     ],
 )
-def test_simulate_starts_where_there_is_room_and_says_what_may_not_be_meant(
+def test_simulate_starts_with_room_to_move_and_warns_of_a_doubtful_range(
     emaphm: Emaphm,
     desk: Path,
     retracted: Path,
@@ -133,7 +137,7 @@ def test_simulate_starts_where_there_is_room_and_says_what_may_not_be_meant(
     assert bool(err) == bool(said)
 
 
-def test_a_shaft_that_overshoots_into_a_stop_is_said() -> None:
+def test_a_shaft_that_overshoots_into_a_stop_is_reported() -> None:
     mechanics = Actuator.thesis().mechanics.model_copy(update={"end_stops": (0.0, 0.6)})
     retracted = Actuator.thesis().model_copy(update={"mechanics": mechanics})
     into = "the shaft runs into the end stop at 0, beyond the range of its command"
@@ -143,7 +147,7 @@ def test_a_shaft_that_overshoots_into_a_stop_is_said() -> None:
         assert beyond_stops(recording, retracted) == said
 
 
-def test_simulate_says_where_the_recording_is(emaphm: Emaphm, desk: Path) -> None:
+def test_simulate_reports_the_file_of_the_recording(emaphm: Emaphm, desk: Path) -> None:
     code, out, err = emaphm("simulate", "out.csv", "--model", "averaged")
     assert (code, err) == (0, "")
     for piece in ("2500 rows", "5000 Hz", "current_A", "written to out.csv"):
@@ -171,9 +175,9 @@ def test_the_named_commands_are_played(
 ) -> None:
     assert emaphm("simulate", "out.csv", "--model", "averaged", *options).code == 0
     written = pl.read_csv(desk / "out.csv")
-    # Rows are means over their interval; a straight command's mean is its value amid the step points.
+    # Rows are means over their interval; the mean of a linear command is its value amid the step points.
     middle = written["time_s"].to_numpy() + 0.5 / 5000
-    # A mean over 0.2 ms at up to 15 Hz differs from the value amid by (2 pi 15)² (2e-4)² / 24 of it; the
+    # A mean over 0.2 ms at up to 15 Hz differs from the mid value by (2 pi 15)² (2e-4)² / 24 of it; the
     # points of the mean lie a quarter step early, 2 pi 15 Hz × 25 µs.
     np.testing.assert_allclose(written["command_rad"], expected(middle), atol=5e-3 * 3e-3)
 
@@ -188,11 +192,11 @@ def test_command_and_load_come_from_files(emaphm: Emaphm, desk: Path, ending: st
     }
     (desk / f"signal.{ending}").write_bytes(write(signal))
     options = ("--command", f"signal.{ending}", "--load", f"signal.{ending}", "--model", "averaged")
-    said = parsed(emaphm, "simulate", "out.csv", *options, "--duration", "0.3")
-    assert "load_Nm" in said["channels"]
+    answer = parsed(emaphm, "simulate", "out.csv", *options, "--duration", "0.3")
+    assert "load_Nm" in answer["channels"]
     written = pl.read_csv(desk / "out.csv")
     middle = written["time_s"].to_numpy() + 0.5 / 5000
-    # Linear between the samples and held after the last; a row's mean is off by half a step of the model.
+    # Linear between the samples and held after the last; a row's mean deviates by half a step of the model.
     for name in ("command_rad", "load_Nm"):
         expected = np.interp(middle, signal["time_s"], signal[name])
         np.testing.assert_allclose(written[name], expected, atol=0.02 / 0.1 * 5e-5)
@@ -204,16 +208,18 @@ def test_a_constant_load_is_recorded(emaphm: Emaphm, desk: Path, load: str) -> N
     np.testing.assert_allclose(pl.read_csv(desk / "out.csv")["load_Nm"], float(load))
 
 
-def test_the_same_seed_gives_the_same_recording_and_another_another(emaphm: Emaphm, desk: Path) -> None:
+def test_the_same_seed_gives_the_same_recording_and_another_seed_a_different_one(
+    emaphm: Emaphm, desk: Path
+) -> None:
     for name, seed in (("a.csv", "1"), ("b.csv", "1"), ("c.csv", "2")):
         options = ("--model", "averaged", "--noise", "0.05", "--seed", seed)
         assert emaphm("simulate", name, *options).code == 0
-    first, again, other = ((desk / name).read_bytes() for name in ("a.csv", "b.csv", "c.csv"))
-    assert first == again
-    assert first != other
+    first, repeated, another_seed = ((desk / name).read_bytes() for name in ("a.csv", "b.csv", "c.csv"))
+    assert first == repeated
+    assert first != another_seed
 
 
-def test_converters_have_the_resolution_asked_for(emaphm: Emaphm, desk: Path) -> None:
+def test_converters_have_the_requested_resolution(emaphm: Emaphm, desk: Path) -> None:
     assert emaphm("simulate", "out.csv", "--model", "averaged", "--adc-bits", "8").code == 0
     # 8 bits over plus and minus twice the current limit of 22.5 A.
     codes = pl.read_csv(desk / "out.csv")["current_A"].to_numpy() / (90 / 2**8)
@@ -221,24 +227,24 @@ def test_converters_have_the_resolution_asked_for(emaphm: Emaphm, desk: Path) ->
     assert np.unique(codes).size > 10
 
 
-def test_diagnose_finds_what_was_simulated(emaphm: Emaphm, faulty: Path) -> None:
-    found = parsed(emaphm, "diagnose", faulty.name)
-    assert found.keys() >= DIAGNOSIS
-    assert tuple(found["faults"]) == NAMES
-    for name, value, truth in zip(NAMES, found["k"], TRUE_K, strict=True):
-        component = found["faults"][name]
+def test_diagnose_estimates_the_simulated_faults(emaphm: Emaphm, faulty: Path) -> None:
+    answer = parsed(emaphm, "diagnose", faulty.name)
+    assert answer.keys() >= DIAGNOSIS
+    assert tuple(answer["faults"]) == NAMES
+    for name, value, truth in zip(NAMES, answer["k"], TRUE_K, strict=True):
+        component = answer["faults"][name]
         assert component["value"] == value
         assert component.keys() >= {"value", "interval95", "identifiable"}
         if component["identifiable"]:
             # The project's own target for noise-free single faults is 1.4 %; this leaves it room.
             assert value == pytest.approx(truth, abs=0.02)
             assert component["interval95"][0] <= value <= component["interval95"][1]
-    assert found["faults"]["friction"]["verdict"] == "degraded"
-    assert found["faults"]["short_b"]["verdict"] == "degraded"
-    assert found["explained"] is True
-    assert found["laws"] == []
-    assert (found["recording"], found["actuator"]) == ("faulty.csv", "thesis")
-    assert (found["method"], found["seed"], found["version"]) == ("hybrid", 0, VERSION)
+    assert answer["faults"]["friction"]["verdict"] == "degraded"
+    assert answer["faults"]["short_b"]["verdict"] == "degraded"
+    assert answer["explained"] is True
+    assert answer["laws"] == []
+    assert (answer["recording"], answer["actuator"]) == ("faulty.csv", "thesis")
+    assert (answer["method"], answer["seed"], answer["version"]) == ("hybrid", 0, VERSION)
 
 
 def test_the_file_format_does_not_matter(emaphm: Emaphm, faulty: Path, desk: Path) -> None:
@@ -246,8 +252,8 @@ def test_the_file_format_does_not_matter(emaphm: Emaphm, faulty: Path, desk: Pat
     from_csv, from_parquet = (
         parsed(emaphm, "diagnose", f"faulty.{ending}", *QUICK) for ending in ("csv", "parquet")
     )
-    for told in (from_csv, from_parquet):
-        del told["seconds"], told["recording"]
+    for answer in (from_csv, from_parquet):
+        del answer["seconds"], answer["recording"]
     assert from_csv == from_parquet
 
 
@@ -256,45 +262,45 @@ def test_the_file_format_does_not_matter(emaphm: Emaphm, faulty: Path, desk: Pat
 def test_the_same_seed_gives_the_same_diagnosis(
     emaphm: Emaphm, method: str, options: tuple[str, ...]
 ) -> None:
-    # Short: a swarm takes its time by the row.
+    # Short, because the time of a swarm grows with the number of rows.
     assert emaphm("simulate", "faulty.csv", *TRUTH, "--duration", "0.05").code == 0
 
-    def told(seed: int) -> dict[str, Any]:
-        found = parsed(emaphm, "diagnose", "faulty.csv", "--method", method, "--seed", str(seed), *options)
-        assert found.pop("seconds") > 0
-        assert found.pop("seed") == seed
-        assert found["method"] == method
-        return found
+    def diagnosis(seed: int) -> dict[str, Any]:
+        answer = parsed(emaphm, "diagnose", "faulty.csv", "--method", method, "--seed", str(seed), *options)
+        assert answer.pop("seconds") > 0
+        assert answer.pop("seed") == seed
+        assert answer["method"] == method
+        return answer
 
-    first = told(7)
-    assert told(7) == first
-    assert told(8) != first
+    first = diagnosis(7)
+    assert diagnosis(7) == first
+    assert diagnosis(8) != first
 
 
 @pytest.mark.usefixtures("desk")
 def test_diagnose_samples_the_posterior_on_request(emaphm: Emaphm) -> None:
-    # Short and slow: a walk takes its time by the row.
+    # Short and slow, because the time of a random walk grows with the number of rows.
     short = ("--duration", "0.15", "--sample-rate", "2000")
     assert emaphm("simulate", "faulty.csv", *TRUTH, *short).code == 0
     plain = ("diagnose", "faulty.csv", *QUICK)
-    found = parsed(emaphm, *plain, "--posterior")
-    assert set(found["posterior"]) == {"faults", "samples", "convergence"}
-    assert found["posterior"]["convergence"]["converged"] is True
-    for name, sampled in found["posterior"]["faults"].items():
+    answer = parsed(emaphm, *plain, "--posterior")
+    assert set(answer["posterior"]) == {"faults", "samples", "convergence"}
+    assert answer["posterior"]["convergence"]["converged"] is True
+    for name, sampled in answer["posterior"]["faults"].items():
         low, high = sampled["interval95"]
         assert low <= sampled["median"] <= high
-        assert name in found["faults"]
+        assert name in answer["faults"]
     assert "posterior" not in parsed(emaphm, *plain)
 
 
-def test_diagnose_can_do_without_correction(emaphm: Emaphm, faulty: Path) -> None:
+def test_diagnose_works_without_bias_correction(emaphm: Emaphm, faulty: Path) -> None:
     corrected = parsed(emaphm, "diagnose", faulty.name, "--nuisance", "none")
     plain = parsed(emaphm, "diagnose", faulty.name, *QUICK)
     assert plain["evaluations"] < corrected["evaluations"]
     assert plain["reference_runs"] < corrected["reference_runs"]
 
 
-def test_people_get_a_table_and_a_report(emaphm: Emaphm, faulty: Path, desk: Path) -> None:
+def test_text_output_has_a_table_and_a_report(emaphm: Emaphm, faulty: Path, desk: Path) -> None:
     code, out, err = emaphm("diagnose", faulty.name, *QUICK, "--report", "report.html")
     assert (code, err) == (0, "")
     for piece in (*NAMES, "degraded", "healthy", "explains the recording", "seed 0", "report.html"):
@@ -308,12 +314,12 @@ def test_json_stays_json_with_a_report(
     emaphm: Emaphm, faulty: Path, desk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")  # its figures are drawn above
-    found = parsed(emaphm, "diagnose", faulty.name, *QUICK, "--report", "report.html")
-    assert found.keys() >= DIAGNOSIS
+    answer = parsed(emaphm, "diagnose", faulty.name, *QUICK, "--report", "report.html")
+    assert answer.keys() >= DIAGNOSIS
     assert (desk / "report.html").is_file()
 
 
-def test_replay_with_the_true_faults_is_nearer(emaphm: Emaphm, faulty: Path) -> None:
+def test_replay_with_the_true_faults_has_a_smaller_error(emaphm: Emaphm, faulty: Path) -> None:
     healthy, true = (
         parsed(emaphm, "replay", faulty.name, *faults)["relative_error"] for faults in ((), TRUTH)
     )
@@ -322,20 +328,22 @@ def test_replay_with_the_true_faults_is_nearer(emaphm: Emaphm, faulty: Path) -> 
     assert true.keys() == healthy.keys() >= {"current_A", "position_rad", "speed_rad_s", "angle_rad"}
 
 
-def test_replay_by_the_model_that_recorded_leaves_nothing(emaphm: Emaphm, faulty: Path) -> None:
-    told = parsed(emaphm, "replay", faulty.name, "--model", "reference", *TRUTH)
-    assert told["model"] == "reference"
-    # The command is known from its means alone, 0.2 ms apart.
-    assert told["relative_error"]["position_rad"] < 1e-3
+def test_replay_by_the_model_that_made_the_recording_has_a_negligible_error(
+    emaphm: Emaphm, faulty: Path
+) -> None:
+    answer = parsed(emaphm, "replay", faulty.name, "--model", "reference", *TRUTH)
+    assert answer["model"] == "reference"
+    # Only the means of the command are known, 0.2 ms apart.
+    assert answer["relative_error"]["position_rad"] < 1e-3
 
 
-def test_replay_judges_several_recordings_and_writes_their_signals(emaphm: Emaphm, desk: Path) -> None:
+def test_replay_compares_several_recordings_and_writes_their_signals(emaphm: Emaphm, desk: Path) -> None:
     (desk / "servo.csv").write_bytes(files.csv(files.without("current_A", "speed_rad_s")))
-    told = parsed(emaphm, "replay", "good.csv", "servo.csv", "--series", "series.csv")
-    assert [one["recording"] for one in told["recordings"]] == ["good.csv", "servo.csv"]
-    assert told["recordings"][0] == parsed(emaphm, "replay", "good.csv")
-    assert told["recordings"][1]["rms_error"].keys() == {"position_rad"}
-    assert told["mean_absolute_error"]["position_rad"] <= told["rms_error"]["position_rad"]
+    answer = parsed(emaphm, "replay", "good.csv", "servo.csv", "--series", "series.csv")
+    assert [item["recording"] for item in answer["recordings"]] == ["good.csv", "servo.csv"]
+    assert answer["recordings"][0] == parsed(emaphm, "replay", "good.csv")
+    assert answer["recordings"][1]["rms_error"].keys() == {"position_rad"}
+    assert answer["mean_absolute_error"]["position_rad"] <= answer["rms_error"]["position_rad"]
     table = pl.read_csv(desk / "series.csv")
     assert len(table) == 400
     assert {"recording", "time_s", "position_rad", "position_rad_model", "current_A_model"} <= set(
@@ -353,14 +361,14 @@ def test_replay_judges_several_recordings_and_writes_their_signals(emaphm: Emaph
         assert piece in text
 
 
-def test_replay_warns_of_a_model_that_is_nothing_like(emaphm: Emaphm, desk: Path) -> None:
+def test_replay_warns_of_a_model_far_from_the_recording(emaphm: Emaphm, desk: Path) -> None:
     (desk / "reversed.csv").write_bytes(files.csv(files.scaled(position_rad=-1)))
     warnings = parsed(emaphm, "replay", "reversed.csv")["warnings"]
     assert any(warning.startswith("position_rad deviates by") for warning in warnings)
     assert "Warning: position_rad" in emaphm("replay", "reversed.csv").out
 
 
-def test_a_jittering_clock_is_noted(emaphm: Emaphm, desk: Path) -> None:
+def test_a_jittering_clock_has_a_note(emaphm: Emaphm, desk: Path) -> None:
     moves = np.random.default_rng(0).uniform(-0.05, 0.05, 200)
     jittered = files.columns() | {"time_s": files.columns()["time_s"] + 1e-3 * moves}
     (desk / "jitter.csv").write_bytes(files.csv(jittered))
@@ -371,43 +379,43 @@ def test_a_jittering_clock_is_noted(emaphm: Emaphm, desk: Path) -> None:
         assert note in emaphm(verb, "jitter.csv", *options).out
 
 
-def test_an_unconnected_sensor_leaves_json_valid(emaphm: Emaphm, desk: Path) -> None:
+def test_the_json_of_an_unconnected_sensor_is_valid(emaphm: Emaphm, desk: Path) -> None:
     (desk / "still.csv").write_bytes(files.csv(files.scaled(speed_rad_s=0)))
     # Its relative error would be a division by zero.
     assert parsed(emaphm, "replay", "still.csv")["relative_error"].keys() == {"position_rad", "current_A"}
 
 
-def test_calibrate_hands_on_to_replay(emaphm: Emaphm, desk: Path) -> None:
+def test_replay_uses_the_calibrated_description(emaphm: Emaphm, desk: Path) -> None:
     worn = files.thesis_with("inertia_motor = 1.3e-05", "inertia_motor = 2.3e-05")
     (desk / "worn.toml").write_text(worn, encoding="utf-8")
     options = ("--actuator", "worn.toml", "--model", "averaged")
     assert emaphm("simulate", "worn.csv", *options).code == 0
-    before = parsed(emaphm, "replay", "worn.csv")["relative_error"]
+    error_before = parsed(emaphm, "replay", "worn.csv")["relative_error"]
     # The averaged model made the recording, on a day without load or heat.
     exact = ("--no-correction", "--nuisance", "none")
-    told = parsed(emaphm, "calibrate", "worn.csv", "--free", "inertia,viscous", "-o", "found.toml", *exact)
-    assert list(told["parameters"]) == ["inertia", "viscous"]
-    inertia = told["parameters"]["inertia"]
+    answer = parsed(emaphm, "calibrate", "worn.csv", "--free", "inertia,viscous", "-o", "found.toml", *exact)
+    assert list(answer["parameters"]) == ["inertia", "viscous"]
+    inertia = answer["parameters"]["inertia"]
     assert inertia["unit"] == "kg·m²"
-    # The same model made the recording: what is left is the command, known from its means alone.
+    # The same model made the recording: the error is from the command, of which only the means are known.
     assert inertia["value"] == pytest.approx(3.5e-5, rel=0.01)
     assert 0 < inertia["standard_error"] < 0.01 * inertia["value"]
-    after = parsed(emaphm, "replay", "worn.csv", "--actuator", "found.toml")
-    assert after["relative_error"] == pytest.approx(told["relative_error"])
-    assert after["relative_error"]["current_A"] < 0.1 * before["current_A"]
+    answer_after = parsed(emaphm, "replay", "worn.csv", "--actuator", "found.toml")
+    assert answer_after["relative_error"] == pytest.approx(answer["relative_error"])
+    assert answer_after["relative_error"]["current_A"] < 0.1 * error_before["current_A"]
     described = Actuator.from_toml("found.toml")
     assert described.mechanics.inertia == pytest.approx(inertia["value"])
-    assert after["actuator"] == described.name == told["actuator"]
+    assert answer_after["actuator"] == described.name == answer["actuator"]
     comments = (desk / "found.toml").read_text(encoding="utf-8").splitlines()
     assert comments[0].startswith("# Calibrated on worn.csv: inertia, viscous")
 
 
-def test_several_recordings_make_the_baseline_of_later_diagnoses(emaphm: Emaphm, desk: Path) -> None:
+def test_a_baseline_from_several_recordings_is_used_in_later_diagnoses(emaphm: Emaphm, desk: Path) -> None:
     for name, frequency in (("monday.csv", "15"), ("tuesday.csv", "11")):
         options = ("--model", "averaged", "--noise", "0.1", "--duration", "0.3", "--frequency", frequency)
         assert emaphm("simulate", name, *options).code == 0
     days = ("monday.csv", "tuesday.csv")
-    told = parsed(
+    answer = parsed(
         emaphm,
         "calibrate",
         *days,
@@ -419,35 +427,37 @@ def test_several_recordings_make_the_baseline_of_later_diagnoses(emaphm: Emaphm,
         "--nuisance",
         "none",
     )
-    assert [one["recording"] for one in told["recordings"]] == list(days)
-    assert told["birge_ratio"] > 0
+    assert [item["recording"] for item in answer["recordings"]] == list(days)
+    assert answer["birge_ratio"] > 0
     baseline = Actuator.from_toml("unit.toml").baseline
     assert baseline is not None
     assert (baseline.names, baseline.recordings) == (("coulomb",), days)
-    coulomb = told["parameters"]["coulomb"]
+    coulomb = answer["parameters"]["coulomb"]
     assert baseline.covariance[0][0] ** 0.5 == pytest.approx(coulomb["standard_error"] / coulomb["value"])
     comments = (desk / "unit.toml").read_text(encoding="utf-8").splitlines()
     assert comments[0].startswith("# Calibrated on monday.csv, tuesday.csv: coulomb;")
-    # As if the days had scattered more, so that a diagnosis has something to allow for.
+    # A larger scatter between the days, so that the diagnosis has a scatter to allow for.
     wider = (
         (desk / "unit.toml").read_text(encoding="utf-8").replace(repr(baseline.covariance[0][0]), "0.0009")
     )
     (desk / "unit.toml").write_text(wider, encoding="utf-8")
-    found = parsed(
+    diagnosis = parsed(
         emaphm, "diagnose", "monday.csv", "--actuator", "unit.toml", "--nuisance", "none", "--no-correction"
     )
-    assert list(found["nuisances"]) == ["baseline coulomb"]
-    assert found["covariance"]["coordinates"][-1] == "baseline coulomb"
+    assert list(diagnosis["nuisances"]) == ["baseline coulomb"]
+    assert diagnosis["covariance"]["coordinates"][-1] == "baseline coulomb"
 
 
-def test_a_campaign_says_what_is_known_of_each_recording(emaphm: Emaphm, desk: Path) -> None:
+def test_a_campaign_file_gives_the_conditions_of_each_recording(emaphm: Emaphm, desk: Path) -> None:
     for name, frequency in (("monday.csv", "15"), ("tuesday.csv", "11")):
         options = ("--model", "averaged", "--noise", "0.1", "--duration", "0.3", "--frequency", frequency)
         assert emaphm("simulate", name, *options).code == 0
     rows = "file,load,free\nmonday.csv,0,\ntuesday.csv,,torque_constant\n"
     (desk / "week.csv").write_text(rows, encoding="utf-8")
-    told = parsed(emaphm, "calibrate", "week.csv", "--free", "coulomb", "-o", "unit.toml", "--no-correction")
-    first, second = told["recordings"]
+    answer = parsed(
+        emaphm, "calibrate", "week.csv", "--free", "coulomb", "-o", "unit.toml", "--no-correction"
+    )
+    first, second = answer["recordings"]
     assert (first["recording"], second["recording"]) == ("monday.csv", "tuesday.csv")
     assert (first["known"], first["own"]) == ({"load": 0.0}, {})
     assert second["own"]["torque_constant"] == pytest.approx(0.0752, rel=0.05)
@@ -479,10 +489,10 @@ def test_measured_motion_needs_no_controller(emaphm: Emaphm, desk: Path) -> None
         "unit.toml",
         "--force",
     )
-    told = parsed(emaphm, "calibrate", *options)
-    assert told["loop"] == "measured"
-    assert "described 5e+04" in told["loop_reason"]
-    assert told["parameters"]["inertia"]["value"] == pytest.approx(2.5e-5, rel=2e-3)
+    answer = parsed(emaphm, "calibrate", *options)
+    assert answer["loop"] == "measured"
+    assert "described 5e+04" in answer["loop_reason"]
+    assert answer["parameters"]["inertia"]["value"] == pytest.approx(2.5e-5, rel=2e-3)
     text = emaphm("calibrate", *options, "--loop", "measured").out
     assert "Calibrated by measured motion: as asked for." in text
     assert "torque by the measured motion" in text
@@ -492,60 +502,60 @@ def test_measured_motion_needs_no_controller(emaphm: Emaphm, desk: Path) -> None
 @pytest.mark.evidence
 def test_a_real_machine_from_calibration_to_diagnosis(emaphm: Emaphm, desk: Path, emps_file: Path) -> None:
     free = "inertia, viscous, coulomb, offset"
-    # Of a part of the rows, a calibration and a diagnosis take a part of the time.
+    # With a part of the rows, calibration and diagnosis take a part of the time.
     data = {name: values for name, values in scipy.io.loadmat(emps_file).items() if not name.startswith("__")}
     for name, parts in (("half.mat", 2), ("quarter.mat", 4)):
         rows = {key: values[: -(-len(values) // parts)] for key, values in data.items()}
         (desk / name).write_bytes(files.mat(rows))
-    told = parsed(emaphm, "calibrate", "half.mat", "--actuator", EMPS, "--free", free, "-o", "unit.toml")
+    answer = parsed(emaphm, "calibrate", "half.mat", "--actuator", EMPS, "--free", free, "-o", "unit.toml")
     # Janot, Gautier, Brunot 2019: 95.1089 kg; force error of their closed-loop simulation 5.848 %.
-    assert told["parameters"]["inertia"]["value"] == pytest.approx(95.1089, rel=0.01)
-    assert told["parameters"]["inertia"]["unit"] == "kg"
+    assert answer["parameters"]["inertia"]["value"] == pytest.approx(95.1089, rel=0.01)
+    assert answer["parameters"]["inertia"]["unit"] == "kg"
     replayed = parsed(emaphm, "replay", "half.mat", "--actuator", "unit.toml")
-    assert replayed["relative_error"] == pytest.approx(told["relative_error"])
+    assert replayed["relative_error"] == pytest.approx(answer["relative_error"])
     assert replayed["relative_error"]["current_A"] <= 0.0585
     chosen = ("--actuator", "unit.toml", "--nuisance", "load")
-    found = parsed(emaphm, "diagnose", "quarter.mat", *chosen, "--report", "unit.html")
-    assert found["faults"]["friction"]["verdict"] == "healthy"
-    assert found["faults"]["short_a"]["identifiable"] is False
-    assert "electrical" in found["faults"]["short_a"]["reason"]
+    diagnosis = parsed(emaphm, "diagnose", "quarter.mat", *chosen, "--report", "unit.html")
+    assert diagnosis["faults"]["friction"]["verdict"] == "healthy"
+    assert diagnosis["faults"]["short_a"]["identifiable"] is False
+    assert "electrical" in diagnosis["faults"]["short_a"]["reason"]
     assert (desk / "unit.html").is_file()
 
 
-def check_demo(said: dict[str, Any], desk: Path) -> None:
-    """Check what the demonstration has `said`, in JSON, and written."""
-    assert said.keys() >= DIAGNOSIS
-    assert np.abs(np.array(said["k"]) - said["true_k"]).max() < 0.02
-    assert 0 < said["error_percent"] < 2
+def check_demo(answer: dict[str, Any], desk: Path) -> None:
+    """Check the JSON answer of the demonstration and its files."""
+    assert answer.keys() >= DIAGNOSIS
+    assert np.abs(np.array(answer["k"]) - answer["true_k"]).max() < 0.02
+    assert 0 < answer["error_percent"] < 2
     assert {path.name for path in (desk / "demo").iterdir()} == {"report.html", "diagnosis.svg"}
-    assert said["report"] == str(Path("demo", "report.html"))
-    assert "<html" in (desk / said["report"]).read_text(encoding="utf-8")
-    assert (desk / said["figure"]).read_bytes().startswith(b"<?xml")
+    assert answer["report"] == str(Path("demo", "report.html"))
+    assert "<html" in (desk / answer["report"]).read_text(encoding="utf-8")
+    assert (desk / answer["figure"]).read_bytes().startswith(b"<?xml")
 
 
-# With every correction; its quick test is the next one.
+# With all corrections; the next test is its quick form.
 @pytest.mark.evidence
-def test_the_demo_finds_what_it_simulated(emaphm: Emaphm, desk: Path) -> None:
-    said = parsed(emaphm, "demo")
-    check_demo(said, desk)
+def test_the_demo_estimates_the_faults_that_it_simulated(emaphm: Emaphm, desk: Path) -> None:
+    answer = parsed(emaphm, "demo")
+    check_demo(answer, desk)
 
 
 def test_the_demo_prints_the_estimate_and_the_truth(
     emaphm: Emaphm, desk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = list[Diagnosis]()
+    diagnoses = list[Diagnosis]()
 
     def once(*recorded: Any, **settings: Any) -> Diagnosis:
-        if not made:
-            # One correction is near enough for what is printed, and takes half the time.
-            made.append(diagnose(*recorded, **settings, nuisances=(), max_corrections=1))
-        return made[0]
+        if not diagnoses:
+            # One correction is accurate enough for the printed digits, and takes half the time.
+            diagnoses.append(diagnose(*recorded, **settings, nuisances=(), max_corrections=1))
+        return diagnoses[0]
 
     monkeypatch.setattr("emaphm.demo.diagnose", once)
     monkeypatch.setattr("emaphm.report.write.svg", lambda _: b"<svg/>")  # its figures are drawn above
-    said = parsed(emaphm, "demo", "--seed", "1")
-    check_demo(said, desk)
-    # Its figure has been drawn.
+    answer = parsed(emaphm, "demo", "--seed", "1")
+    check_demo(answer, desk)
+    # Its figure was drawn above.
     monkeypatch.setattr("emaphm.demo.draw_diagnosis", lambda *_: Figure())
     code, out, err = emaphm("demo", "--out", "new/folder", "--seed", "1")
     assert (code, err) == (0, "")
@@ -556,7 +566,7 @@ def test_the_demo_prints_the_estimate_and_the_truth(
     assert 0 < float(error) < 2
 
 
-def test_version(emaphm: Emaphm) -> None:
+def test_version_is_printed(emaphm: Emaphm) -> None:
     assert emaphm("--version") == (0, f"{VERSION}\n", "")
 
 
@@ -583,7 +593,7 @@ PROMISED = {
 
 
 @pytest.mark.parametrize("verb", PROMISED)
-def test_help_names_what_the_design_promises(emaphm: Emaphm, verb: str) -> None:
+def test_help_names_all_documented_verbs_and_options(emaphm: Emaphm, verb: str) -> None:
     assert verb in emaphm("--help").out
     code, out, err = emaphm(verb, "--help")
     assert (code, err) == (0, "")
@@ -591,5 +601,5 @@ def test_help_names_what_the_design_promises(emaphm: Emaphm, verb: str) -> None:
         assert option in out
 
 
-def test_without_a_verb_help_is_shown(emaphm: Emaphm) -> None:
+def test_help_is_shown_without_a_verb(emaphm: Emaphm) -> None:
     assert emaphm() == emaphm("--help")

@@ -1,4 +1,4 @@
-"""`emaphm watch`: from files and rows that arrive to events, with real diagnoses."""
+"""`emaphm watch`: arriving files and rows become events, with real diagnoses."""
 
 import importlib
 import json
@@ -44,22 +44,22 @@ def _looks_often(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def arrived(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with three recordings of a unit, of which two have much friction, and a broken one."""
+    """Return a folder with three recordings of a unit, two with high friction, and a damaged file."""
     from emaphm.actuator import Chirp
 
     folder = tmp_path_factory.mktemp("arrived")
-    # By these seeds, diagnoses take a third of the steps that they take by others.
+    # With these seeds, a diagnosis takes a third of the steps of other seeds.
     for number, (friction, seed) in enumerate(((0.0, 2), (0.3, 3), (0.3, 2))):
         faults = Faults(friction=friction)
-        made = simulate(THESIS, Chirp(duration=0.2), faults=faults, duration=0.2, noise=0.05, seed=seed)
-        # Of fewer channels, a diagnosis takes half the time.
-        kept = Recording({name: made[name] for name in ("time_s", "command_rad", "current_A")})
-        write_recording(kept, folder / f"SN-7_{100 + number}.csv")
+        recording = simulate(THESIS, Chirp(duration=0.2), faults=faults, duration=0.2, noise=0.05, seed=seed)
+        # With fewer channels, a diagnosis takes half the time.
+        reduced = Recording({name: recording[name] for name in ("time_s", "command_rad", "current_A")})
+        write_recording(reduced, folder / f"SN-7_{100 + number}.csv")
     (folder / "SN-7_90.csv").write_text("no recording")
     return folder
 
 
-def test_a_folder_is_judged_and_events_are_printed(
+def test_recordings_of_a_folder_are_diagnosed_and_events_are_printed(
     arrived: Path, desk: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(arrived, desk / "in")
@@ -86,7 +86,7 @@ def test_a_folder_is_judged_and_events_are_printed(
 
 
 @pytest.mark.usefixtures("desk", "no_prognoses")
-def test_rows_on_standard_input_are_judged(
+def test_rows_on_standard_input_are_diagnosed(
     arrived: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with (arrived / "SN-7_101.csv").open() as rows:
@@ -100,7 +100,7 @@ def test_rows_on_standard_input_are_judged(
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
-def test_a_signal_ends_it_while_nothing_arrives(
+def test_a_signal_ends_the_watch_while_no_file_arrives(
     desk: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], number: int, code: int
 ) -> None:
     (desk / "in").mkdir()
@@ -116,10 +116,10 @@ def test_a_signal_ends_it_while_nothing_arrives(
     assert "Traceback" not in capfd.readouterr().err
 
 
-# Its quick tests: the one above, and as a process the one below.
+# Quick forms: the test above, and as a process the test below.
 @pytest.mark.evidence
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
-def test_a_signal_ends_its_process(desk: Path, number: int, code: int) -> None:
+def test_a_signal_ends_the_process(desk: Path, number: int, code: int) -> None:
     (desk / "in").mkdir()
     line = [sys.executable, "-m", "emaphm.cli", "watch", "in"]
     with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:  # noqa: S603
@@ -131,7 +131,7 @@ def test_a_signal_ends_its_process(desk: Path, number: int, code: int) -> None:
         assert "Traceback" not in process.stderr.read()
 
 
-def test_a_script_sees_that_files_are_left(arrived: Path, desk: Path) -> None:
+def test_the_exit_code_shows_that_files_are_left(arrived: Path, desk: Path) -> None:
     shutil.copytree(arrived, desk / "in")
     line = [sys.executable, "-m", "emaphm.cli", "watch", "in", *NAME, "--once", "--new-units"]
     with subprocess.Popen(  # noqa: S603 - the arguments are this file's
@@ -139,7 +139,7 @@ def test_a_script_sees_that_files_are_left(arrived: Path, desk: Path) -> None:
     ) as process:
         assert process.stderr is not None
         assert "watching in" in process.stderr.readline()
-        os.killpg(process.pid, signal.SIGTERM)  # to the process that is to judge too, as of systemd
+        os.killpg(process.pid, signal.SIGTERM)  # also to the process that diagnoses, as systemd sends it
         assert process.wait(60) == 143
         assert process.stderr.read().endswith(
             "emaphm: interrupted: finished diagnoses are in the history; the same command resumes\n"
@@ -150,13 +150,13 @@ def hangs(recording: Recording, actuator: Actuator, *, seed: int) -> Diagnosis: 
     """Take ten minutes."""
     begun = Path(recording.source).parent.with_name("begun")
     begun.with_name("pid").write_text(str(os.getpid()))
-    begun.with_name("pid").rename(begun)  # whoever sees it can read it
+    begun.with_name("pid").rename(begun)  # the content is complete when the file appears
     time.sleep(600)
     raise AssertionError
 
 
 @pytest.mark.usefixtures("no_prognoses")
-def test_a_signal_ends_a_diagnosis_that_hangs_and_it_is_judged_at_the_next_start(
+def test_a_signal_ends_a_hanging_diagnosis_which_is_repeated_at_the_next_start(
     arrived: Path, desk: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (desk / "in").mkdir()
@@ -174,7 +174,7 @@ def test_a_signal_ends_a_diagnosis_that_hangs_and_it_is_judged_at_the_next_start
 
 
 def check_that_it_ends(line: list[str], number: int, code: int) -> None:
-    """Send a signal amid a diagnosis: no process and nothing half done is left."""
+    """Send a signal during a diagnosis: no process and no partial file remains."""
     begun, sent = Path("begun"), list[float]()
     begun.unlink(missing_ok=True)
     with signal_once(number, begun.exists, lambda: sent.append(time.monotonic())):
@@ -186,11 +186,11 @@ def check_that_it_ends(line: list[str], number: int, code: int) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX pipe")
-def test_a_reader_that_left_ends_it(
+def test_a_closed_pipe_ends_the_watch(
     desk: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (desk / "in").mkdir()
-    (desk / "in" / "nameless.csv").write_text("no recording")  # refused, which is an event
+    (desk / "in" / "nameless.csv").write_text("no recording")  # a refusal is an event
     reading, writing = os.pipe()
     os.close(reading)
     with os.fdopen(writing, "w") as pipe:
@@ -222,7 +222,7 @@ def test_a_reader_that_left_ends_it(
         (". --estimator good.csv", "no estimator"),
     ],
 )
-def test_what_cannot_be_watched_is_refused(refused: Refusal, line: str, said: str) -> None:
+def test_input_that_cannot_be_watched_is_refused(refused: Refusal, line: str, said: str) -> None:
     assert said in refused("watch", *line.split())
 
 
@@ -235,7 +235,7 @@ def test_a_history_of_a_newer_version_is_refused(refused: Refusal, desk: Path) -
     assert "newer version of emaphm" in refused("watch", "in", "--db", "h.sqlite")
 
 
-def test_files_of_the_schema_need_a_unit(desk: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_files_with_schema_names_need_a_unit(desk: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (desk / "in").mkdir()
     (desk / "in" / "a.csv").write_bytes(files.csv(files.columns()))
     assert main(["watch", "in", "--once", "--settle", "0"]) == 0
@@ -252,7 +252,7 @@ def test_files_of_the_schema_need_a_unit(desk: Path, capfd: pytest.CaptureFixtur
 
 
 @pytest.mark.usefixtures("no_prognoses")
-def test_an_estimator_answers_where_it_can(
+def test_the_estimator_diagnoses_the_recordings_it_was_trained_for(
     tmp_path: Path, desk: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     setup = short_setup()
@@ -262,13 +262,13 @@ def test_an_estimator_answers_where_it_can(
     for number, stop_hz in enumerate((40.0, 30.0)):  # the second is another manoeuvre
         command = replace(CHIRP, stop_hz=stop_hz)
         faults = Faults(friction=0.3)
-        made = simulate(THESIS, command, faults=faults, duration=0.1, sample_rate=2000.0, noise=0.05)
-        columns = {name: made[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
+        recording = simulate(THESIS, command, faults=faults, duration=0.1, sample_rate=2000.0, noise=0.05)
+        columns = {name: recording[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
         write_recording(Recording(columns), desk / "in" / f"U_{number}.csv")
     line = ["watch", "in", *NAME, "--once", "--settle", "0", "--db", "h.sqlite", "--new-units", "--whole"]
     assert main([*line, "--estimator", str(tmp_path / "unit.estimator"), "--fast"]) == 0
     assert "2 recordings judged" in capfd.readouterr().err
     with History.open("h.sqlite") as history:
-        kept = [json.loads(one.text) for one in history.unit("U").diagnoses()]
-    assert [one["method"].startswith("estimator") for one in kept] == [True, False]
-    assert any("the estimator was not used" in note for note in kept[1]["notes"])
+        diagnoses = [json.loads(one.text) for one in history.unit("U").diagnoses()]
+    assert [one["method"].startswith("estimator") for one in diagnoses] == [True, False]
+    assert any("the estimator was not used" in note for note in diagnoses[1]["notes"])

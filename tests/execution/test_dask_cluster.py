@@ -1,4 +1,4 @@
-"""Tasks on a Dask scheduler: workers come and go; and every way in which there is no cluster."""
+"""Tasks on a Dask scheduler: lost and added workers, and clusters that fail or do not exist."""
 
 import asyncio
 import json
@@ -28,11 +28,11 @@ from . import toy
 pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="Dask is not installed")
 
 PATIENCE_S = 60
-"""For a process to come up on a busy machine."""
+"""Time limit for the start of a process on a busy machine."""
 
 TOTAL = 40
 TASKS = toy.tasks(TOTAL, toy.square, 0.01)
-"""Long enough for a worker to be lost while they run."""
+"""Duration of the tasks, long enough to lose a worker during the run."""
 
 
 @pytest.fixture(scope="module")
@@ -54,27 +54,27 @@ def kept(store: ResultStore) -> list[object]:
     return toy.in_order(list(store.read(TASKS)[0].values()))
 
 
-# Workers that come and go
+# Lost and added workers
 
 
-def test_a_worker_is_lost_and_another_comes(
+def test_a_run_continues_when_a_worker_is_lost_and_another_added(
     cluster: Cluster, store: ResultStore, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    told: list[tuple[int, int]] = []
+    progress: list[tuple[int, int]] = []
 
     def replace_worker(done: int, total: int) -> None:
-        told.append((done, total))
+        progress.append((done, total))
         if done == 10:
             cluster.workers[0].kill()
             cluster.add_worker()
 
     assert run_tasks(TASKS, store, scheduler=cluster.address, on_task=replace_worker) == ()
     assert kept(store) == toy.results(TOTAL)
-    assert told == [(done, TOTAL) for done in range(TOTAL + 1)]
+    assert progress == [(done, TOTAL) for done in range(TOTAL + 1)]
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_killed_client_goes_on(cluster: Cluster, store: ResultStore) -> None:
+def test_a_run_is_resumed_after_its_client_was_killed(cluster: Cluster, store: ResultStore) -> None:
     program = (
         "import sys; from pathlib import Path; from emaphm.execution import ResultStore, run_tasks;"
         "from execution import toy;"
@@ -96,13 +96,13 @@ def test_a_killed_client_goes_on(cluster: Cluster, store: ResultStore) -> None:
     assert kept(store) == toy.results(TOTAL)
 
 
-def test_two_callers_at_once_do_not_mix(cluster: Cluster) -> None:
-    others = toy.tasks(12, toy.fail_on_seven)
+def test_results_of_two_simultaneous_callers_do_not_mix(cluster: Cluster) -> None:
+    other_tasks = toy.tasks(12, toy.fail_on_seven)
     running = run_on_cluster(TASKS, cluster.address)
-    found = [next(running)]
-    of_others = {outcome.index: outcome for outcome in run_on_cluster(others, cluster.address)}
-    found.extend(running)
-    assert toy.in_order(found) == toy.results(TOTAL)
+    first_outcomes = [next(running)]
+    of_others = {outcome.index: outcome for outcome in run_on_cluster(other_tasks, cluster.address)}
+    first_outcomes.extend(running)
+    assert toy.in_order(first_outcomes) == toy.results(TOTAL)
     assert of_others.keys() == set(range(12))
     assert of_others[7].failure == "number 7: ZeroDivisionError: seven is not liked"
     assert of_others[8].result == toy.square(8)
@@ -117,28 +117,30 @@ def test_a_study_has_the_same_results_on_a_cluster(
     out, err = capsys.readouterr()
     assert (code, err) == (0, "")
     answer = json.loads(out)
-    assert {one["method"] for one in answer.pop("methods")} == set(small.table(Store.open(folder))["method"])
+    assert {method["method"] for method in answer.pop("methods")} == set(
+        small.table(Store.open(folder))["method"]
+    )
     assert answer == {"plan": "small", "folder": str(folder), "runs": 12, "done_again": []}
-    here = run_study(small.plan(), tmp_path / "here", workers=1)
-    assert small.table(Store.open(folder)).equals(small.table(here))
+    local = run_study(small.plan(), tmp_path / "here", workers=1)
+    assert small.table(Store.open(folder)).equals(small.table(local))
 
 
 def test_workers_of_another_version_are_refused(
     cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # The workers have the version of these tests; this study pretends to be of another.
+    # The workers have the version of these tests; this study claims another version.
     monkeypatch.setattr(store_module, "revision", lambda: "0123456789ab")
     with pytest.raises(StudyError, match=r"12 of 12 runs failed, the first: .* this worker runs another "):
         run_study(small.plan(), tmp_path / "study", scheduler=cluster.address)
     assert Store.open(tmp_path / "study").results.is_empty()
 
 
-# Clusters that let one down
+# Clusters that fail
 
 
 @pytest.fixture
 def fragile(forks: Forks, tmp_path: Path) -> Iterator[Cluster]:
-    """Return a cluster without workers that gives a run up with the first worker lost."""
+    """Return a cluster without workers that abandons a run when the first worker is lost."""
     folder = tmp_path / "cluster"
     folder.mkdir()
     opened = Cluster(forks, folder, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
@@ -146,7 +148,7 @@ def fragile(forks: Forks, tmp_path: Path) -> Iterator[Cluster]:
     opened.close()
 
 
-def test_a_task_that_loses_its_workers_is_named_and_the_others_are_done(
+def test_a_task_that_loses_its_workers_is_named_and_others_are_done(
     fragile: Cluster, store: ResultStore
 ) -> None:
     fragile.add_worker()
@@ -165,7 +167,7 @@ def test_a_task_that_loses_its_workers_is_named_and_the_others_are_done(
     assert kept(store) == toy.results(TOTAL)
 
 
-def test_a_scheduler_that_goes_away_is_said_in_one_line(
+def test_a_lost_scheduler_is_reported_in_one_line(
     fragile: Cluster, store: ResultStore, capfd: pytest.CaptureFixture[str]
 ) -> None:
     def kill_soon(done: int, total: int) -> None:
@@ -180,10 +182,10 @@ def test_a_scheduler_that_goes_away_is_said_in_one_line(
     assert capfd.readouterr() == ("", "")
 
 
-# No cluster
+# Missing clusters
 
 
-def test_a_scheduler_that_does_not_answer_is_refused_in_time_and_leaves_nothing(
+def test_a_scheduler_without_answer_is_refused_in_time_and_no_folder_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert dask_cluster.ANSWER_S == 10
@@ -191,7 +193,7 @@ def test_a_scheduler_that_does_not_answer_is_refused_in_time_and_leaves_nothing(
     plan = tmp_path / "plan.toml"
     plan.write_text(small.TEXT, encoding="utf-8")
     with socket.socket() as closed, socket.socket() as silent:
-        closed.bind(("127.0.0.1", 0))  # taken, but nobody listens
+        closed.bind(("127.0.0.1", 0))  # in use, but without a listener
         silent.bind(("127.0.0.1", 0))
         silent.listen()
         for place in (closed, silent):
@@ -206,7 +208,7 @@ def test_a_scheduler_that_does_not_answer_is_refused_in_time_and_leaves_nothing(
                 f"emaphm: no Dask scheduler answers at '{address}' (no answer within 0.3 s); start one with "
                 "'dask scheduler', or leave out --scheduler to use this machine\n"
             )
-            # The rest is for a busy machine; Dask itself waits thirty seconds.
+            # The margin is for a busy machine; Dask itself waits thirty seconds.
             assert 0.3 <= took < 10
     assert not (tmp_path / "study").exists()
 
@@ -221,19 +223,19 @@ def test_a_scheduler_that_does_not_answer_is_refused_in_time_and_leaves_nothing(
         ("", "missing port number"),
     ],
 )
-def test_a_nonsense_address_is_refused_at_once(
+def test_an_invalid_address_is_refused_at_once(
     capfd: pytest.CaptureFixture[str], address: str, reason: str
 ) -> None:
     began = time.monotonic()
     with pytest.raises(ExecutionError) as refusal:
         list(outcomes(TASKS, scheduler=address))
-    assert time.monotonic() - began < 5  # half of what is waited for an answer
+    assert time.monotonic() - began < 5  # half of the time limit for an answer
     assert f"no Dask scheduler answers at '{address}' ({reason}" in str(refusal.value)
     assert len(str(refusal.value).splitlines()) == 1
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_notebook_whose_loop_is_running_can_ask_too() -> None:
+def test_a_notebook_with_a_running_event_loop_can_use_a_cluster() -> None:
     async def cell() -> None:
         list(outcomes(TASKS, scheduler="http://127.0.0.1:8786"))
 
@@ -241,14 +243,14 @@ def test_a_notebook_whose_loop_is_running_can_ask_too() -> None:
         asyncio.run(cell())
 
 
-def test_a_worker_is_no_scheduler(cluster: Cluster) -> None:
+def test_the_address_of_a_worker_is_refused(cluster: Cluster) -> None:
     from distributed.core import rpc
 
     async def some_worker() -> str:
         async with rpc(cluster.address) as scheduler:
             return next(iter((await scheduler.identity())["workers"]), "")
 
-    # Those of the cluster were just started, and may not have reported yet.
+    # The workers of the cluster were just started and may not have reported yet.
     deadline = time.monotonic() + PATIENCE_S
     while not (address := asyncio.run(some_worker())):
         assert time.monotonic() < deadline
@@ -257,7 +259,9 @@ def test_a_worker_is_no_scheduler(cluster: Cluster) -> None:
         list(outcomes(TASKS, scheduler=address))
 
 
-def test_without_dask_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_dask_is_reported_with_the_package_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ExecutionError, match=r"needs the library 'dask'; .* pip install 'emaphm\[cluster\]'"):
         run_study(small.plan(), tmp_path / "study", scheduler="tcp://127.0.0.1:8786")

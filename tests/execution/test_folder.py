@@ -1,4 +1,4 @@
-"""The folder of long work: one process at a time works in it, and removes it from nobody else."""
+"""The work folder: only one process at a time works in it, and no other process removes it."""
 
 from pathlib import Path
 
@@ -10,13 +10,13 @@ from emaphm.execution.folder import WorkFolder
 
 @pytest.fixture
 def folder(tmp_path: Path) -> WorkFolder:
-    """Return a folder that work has begun in."""
-    made = WorkFolder(tmp_path / "work", "settings.json", "trial", ExecutionError)
-    made.begin("{}")
-    return made
+    """Return a work folder in which work has begun."""
+    work_folder = WorkFolder(tmp_path / "work", "settings.json", "trial", ExecutionError)
+    work_folder.begin("{}")
+    return work_folder
 
 
-def test_a_folder_is_not_removed_from_who_works_in_it(folder: WorkFolder) -> None:
+def test_a_work_folder_in_use_is_not_removed(folder: WorkFolder) -> None:
     with folder.locked():
         folder.remove()
         assert folder.settings.exists()
@@ -24,23 +24,23 @@ def test_a_folder_is_not_removed_from_who_works_in_it(folder: WorkFolder) -> Non
     assert list(folder.path.parent.iterdir()) == []
 
 
-def test_what_a_killed_process_left_is_cleared_in_all_folders_and_nothing_else(folder: WorkFolder) -> None:
+def test_only_temporary_files_of_killed_processes_are_removed(folder: WorkFolder) -> None:
     inner = folder.path / "recordings" / "SN-1"
     inner.mkdir(parents=True)
-    left, kept = inner / f".{'0123' * 8}.tmp", inner / "flight.tmp"
-    for path in (left, kept):
+    temporary, flight_file = inner / f".{'0123' * 8}.tmp", inner / "flight.tmp"
+    for path in (temporary, flight_file):
         path.touch()
     folder.clear()
-    assert list(inner.iterdir()) == [kept]
+    assert list(inner.iterdir()) == [flight_file]
 
 
-def test_a_folder_that_is_removed_before_it_is_locked_is_said_to_be(folder: WorkFolder) -> None:
-    folder.remove()  # by another process that has done all of the work
+def test_a_folder_removed_before_it_is_locked_is_reported(folder: WorkFolder) -> None:
+    folder.remove()  # by another process that has finished the work
     with pytest.raises(ExecutionError, match="has been removed meanwhile; start again"), folder.locked():
         pass
 
 
-def test_a_folder_that_is_removed_before_its_lock_is_had_is_not_worked_in(
+def test_a_folder_removed_before_its_lock_is_obtained_is_not_used(
     folder: WorkFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def removed_meanwhile(*_: object) -> None:

@@ -1,4 +1,4 @@
-"""A function in a process of its own: what it returns and raises, and that it may die."""
+"""A function in its own process: results, errors, and death of the process."""
 
 import os
 import signal
@@ -27,24 +27,24 @@ if __name__ == "__main__":
     calls = Calls(60.0, 2**31)
     print(calls(blocked))
 """
-"""A program that calls a function as the first thing it does, and does not end the process of it."""
+"""A program that first calls a function in its own process and does not end this process."""
 
 
 def die() -> None:
-    """Die, as of a segmentation fault."""
+    """End the process as a segmentation fault does."""
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
 def refuse(name: str) -> None:
-    """Raise what a user can correct."""
+    """Raise an error that a user can correct."""
     raise RecordingError(f"{name}: is no recording")
 
 
 @pytest.fixture(scope="module")
 def calls() -> Iterator[Calls]:
-    made = Calls(5.0, 2 * GIB)
-    yield made
-    made.end()
+    calls_ = Calls(5.0, 2 * GIB)
+    yield calls_
+    calls_.end()
 
 
 def test_results_and_errors_come_back_from_one_process(calls: Calls) -> None:
@@ -55,20 +55,20 @@ def test_results_and_errors_come_back_from_one_process(calls: Calls) -> None:
     assert "in refuse" in str(caught.value.__cause__)
 
 
-def test_a_death_is_said_and_the_next_call_is_answered(calls: Calls) -> None:
+def test_a_death_is_reported_and_the_next_call_is_answered(calls: Calls) -> None:
     with pytest.raises(EndedError, match="SIGSEGV"):
         calls(die)
     assert calls(sorted, [2, 1]) == [1, 2]
 
 
-def test_signals_that_all_processes_get_do_not_end_it(calls: Calls) -> None:
+def test_interrupt_and_termination_signals_do_not_end_the_process(calls: Calls) -> None:
     child = calls(os.getpid)
     for number in (signal.SIGINT, signal.SIGTERM):
         os.kill(child, number)
         assert calls(os.getpid) == child
 
 
-def test_the_first_process_is_spared_them_while_it_starts_and_a_program_ends_that_has_not_ended_it(
+def test_a_starting_process_ignores_group_signals_and_ends_with_the_program(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "program.py").write_text(UNENDED)
@@ -79,19 +79,19 @@ def test_the_first_process_is_spared_them_while_it_starts_and_a_program_ends_tha
     assert done.stderr == ""
 
 
-def test_memory_is_bounded(calls: Calls) -> None:
+def test_the_memory_of_the_process_is_limited(calls: Calls) -> None:
     with pytest.raises(MemoryError):
         calls(bytearray, 4 * GIB)
 
 
-def test_what_takes_too_long_is_ended() -> None:
+def test_a_call_that_takes_too_long_is_ended() -> None:
     calls = Calls(0.3, 2 * GIB)
     with pytest.raises(EndedError, match=r"longer than 0.3 s"):
         calls(time.sleep, 60.0)
     calls.end()
 
 
-def test_a_death_while_the_caller_is_to_stop_is_not_put_down_to_the_function() -> None:
+def test_a_death_while_the_caller_stops_is_not_attributed_to_the_function() -> None:
     stop = threading.Event()
     calls = Calls(60.0, 2 * GIB, stop, last_s=60.0)
     stop.set()
@@ -100,13 +100,13 @@ def test_a_death_while_the_caller_is_to_stop_is_not_put_down_to_the_function() -
     calls.end()
 
 
-def test_a_caller_that_is_to_stop_waits_a_little_in_all() -> None:
+def test_a_caller_that_must_stop_waits_for_a_short_total_time() -> None:
     stop = threading.Event()
     calls = Calls(60.0, 2 * GIB, stop, last_s=0.8)
     child = calls(os.getpid)
     threading.Timer(0.1, stop.set).start()
     began = time.monotonic()
-    calls(time.sleep, 0.4)  # done within what it has left
+    calls(time.sleep, 0.4)  # done within the remaining time
     with pytest.raises(StoppedError):
         calls(time.sleep, 60.0)
     assert time.monotonic() - began < 3.0

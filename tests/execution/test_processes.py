@@ -1,4 +1,4 @@
-"""Tasks on processes of this machine: the same results whatever the workers, and an end in every case."""
+"""Tasks on local processes: same results for any number of workers, and no hang in any case."""
 
 import multiprocessing
 import os
@@ -18,7 +18,7 @@ from processes import children, lives
 from . import toy
 
 PATIENCE_S = 60
-"""For a process to come up or to end on a busy machine."""
+"""Time limit for the start or end of a process on a busy machine."""
 
 COMMAND = """
 import sys
@@ -32,28 +32,30 @@ if __name__ == "__main__":
 
 
 @pytest.mark.parametrize("workers", [1, 3])
-def test_every_task_is_done_once_by_whatever_number_of_workers(workers: int) -> None:
-    found = list(outcomes(toy.tasks(20), workers=workers))
-    assert toy.in_order(found) == toy.results(20)
-    assert all(outcome.failure == "" for outcome in found)
+def test_each_task_is_done_once_for_any_number_of_workers(workers: int) -> None:
+    all_outcomes = list(outcomes(toy.tasks(20), workers=workers))
+    assert toy.in_order(all_outcomes) == toy.results(20)
+    assert all(outcome.failure == "" for outcome in all_outcomes)
     assert not multiprocessing.active_children()
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_task_that_fails_is_named_and_takes_no_other_with_it(workers: int) -> None:
-    found = {one.index: one for one in outcomes(toy.tasks(10, toy.fail_on_seven), workers=workers)}
-    assert found[7].failure == "number 7: ZeroDivisionError: seven is not liked"
-    assert found[7].result is None
-    assert [found[n].result for n in range(10) if n != 7] == [toy.square(n) for n in range(10) if n != 7]
+def test_a_failed_task_is_named_and_does_not_affect_others(workers: int) -> None:
+    by_index = {
+        outcome.index: outcome for outcome in outcomes(toy.tasks(10, toy.fail_on_seven), workers=workers)
+    }
+    assert by_index[7].failure == "number 7: ZeroDivisionError: seven is not liked"
+    assert by_index[7].result is None
+    assert [by_index[n].result for n in range(10) if n != 7] == [toy.square(n) for n in range(10) if n != 7]
 
 
-def test_times_are_those_of_the_task() -> None:
+def test_wall_and_cpu_times_are_those_of_the_task() -> None:
     (outcome,) = outcomes(toy.tasks(1, toy.square, 0.2), workers=1)
-    assert 0.2 <= outcome.wall_seconds < 2  # the rest is for a busy machine
+    assert 0.2 <= outcome.wall_seconds < 2  # the margin is for a busy machine
     assert outcome.cpu_seconds < 0.1  # it sleeps
 
 
-def test_an_interruption_is_no_failure_of_a_task() -> None:
+def test_an_interruption_is_not_reported_as_a_failed_task() -> None:
     def interrupted(_: int) -> None:
         raise KeyboardInterrupt
 
@@ -61,19 +63,19 @@ def test_an_interruption_is_no_failure_of_a_task() -> None:
         list(outcomes(toy.tasks(1, interrupted), workers=1))
 
 
-def test_a_worker_that_dies_is_said_in_one_line() -> None:
+def test_a_dead_worker_is_reported_in_one_line() -> None:
     with pytest.raises(ExecutionError, match=r"a worker process died, .*start again to go on") as refusal:
         list(outcomes(toy.tasks(4, toy.die), workers=2))
     assert len(str(refusal.value).splitlines()) == 1
     assert not multiprocessing.active_children()
 
 
-def test_workers_are_spared_ctrl_c_alone() -> None:
-    found = [one.result for one in outcomes(toy.tasks(2, toy.blocked), workers=2)]
-    assert found == [[signal.SIGINT]] * 2
+def test_workers_ignore_only_ctrl_c() -> None:
+    blocked = [outcome.result for outcome in outcomes(toy.tasks(2, toy.blocked), workers=2)]
+    assert blocked == [[signal.SIGINT]] * 2
 
 
-def test_an_interruption_does_not_wait_for_tasks_under_way(tmp_path: Path) -> None:
+def test_an_interruption_does_not_wait_for_running_tasks(tmp_path: Path) -> None:
     main = threading.main_thread().ident
     assert main is not None
     began: list[float] = []
@@ -91,7 +93,7 @@ def test_an_interruption_does_not_wait_for_tasks_under_way(tmp_path: Path) -> No
             workers=2,
             on_task=interrupt_soon,
         )
-    # A task would take an hour. The rest is for a busy machine.
+    # A task would take an hour. The margin is for a busy machine.
     assert time.monotonic() - began[0] < 10
     assert not multiprocessing.active_children()
 
@@ -105,7 +107,7 @@ def test_no_more_workers_are_started_than_there_are_tasks(monkeypatch: pytest.Mo
     assert list(outcomes([], workers=64)) == []
 
 
-def test_workers_have_one_thread_each_and_the_environment_is_left_alone(
+def test_workers_have_one_thread_each_and_the_environment_is_unchanged(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
@@ -117,7 +119,7 @@ def test_workers_have_one_thread_each_and_the_environment_is_left_alone(
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="needs SIGKILL and /proc")
-def test_workers_end_with_a_killed_command_and_its_results_stay(tmp_path: Path) -> None:
+def test_workers_end_with_a_killed_command_and_its_results_are_kept(tmp_path: Path) -> None:
     script = tmp_path / "command.py"
     script.write_text(COMMAND, encoding="utf-8")
     tests = str(Path(__file__).parents[1])

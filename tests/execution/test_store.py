@@ -1,4 +1,4 @@
-"""Results on disk: whole or not there, whoever is killed, writes at the same time or tampers."""
+"""Results on disk: complete or absent despite kills, simultaneous writers and damaged files."""
 
 import multiprocessing
 import os
@@ -22,17 +22,17 @@ from emaphm.execution import Outcome, ResultStore, Task, in_order, run, run_task
 from . import toy
 
 PATIENCE_S = 60
-"""For a process to come up or to end on a busy machine."""
+"""Time limit for the start or end of a process on a busy machine."""
 
 TASKS = toy.tasks(12)
 
 
 @pytest.fixture(scope="module")
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the file with the results of `TASKS`; tests work on copies of it."""
-    made = ResultStore(tmp_path_factory.mktemp("filled") / "results.sqlite")
-    assert run_tasks(TASKS, made, workers=1) == ()
-    return made.path
+    """Return the file with the results of `TASKS`; tests use copies of it."""
+    results = ResultStore(tmp_path_factory.mktemp("filled") / "results.sqlite")
+    assert run_tasks(TASKS, results, workers=1) == ()
+    return results.path
 
 
 @pytest.fixture
@@ -51,10 +51,10 @@ def kept(store: ResultStore, tasks: list[Task] = TASKS) -> list[int]:
     return sorted(store.read(tasks)[0])
 
 
-# What is kept
+# Stored results
 
 
-def test_what_is_read_is_what_was_kept(store: ResultStore) -> None:
+def test_stored_results_are_read_back_unchanged(store: ResultStore) -> None:
     outcomes, damaged = store.read(TASKS)
     assert toy.in_order(list(outcomes.values())) == toy.results(12)
     assert damaged == ()
@@ -62,34 +62,38 @@ def test_what_is_read_is_what_was_kept(store: ResultStore) -> None:
     assert [path.name for path in store.path.parent.iterdir()] == [store.path.name]
 
 
-def test_nothing_is_kept_before_the_first_result(tmp_path: Path) -> None:
+def test_no_file_is_created_before_the_first_result(tmp_path: Path) -> None:
     empty = ResultStore(tmp_path / "results.sqlite")
     assert empty.read(TASKS) == ({}, ())
     assert empty.elapsed_seconds() == 0
     assert not empty.path.exists()
 
 
-def test_only_what_is_missing_is_done(store: ResultStore) -> None:
-    told: list[tuple[int, int]] = []
-    more = toy.tasks(15, toy.fail_on_seven)  # the seventh is done already, and not again
-    assert run_tasks(more, store, workers=1, on_task=lambda *counts: told.append(counts)) == ()
-    assert told == [(12, 15), (13, 15), (14, 15), (15, 15)]
+def test_only_missing_tasks_are_done(store: ResultStore) -> None:
+    progress: list[tuple[int, int]] = []
+    more = toy.tasks(15, toy.fail_on_seven)  # the seventh task is already done and is not repeated
+    assert run_tasks(more, store, workers=1, on_task=lambda *counts: progress.append(counts)) == ()
+    assert progress == [(12, 15), (13, 15), (14, 15), (15, 15)]
     assert kept(store, more) == list(range(15))
 
 
 def test_outcomes_wait_for_those_of_earlier_tasks(store: ResultStore) -> None:
-    """Of what the store had or is given, the result is its own; what it is not given waits in memory."""
+    """A result in the store or passed to it is the stored result; outcomes not yet passed wait in memory."""
     arriving = iter([Outcome(i, {"number": i, "arrived": True}) for i in (5, 3, 2, 4)])
-    found = list(
+    all_outcomes = list(
         in_order(TASKS[:6], arriving, store, {0, 1}, keeps=lambda result: result["number"] in (3, 4))
     )
-    assert [task.index for task, _ in found] == [outcome.index for _, outcome in found] == list(range(6))
-    assert [i for i, (_, outcome) in enumerate(found) if "arrived" in outcome.result] == [2, 5]
+    assert (
+        [task.index for task, _ in all_outcomes]
+        == [outcome.index for _, outcome in all_outcomes]
+        == list(range(6))
+    )
+    assert [i for i, (_, outcome) in enumerate(all_outcomes) if "arrived" in outcome.result] == [2, 5]
     reversed_order = iter([Outcome(i, i) for i in (2, 1, 0)])
     assert [outcome.result for _, outcome in in_order(TASKS[:3], reversed_order)] == [0, 1, 2]
 
 
-def test_a_failure_is_returned_and_tried_again(tmp_path: Path) -> None:
+def test_a_failure_is_returned_and_the_task_is_repeated(tmp_path: Path) -> None:
     store = ResultStore(tmp_path / "results.sqlite")
     failures = run_tasks(toy.tasks(12, toy.fail_on_seven), store, workers=1)
     assert failures == ("number 7: ZeroDivisionError: seven is not liked",)
@@ -98,7 +102,9 @@ def test_a_failure_is_returned_and_tried_again(tmp_path: Path) -> None:
     assert kept(store) == list(range(12))
 
 
-def test_pauses_between_sessions_do_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pauses_between_sessions_do_not_count_as_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     clock = SimpleNamespace(now=1000.0)
     monkeypatch.setattr(run, "time", SimpleNamespace(perf_counter=lambda: clock.now))
 
@@ -114,7 +120,7 @@ def test_pauses_between_sessions_do_not_count(tmp_path: Path, monkeypatch: pytes
     assert store.elapsed_seconds() == 10.0
 
 
-# What was changed or is damaged
+# Changed or damaged results
 
 
 COPY = """\
@@ -134,7 +140,7 @@ digest = (SELECT digest FROM results WHERE key = 'key 2') WHERE key = 'key 3'
     ],
     ids=["changed", "null", "time", "digest", "copied from another"],
 )
-def test_a_row_that_was_changed_is_seen_and_done_again(store: ResultStore, change: str) -> None:
+def test_a_changed_row_is_detected_and_its_task_is_repeated(store: ResultStore, change: str) -> None:
     sql(store, change)
     outcomes, damaged = store.read(TASKS)
     assert damaged == (3,)
@@ -144,8 +150,8 @@ def test_a_row_that_was_changed_is_seen_and_done_again(store: ResultStore, chang
 
 
 def test_results_of_other_tasks_do_not_count(store: ResultStore) -> None:
-    others = [Task(n, toy.square, (n,), f"other {n}") for n in range(12)]
-    assert store.read(others) == ({}, ())
+    other_tasks = [Task(n, toy.square, (n,), f"other {n}") for n in range(12)]
+    assert store.read(other_tasks) == ({}, ())
 
 
 def _cut(path: Path) -> None:
@@ -175,40 +181,38 @@ def _folder(path: Path) -> None:
 
 
 @pytest.mark.parametrize("spoil", [_cut, _scribble, _overwrite, _other_tables, _folder])
-def test_a_file_that_is_damaged_is_refused_in_one_line(
-    store: ResultStore, spoil: Callable[[Path], None]
-) -> None:
+def test_a_damaged_file_is_refused_in_one_line(store: ResultStore, spoil: Callable[[Path], None]) -> None:
     spoil(store.path)
     for use in (lambda: store.read(TASKS), lambda: run_tasks(TASKS, store, workers=1)):
         with pytest.raises(
             EmaphmError, match=f"^{store.path}: (is damaged|cannot be written or read)"
-        ) as said:
+        ) as refused:
             use()
-        assert len(str(said.value).splitlines()) == 1
+        assert len(str(refused.value).splitlines()) == 1
 
 
-def test_whatever_is_damaged_gives_right_results_or_is_refused(store: ResultStore) -> None:
-    whole, dice = store.path.read_bytes(), random.Random(8)  # noqa: S311 - nothing secret
+def test_a_file_with_random_damage_gives_right_results_or_is_refused(store: ResultStore) -> None:
+    original, dice = store.path.read_bytes(), random.Random(8)  # noqa: S311 - nothing secret
     right = store.read(TASKS)[0]
-    said: list[str] = []
+    messages: list[str] = []
     for _ in range(150):
-        content = bytearray(whole)
+        content = bytearray(original)
         for _ in range(dice.choice([1, 3, 30])):
             content[dice.randrange(len(content))] = dice.randrange(256)
         store.path.write_bytes(content[: dice.choice([None, dice.randrange(len(content))])])
         try:
             outcomes, _ = store.read(TASKS)
         except EmaphmError as error:
-            said.append(str(error))
+            messages.append(str(error))
         else:
             assert outcomes.items() <= right.items()
             assert all(outcomes[n].result == right[n].result for n in outcomes)
-    assert 0 < len(said) < 150
-    assert all(len(text.splitlines()) == 1 for text in said)
+    assert 0 < len(messages) < 150
+    assert all(len(text.splitlines()) == 1 for text in messages)
 
 
 def test_an_empty_file_holds_no_results(tmp_path: Path) -> None:
-    # What a process leaves that is killed between making the file and its tables.
+    # The file that a process leaves if it is killed between creating the file and its tables.
     store = ResultStore(tmp_path / "results.sqlite")
     store.path.touch()
     assert store.read(TASKS) == ({}, ())
@@ -217,18 +221,18 @@ def test_an_empty_file_holds_no_results(tmp_path: Path) -> None:
     assert kept(store) == list(range(12))
 
 
-def test_a_full_disk_keeps_what_was_there(store: ResultStore) -> None:
+def test_a_full_disk_keeps_earlier_results(store: ResultStore) -> None:
     resource = pytest.importorskip("resource")
     many = [Task(n, "x".__mul__, (5000,), f"long {n}") for n in range(20)]
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (store.path.stat().st_size + 20_000, limits[1]))
     try:
         with pytest.raises(OutputError, match="cannot be written or read"):
             run_tasks(many, store, workers=1)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        signal.signal(signal.SIGXFSZ, before)
+        signal.signal(signal.SIGXFSZ, handler)
     assert kept(store) == list(range(12))
     assert run_tasks(many, store, workers=1) == ()
     assert kept(store, many) == list(range(20))
@@ -254,7 +258,7 @@ with store.writing() as writer:
 
 
 def writer(store: ResultStore, first: int, last: int) -> "subprocess.Popen[str]":
-    """Return a process that keeps the results of tasks `first` to `last`, and prints each that is kept."""
+    """Return a process that stores the results of tasks `first` to `last` and prints each stored number."""
     return subprocess.Popen(  # noqa: S603 - the arguments are this file's
         [sys.executable, "-c", WRITER, store.path, str(first), str(last)],
         stdout=subprocess.PIPE,
@@ -262,63 +266,63 @@ def writer(store: ResultStore, first: int, last: int) -> "subprocess.Popen[str]"
     )
 
 
-def test_what_was_kept_survives_a_kill_at_any_moment(tmp_path: Path) -> None:
+def test_stored_results_survive_a_kill_at_any_moment(tmp_path: Path) -> None:
     store, dice = ResultStore(tmp_path / "results.sqlite"), random.Random(5)  # noqa: S311 - nothing secret
-    every, done = toy.tasks(4000), 0
+    all_tasks, done = toy.tasks(4000), 0
     for _ in range(4):
         with writer(store, done, 4000) as process:
             assert process.stdout is not None
-            said = int(process.stdout.readline())
+            printed = int(process.stdout.readline())
             time.sleep(dice.uniform(0, 0.05))
             process.kill()
-            said = max([said, *map(int, process.stdout.read().split())])
-        outcomes, damaged = store.read(every)
-        # All that it has said was kept, at most one more, and nothing else.
+            printed = max([printed, *map(int, process.stdout.read().split())])
+        outcomes, damaged = store.read(all_tasks)
+        # All printed results were stored, at most one more, and no other.
         assert damaged == ()
-        assert len(outcomes) - (said + 1) in {0, 1}
+        assert len(outcomes) - (printed + 1) in {0, 1}
         assert toy.in_order(list(outcomes.values())) == toy.results(len(outcomes))
         done = len(outcomes)
     assert done < 4000
 
 
-# Two at once
+# Simultaneous access
 
 
-def test_two_writers_lose_nothing(tmp_path: Path) -> None:
+def test_two_simultaneous_writers_lose_no_results(tmp_path: Path) -> None:
     store = ResultStore(tmp_path / "results.sqlite")
     count = 45
-    # They overlap in the middle, where each replaces what is the same.
-    with writer(store, 0, 30) as one, writer(store, 15, count) as other:
-        one.communicate(timeout=PATIENCE_S)
-        other.communicate(timeout=PATIENCE_S)
-    assert (one.returncode, other.returncode) == (0, 0)
+    # They overlap in the middle, where each replaces equal results.
+    with writer(store, 0, 30) as first, writer(store, 15, count) as second:
+        first.communicate(timeout=PATIENCE_S)
+        second.communicate(timeout=PATIENCE_S)
+    assert (first.returncode, second.returncode) == (0, 0)
     outcomes, damaged = store.read(toy.tasks(count))
     assert damaged == ()
     assert toy.in_order(list(outcomes.values())) == toy.results(count)
     assert store.elapsed_seconds() == 2.0
 
 
-def test_a_reader_may_look_on_while_another_writes(tmp_path: Path) -> None:
+def test_results_can_be_read_while_another_process_writes(tmp_path: Path) -> None:
     store = ResultStore(tmp_path / "results.sqlite")
-    seen = []
+    counts = []
     tasks = toy.tasks(40)
     with writer(store, 0, 40) as process:
         while process.poll() is None:
             outcomes, damaged = store.read(tasks)
             assert damaged == ()
-            seen.append(len(outcomes))
-    assert seen == sorted(seen)
+            counts.append(len(outcomes))
+    assert counts == sorted(counts)
     assert kept(store, tasks) == list(range(40))
 
 
-def test_a_copy_is_as_good(store: ResultStore, tmp_path: Path) -> None:
+def test_a_copy_holds_the_same_results(store: ResultStore, tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     copy = ResultStore(Path(shutil.copy(store.path, tmp_path / "elsewhere" / "copy #1?.sqlite")))
     assert copy.read(TASKS) == store.read(TASKS)
     assert not multiprocessing.active_children()
 
 
-def test_a_place_that_does_not_exist_is_refused(tmp_path: Path) -> None:
+def test_a_folder_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     store = ResultStore(tmp_path / "absent" / "results.sqlite")
     with pytest.raises(OutputError, match=r"cannot be written or read .*; create the folder and make it wri"):
         run_tasks(TASKS, store, workers=1)
@@ -334,7 +338,7 @@ def test_a_place_that_does_not_exist_is_refused(tmp_path: Path) -> None:
         ("disk I/O error", "free space there, or give another"),
     ],
 )
-def test_the_remedy_is_that_of_what_sqlite_says(
+def test_the_remedy_follows_from_the_error_of_sqlite(
     store: ResultStore, said: str, remedy: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object, **__: object) -> sqlite3.Connection:

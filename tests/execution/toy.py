@@ -1,4 +1,4 @@
-"""Tasks that are done in a moment, for workers of every kind."""
+"""Tasks that take almost no time, for all kinds of workers."""
 
 import os
 import signal
@@ -10,7 +10,7 @@ from emaphm.execution import Task
 
 
 def square(number: int, seconds: float = 0.0) -> dict[str, Any]:
-    """Return the square, after some time."""
+    """Return the square of `number` after `seconds`."""
     time.sleep(seconds)
     return {"number": number, "square": number**2, "third": number / 3}
 
@@ -26,12 +26,12 @@ def die(_: int) -> None:
 
 
 def blocked(_: int) -> list[int]:
-    """Return the signals that do not come to the worker."""
+    """Return the signals that the worker ignores."""
     return sorted(signal.pthread_sigmask(signal.SIG_BLOCK, []))
 
 
 def wait_for_ever(number: int) -> dict[str, Any]:
-    """Return at once for 0, else as good as never."""
+    """Return at once for 0, otherwise practically never."""
     time.sleep(3600 if number else 0)
     return square(number)
 

@@ -22,12 +22,12 @@ from emaphm.experiment.test_setup import TestSetup
 from emaphm.recording import read_signal
 
 EMPS = Actuator.from_toml(Path(__file__).resolve().parents[2] / "examples" / "emps" / "emps.toml")
-"""An actuator without electrical section, which has the components friction and gain only."""
+"""An actuator without electrical section, which has only the components friction and gain."""
 
 THESIS_CHIRP = Excitation(Chirp(), 0.5)
 
 SHORT = 0.1
-"""Duration [s] of the poor manoeuvre: as poor as one of half a second, but simulated faster."""
+"""Duration [s] of the poor manoeuvre: as poor as a manoeuvre of half a second, but simulated faster."""
 
 
 def precision_of(
@@ -66,24 +66,24 @@ def linear() -> Design:
 def test_expected_intervals_are_those_of_diagnoses_of_reference_recordings() -> None:
     conditions = TestSetup.of(THESIS, ("current",), 0.05, 5000.0, workers=1)
     faults, chirp = conditions.faults(4, seed=11), Excitation(Chirp(duration=0.25), 0.25)
-    before = predicted_precision(conditions, chirp, faults, seed=5)
-    after = simulate_tests(conditions, [chirp], tests=4, seed=11)[0].precision
-    ratios = [after.half_widths[name] / before.half_widths[name] for name in NAMES]
+    predicted = predicted_precision(conditions, chirp, faults, seed=5)
+    simulated = simulate_tests(conditions, [chirp], tests=4, seed=11)[0].precision
+    ratios = [simulated.half_widths[name] / predicted.half_widths[name] for name in NAMES]
     # Two draws of the residual and of the derivatives' points differ by about a fifth. The intervals of a
     # diagnosis whose correction has not settled are wider.
     assert 0.5 < np.median(ratios) < 2
-    assert 0.5 < np.exp(np.median(after.logarithms - before.logarithms)) < 2
+    assert 0.5 < np.exp(np.median(simulated.logarithms - predicted.logarithms)) < 2
     # The intervals of gain and shorts differ by a factor of thirty, which has to be predicted too.
-    sizes = [[np.log(widths.half_widths[name]) for name in NAMES] for widths in (before, after)]
+    sizes = [[np.log(widths.half_widths[name]) for name in NAMES] for widths in (predicted, simulated)]
     assert np.corrcoef(sizes)[0, 1] > 0.9
 
 
 def test_voltage_narrows_the_intervals() -> None:
-    alone, both = precision_of(), precision_of(channels=("current", "voltage"))
-    assert both.logarithms.mean() < alone.logarithms.mean()
+    alone, with_voltage = precision_of(), precision_of(channels=("current", "voltage"))
+    assert with_voltage.logarithms.mean() < alone.logarithms.mean()
     # Heat and a short look alike from the current alone; voltage separates them (docs/physics.md, section 6).
     for name in ("short_a", "short_b", "short_c"):
-        assert both.half_widths[name] < alone.half_widths[name] / 3
+        assert with_voltage.half_widths[name] < alone.half_widths[name] / 3
 
 
 LINEAR_CHIRP = Excitation(Chirp(stop_hz=6.0, duration=0.25), 0.25)
@@ -101,11 +101,11 @@ def test_intervals_are_as_wide_as_noise_and_rows_demand(
     base: Precision, noise: float, sample_rate: float, ratio: float
 ) -> None:
     # With white noise only, they are proportional to its rms, and to the root of the sampling interval.
-    other = precision_of(LINEAR_CHIRP, EMPS, noise=noise, sample_rate=sample_rate, count=48)
+    changed = precision_of(LINEAR_CHIRP, EMPS, noise=noise, sample_rate=sample_rate, count=48)
     # Only a few percent of the rows depend on the gain, so that one draw of noise determines its width to a
     # third, and the ratio of 48 widths to 7 %; less for the mean with friction, on which all rows depend.
-    found = np.exp(np.mean(other.logarithms - base.logarithms))
-    assert found == pytest.approx(ratio, rel=0.15)
+    measured_ratio = np.exp(np.mean(changed.logarithms - base.logarithms))
+    assert measured_ratio == pytest.approx(ratio, rel=0.15)
 
 
 def test_all_manoeuvres_have_the_same_faults_and_noise() -> None:
@@ -135,15 +135,15 @@ def test_a_poor_manoeuvre_is_improved(improved: Design) -> None:
     assert improved.better
     assert improved.gain is not None
     assert improved.gain.narrower > np.log(2)
-    before, after = improved.given.simulated, improved.found.simulated
-    assert before is not None
-    assert after is not None
-    assert after.median_error < before.median_error
-    found = improved.found.excitation
-    assert found.amplitude <= 5e-3
-    assert found.frequency_hz is not None
-    assert 2.0 < found.frequency_hz <= 15.0
-    assert found.duration == SHORT
+    given, designed = improved.given.simulated, improved.found.simulated
+    assert given is not None
+    assert designed is not None
+    assert designed.median_error < given.median_error
+    excitation = improved.found.excitation
+    assert excitation.amplitude <= 5e-3
+    assert excitation.frequency_hz is not None
+    assert 2.0 < excitation.frequency_hz <= 15.0
+    assert excitation.duration == SHORT
 
 
 @pytest.mark.evidence
@@ -160,22 +160,22 @@ def test_the_finalist_with_the_narrower_intervals_in_simulated_tests_is_selected
 ) -> None:
     predicted = Precision({}, np.zeros(4))
     finalists = [PlannedTest(Excitation(Chirp(stop_hz=hertz), 0.5), predicted) for hertz in (9.0, 12.0)]
-    asked = []
+    calls = []
 
     def simulated(_: TestSetup, excitations: list[Excitation], *given: Any) -> list[SimulatedTests]:
-        asked.append((excitations, given[:2]))
+        calls.append((excitations, given[:2]))
         wide, narrow = (Precision({}, np.full(4, width)) for width in (-3.0, -4.0))
-        return [SimulatedTests(one, np.ones(4), np.zeros(4)) for one in (wide, narrow)]
+        return [SimulatedTests(candidate, np.ones(4), np.zeros(4)) for candidate in (wide, narrow)]
 
     monkeypatch.setattr(candidate_search, "simulate_tests", simulated)
     setup = TestSetup.of(THESIS, ("current",), 0.05, 5000.0)
     assert choose_finalist(setup, finalists, 12, 3, None) is finalists[1]
-    assert asked == [([one.excitation for one in finalists], (6, 3))]
+    assert calls == [([finalist.excitation for finalist in finalists], (6, 3))]
     assert choose_finalist(setup, finalists[:1], 12, 3, None) is finalists[0]
-    assert len(asked) == 1
+    assert len(calls) == 1
 
 
-def test_tests_that_refute_the_prediction_do_not_confirm_it(improved: Design) -> None:
+def test_simulated_tests_that_contradict_the_prediction_do_not_confirm_it(improved: Design) -> None:
     assert improved.given.simulated is not None
     simulated = improved.given.simulated.precision
     given = replace(improved.given, predicted=simulated)
@@ -192,8 +192,8 @@ def test_tests_that_refute_the_prediction_do_not_confirm_it(improved: Design) ->
 def test_a_constant_command_has_a_note_unless_the_position_is_recorded(
     channels: tuple[str, ...], seen: bool
 ) -> None:
-    found = design(EMPS, Step(0.1), duration=0.1, channels=channels, candidates=0, tests=0, workers=1)
-    assert any("detects no motion" in line for line in found.notes()) != seen
+    result = design(EMPS, Step(0.1), duration=0.1, channels=channels, candidates=0, tests=0, workers=1)
+    assert any("detects no motion" in line for line in result.notes()) != seen
 
 
 def test_a_difference_by_chance_is_seldom_significant() -> None:
@@ -211,11 +211,11 @@ def test_a_difference_by_chance_is_seldom_significant() -> None:
 
 def test_narrower_intervals_with_larger_errors_are_no_gain() -> None:
     widths = np.linspace(-4.2, -3.8, 12)
-    before = SimulatedTests(Precision({}, widths), np.ones(12), np.full(12, -6.0))
-    narrower = replace(before, precision=Precision({}, widths - 0.2))
-    assert Gain.of(before, narrower).significant
-    assert not Gain.of(before, replace(narrower, logarithms=np.linspace(-5.9, -5.5, 12))).significant
-    assert Gain.of(before, narrower).narrower == pytest.approx(0.2)
+    given = SimulatedTests(Precision({}, widths), np.ones(12), np.full(12, -6.0))
+    narrower = replace(given, precision=Precision({}, widths - 0.2))
+    assert Gain.of(given, narrower).significant
+    assert not Gain.of(given, replace(narrower, logarithms=np.linspace(-5.9, -5.5, 12))).significant
+    assert Gain.of(given, narrower).narrower == pytest.approx(0.2)
 
 
 def test_without_windings_the_fitted_model_simulates_the_tests_and_a_note_states_it(linear: Design) -> None:
@@ -230,8 +230,8 @@ def test_without_windings_the_fitted_model_simulates_the_tests_and_a_note_states
 
 
 def test_the_same_seed_has_the_same_result(linear: Design) -> None:
-    again = linear_design(workers=2)
-    assert again.to_dict() == linear.to_dict()
+    repeated = linear_design(workers=2)
+    assert repeated.to_dict() == linear.to_dict()
 
 
 def test_without_a_search_the_given_manoeuvre_is_reported() -> None:
@@ -243,7 +243,7 @@ def test_without_a_search_the_given_manoeuvre_is_reported() -> None:
     assert "Not confirmed" in str(result)
 
 
-def test_it_is_plain_json_and_text(improved: Design) -> None:
+def test_a_design_is_written_as_plain_json_and_text(improved: Design) -> None:
     values = json.loads(json.dumps(improved.to_dict(), allow_nan=False))
     assert values["better"] is True
     assert values["found"]["manoeuvre"]["stop_hz"] <= 15.0
@@ -253,17 +253,17 @@ def test_it_is_plain_json_and_text(improved: Design) -> None:
         assert piece in text
 
 
-def test_the_command_found_is_written_whole(improved: Design, tmp_path: Path) -> None:
+def test_the_designed_command_is_written_completely(improved: Design, tmp_path: Path) -> None:
     improved.write_command(tmp_path / "found.csv")
     signal = read_signal(str(tmp_path / "found.csv"), "command_rad")
-    found = improved.found.excitation
+    excitation = improved.found.excitation
     t = np.linspace(0.0, SHORT, 5000)
     # Straight lines between 200 rows a period: (2 pi / 200)² / 8 of the amplitude.
-    np.testing.assert_allclose(signal(t), found.command(t), atol=1.3e-4 * found.amplitude)
+    np.testing.assert_allclose(signal(t), excitation.command(t), atol=1.3e-4 * excitation.amplitude)
     assert signal.time_s[-1] == pytest.approx(SHORT)
 
 
-def test_a_command_from_a_file_is_written_as_it_was_given(tmp_path: Path) -> None:
+def test_a_command_from_a_file_is_written_unchanged(tmp_path: Path) -> None:
     # At 10 kHz, with 60 Hz at its end, which rows at 100 Hz would not resolve.
     t = np.arange(-100, 6001) * 1e-4
     given = Sampled(t, 5e-3 * np.sin(2 * np.pi * 60 * t * t))
@@ -304,7 +304,7 @@ def test_the_figure_shows_both_manoeuvres_and_all_half_widths(improved: Design, 
 @pytest.mark.parametrize(
     "channels", [("current", "speed"), ("speed_rad_s", "current_A"), ("speed", "current_A")]
 )
-def test_channels_go_by_short_names_or_by_their_columns(channels: tuple[str, ...]) -> None:
+def test_channels_are_given_by_short_names_or_column_names(channels: tuple[str, ...]) -> None:
     assert TestSetup.of(EMPS, channels, 0.05, 5000.0).channels == ("current_A", "speed_rad_s")
 
 
@@ -368,8 +368,8 @@ def test_a_test_of_a_retracted_actuator_is_planned_in_the_middle_of_its_travel()
     middle = 20 * 2 * np.pi * THESIS.mechanics.gear_ratio
     stops = THESIS.mechanics.model_copy(update={"end_stops": (0.0, 2 * middle)})
     retracted = THESIS.model_copy(update={"mechanics": stops})
-    found = design(retracted, duration=SHORT, candidates=1, tests=4, max_amplitude=0.02)
-    for mine in (found.given, found.found):
+    result = design(retracted, duration=SHORT, candidates=1, tests=4, max_amplitude=0.02)
+    for mine in (result.given, result.found):
         assert mine.excitation.rests_at == middle
         command = mine.excitation.command
         assert isinstance(command, Chirp | DecayingChirp)
@@ -415,7 +415,7 @@ def test_a_chirp_beyond_its_own_duration_continues_its_sweep_and_exceeds_its_lim
     reached = 0.5 / (crossings[-1] - crossings[-2])
     assert longer.frequency_hz == pytest.approx(reached, rel=0.02)
     assert "to 60 Hz" in longer.words("rotary")
-    assert Excitation(DecayingChirp(), 2.0).frequency_hz == 15.0  # 0 after half a second
+    assert Excitation(DecayingChirp(), 2.0).frequency_hz == 15.0  # zero after half a second
     with pytest.raises(EmaphmError, match="60 is more than 15"):
         design(THESIS, chirp, duration=2.0, max_frequency=15.0)
 

@@ -33,38 +33,42 @@ def flight(t: Array) -> Array:
 
 
 @pytest.fixture(scope="module")
-def whole() -> Recording:
-    made = simulate(THESIS, flight, duration=10.0, sample_rate=RATE, noise=0.05, adc_bits=12)
-    return Recording({name: made[name] for name in KEPT}, source="flight")
+def flight_recording() -> Recording:
+    recording = simulate(THESIS, flight, duration=10.0, sample_rate=RATE, noise=0.05, adc_bits=12)
+    return Recording({name: recording[name] for name in KEPT}, source="flight")
 
 
 @pytest.fixture(scope="module")
-def cut(whole: Recording) -> Segments:
-    return segments(whole, THESIS)
+def cut(flight_recording: Recording) -> Segments:
+    return segments(flight_recording, THESIS)
 
 
-def test_the_stretches_are_the_whole_recording_in_order(whole: Recording, cut: Segments) -> None:
-    edges = [one.rows for one in cut.stretches]
+def test_the_stretches_cover_the_recording_in_order(flight_recording: Recording, cut: Segments) -> None:
+    edges = [stretch.rows for stretch in cut.stretches]
     assert edges[0][0] == 0
-    assert edges[-1][1] == whole.samples
+    assert edges[-1][1] == flight_recording.samples
     assert all(before[1] == after[0] for before, after in itertools.pairwise(edges))
 
 
 def test_rests_are_refused_and_motions_are_not(cut: Segments) -> None:
-    resting = [one for one in cut.stretches if one.reason.startswith("at rest")]
+    resting = [stretch for stretch in cut.stretches if stretch.reason.startswith("at rest")]
     assert (round(resting[0].start_s), round(resting[0].end_s)) == (0, 1)
-    assert sum(one.end_s - one.start_s for one in resting) == pytest.approx(10 - 4, abs=1.5)
+    assert sum(stretch.end_s - stretch.start_s for stretch in resting) == pytest.approx(10 - 4, abs=1.5)
     for start, end in ((1.0, 2.0), (7.0, 9.0)):
-        inside = [one for one in cut.accepted if start - 0.3 <= one.start_s and one.end_s <= end + 0.6]
+        inside = [
+            stretch
+            for stretch in cut.accepted
+            if start - 0.3 <= stretch.start_s and stretch.end_s <= end + 0.6
+        ]
         assert inside
-        assert all("friction" in one.identifies for one in inside)
+        assert all("friction" in stretch.identifies for stretch in inside)
 
 
-def test_a_command_that_is_too_small_is_refused_with_the_best_precision(whole: Recording) -> None:
-    strict = segments(whole, THESIS, wanted=1e-3).stretches
-    refused = [one for one in strict if 3.5 < one.start_s < 4.5]
+def test_a_command_that_is_too_small_is_refused_with_the_best_precision(flight_recording: Recording) -> None:
+    strict = segments(flight_recording, THESIS, wanted=1e-3).stretches
+    refused = [stretch for stretch in strict if 3.5 < stretch.start_s < 4.5]
     assert refused
-    assert all("command too small or too slow: " in one.reason for one in refused)
+    assert all("command too small or too slow: " in stretch.reason for stretch in refused)
     assert "would be known to ±" in refused[0].reason
 
 
@@ -73,49 +77,57 @@ def test_the_expected_precision_of_a_stretch_from_rest_is_that_of_a_diagnosis() 
     def brief(t: Array) -> Array:
         return np.where((t >= 0.4) & (t < 0.9), 5e-3 * np.sin(2 * np.pi * 4.0 * (t - 0.4)), 0.0)
 
-    made = simulate(THESIS, brief, duration=1.2, sample_rate=RATE, noise=0.05, adc_bits=12)
-    cut = segments(Recording({name: made[name] for name in KEPT}), THESIS)
+    recording = simulate(THESIS, brief, duration=1.2, sample_rate=RATE, noise=0.05, adc_bits=12)
+    cut = segments(Recording({name: recording[name] for name in KEPT}), THESIS)
     first = cut.accepted[0]
     assert {"friction", "gain"} <= set(first.identifies)
-    found = diagnose(cut.recordings()[0], THESIS, nuisances=USUAL, workers=1)
-    assert found.explained
+    diagnosis = diagnose(cut.recordings()[0], THESIS, nuisances=USUAL, workers=1)
+    assert diagnosis.explained
     for name in first.identifies:
         # The prediction is cautious, of a healthy actuator, and its derivatives have errors.
-        assert np.ptp(found.interval[name]) / 2 < 2 * first.half_widths[name]
+        assert np.ptp(diagnosis.interval[name]) / 2 < 2 * first.half_widths[name]
 
 
-def test_a_stretch_that_begins_in_motion_is_refused(whole: Recording, cut: Segments) -> None:
-    assert sum(0.5 < one.start_s < 2.0 for one in cut.stretches) == 1
-    short = [one for one in segments(whole, THESIS, longest_s=0.5).stretches if 0.5 < one.start_s < 2.0]
+def test_a_stretch_that_begins_in_motion_is_refused(flight_recording: Recording, cut: Segments) -> None:
+    assert sum(0.5 < stretch.start_s < 2.0 for stretch in cut.stretches) == 1
+    short = [
+        stretch
+        for stretch in segments(flight_recording, THESIS, longest_s=0.5).stretches
+        if 0.5 < stretch.start_s < 2.0
+    ]
     assert len(short) > 1
-    assert [one.reason == IN_MOTION for one in short] == [False] + [True] * (len(short) - 1)
+    assert [stretch.reason == IN_MOTION for stretch in short] == [False] + [True] * (len(short) - 1)
 
 
-def test_a_saturated_stretch_is_refused(whole: Recording) -> None:
+def test_a_saturated_stretch_is_refused(flight_recording: Recording) -> None:
     limit = THESIS.controller.current_limit
-    current = whole["current_A"].copy()
+    current = flight_recording["current_A"].copy()
     current[1000:2000] = limit * np.sign(current[1000:2000])
-    saturated = whole.with_channels({**whole.channels, "current_A": current})
-    reasons = [one.reason for one in segments(saturated, THESIS).stretches if 0.5 < one.start_s < 1.5]
+    saturated = flight_recording.with_channels({**flight_recording.channels, "current_A": current})
+    reasons = [
+        stretch.reason for stretch in segments(saturated, THESIS).stretches if 0.5 < stretch.start_s < 1.5
+    ]
     assert reasons
     assert all("saturated: the current is at its limit in" in reason for reason in reasons)
 
 
-def test_a_current_in_milliamperes_is_no_saturated_one(whole: Recording) -> None:
-    in_mA = whole.with_channels({**whole.channels, "current_A": 1e3 * whole["current_A"]})
+def test_a_current_in_milliamperes_is_not_called_saturated(flight_recording: Recording) -> None:
+    in_mA = flight_recording.with_channels(
+        {**flight_recording.channels, "current_A": 1e3 * flight_recording["current_A"]}
+    )
     with pytest.raises(RecordingError, match="seems to be in milliamperes"):
         segments(in_mA, THESIS)
 
 
-def test_same_seed_same_stretches(whole: Recording, cut: Segments) -> None:
-    assert segments(whole, THESIS, workers=1).to_dict() == cut.to_dict()
+def test_the_same_seed_has_the_same_stretches(flight_recording: Recording, cut: Segments) -> None:
+    assert segments(flight_recording, THESIS, workers=1).to_dict() == cut.to_dict()
 
 
 def test_the_stretches_are_written_as_recordings(cut: Segments, tmp_path: Path) -> None:
     paths = cut.write(tmp_path / "cut")
     assert len(paths) == len(cut.accepted)
-    for path, one in zip(paths, cut.recordings(), strict=True):
-        np.testing.assert_array_equal(read_recording(path, THESIS)["current_A"], one["current_A"])
+    for path, stretch in zip(paths, cut.recordings(), strict=True):
+        np.testing.assert_array_equal(read_recording(path, THESIS)["current_A"], stretch["current_A"])
 
 
 def test_stretches_of_an_earlier_run_are_removed(cut: Segments, tmp_path: Path) -> None:
@@ -130,52 +142,60 @@ def test_stretches_of_an_earlier_run_are_removed(cut: Segments, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("more", "message"), [({"wanted": 0.0}, "precision"), ({"longest_s": -1.0}, "-1 s")])
-def test_impossible_arguments_are_refused(whole: Recording, more: dict[str, float], message: str) -> None:
+def test_impossible_arguments_are_refused(
+    flight_recording: Recording, more: dict[str, float], message: str
+) -> None:
     with pytest.raises(MethodError, match=message):
-        segments(whole, THESIS, **more)  # type: ignore[arg-type]
+        segments(flight_recording, THESIS, **more)  # type: ignore[arg-type]
 
 
-def test_a_recording_at_rest_throughout_is_one_refusal() -> None:
+def test_a_recording_entirely_at_rest_is_one_refused_stretch() -> None:
     ones = np.ones(400)
     still = Recording({"time_s": np.arange(400) * 1e-2, "command_rad": 1e-3 * ones, "current_A": ones})
     only = segments(still, THESIS).stretches
     # The backlash of 5 mrad behind the gear of 1/500.
-    assert [one.reason for one in only] == ["at rest: in 1 s the command moves by no more than 1e-05 rad"]
+    assert [stretch.reason for stretch in only] == [
+        "at rest: in 1 s the command moves by no more than 1e-05 rad"
+    ]
 
 
 @pytest.mark.parametrize("rows", [200, 450, 499, 600])
-def test_no_motion_at_the_end_is_called_a_rest(whole: Recording, rows: int) -> None:
-    sweep = {name: values[7000 : 7000 + rows] for name, values in whole.channels.items()}
+def test_motion_at_the_end_is_not_called_a_rest(flight_recording: Recording, rows: int) -> None:
+    sweep = {name: values[7000 : 7000 + rows] for name, values in flight_recording.channels.items()}
     sweep["time_s"] = sweep["time_s"] - sweep["time_s"][0]
     cut = segments(Recording(sweep, source="sweep"), THESIS)
-    assert not any(one.reason.startswith("at rest") for one in cut.stretches)
+    assert not any(stretch.reason.startswith("at rest") for stretch in cut.stretches)
     assert cut.stretches[-1].rows[1] == rows
 
 
 @pytest.mark.parametrize(("rate", "rows"), [(10.0, 403), (10.0, 60)])
-def test_motion_to_the_end_is_in_stretches_of_the_length_asked_for(rate: float, rows: int) -> None:
+def test_motion_to_the_end_is_split_into_stretches_of_the_requested_length(rate: float, rows: int) -> None:
     t = np.arange(rows) / rate
     command = 5e-3 * np.sin(2 * np.pi * 0.5 * t)
     moving = Recording({"time_s": t, "command_rad": command, "current_A": np.cos(t)})
     cut = segments(moving, THESIS, longest_s=8.0, workers=1).stretches
-    assert not any(one.reason.startswith("at rest") for one in cut)
+    assert not any(stretch.reason.startswith("at rest") for stretch in cut)
     assert cut[-1].rows[1] == rows
-    assert max(one.end_s - one.start_s for one in cut) <= 8.0 + 1e-9
+    assert max(stretch.end_s - stretch.start_s for stretch in cut) <= 8.0 + 1e-9
 
 
 @pytest.mark.parametrize(("row", "before"), [(1000, 0.0), (2000, 0.05), (1001, 0.0), (2249, 0.05)])
-def test_a_step_is_found_wherever_it_falls(row: int, before: float) -> None:
+def test_a_step_is_found_at_any_row(row: int, before: float) -> None:
     def step(t: Array) -> Array:
         return np.where(t >= row / RATE, 0.05 - before, before * np.minimum(t / 0.1, 1.0))
 
-    made = simulate(THESIS, step, model="averaged", duration=3.5, sample_rate=RATE)
-    recording = Recording({name: made[name] for name in KEPT})
-    around = [one for one in segments(recording, THESIS).stretches if one.rows[0] < row < one.rows[1]]
+    simulated = simulate(THESIS, step, model="averaged", duration=3.5, sample_rate=RATE)
+    recording = Recording({name: simulated[name] for name in KEPT})
+    around = [
+        stretch
+        for stretch in segments(recording, THESIS).stretches
+        if stretch.rows[0] < row < stretch.rows[1]
+    ]
     assert len(around) == 1
     assert "gain" in around[0].identifies
     # It begins before the step and lasts until the motion has ended, which takes 0.2 s.
     assert around[0].rows[1] > row + 200
-    assert np.ptp(made["position_rad"][around[0].rows[1] :]) < 1e-6
+    assert np.ptp(simulated["position_rad"][around[0].rows[1] :]) < 1e-6
 
 
 def test_no_stretch_begins_or_ends_while_a_slow_actuator_moves() -> None:
@@ -188,13 +208,13 @@ def test_no_stretch_begins_or_ends_while_a_slow_actuator_moves() -> None:
     def command(t: Array) -> Array:
         return np.where(t >= 2.1, 0.5, 0.0) + np.where((t >= 3.5) & (t < 4.0), chirp(t - 3.5), 0.0)
 
-    made = simulate(slow, command, model="averaged", duration=8.0, sample_rate=500.0)
-    recording = Recording({name: made[name] for name in KEPT})
+    simulated = simulate(slow, command, model="averaged", duration=8.0, sample_rate=500.0)
+    recording = Recording({name: simulated[name] for name in KEPT})
     cut = segments(recording, slow)
     assert len(cut.accepted) == 1
-    for one in cut.stretches:
-        for edge in one.rows:
-            assert np.ptp(made["position_rad"][max(edge - 25, 0) : edge + 25]) < 1e-5
+    for stretch in cut.stretches:
+        for edge in stretch.rows:
+            assert np.ptp(simulated["position_rad"][max(edge - 25, 0) : edge + 25]) < 1e-5
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-6])
@@ -205,33 +225,35 @@ def test_a_small_motion_is_found_in_a_recording_of_a_large_one(noise: float) -> 
         large = np.where((t >= 1.5) & (t < 2.5), 0.4 * np.sin(2 * np.pi * (t - 1.5)), 0.0)
         return large + np.where((t >= 6.0) & (t < 8.0), small(t - 6.0), 0.0)
 
-    made = simulate(THESIS, command, model="averaged", duration=10.0, sample_rate=250.0)
-    noisy = made["command_rad"] + noise * np.random.default_rng(0).normal(size=made.samples)
-    recording = Recording({name: made[name] for name in KEPT} | {"command_rad": noisy})
+    simulated = simulate(THESIS, command, model="averaged", duration=10.0, sample_rate=250.0)
+    noisy = simulated["command_rad"] + noise * np.random.default_rng(0).normal(size=simulated.samples)
+    recording = Recording({name: simulated[name] for name in KEPT} | {"command_rad": noisy})
     cut = segments(recording, THESIS)
-    around = [one for one in cut.stretches if one.start_s < 7.0 < one.end_s]
+    around = [stretch for stretch in cut.stretches if stretch.start_s < 7.0 < stretch.end_s]
     assert around[0].start_s == pytest.approx(6.0, abs=0.3)
     assert around[0].end_s == pytest.approx(8.0, abs=0.6)
     assert {"friction", "gain"} <= set(around[0].identifies)
 
 
-def test_the_healthy_motion_in_pieces_is_that_of_one_run() -> None:
+def test_the_healthy_motion_simulated_in_pieces_equals_that_of_one_run() -> None:
     # Pieces of 20 s end in motion, in motion, and at rest; one at rest is not simulated.
     def command(t: Array) -> Array:
         slow = np.where(t < 50.0, 5e-3 * np.sin(2 * np.pi * 0.23 * t), 2e-3)
         return np.where(t < 85.0, slow, -1e-3)
 
-    made = simulate(THESIS, command, model="averaged", duration=90.0, sample_rate=100.0)
-    recording = Recording({name: made[name] for name in KEPT})
-    found = healthy_position(recording, THESIS)
+    simulated = simulate(THESIS, command, model="averaged", duration=90.0, sample_rate=100.0)
+    recording = Recording({name: simulated[name] for name in KEPT})
+    position = healthy_position(recording, THESIS)
     # The user lags by half a gap of 1e-5 rad; each piece begins with the gap centred.
-    np.testing.assert_allclose(found[:-1], made["position_rad"][:-1], atol=2e-5)
+    np.testing.assert_allclose(position[:-1], simulated["position_rad"][:-1], atol=2e-5)
 
 
 def test_a_slow_ramp_is_no_rest() -> None:
     # 0.98 of the backlash in a quarter of a second, 39 times the backlash in all.
-    made = simulate(THESIS, Ramp(3.9e-5, 2.0), model="averaged", duration=12.0, sample_rate=100.0)
-    cut = segments(Recording({name: made[name] for name in KEPT}), THESIS)
+    simulated = simulate(THESIS, Ramp(3.9e-5, 2.0), model="averaged", duration=12.0, sample_rate=100.0)
+    cut = segments(Recording({name: simulated[name] for name in KEPT}), THESIS)
     assert cut.stretches[0].end_s == pytest.approx(2.0, abs=0.5)
-    resting = sum(one.end_s - one.start_s for one in cut.stretches if one.reason.startswith("at rest"))
+    resting = sum(
+        stretch.end_s - stretch.start_s for stretch in cut.stretches if stretch.reason.startswith("at rest")
+    )
     assert resting == pytest.approx(2.0, abs=0.6)

@@ -1,1 +1,1 @@
-"""Spoilt inputs by the thousand: whatever is given, the command refuses it in one line or does its work."""
+"""Fuzzer with spoilt inputs: the command must do its work or refuse the input in one line."""

@@ -1,6 +1,6 @@
-"""`python -m tests.fuzz --minutes 10`: spoilt inputs for as long as one likes.
+"""`python -m tests.fuzz --minutes 10`: spoilt inputs for a given time.
 
-What is found is written to a folder, a folder a case: its files, its command line and what was wrong.
+Each complaint is written to its own folder: the files, the command line and the complaint.
 """
 
 import argparse
@@ -22,25 +22,25 @@ def _keep(report: Report, folder: Path) -> None:
 
 
 def main() -> int:
-    """Run; return 1 if anything is wrong."""
+    """Run the fuzzer; return 1 if there is any complaint."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument("--minutes", type=float, help="how long; 10 if neither is given")
     parser.add_argument("--cases", type=int, help="how many")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--classes", nargs="*", default=(), choices=list(CLASSES), help="all if left out")
     parser.add_argument("--out", type=Path, default=Path("fuzz"), help="folder for what is found")
-    given = parser.parse_args()
-    minutes = 10.0 if given.minutes is None and given.cases is None else given.minutes
+    options = parser.parse_args()
+    minutes = 10.0 if options.minutes is None and options.cases is None else options.minutes
     report = fuzz(
-        given.seed,
-        cases=given.cases,
+        options.seed,
+        cases=options.cases,
         seconds=None if minutes is None else 60 * minutes,
-        names=given.classes,
+        names=options.classes,
     )
     print(report)
     if report.complaints:
-        _keep(report, given.out)
-        print(f"what is wrong: {given.out}")
+        _keep(report, options.out)
+        print(f"what is wrong: {options.out}")
     return int(bool(report.complaints))
 
 

@@ -1,4 +1,4 @@
-"""The classes of spoilt inputs: each makes a case from a generator of random numbers.
+"""The classes of spoilt inputs: each function makes a case from a random number generator.
 
 A new kind of input is a function here and a line in `CLASSES`.
 """
@@ -32,14 +32,14 @@ from . import spoil
 THESIS = write_toml(Actuator.thesis())
 
 REPLAY = ("replay", "{}", "--json")
-"""The quickest verb that reads a recording and runs a model on it."""
+"""The fastest verb that reads a recording and simulates a model."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A command line, and the files that it finds in its folder beside `good.csv` and `good.toml`.
+    """A command line, and the files in its folder in addition to `good.csv` and `good.toml`.
 
-    Where `prefix` is set, a recording that is accepted must have the first rows of the good one, unchanged.
+    If `prefix` is set, an accepted recording must have the first rows of the good recording, unchanged.
     """
 
     arguments: tuple[str, ...]
@@ -51,7 +51,7 @@ def columns(*, further: bool = True) -> dict[str, Array]:
     """Return 0.1 s of a healthy thesis actuator at 2 kHz, in closed form."""
     time = np.arange(200) / 2e3
     swing = 2 * np.pi * 15.0 * time
-    kept = {
+    channels = {
         "time_s": time,
         "command_rad": 5e-3 * np.sin(swing),
         "current_A": 1.5 * np.sign(np.cos(swing)) - 0.4 * np.sin(swing),
@@ -63,7 +63,7 @@ def columns(*, further: bool = True) -> dict[str, Array]:
         "load_Nm": np.full(200, 0.01),
         "temperature_K": np.full(200, 293.15),
     }
-    return kept | motion if further else kept
+    return channels | motion if further else channels
 
 
 @cache
@@ -125,7 +125,7 @@ def _bytewise(kind: str, name: str) -> Callable[[Random], Case]:
 
 
 def csv_cut(random: Random) -> Case:
-    """Return a CSV file that was cut short: its values may be fewer, never others."""
+    """Return a truncated CSV file: it may have fewer values, but no changed values."""
     return _replay("rec.csv", spoil.cut(good("csv"), random), prefix=True)
 
 
@@ -140,7 +140,7 @@ def csv_cell(random: Random) -> Case:
 
 
 def csv_compressed(random: Random) -> Case:
-    """Return a compressed file that is called .csv, whole or damaged."""
+    """Return a compressed file named .csv, complete or damaged."""
     content = good("csv")
     packed = random.choice(
         (gzip.compress(content), zlib.compress(content), b"\x28\xb5\x2f\xfd" + content, b"x^" + content)
@@ -149,7 +149,7 @@ def csv_compressed(random: Random) -> Case:
 
 
 def parquet_footer(random: Random) -> Case:
-    """Return a Parquet file whose description of itself is damaged."""
+    """Return a Parquet file with a damaged footer."""
     content = good("parquet")
     length = int.from_bytes(content[-8:-4], "little")
     return _replay("rec.parquet", spoil.near(content, (len(content) - 8 - length, len(content)), random))
@@ -171,7 +171,7 @@ def parquet_columns(random: Random) -> Case:
 
 
 def mat_header(random: Random) -> Case:
-    """Return a .mat file that is damaged in the headers of the file and of its first variable."""
+    """Return a .mat file with damaged headers of the file and of its first variable."""
     kind = random.choice(("mat4", "mat5", "mat5 packed"))
     return _replay("rec.mat", spoil.near(good(kind), (0, 20) if kind == "mat4" else (100, 200), random))
 
@@ -272,7 +272,7 @@ def arguments(random: Random) -> Case:
     odd = (*spoil.ODD_NUMBERS, *spoil.ODD_TEXTS, "good.csv", "good.toml", "absent.csv", "out.png", "out.html")
     plain = random.choice((("0.3", "0.01", "1"), ("2000", "12", "0.1"), ("averaged", "load", "good.csv")))
     line = random.choice(LINES).split()
-    # Where all gaps are odd, only the first is ever looked at.
+    # If all gaps are odd, only the first is checked.
     return Case(
         tuple(word.replace("{}", random.choice(odd if random.random() < 0.4 else plain)) for word in line)
     )
@@ -310,14 +310,14 @@ label = "few"
 population = 4
 iterations = 3
 """
-"""A plan that is done in a moment."""
+"""A plan that takes almost no time."""
 
 STUDY_LINE = ("study", "run", "mine.toml", "--out", "study", "--workers", "1", "--json")
 
 
 @cache
 def study_files() -> dict[str, bytes]:
-    """Return the files of the finished study, by their place in its folder."""
+    """Return the files of the finished study, by their path in its folder."""
     with tempfile.TemporaryDirectory(prefix="emaphm-fuzz-study-") as folder:
         run_study(Plan.from_toml_text(STUDY), folder, workers=1)
         return {name: Path(folder, name).read_bytes() for name in ("plan.json", "results.sqlite")}
@@ -354,7 +354,7 @@ def study_results(random: Random) -> Case:
         with contextlib.closing(sqlite3.connect(path)) as connection:
             limit = random.choice(("WHERE rowid = 1", "WHERE rowid = 2"))
             with contextlib.suppress(sqlite3.IntegrityError):
-                connection.execute(f"UPDATE results SET {column} = ? {limit}", (odd,))  # noqa: S608 - ours
+                connection.execute(f"UPDATE results SET {column} = ? {limit}", (odd,))  # noqa: S608 - constant names
             connection.commit()
         return _study(study_files() | {"results.sqlite": path.read_bytes()})
 
@@ -386,7 +386,7 @@ CLASSES: dict[str, tuple[Callable[[Random], Case], int]] = {
     "study: plan": (study_plan, 2),
     "study: results": (study_results, 2),
 }
-"""How a case of each class is made, and how often: those that start a process are rarer."""
+"""Function and relative frequency of each class; classes that start a process are rarer."""
 
 if find_spec("h5py"):
     CLASSES["mat 7.3: bytes"] = (_bytewise("mat73", "rec.mat"), 1)

@@ -1,4 +1,4 @@
-"""Running cases, and what is wrong with how one ended."""
+"""Running of cases, and complaints about wrong endings."""
 
 import contextlib
 import io
@@ -26,18 +26,18 @@ from emaphm.recording import read_recording
 from .classes import CLASSES, THESIS, Case, columns, good
 
 SLOW_S = 30.0
-"""A case that takes longer is a complaint: something went on without a limit."""
+"""A case that takes longer is a complaint, because some work has no limit."""
 
 
 @dataclass
 class Report:
-    """Cases run by class and exit code, and the complaints: class, case, what was wrong."""
+    """Number of cases by class and exit code, and the complaints (class, case, message)."""
 
     counts: Counter[tuple[str, int]] = field(default_factory=Counter)
     complaints: list[tuple[str, Case, str]] = field(default_factory=list)
 
     def __str__(self) -> str:
-        """Return a table: of each class the number of cases done, refused and complained about."""
+        """Return a table with the number of completed, refused and faulty cases of each class."""
         wrong = Counter(name for name, _, _ in self.complaints)
         lines = [f"{'class':<20}{'done':>8}{'refused':>9}{'wrong':>7}"]
         for name in CLASSES:
@@ -50,7 +50,7 @@ class Report:
 def fuzz(
     seed: int, *, cases: int | None = None, seconds: float | None = None, names: Sequence[str] = ()
 ) -> Report:
-    """Run cases of the classes `names` (all if none are given) until there are enough, or the time is up."""
+    """Run cases of the classes `names` (all if empty) up to a number of cases or a time limit."""
     random, report, start = Random(seed), Report(), time.monotonic()
     chosen = [name for name in CLASSES if not names or name in names]
     weights = [CLASSES[name][1] for name in chosen]
@@ -68,7 +68,7 @@ def fuzz(
 
 
 def run(case: Case, folder: Path) -> tuple[int, str | None]:
-    """Run a case in a new folder; return its exit code, 1 where it raised, and what was wrong if anything."""
+    """Run a case in a new folder; return its exit code (1 if it raised) and its complaint or none."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     files = {"good.csv": good("csv"), "good.toml": THESIS.encode()} | case.files
@@ -84,7 +84,7 @@ def run(case: Case, folder: Path) -> tuple[int, str | None]:
                 code = main(list(case.arguments))
         except KeyboardInterrupt:
             raise
-        except BaseException:  # noqa: BLE001 - a panic of polars is no ordinary exception
+        except BaseException:  # noqa: BLE001 - a panic of polars is not an Exception
             return 1, traceback.format_exc()
         seconds = time.monotonic() - start
         complaint = _complaint(case, code, out.getvalue(), err.getvalue() + native()) or _not_prefix(
@@ -118,23 +118,23 @@ def _no_constant(name: str) -> None:
 
 
 def _not_prefix(case: Case, code: int) -> str | None:
-    """Return what was read of a file that was cut, if it is not what stands in the whole one."""
+    """Return a complaint if the values read from a truncated file differ from the complete file."""
     if code or not case.prefix:
         return None
     try:
         recording = read_recording(next(iter(case.files)), Actuator.thesis())
     except EmaphmError as error:
         return f"is read by the command, not by the library: {error}"
-    for name, whole in columns().items():
-        if name in recording and not np.array_equal(recording[name], whole[: recording.samples]):
+    for name, values in columns().items():
+        if name in recording and not np.array_equal(recording[name], values[: recording.samples]):
             return f"{name} is read otherwise than it stood there"
     return None
 
 
 @contextlib.contextmanager
 def _native_stderr() -> Iterator[Callable[[], str]]:
-    """Catch what libraries write to the process's own stderr."""
-    kept = os.dup(2)
+    """Capture the output of libraries to the stderr of the process."""
+    saved = os.dup(2)
     with tempfile.TemporaryFile() as file:
         os.dup2(file.fileno(), 2)
 
@@ -146,5 +146,5 @@ def _native_stderr() -> Iterator[Callable[[], str]]:
         try:
             yield written
         finally:
-            os.dup2(kept, 2)
-            os.close(kept)
+            os.dup2(saved, 2)
+            os.close(saved)

@@ -1,4 +1,4 @@
-"""Ways in which bytes, text and numbers are spoilt."""
+"""Functions that spoil bytes, text and numbers."""
 
 from collections.abc import Callable
 from random import Random
@@ -12,16 +12,16 @@ ODD_NUMBERS = (
     " ", "1,5", "0x10", "1_000", "١", "1e", "--1", "+-1", "1.5", "true", "None", "1" * 5000, "9" * 25,
     "1e-15", "-1", "1e15",
 )  # fmt: skip
-"""What may stand where a number belongs."""
+"""Odd texts in place of a number."""
 
 ODD_TEXTS = (
     "", " ", "\0", "a\0b", "\n", "\x1b[31m", "ü" * 300, "x" * 5000, "..", "/", "~", "*", "[", "%s", "{}", "'",
     '"', "\udcff", "None", "-", "--", "=", "a=b=c", "nul", "NaN", "\u202e", "💥", ",", ",,", ";", "friction",
 )  # fmt: skip
-"""What may stand where a name belongs."""
+"""Odd texts in place of a name."""
 
 MAGNETIC = (0, 1, 0x7F, 0x80, 0xFF)
-"""Bytes at the edges of what integers mean."""
+"""Bytes at the limits of integers."""
 
 
 def flipped(content: bytes, random: Random) -> bytes:
@@ -38,7 +38,7 @@ def cut(content: bytes, random: Random) -> bytes:
 
 
 def inserted(content: bytes, random: Random) -> bytes:
-    """Return `content` with random bytes, or a piece of its own, put in somewhere."""
+    """Return `content` with random bytes, or a copy of a piece of it, inserted at a random place."""
     place, length = random.randrange(len(content)), random.choice((1, 2, 8, 100))
     piece = random.randbytes(length) if random.random() < 0.5 else content[place : place + length]
     return content[:place] + piece + content[place:]
@@ -73,7 +73,7 @@ def near(content: bytes, places: tuple[int, int], random: Random) -> bytes:
 
 
 def values(column: Array, random: Random) -> Array:
-    """Return a column as a broken sensor or a wrong conversion would give it."""
+    """Return a column as from a broken sensor or a wrong conversion."""
     spoilt, row = column.copy(), random.randrange(column.size)
     match random.randrange(7):
         case 0:

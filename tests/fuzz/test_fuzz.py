@@ -1,4 +1,4 @@
-"""A short run of the fuzzer with every test run; ``make fuzz`` is the long one."""
+"""A short run of the fuzzer with each test run; ``make fuzz`` is the long run."""
 
 import pytest
 
@@ -6,11 +6,11 @@ from .classes import CLASSES
 from .run import fuzz
 
 PROCESS = [name for name, (_, weight) in CLASSES.items() if weight == 1]
-"""Classes that start a process a case."""
+"""Classes that start a process for each case."""
 
 
 SLOW = ["mdf: bytes"]
-"""Its library takes seconds to load; `tests/recording/test_logger_files.py` damages such a file too."""
+"""Loading its library takes seconds; `tests/recording/test_logger_files.py` also damages such a file."""
 
 
 @pytest.mark.parametrize(

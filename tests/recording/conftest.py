@@ -1,4 +1,4 @@
-"""What the recording tests share."""
+"""Fixtures of the tests of recordings: actuators, columns, refusals and measured files."""
 
 import os
 from collections.abc import Callable
@@ -24,7 +24,7 @@ def thesis() -> Actuator:
 
 @pytest.fixture
 def emps() -> Actuator:
-    """Return the EMPS rig as its data set describes it: linear, a drive in volts, no end stops."""
+    """Return the EMPS rig by its data set: linear, commanded in volts, without end stops."""
     return Actuator(
         name="emps",
         coordinates="linear",
@@ -67,7 +67,7 @@ def columns() -> Columns:
 
 @pytest.fixture
 def refusal() -> Refusal:
-    """Return the message with which an action is refused, after seeing that it is one line."""
+    """Return a function that checks that an action is refused in one line, and returns the message."""
 
     def message(action: Callable[[], object]) -> str:
         with pytest.raises(EmaphmError) as caught:
@@ -81,7 +81,7 @@ def refusal() -> Refusal:
 
 
 def measured_file(*parts: str) -> Path:
-    """Return the path of measured data; tests that want it are skipped where it is absent."""
+    """Return the path of measured data; tests that need it are skipped if it is missing."""
     beside = Path(__file__).resolve().parents[3] / "shared" / "data"
     path = Path(os.environ.get("EMAPHM_DATA", beside)).joinpath(*parts)
     if not path.exists():
@@ -97,5 +97,5 @@ def emps_file() -> Path:
 
 @pytest.fixture
 def xl330_folder() -> Path:
-    """Return the folder of the logs of a real servo."""
+    """Return the folder with the logs of a real servo."""
     return measured_file("xl330")

@@ -1,4 +1,4 @@
-"""Sensor noise and converters against their textbook statistics."""
+"""Sensor noise and analogue-digital converters, compared with their textbook statistics."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def _disturbance(recording: Recording, name: str, noisy: Recording) -> NDArray[n
     return np.asarray(noisy[name] - recording[name])
 
 
-def test_noise_is_white_gaussian_with_the_asked_rms(long: Recording) -> None:
+def test_noise_is_white_gaussian_with_the_requested_rms(long: Recording) -> None:
     noise = _disturbance(long, "current_A", acquire(long, noise={"current_A": 0.3}, seed=1))
     # Four standard errors of each statistic of 40,000 normal draws.
     assert noise.mean() == pytest.approx(0, abs=4 * 0.3 / ROWS**0.5)
@@ -33,13 +33,13 @@ def test_noise_is_white_gaussian_with_the_asked_rms(long: Recording) -> None:
     assert np.mean(noise[1:] * noise[:-1]) / 0.09 == pytest.approx(0, abs=4 / ROWS**0.5)
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_does_not(long: Recording) -> None:
-    first, again, other = (acquire(long, noise={"current_A": 0.3}, seed=seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first["current_A"], again["current_A"])
-    assert not np.any(first["current_A"] == other["current_A"])
+def test_only_the_same_seed_gives_the_same_bits(long: Recording) -> None:
+    first, repeated, another_seed = (acquire(long, noise={"current_A": 0.3}, seed=seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first["current_A"], repeated["current_A"])
+    assert not np.any(first["current_A"] == another_seed["current_A"])
 
 
-def test_noise_of_a_channel_does_not_depend_on_the_others(long: Recording) -> None:
+def test_noise_of_a_channel_does_not_depend_on_other_channels(long: Recording) -> None:
     alone = acquire(long, noise={"position_rad": 0.1}, seed=1)
     among = acquire(long, noise={"current_A": 1.0, "current_a_A": 1.0, "position_rad": 0.1}, seed=1)
     fewer = Recording({name: long[name] for name in long if name != "current_a_A"})
@@ -56,7 +56,7 @@ def test_noise_differs_between_channels(long: Recording) -> None:
 
 @pytest.mark.parametrize("bits", [4, 8, 12])
 def test_quantisation_error_has_the_variance_of_a_uniform_step(long: Recording, bits: int) -> None:
-    # The range stays a step clear of the signal's ±9, so that nothing is clipped.
+    # The range exceeds the signal's ±9 by one step, so that no value is clipped.
     full_scale = 12.0
     error = _disturbance(
         long, "current_A", acquire(long, adc_bits=bits, full_scale={"current_A": 12.0}, seed=0)
@@ -67,7 +67,7 @@ def test_quantisation_error_has_the_variance_of_a_uniform_step(long: Recording, 
     assert error.var() == pytest.approx(step**2 / 12, rel=4 * 0.894 / ROWS**0.5)
 
 
-def test_converter_is_mid_tread_and_clips(long: Recording) -> None:
+def test_a_converter_is_mid_tread_and_clips(long: Recording) -> None:
     measured = acquire(long, adc_bits=4, full_scale={"current_A": 4.0}, seed=0)["current_A"]
     np.testing.assert_array_equal(np.unique(measured), np.arange(-8, 8) * 0.5)
     np.testing.assert_array_equal(measured[np.abs(long["current_A"]) < 0.24], 0.0)
@@ -75,23 +75,23 @@ def test_converter_is_mid_tread_and_clips(long: Recording) -> None:
     assert measured[long["current_A"].argmin()] == -4.0
 
 
-def test_time_command_and_the_original_stay_as_they_are(long: Recording, thesis: Actuator) -> None:
-    before = {name: long[name].copy() for name in long}
+def test_time_command_and_the_original_recording_are_unchanged(long: Recording, thesis: Actuator) -> None:
+    original = {name: long[name].copy() for name in long}
     noisy = acquire(long, noise={"current_A": 1.0}, adc_bits=8, full_scale=full_scales(thesis), seed=0)
     for name in long:
-        np.testing.assert_array_equal(long[name], before[name])
+        np.testing.assert_array_equal(long[name], original[name])
     for name in ("time_s", "command_rad"):
-        np.testing.assert_array_equal(noisy[name], before[name])
+        np.testing.assert_array_equal(noisy[name], original[name])
     assert (noisy.sampling, noisy.source, noisy.names) == ("instant", "rig 3", long.names)
 
 
 def test_without_noise_or_converter_nothing_changes(long: Recording) -> None:
-    same = acquire(long, seed=0)
+    acquired = acquire(long, seed=0)
     for name in long:
-        np.testing.assert_array_equal(same[name], long[name])
+        np.testing.assert_array_equal(acquired[name], long[name])
 
 
-def test_full_scales_leave_room_above_the_limits(thesis: Actuator, emps: Actuator) -> None:
+def test_full_scales_have_a_margin_above_the_limits(thesis: Actuator, emps: Actuator) -> None:
     scales = full_scales(thesis)
     assert scales["current_b_A"] == pytest.approx(45.0)
     assert scales["position_rad"] == pytest.approx(1.2 * 0.5236)
@@ -99,7 +99,7 @@ def test_full_scales_leave_room_above_the_limits(thesis: Actuator, emps: Actuato
     assert scales["speed_rad_s"] == pytest.approx(1.2 * 8000 / 60 * 2 * np.pi)
     assert scales["voltage_V"] == pytest.approx(57.6)
     assert scales["load_Nm"] == pytest.approx(2 * 1.689)
-    # Without end stops, speed or torque limits the ranges of those sensors are not known.
+    # Without end stops, speed or torque limits, the ranges of these sensors are unknown.
     assert set(full_scales(emps)) == {
         "current_a_A",
         "current_b_A",
@@ -135,7 +135,9 @@ def test_impossible_sensors_are_refused(
         assert part in text
 
 
-def test_any_healthy_recording_survives_its_own_rig(columns: Columns, thesis: Actuator) -> None:
+def test_sensors_with_default_ranges_do_not_clip_a_healthy_recording(
+    columns: Columns, thesis: Actuator
+) -> None:
     recording = Recording(columns)
     measured = acquire(recording, adc_bits=16, full_scale=full_scales(thesis), seed=0)
     # 16 bits over ±45 A: half a step is 0.7 mA.

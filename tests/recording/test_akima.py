@@ -1,4 +1,4 @@
-"""The smooth curve behind a channel's rows, against SciPy's."""
+"""The Akima interpolation of a channel's rows, compared with SciPy's."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ CURVES = {
 
 
 @pytest.mark.parametrize("values", CURVES.values(), ids=list(CURVES))
-def test_it_is_akima_s_curve(values: Array) -> None:
+def test_the_curve_equals_scipys_akima_interpolation(values: Array) -> None:
     knots: Array = START + INTERVAL * np.arange(values.size, dtype=float)
     times: Array = np.linspace(knots[0] - INTERVAL / 2, knots[-1] + INTERVAL / 2, CHUNK + 1000)
     expected = Akima1DInterpolator(knots, values, extrapolate=True)(times)

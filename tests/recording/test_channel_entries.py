@@ -1,4 +1,4 @@
-"""Channels as a description defines them: converted, derived, known, late, masked, with gaps."""
+"""Channel entries of a description: conversion, derived and known values, delays, masks and gaps."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from emaphm.recording import Recording, read_recording, write_recording
 from .conftest import Columns, Refusal
 
 
-# A CSV file, where the format does not matter: for another a process is started.
+# A CSV file where the format does not matter, because other formats need a process of their own.
 def save(columns: dict[str, Any], folder: Path, name: str = "rec.csv") -> Path:
     path = folder / name
     frame = pl.DataFrame(columns)
@@ -25,11 +25,11 @@ def save(columns: dict[str, Any], folder: Path, name: str = "rec.csv") -> Path:
 
 
 def rig(thesis: Actuator, reading: dict[str, Any] | None = None, **channels: Any) -> Actuator:
-    given = {"channels": Channels(**channels), "reading": Reading(**(reading or {}))}
-    return thesis.model_copy(update=given)
+    sections = {"channels": Channels(**channels), "reading": Reading(**(reading or {}))}
+    return thesis.model_copy(update=sections)
 
 
-def test_units_scale_offset_and_sign(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_unit_scale_offset_and_sign_are_applied(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
     logged = {
         "t": 1e3 * columns["time_s"],
         "goal": np.rad2deg(columns["command_rad"]),
@@ -50,7 +50,9 @@ def test_units_scale_offset_and_sign(columns: Columns, tmp_path: Path, thesis: A
         np.testing.assert_allclose(recording[name], columns[name], rtol=1e-12, atol=1e-12, err_msg=name)
 
 
-def test_derived_of_columns_and_of_channels(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_a_channel_is_derived_from_columns_and_from_channels(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
     error_mrad = 1e3 * (columns["command_rad"] - columns["position_rad"])
     logged = {k: v for k, v in columns.items() if k != "position_rad"} | {"error": error_mrad}
     actuator = rig(thesis, position_rad={"derived": "command_rad - 0.001 * error"})
@@ -58,7 +60,7 @@ def test_derived_of_columns_and_of_channels(columns: Columns, tmp_path: Path, th
     np.testing.assert_allclose(recording["position_rad"], columns["position_rad"], atol=1e-15)
 
 
-def test_what_is_derived_of_channels_alone_is_derived(
+def test_a_channel_derived_from_channels_only_is_computed(
     columns: Columns, tmp_path: Path, thesis: Actuator
 ) -> None:
     channels = {
@@ -73,7 +75,7 @@ def test_what_is_derived_of_channels_alone_is_derived(
         rig(thesis, time_s={"derived": "frame / 5000"})
 
 
-def test_known_values_and_labels(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_known_values_and_labels_are_read(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
     del columns["temperature_K"]
     path = save(columns | {"SN": ["A-17"] * 2500, "run": np.full(2500, 3)}, tmp_path)
     actuator = rig(thesis, {"serial": "SN"}, temperature_K={"value": 20.0, "unit": "degC"})
@@ -81,13 +83,13 @@ def test_known_values_and_labels(columns: Columns, tmp_path: Path, thesis: Actua
     np.testing.assert_allclose(recording["temperature_K"], 293.15)
     np.testing.assert_array_equal(recording["load_Nm"], 0.02)
     assert recording.labels == {"SN": "A-17", "serial": "A-17", "run": 3.0, "rig": "left"}
-    # What is written keeps them.
+    # Writing keeps them.
     write_recording(recording, tmp_path / "again.csv")
     assert read_recording(tmp_path / "again.csv", thesis).labels["serial"] == "A-17"
 
 
 @pytest.mark.parametrize("serial", ["0042", "1E5"])
-def test_a_serial_number_that_looks_like_another_number_is_kept(
+def test_a_serial_number_with_the_same_value_as_another_keeps_its_text(
     columns: Columns, tmp_path: Path, thesis: Actuator, serial: str
 ) -> None:
     path = save(columns | {"SN": [serial] * 2500, "step": [f"{i:04d}" for i in range(2500)]}, tmp_path)
@@ -99,22 +101,22 @@ def test_a_serial_number_that_looks_like_another_number_is_kept(
     assert read_recording(tmp_path / "again.csv", thesis).labels["serial"] == serial
 
 
-def test_a_label_is_kept_where_a_row_was_lost(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_a_label_is_kept_despite_lost_rows(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
     kept = np.delete(np.arange(2500), [700, 701, 1200])
     lost = {**columns, "run": np.ones(2500), "ambient": np.sin(columns["time_s"])}
     path = save({name: values[kept] for name, values in lost.items()}, tmp_path)
     recording = read_recording(path, thesis)
     assert recording.samples == 2500
-    # Nothing is known of what changes.
+    # In lost rows, the values of a changing column are unknown.
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(recording["ambient"])), [700, 701, 1200])
     write_recording(recording, tmp_path / "again.csv")
-    again = read_recording(tmp_path / "again.csv", thesis)
-    assert again.labels["run"] == recording.labels["run"] == 1.0
+    reread = read_recording(tmp_path / "again.csv", thesis)
+    assert reread.labels["run"] == recording.labels["run"] == 1.0
 
 
 @pytest.mark.parametrize(("sampling", "atol"), [("instant", 2e-8), ("mean", 2e-8)])
 @pytest.mark.parametrize("delay", [2e-3, 1.37e-3, -0.61e-3])
-def test_a_delay_is_taken_back(
+def test_a_delay_is_compensated(
     columns: Columns, tmp_path: Path, thesis: Actuator, sampling: str, atol: float, delay: float
 ) -> None:
     swing = 2 * np.pi * 4.0
@@ -155,7 +157,7 @@ def test_lost_rows_are_interpolated_with_a_note(columns: Columns, tmp_path: Path
     assert "3 rows lost in 2 places" in recording.notes[0]
 
 
-def test_a_log_with_more_gaps_than_its_owner_allows(
+def test_a_log_with_more_gaps_than_allowed_is_refused(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
 ) -> None:
     columns["position_rad"][100:110] = np.nan
@@ -164,7 +166,7 @@ def test_a_log_with_more_gaps_than_its_owner_allows(
     assert read_recording(path, rig(thesis, {"longest_gap": 10})).samples == 2500
 
 
-def test_a_long_gap_of_a_column_with_times_of_its_own_is_none_less(
+def test_a_long_gap_of_a_column_with_its_own_times_is_refused(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
 ) -> None:
     columns["own"] = columns["time_s"] + 1e-5
@@ -177,7 +179,7 @@ def test_a_long_gap_of_a_column_with_times_of_its_own_is_none_less(
     assert read_recording(save(columns, tmp_path), actuator).samples >= 2499
 
 
-def test_a_condition_on_a_channel_leaves_its_conversion(
+def test_a_condition_on_a_channel_does_not_change_its_conversion(
     columns: Columns, tmp_path: Path, thesis: Actuator
 ) -> None:
     path = save(columns, tmp_path)
@@ -187,7 +189,7 @@ def test_a_condition_on_a_channel_leaves_its_conversion(
 
 
 @pytest.mark.parametrize("reading", [{}, {"low_pass_hz": 400.0}])
-def test_an_angle_that_starts_anew_is_filled_and_moved_as_one_that_goes_on(
+def test_a_wrapped_angle_is_interpolated_and_shifted_like_an_unwrapped_one(
     columns: Columns, tmp_path: Path, thesis: Actuator, reading: dict[str, Any]
 ) -> None:
     true = 30.0 * columns["time_s"]
@@ -197,7 +199,7 @@ def test_an_angle_that_starts_anew_is_filled_and_moved_as_one_that_goes_on(
     late = read_recording(
         save(columns, tmp_path), rig(thesis, reading, angle_rad={"time": "own", "unit": "deg"})
     )["angle_rad"]
-    # Own times are 0.04 ms later: there the angle was as far as 1.2 mrad before.
+    # The column's own times are 0.04 ms later; the angle moves up to 1.2 mrad in that time.
     away = (late - true[-late.size :] + 30.0 * 0.4e-4 + np.pi) % (2 * np.pi) - np.pi
     assert np.abs(away[50:-50]).max() < 2e-3
 
@@ -219,7 +221,9 @@ def test_a_channel_that_is_ignored_is_not_read(
             Reading(ignore=[name])
 
 
-def test_masks(columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal) -> None:
+def test_masked_rows_are_left_out(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
+) -> None:
     mode = np.where(columns["time_s"] < 0.3, "trap", "sine")
     path = save(columns | {"on": (columns["time_s"] >= 0.1) * 1, "mode": mode}, tmp_path)
     by_condition = read_recording(path, rig(thesis, {"keep": "on == 1 and mode == 'trap'"}))
@@ -230,7 +234,7 @@ def test_masks(columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refu
     assert "leave 2 recordings" in several
 
 
-def test_dwell_is_left_out(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_dwell_rows_are_left_out(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
     moving = columns["time_s"] < 0.25
     columns["command_rad"] = np.where(moving, columns["command_rad"], columns["command_rad"][1250])
     recording = read_recording(save(columns, tmp_path), rig(thesis, {"dwell_s": 0.1}))
@@ -242,7 +246,7 @@ def test_low_pass_has_its_bandwidth_and_no_phase(tmp_path: Path, thesis: Actuato
     slow, fast = np.sin(2 * np.pi * 2 * time), np.sin(2 * np.pi * 50 * time)
     path = save({"time_s": time, "command_rad": slow, "current_A": slow + fast}, tmp_path)
     recording = read_recording(path, rig(thesis, {"low_pass_hz": 50.0}))
-    # At the bandwidth an amplitude is 1/√2; no sine of 2 Hz is late.
+    # At the bandwidth, the amplitude is 1/√2; a sine of 2 Hz has no delay.
     middle = slice(1000, 4000)
     expected = slow + fast / np.sqrt(2)
     np.testing.assert_allclose(recording["current_A"][middle], expected[middle], atol=0.002)
@@ -301,7 +305,7 @@ BAD: dict[str, tuple[dict[str, Any], dict[str, Any], list[str]]] = {
 
 
 @pytest.mark.parametrize(("reading", "channels", "expected"), BAD.values(), ids=BAD.keys())
-def test_what_cannot_be_is_refused(
+def test_impossible_entries_are_refused(
     columns: Columns,
     tmp_path: Path,
     thesis: Actuator,
@@ -335,7 +339,7 @@ def test_jitter_up_to_a_fifth_is_resampled_with_a_note(columns: Columns) -> None
     assert "resampled" in recording.notes[0]
 
 
-def test_a_file_without_any_foreign_name_is_read_by_schema_names_with_a_note(
+def test_a_file_without_foreign_names_is_read_by_schema_names_with_a_note(
     columns: Columns, tmp_path: Path, thesis: Actuator
 ) -> None:
     actuator = rig(thesis, {"keep": "on == 1"}, load_Nm="force", current_A={"column": "I", "unit": "mA"})
@@ -354,7 +358,7 @@ CHANGED = (
 
 
 @pytest.mark.parametrize("changed", CHANGED, ids=str)
-def test_an_entry_of_a_column_that_is_there_is_not_lost_as_another_is_absent(
+def test_an_entry_of_a_present_column_is_not_dropped_because_another_is_missing(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal, changed: dict[str, Any]
 ) -> None:
     path = save({name: columns[name] for name in ("time_s", "command_rad", "current_A")}, tmp_path)
@@ -363,18 +367,18 @@ def test_an_entry_of_a_column_that_is_there_is_not_lost_as_another_is_absent(
         assert part in text
 
 
-def test_what_was_written_for_a_rig_is_not_converted_twice(
+def test_a_file_written_by_emaphm_is_not_converted_twice(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
 ) -> None:
     path = save(columns, tmp_path)
-    found = read_recording(path, rig(thesis, current_A={"sign": -1}, position_rad="pos"))
-    np.testing.assert_array_equal(found["current_A"], columns["current_A"])
-    assert found.notes[0].endswith("without the entry of position_rad, the entry of current_A")
+    recording = read_recording(path, rig(thesis, current_A={"sign": -1}, position_rad="pos"))
+    np.testing.assert_array_equal(recording["current_A"], columns["current_A"])
+    assert recording.notes[0].endswith("without the entry of position_rad, the entry of current_A")
     wrong = rig(thesis, current_A={"unit": "rad"}, position_rad="pos")
     assert "rad does not convert into A" in refusal(lambda: read_recording(path, wrong))
 
 
-def test_an_entry_that_changes_nothing_or_a_column_that_is_not_there_leaves_a_file_readable(
+def test_entries_without_effect_or_without_their_column_leave_a_file_readable(
     columns: Columns, tmp_path: Path, thesis: Actuator
 ) -> None:
     entries: dict[str, Any] = {"position_rad": "pos", "current_A": "current_A", "voltage_V": {"unit": "mV"}}

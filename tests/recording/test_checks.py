@@ -1,4 +1,4 @@
-"""Recordings that cannot be used are refused, each with the place and the remedy."""
+"""Unusable recordings are refused with the place and the remedy."""
 
 from collections.abc import Callable
 
@@ -52,10 +52,10 @@ def _first_rows(rows: int) -> Callable[[Columns], Columns]:
 NO_RESPONSE = ("current_A", "position_rad", "speed_rad_s")
 
 
-def _phases_instead(*kept: str) -> Callable[[Columns], Columns]:
+def _phases_instead(*phases: str) -> Callable[[Columns], Columns]:
     def change(columns: Columns) -> Columns:
-        rest = _without(*NO_RESPONSE)(columns)
-        return {**rest, **dict.fromkeys(kept, columns["current_A"])}
+        without_responses = _without(*NO_RESPONSE)(columns)
+        return {**without_responses, **dict.fromkeys(phases, columns["current_A"])}
 
     return change
 
@@ -108,14 +108,14 @@ BAD = {
 def test_bad_recording_is_refused(
     columns: Columns, refusal: Refusal, change: Callable[[Columns], Columns], expected: list[str]
 ) -> None:
-    Recording(columns)  # sound before the change
+    Recording(columns)  # valid before the change
     text = refusal(lambda: Recording(change(columns), source="rig 3"))
     assert text.startswith("rig 3: ")
     for part in expected:
         assert part in text
 
 
-def test_a_gap_is_blamed_on_its_row_even_when_it_outweighs_the_rest(
+def test_a_gap_is_reported_at_its_row_even_if_longer_than_the_recording(
     columns: Columns, refusal: Refusal
 ) -> None:
     assert "row 1200 " in refusal(lambda: Recording(_late_from(1200, 1e6)(columns)))
@@ -130,9 +130,9 @@ def test_errors_use_the_names_of_the_file(columns: Columns, refusal: Refusal) ->
     "name",
     ["current_A", "voltage_V", "position_rad", "speed_rad_s", "duty", "current_q_A", "voltage_d_V"],
 )
-def test_one_response_is_enough(columns: Columns, name: str) -> None:
-    given = {"time_s": columns["time_s"], "command_rad": columns["command_rad"]}
-    assert Recording({**given, name: columns["current_A"]}).names == ("time_s", "command_rad", name)
+def test_one_measured_response_is_enough(columns: Columns, name: str) -> None:
+    selected = {"time_s": columns["time_s"], "command_rad": columns["command_rad"]}
+    assert Recording({**selected, name: columns["current_A"]}).names == ("time_s", "command_rad", name)
 
 
 @pytest.mark.parametrize("rows", [50, 51])
@@ -140,19 +140,21 @@ def test_fifty_rows_are_enough(columns: Columns, rows: int) -> None:
     assert Recording(_first_rows(rows)(columns)).samples == rows
 
 
-def test_a_constant_command_other_than_zero_is_a_step(columns: Columns) -> None:
+def test_a_constant_nonzero_command_is_a_step(columns: Columns) -> None:
     check({**columns, "command_rad": np.full(2500, 5e-3)}, "rig 3")
 
 
-def test_columns_beyond_the_schema_may_have_holes(columns: Columns) -> None:
+def test_columns_outside_the_schema_may_have_missing_values(columns: Columns) -> None:
     holes = np.full(2500, np.nan)
     assert "humidity" in Recording({**columns, "humidity": holes})
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(-1e3, 1e3), st.floats(1e-6, 1e-2))
-def test_clock_jitter_below_half_a_percent_is_uniform(seed: int, start: float, interval: float) -> None:
-    # Each stamp off by up to 0.4 % of the interval makes steps off by up to 0.8 %, under the limit of 1 %;
-    # the rest is room for the rounding of a start that is far from 0.
+def test_clock_jitter_below_half_a_percent_counts_as_uniform(
+    seed: int, start: float, interval: float
+) -> None:
+    # Time stamps with errors up to 0.4 % of the interval give steps with errors up to 0.8 %, under the limit
+    # of 1 %; the margin covers the rounding of a start far from 0.
     stamps = np.arange(200) + 0.004 * np.random.default_rng(seed).uniform(-1, 1, 200)
     ones = np.ones(200)
     check({"time_s": start + interval * stamps, "command_rad": ones, "current_A": ones}, "rig 3")

@@ -1,4 +1,4 @@
-"""The three forms of equivalent current against closed forms."""
+"""The three forms of the equivalent current, compared with closed forms."""
 
 from pathlib import Path
 
@@ -25,8 +25,8 @@ from .conftest import Columns, Refusal
 
 FORMS: tuple[Form, ...] = ("torque", "active", "magnitude")
 
-# Which phase carries the current in, and which out, in each sixth of an electrical turn from 30 deg on:
-# the commutation table of any textbook on BLDC drives.
+# The phase with the incoming and the phase with the outgoing current, in each sixth of an electrical turn
+# from 30 deg on: the standard commutation table of BLDC drives.
 SECTORS = [(0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1)]
 
 
@@ -38,16 +38,16 @@ SECTORS = [(0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1)]
     current=st.floats(-30, 30),
     pole_pairs=st.integers(1, 8),
 )
-def test_two_phases_on_their_flats_carry_the_equivalent_current(
+def test_two_conducting_phases_on_their_flat_tops_give_the_equivalent_current(
     form: Form, sector: int, inside: float, turns: int, current: float, pole_pairs: int
 ) -> None:
     electrical = np.deg2rad(30 + 60 * (sector + inside)) + 2 * np.pi * turns
     phases = np.zeros((3, 1))
     into, out_of = SECTORS[sector]
     phases[into], phases[out_of] = current, -current
-    found = equivalent_current(phases, np.array([electrical / pole_pairs]), pole_pairs, form)
+    result = equivalent_current(phases, np.array([electrical / pole_pairs]), pole_pairs, form)
     # 1e-9 is far above the rounding of some 300 rad, far below anything physical.
-    assert found[0] == pytest.approx(current, rel=1e-9, abs=1e-9)
+    assert result[0] == pytest.approx(current, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -56,12 +56,12 @@ def test_two_phases_on_their_flats_carry_the_equivalent_current(
     # fundamental is 12/pi², that of the commutation 2 sqrt(3)/pi, and the mean of |sin| 2/pi.
     [("torque", 9 / np.pi**2), ("active", 1.5 * np.sqrt(3) / np.pi), ("magnitude", 3 / np.pi)],
 )
-def test_balanced_sinusoids(form: Form, mean: float) -> None:
+def test_balanced_sinusoids_give_the_closed_form_means(form: Form, mean: float) -> None:
     electrical = np.linspace(0, 2 * np.pi, 36000, endpoint=False) + 1e-5
     shifts = 2 * np.pi / 3 * np.arange(3)[:, None]
-    found = equivalent_current(np.sin(electrical - shifts), electrical / 3, 3, form)
-    # The commutation jumps 4 times in 36000 points: the sum is off by at most 4/36000.
-    assert found.mean() == pytest.approx(mean, abs=2e-4)
+    current = equivalent_current(np.sin(electrical - shifts), electrical / 3, 3, form)
+    # The commutation jumps 4 times in 36000 points: the error of the sum is at most 4/36000.
+    assert current.mean() == pytest.approx(mean, abs=2e-4)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -73,7 +73,7 @@ def test_reversing_the_currents_reverses_the_result(form: Form) -> None:
     )
 
 
-def test_ripple_in_the_idle_phase_biases_the_magnitude_alone() -> None:
+def test_ripple_in_the_idle_phase_biases_only_the_magnitude_form() -> None:
     angle = np.full(1000, np.deg2rad(60.0))  # phase c passes through the zero of its trapezoid
     ripple = np.where(np.arange(1000) % 2, 0.5, -0.5)
     phases = np.stack([5 - ripple / 2, -5 - ripple / 2, ripple])
@@ -82,7 +82,7 @@ def test_ripple_in_the_idle_phase_biases_the_magnitude_alone() -> None:
     assert equivalent_current(phases, angle, 1, "magnitude").mean() == pytest.approx(5.25)
 
 
-def test_misspelt_form_and_wrong_shape_are_refused(refusal: Refusal) -> None:
+def test_a_misspelt_form_and_a_wrong_shape_are_refused(refusal: Refusal) -> None:
     zeros = np.zeros((3, 5))
     text = refusal(lambda: equivalent_current(zeros, np.zeros(5), 2, "torqe"))  # type: ignore[arg-type]
     assert "'torque'" in text
@@ -92,7 +92,7 @@ def test_misspelt_form_and_wrong_shape_are_refused(refusal: Refusal) -> None:
 
 
 def _phase_csv(columns: Columns, folder: Path) -> Path:
-    """Write a rig's file with block currents of 3 A instead of the equivalent current."""
+    """Write a rig's file with block-shaped phase currents of 3 A instead of the equivalent current."""
     electrical = np.deg2rad(30 + 60 * (np.arange(2500) % 6 + 0.5))
     phases = np.zeros((3, 2500))
     for row in range(2500):
@@ -105,7 +105,9 @@ def _phase_csv(columns: Columns, folder: Path) -> Path:
     return path
 
 
-def test_reader_makes_it_from_the_phases(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_the_reader_computes_the_equivalent_current_from_the_phases(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
     recording = read_recording(_phase_csv(columns, tmp_path), thesis)
     np.testing.assert_allclose(recording["current_A"], 3.0)
     assert "current_b_A" in recording
@@ -117,11 +119,11 @@ def test_reader_makes_it_from_the_phases(columns: Columns, tmp_path: Path, thesi
         (9.0, 0.01, ["angle_rad has steps of 9 degrees electrical"]),
         (1.0, 0.01, []),
         (0.0, 0.01, []),
-        # As far from row to row as such steps, but of the motion.
+        # Differences between rows as large as such steps, but from the motion.
         (0.0, 0.3, []),
     ],
 )
-def test_an_angle_in_coarse_steps_is_noted(
+def test_an_angle_in_coarse_steps_has_a_note(
     step_deg: float, per_row: float, notes: list[str], thesis: Actuator
 ) -> None:
     angle = per_row * np.arange(2500.0)
@@ -134,7 +136,7 @@ def test_an_angle_in_coarse_steps_is_noted(
     assert [note.partition(":")[0] for note in noted] == notes
 
 
-def test_phases_that_make_none_are_noted_where_another_channel_is_there(
+def test_unusable_phases_have_a_note_if_another_channel_is_recorded(
     columns: Columns, thesis: Actuator
 ) -> None:
     given = {name: columns[name] for name in ("time_s", "command_rad", "position_rad")}
@@ -143,11 +145,11 @@ def test_phases_that_make_none_are_noted_where_another_channel_is_there(
     assert noted.names == recording.names
     (note,) = noted.notes
     assert "not compared: no current_b_A, current_c_A, angle_rad" in note
-    # Asked again, it is not said twice.
+    # A second call does not repeat the note.
     assert with_equivalent_current(noted, thesis).notes == noted.notes
 
 
-def test_without_pole_pairs_the_other_channels_are_left(columns: Columns, thesis: Actuator) -> None:
+def test_without_pole_pairs_the_other_channels_are_kept(columns: Columns, thesis: Actuator) -> None:
     ideal = thesis.model_copy(update={"electrical": None})
     phases = dict.fromkeys(("current_a_A", "current_b_A", "current_c_A"), columns["current_A"])
     given = {name: columns[name] for name in ("time_s", "command_rad", "position_rad")}
@@ -156,7 +158,7 @@ def test_without_pole_pairs_the_other_channels_are_left(columns: Columns, thesis
     assert "pole pairs" in note
 
 
-def test_reader_needs_pole_pairs_for_it(
+def test_the_reader_needs_pole_pairs_for_the_equivalent_current(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
 ) -> None:
     ideal = thesis.model_copy(update={"electrical": None})
@@ -172,30 +174,30 @@ def test_reader_needs_pole_pairs_for_it(
     flux=st.floats(-30, 30),
     pole_pairs=st.integers(1, 8),
 )
-def test_of_a_sinusoidal_motor_it_is_the_current_in_phase_with_the_back_emf(
+def test_the_equivalent_current_of_a_sine_motor_is_in_phase_with_the_back_emf(
     electrical: float, current: float, flux: float, pole_pairs: int
 ) -> None:
     # A current across the back-EMF makes no torque; the amplitude of the phases is 2/√3 of the line value.
     shifts = electrical - 2 * np.pi / 3 * np.arange(3)[:, None]
     phases = 2 / np.sqrt(3) * (current * np.sin(shifts) + flux * np.cos(shifts))
-    found = sinusoidal_equivalent_current(phases, np.array([electrical / pole_pairs]), pole_pairs)
-    assert found[0] == pytest.approx(current, rel=1e-9, abs=1e-9)
+    result = sinusoidal_equivalent_current(phases, np.array([electrical / pole_pairs]), pole_pairs)
+    assert result[0] == pytest.approx(current, rel=1e-9, abs=1e-9)
 
 
-def test_the_drive_decides_how_phases_become_one_current() -> None:
-    whole = simulate(Actuator.pmsm(), Chirp(), duration=0.05)
-    kept = ("time_s", "command_rad", "angle_rad", "current_a_A", "current_b_A", "current_c_A")
-    phases = Recording({name: whole[name] for name in kept})
-    made = with_equivalent_current(phases, Actuator.pmsm())["current_A"]
-    # Means over 200 µs of phases and angle, which turns by 0.05 rad at most meanwhile.
-    scale = np.abs(whole["current_A"]).max()
-    np.testing.assert_allclose(made, whole["current_A"], rtol=0, atol=2e-3 * scale)
+def test_the_type_of_drive_selects_the_form_of_the_equivalent_current() -> None:
+    recording = simulate(Actuator.pmsm(), Chirp(), duration=0.05)
+    names = ("time_s", "command_rad", "angle_rad", "current_a_A", "current_b_A", "current_c_A")
+    phases = Recording({name: recording[name] for name in names})
+    current = with_equivalent_current(phases, Actuator.pmsm())["current_A"]
+    # Means over 200 µs of phases and angle; the angle turns by at most 0.05 rad in this time.
+    scale = np.abs(recording["current_A"]).max()
+    np.testing.assert_allclose(current, recording["current_A"], rtol=0, atol=2e-3 * scale)
     trapezoidal = with_equivalent_current(phases, Actuator.thesis())["current_A"]
-    assert np.abs(trapezoidal - made).max() > 0.02 * scale
+    assert np.abs(trapezoidal - current).max() > 0.02 * scale
 
 
 @pytest.mark.parametrize("kind", ["thesis", "pmsm"])
-def test_a_zero_of_the_rotor_turns_the_recorded_angle(kind: str) -> None:
+def test_the_rotor_zero_is_added_to_the_recorded_angle(kind: str) -> None:
     described = Actuator.thesis() if kind == "thesis" else Actuator.pmsm()
     assert described.electrical is not None
     turned = with_lumped_parameters(described, {"rotor_zero": 0.6})

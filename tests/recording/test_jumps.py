@@ -1,4 +1,4 @@
-"""The moment of a jump behind recorded rows, and nothing taken for one that is none."""
+"""Reconstruction of the time of a jump from recorded rows; smooth signals and noise are no jumps."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ ROWS, INTERVAL, POINTS = 200, 2e-4, 400
 
 
 def means_of(command: Command) -> Recording:
-    """Return the means of a command over each interval."""
+    """Return the means of a command over the intervals."""
     times = (np.arange(ROWS * POINTS) + 0.5) * INTERVAL / POINTS
     rows = command(times).reshape(ROWS, POINTS).mean(axis=1)
     columns = {"time_s": np.arange(ROWS) * INTERVAL, "command_rad": rows, "current_A": np.zeros(ROWS)}
@@ -30,16 +30,16 @@ def sine(times: Array) -> Array:
 
 
 @given(at=st.floats(0.1, 0.9), size=st.floats(0.7, 3.0), sign=st.sampled_from([-1.0, 1.0]))
-def test_a_jump_is_where_the_row_that_holds_it_says(at: float, size: float, sign: float) -> None:
+def test_the_time_of_a_jump_follows_from_the_mean_of_its_row(at: float, size: float, sign: float) -> None:
     moment = at * ROWS * INTERVAL
-    found = reconstructed(
+    curve = reconstructed(
         means_of(lambda times: sine(times) + sign * size * (times >= moment)), "command_rad"
     )
-    # The means are sums over points, which place the jump to one of them; the sine bends about it.
+    # The means are sums over points, so the jump is located to one point; the sine is curved near it.
     apart = 0.02 * INTERVAL
     times = np.array([moment - 3 * INTERVAL, moment - apart, moment + apart, moment + 3 * INTERVAL])
     expected = sine(times) + sign * size * np.array([0.0, 0.0, 1.0, 1.0])
-    np.testing.assert_allclose(found(times), expected, atol=5e-3)
+    np.testing.assert_allclose(curve(times), expected, atol=5e-3)
 
 
 def test_a_staircase_is_held_between_its_jumps() -> None:
@@ -47,10 +47,10 @@ def test_a_staircase_is_held_between_its_jumps() -> None:
     columns = {"time_s": np.arange(ROWS) * INTERVAL, "command_rad": held, "current_A": np.zeros(ROWS)}
     times = (np.arange(ROWS * 7) + 0.5) / 7 * INTERVAL
     for sampling in ("mean", "instant"):
-        found = reconstructed(Recording(columns, sampling=sampling), "command_rad")
-        np.testing.assert_allclose(found(times)[:-7], np.repeat(held, 7)[:-7], atol=1e-12)
-        backwards = found(times[::-1])[::-1]
-        np.testing.assert_array_equal(backwards, found(times))
+        curve = reconstructed(Recording(columns, sampling=sampling), "command_rad")
+        np.testing.assert_allclose(curve(times)[:-7], np.repeat(held, 7)[:-7], atol=1e-12)
+        backwards = curve(times[::-1])[::-1]
+        np.testing.assert_array_equal(backwards, curve(times))
 
 
 @pytest.mark.parametrize("means", [True, False])
@@ -69,13 +69,13 @@ def test_smooth_signals_and_noise_do_not_jump(means: bool) -> None:
         assert Jumps.of(values, means=means).before.size == 0
 
 
-def test_a_jump_between_curves_that_agree_has_a_time() -> None:
+def test_a_jump_between_curves_that_agree_is_accepted() -> None:
     values = np.repeat([0.0, 1.0], 20)
     curve = with_jumps(values, 1e-3, lambda *_: lambda times: np.zeros(times.size), means=True)
     assert np.array_equal(curve(np.linspace(0.0, 0.039, 40)), np.zeros(40))
 
 
-def test_a_square_wave_drives_the_model_as_it_drove_the_actuator() -> None:
+def test_a_reconstructed_square_wave_drives_the_model_like_the_original() -> None:
     def square(times: Array) -> Array:
         return np.where(np.sin(2 * np.pi * 8.0 * (times + 1e-9)) >= 0, 5e-3, -5e-3)
 

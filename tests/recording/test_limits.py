@@ -1,4 +1,4 @@
-"""Files that would exhaust memory or patience are refused unread; foreign formats are read in isolation."""
+"""Files too large for memory or time are refused unread; foreign formats are read in their own process."""
 
 import gzip
 import math
@@ -33,7 +33,7 @@ def _parquet(path: Path, columns: Columns) -> None:
 
 
 def _write(path: Path, columns: Columns) -> None:
-    """Write a file of the kind that its ending says; a .mat file is packed."""
+    """Write a file in the format of its ending; a .mat file is compressed."""
     if path.suffix == ".csv":
         path.write_bytes(_csv(columns))
     elif path.suffix == ".parquet":
@@ -46,10 +46,10 @@ def _write(path: Path, columns: Columns) -> None:
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "mat"])
-def test_a_file_of_too_many_rows_is_refused_with_the_way_out(
+def test_a_file_with_too_many_rows_is_refused_with_the_remedy(
     tmp_path: Path, thesis: Actuator, refusal: Refusal, ending: str
 ) -> None:
-    # All but equal values pack well: the size of the file says little of what it holds.
+    # Nearly equal values compress well: the file size says little about the number of values.
     path, columns = tmp_path / f"rec.{ending}", {"time_s": np.zeros(1001), "current_A": np.zeros(1001)}
     _write(path, columns)
     text = refusal(lambda: read_recording(path, thesis, limits=SMALL))
@@ -58,7 +58,7 @@ def test_a_file_of_too_many_rows_is_refused_with_the_way_out(
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
-def test_a_file_of_too_many_columns_is_refused(
+def test_a_file_with_too_many_columns_is_refused(
     tmp_path: Path, thesis: Actuator, refusal: Refusal, ending: str
 ) -> None:
     path, columns = tmp_path / f"rec.{ending}", {f"c{i}": np.zeros(2) for i in range(21)}
@@ -67,7 +67,7 @@ def test_a_file_of_too_many_columns_is_refused(
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
-def test_a_file_of_too_many_numbers_is_refused(
+def test_a_file_with_too_many_numbers_is_refused(
     tmp_path: Path, thesis: Actuator, refusal: Refusal, ending: str
 ) -> None:
     path, columns = tmp_path / f"rec.{ending}", {f"c{i}": np.zeros(900) for i in range(6)}
@@ -84,7 +84,7 @@ def test_a_large_file_is_refused_unread(tmp_path: Path, thesis: Actuator, refusa
     assert "512 MiB are read at most" in text
 
 
-def test_a_packed_variable_is_not_unpacked_beyond_the_limit(
+def test_a_compressed_variable_is_not_expanded_beyond_the_limit(
     tmp_path: Path, thesis: Actuator, refusal: Refusal
 ) -> None:
     path = tmp_path / "rec.mat"
@@ -104,7 +104,7 @@ def test_pipes_and_devices_are_refused_unread(
         assert "not a regular file" in refusal(lambda path=path: read_recording(path, thesis))  # type: ignore[misc]
 
 
-def test_a_null_character_in_the_name_is_refused(thesis: Actuator, refusal: Refusal) -> None:
+def test_a_null_character_in_the_file_name_is_refused(thesis: Actuator, refusal: Refusal) -> None:
     assert "no file can have this name" in refusal(lambda: read_recording("a\0b.csv", thesis))
 
 
@@ -116,7 +116,7 @@ def test_a_null_character_in_the_name_is_refused(thesis: Actuator, refusal: Refu
     [(gzip.compress, "gzip"), (lambda content: b"\x28\xb5\x2f\xfd" + content, "zstd")],
 )
 @pytest.mark.parametrize("keep", [1.0, 0.5])
-def test_compressed_text_is_named(
+def test_compressed_text_is_named_in_the_message(
     columns: Columns,
     tmp_path: Path,
     thesis: Actuator,
@@ -132,7 +132,7 @@ def test_compressed_text_is_named(
 
 
 @pytest.mark.parametrize("level", [1, 6, 9])
-def test_zlib_content_is_no_text(
+def test_zlib_content_is_not_read_as_text(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal, level: int
 ) -> None:
     (tmp_path / "rec.csv").write_bytes(zlib.compress(_csv(columns), level))
@@ -145,12 +145,14 @@ def test_text_that_begins_like_zlib_is_read(columns: Columns, tmp_path: Path, th
     np.testing.assert_array_equal(recording["x^2"], columns["current_A"] ** 2)
 
 
-def test_no_cut_is_read_with_a_wrong_value(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
-    # Every cut within the last row and the end of the one before, wherever in a number it falls.
+def test_a_cut_file_is_never_read_with_a_wrong_value(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
+    # All cuts within the last row and the end of the row before, at any place in a number.
     del columns["temperature_K"]
-    kept = {name: values[:60] for name, values in columns.items()}
-    content, path = _csv(kept), tmp_path / "rec.csv"
-    read = 0
+    short = {name: values[:60] for name, values in columns.items()}
+    content, path = _csv(short), tmp_path / "rec.csv"
+    accepted = 0
     for length in range(len(content) - 130, len(content) + 1):
         path.write_bytes(content[:length])
         try:
@@ -158,16 +160,16 @@ def test_no_cut_is_read_with_a_wrong_value(columns: Columns, tmp_path: Path, the
         except ValueError as error:
             assert "\n" not in str(error)  # noqa: PT017
             continue
-        read += 1
-        for name, values in kept.items():
+        accepted += 1
+        for name, values in short.items():
             np.testing.assert_array_equal(recording[name], values[: recording.samples])
-    assert read >= 2  # the whole file, and a cut after a line
+    assert accepted >= 2  # the complete file, and a cut after a line
 
 
 @pytest.mark.parametrize(
     ("last", "whole"), [("1.25", True), ("1.2", False), ("-0.5", True), ('"1"', True), ("1 ", True)]
 )
-def test_a_last_value_without_line_end_counts_if_it_is_as_long_as_any(
+def test_a_last_value_without_line_end_is_accepted_if_it_has_full_length(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal, last: str, whole: bool
 ) -> None:
     rows = [f"{time!r},0.001,{1 + row % 2 / 4:.2f}" for row, time in enumerate(columns["time_s"].tolist())]
@@ -185,7 +187,7 @@ def test_a_last_value_without_line_end_counts_if_it_is_as_long_as_any(
 # Foreign formats
 
 
-def test_an_abort_of_the_parquet_library_is_a_damaged_file(
+def test_an_abort_of_the_parquet_library_is_reported_as_a_damaged_file(
     tmp_path: Path, thesis: Actuator, refusal: Refusal, capfd: pytest.CaptureFixture[str]
 ) -> None:
     # A footer whose schema claims 2**60 columns: the library reserves memory for them, and aborts.
@@ -196,7 +198,7 @@ def test_an_abort_of_the_parquet_library_is_a_damaged_file(
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_panic_of_the_parquet_library_is_a_damaged_file(
+def test_a_panic_of_the_parquet_library_is_reported_as_a_damaged_file(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def panic(*_: object) -> None:
@@ -210,7 +212,7 @@ def test_a_panic_of_the_parquet_library_is_a_damaged_file(
     )
 
 
-def test_a_process_that_takes_too_long_is_ended(
+def test_a_reader_process_that_takes_too_long_is_ended(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _parquet(tmp_path / "rec.parquet", columns)
@@ -220,14 +222,16 @@ def test_a_process_that_takes_too_long_is_ended(
 
 
 @pytest.mark.parametrize("isolated", [True, False])
-def test_isolation_changes_no_bit(columns: Columns, tmp_path: Path, thesis: Actuator, isolated: bool) -> None:
+def test_reading_in_isolation_gives_the_same_bits(
+    columns: Columns, tmp_path: Path, thesis: Actuator, isolated: bool
+) -> None:
     _parquet(tmp_path / "rec.parquet", columns)
     recording = read_recording(tmp_path / "rec.parquet", thesis, limits=ReadLimits(isolated=isolated))
     for name, values in columns.items():
         np.testing.assert_array_equal(recording[name], values)
 
 
-def test_parquet_names_that_differ_by_a_blank_are_refused(
+def test_parquet_names_that_differ_only_by_a_blank_are_refused(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
 ) -> None:
     _parquet(tmp_path / "rec.parquet", {**columns, "current_A ": 2 * columns["current_A"]})
@@ -251,7 +255,7 @@ def test_zeroed_bytes_of_a_mat_file_are_refused(
 
 @pytest.mark.parametrize("options", [{}, {"do_compression": True}, {"format": "4"}], ids=["5", "7", "4"])
 @pytest.mark.parametrize("kind", ["f8", "f4", "i1", "i2", "i4", "u1", "u2", "u4"])
-def test_the_mat_reader_agrees_with_scipy(
+def test_the_mat_reader_agrees_with_scipys_reader(
     tmp_path: Path, thesis: Actuator, options: dict[str, str], kind: str, columns: Columns
 ) -> None:
     path, numbers = tmp_path / "rec.mat", np.arange(2500) % 100
@@ -310,7 +314,7 @@ def _empty_class(file: object) -> None:
         (_soft_link, "'current_A' is a link to elsewhere"),
         (_external_link, "'current_A' is a link to elsewhere"),
         (_unallocated, "800,000,000 rows"),
-        (_empty_class, "row 1 of column 'command_rad'"),  # what follows an empty class is judged as ever
+        (_empty_class, "row 1 of column 'command_rad'"),  # entries after an empty class are checked as usual
     ],
 )
 def test_odd_hdf5_files_are_refused(
@@ -331,7 +335,7 @@ def test_odd_hdf5_files_are_refused(
     assert piece in refusal(lambda: read_recording(path, thesis))
 
 
-def test_the_isolated_reader_stands_alone() -> None:
+def test_the_isolated_reader_does_not_import_the_package() -> None:
     # It would start slowly if it imported the package.
     source = Path(foreign_columns.__file__).read_text(encoding="utf-8")
     assert "import emaphm" not in source

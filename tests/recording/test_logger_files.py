@@ -1,4 +1,4 @@
-"""TDMS, HDF5 and MDF 4 files as their own libraries write them."""
+"""TDMS, HDF5 and MDF 4 files that were written by the libraries of these formats."""
 
 from collections.abc import Callable
 from functools import cache
@@ -22,8 +22,8 @@ START = np.datetime64("2026-01-01T00:00:00")
 
 
 def rig(thesis: Actuator, reading: dict[str, Any] | None = None, **channels: Any) -> Actuator:
-    given = {"channels": Channels(sampling="instant", **channels), "reading": Reading(**(reading or {}))}
-    return thesis.model_copy(update=given)
+    sections = {"channels": Channels(sampling="instant", **channels), "reading": Reading(**(reading or {}))}
+    return thesis.model_copy(update=sections)
 
 
 def measured(columns: Columns) -> Columns:
@@ -31,7 +31,7 @@ def measured(columns: Columns) -> Columns:
 
 
 def tdms(columns: Columns, folder: Path, late_s: float = 0.0, start: np.datetime64 = START) -> Path:
-    """Save waveforms at 5 kHz from `start` on in a group, and at 100 Hz in a second, which begins later."""
+    """Save a group of 5 kHz waveforms from `start` on, and a second group at 100 Hz that begins later."""
     nptdms = pytest.importorskip("nptdms", reason="TDMS files need npTDMS")
     fast = {"wf_increment": 2e-4, "wf_start_time": start}
     later = START + np.timedelta64(round(1e6 * late_s), "us")
@@ -67,7 +67,7 @@ def h5(columns: Columns, folder: Path) -> Path:
 
 
 def mf4(columns: Columns, folder: Path) -> Path:
-    """Save three groups with times of their own; `T` is in two of them, `z` twice in one."""
+    """Save three groups with their own times; `T` is in two groups, `z` twice in one group."""
     asammdf = pytest.importorskip("asammdf", reason="MDF 4 files need asammdf")
     time, slow = columns["time_s"], np.arange(60) * 1e-2
 
@@ -92,28 +92,32 @@ Saved = Callable[[str], Path]
 
 
 HERE = ReadLimits(isolated=False)
-"""In this process: another is not kept where it refused a file, and loads the library of MDF for seconds."""
+"""Read in this process: a reader process that refused a file is not reused, and loading MDF takes seconds."""
 
 
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Saved:
-    """Return what saves a file of an ending, once; it is only to be read."""
+    """Return a function that saves a file with a given ending once; the file must not be changed."""
     return cache(lambda ending: SAVE[ending](half_a_second(), tmp_path_factory.mktemp(ending)))
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_round_trip(columns: Columns, saved: Saved, thesis: Actuator, ending: str) -> None:
+def test_a_logger_file_is_read_back_unchanged(
+    columns: Columns, saved: Saved, thesis: Actuator, ending: str
+) -> None:
     temperature = SLOW | {"time": "Slow/t"} if ending == "h5" else SLOW
     recording = read_recording(saved(ending), rig(thesis, temperature_K=temperature))
     np.testing.assert_allclose(recording["time_s"], columns["time_s"], atol=1e-12)
     for name, values in measured(columns).items():
         np.testing.assert_array_equal(recording[name], values)
-    # 10 K a second, at the times of the command.
+    # 10 K/s, at the times of the command.
     np.testing.assert_allclose(recording["temperature_K"], 293.15 + 10 * columns["time_s"], atol=1e-5)
     assert any("Slow/T: brought from times of their own" in note for note in recording.notes)
 
 
-def test_waveforms_that_begin_at_other_times(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_waveforms_that_begin_at_different_times_are_aligned(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
     path = tdms(columns, tmp_path, late_s=0.1)
     recording = read_recording(path, rig(thesis, temperature_K=SLOW))
     np.testing.assert_allclose(recording["time_s"][[0, -1]], [0.1, 0.4998])
@@ -122,25 +126,28 @@ def test_waveforms_that_begin_at_other_times(columns: Columns, tmp_path: Path, t
     )
 
 
-def test_waveforms_without_a_start_begin_with_the_others(
+def test_waveforms_without_a_start_time_begin_with_the_other_waveforms(
     columns: Columns, tmp_path: Path, thesis: Actuator
 ) -> None:
-    path = tdms(columns, tmp_path, start=np.datetime64("1904-01-01T00:00:00"))  # LabVIEW's none
+    path = tdms(columns, tmp_path, start=np.datetime64("1904-01-01T00:00:00"))  # LabVIEW's zero time
     recording = read_recording(path, rig(thesis, temperature_K=SLOW))
     np.testing.assert_allclose(recording["time_s"], columns["time_s"], atol=1e-12)
     np.testing.assert_allclose(recording["temperature_K"], 293.15 + 10 * columns["time_s"], atol=1e-9)
 
 
-def test_texts_of_a_parquet_file_cut_it(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_a_text_column_splits_a_parquet_file(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
     import polars as pl
 
     profile = np.repeat(["trap", "sine"], [1000, 1500])
     pl.DataFrame({**columns, "profile": profile}).write_parquet(tmp_path / "rec.parquet")
-    found = read_recordings(tmp_path / "rec.parquet", thesis, split="profile")
-    assert [(one.labels["profile"], one.samples) for one in found] == [("trap", 1000), ("sine", 1500)]
+    recordings = read_recordings(tmp_path / "rec.parquet", thesis, split="profile")
+    assert [(recording.labels["profile"], recording.samples) for recording in recordings] == [
+        ("trap", 1000),
+        ("sine", 1500),
+    ]
 
 
-def test_flags_and_categories_of_a_parquet_file_are_named(
+def test_flags_and_categories_of_a_parquet_file_are_read_by_name(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
 ) -> None:
     import polars as pl
@@ -151,9 +158,12 @@ def test_flags_and_categories_of_a_parquet_file_are_named(
         day=pl.from_epoch("day"),
     )  # fmt: skip
     frame.write_parquet(tmp_path / "rec.parquet")
-    kept = rig(thesis, {"keep": "on and same == step"})
-    found = read_recordings(tmp_path / "rec.parquet", kept, split="step")
-    assert [(one.labels["step"], one.samples) for one in found] == [("warm", 1000), ("cold", 1000)]
+    selection = rig(thesis, {"keep": "on and same == step"})
+    recordings = read_recordings(tmp_path / "rec.parquet", selection, split="step")
+    assert [(recording.labels["step"], recording.samples) for recording in recordings] == [
+        ("warm", 1000),
+        ("cold", 1000),
+    ]
     enabled = read_recording(tmp_path / "rec.parquet", rig(thesis, enabled="on"))["enabled"]
     np.testing.assert_array_equal(enabled, late)
     for refused in (
@@ -163,7 +173,7 @@ def test_flags_and_categories_of_a_parquet_file_are_named(
         assert "column 'day' is of type Datetime" in refusal(refused)
 
 
-def test_flags_of_an_hdf5_file(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_flags_of_an_hdf5_file_are_read(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
     h5py = pytest.importorskip("h5py", reason="HDF5 files need h5py")
     with h5py.File(tmp_path / "rec.h5", "w") as file:
         for name, values in {**columns, "on": columns["time_s"] >= 0.1}.items():
@@ -185,7 +195,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("ending", "name", "expected"), BAD.values(), ids=BAD.keys())
-def test_what_a_file_does_not_hold_is_refused(
+def test_a_column_missing_from_the_file_is_refused(
     saved: Saved,
     thesis: Actuator,
     refusal: Refusal,
@@ -221,7 +231,7 @@ def test_a_damaged_file_is_refused(
     assert str(path) in refusal(lambda: read_recording(path, thesis, limits=limits))
 
 
-def test_a_state_with_times_of_its_own_is_never_between_two(
+def test_a_state_with_its_own_times_is_not_interpolated(
     columns: Columns, tmp_path: Path, thesis: Actuator
 ) -> None:
     asammdf = pytest.importorskip("asammdf", reason="MDF 4 files need asammdf")

@@ -1,4 +1,4 @@
-"""The noise on a channel and its steps, of noise and steps that are known."""
+"""Estimates of a channel's noise and rounding step, compared with known noise and steps."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,10 @@ import pytest
 from emaphm.recording.noise import robust_noise_level, rounding_step
 
 
-def test_noise_and_rounding_of_a_column() -> None:
+def test_the_noise_and_the_rounding_step_of_a_column_are_estimated() -> None:
     rng, smooth = np.random.default_rng(0), np.sin(np.arange(20_000) / 500)
     noisy = smooth + rng.normal(0, 0.01, smooth.size)
-    # 20,000 rows know a median's scale to some percent.
+    # With 20,000 rows, the scale from a median is accurate to some percent.
     assert robust_noise_level(noisy, 2) == pytest.approx(0.01, rel=0.05)
     noisy[::100] = 5.0
     assert robust_noise_level(noisy, 2) == pytest.approx(0.01, rel=0.1)

@@ -1,4 +1,4 @@
-"""Outliers: found and replaced in what a broken sensor gives, and a clean recording left to the last bit."""
+"""Outliers of a broken sensor are found and replaced; a clean recording is unchanged to the last bit."""
 
 import numpy as np
 import pytest
@@ -22,21 +22,21 @@ CLEAN = [
 
 
 @pytest.mark.parametrize(("name", "command", "rate", "faults"), CLEAN)
-def test_a_clean_recording_is_left_to_the_last_bit(
+def test_a_clean_recording_is_unchanged_to_the_last_bit(
     name: str, command: Command, rate: float, faults: Faults
 ) -> None:
     actuator = getattr(Actuator, name)()
     recording = simulate(actuator, command, faults=faults, sample_rate=rate, noise=0.02, seed=1)
-    left, notes = without_outliers(dict(recording.channels), ())
-    assert all(left[name] is recording.channels[name] for name in recording.names)
+    cleaned, notes = without_outliers(dict(recording.channels), ())
+    assert all(cleaned[name] is recording.channels[name] for name in recording.names)
     assert notes == ()
 
 
 @pytest.mark.parametrize("rate", [25.0, 100.0, 500.0])
-def test_the_pulse_of_a_start_is_no_outlier(rate: float) -> None:
+def test_the_current_pulse_at_a_start_is_no_outlier(rate: float) -> None:
     recording = simulate(Actuator.thesis(), PULSES, model="averaged", duration=4.0, sample_rate=rate)
-    left, notes = without_outliers(dict(recording.channels), ())
-    assert all(left[name] is recording.channels[name] for name in recording.names)
+    cleaned, notes = without_outliers(dict(recording.channels), ())
+    assert all(cleaned[name] is recording.channels[name] for name in recording.names)
     assert notes == ()
 
 
@@ -47,9 +47,9 @@ def test_five_spikes_of_22_ampere_are_replaced(healthy: Recording, seed: int) ->
     spoilt = healthy["current_A"].copy()
     spoilt[rows] = 22.0 * random.choice([-1.0, 1.0], 5)
     mended, notes = without_outliers({**healthy.channels, "current_A": spoilt}, ())
-    others = np.setdiff1d(np.arange(healthy.samples), rows)
-    np.testing.assert_array_equal(mended["current_A"][others], healthy["current_A"][others])
-    # Chopping between the hysteresis limits, 0.5 A apart, is what no neighbour foretells.
+    other_rows = np.setdiff1d(np.arange(healthy.samples), rows)
+    np.testing.assert_array_equal(mended["current_A"][other_rows], healthy["current_A"][other_rows])
+    # The switching between the hysteresis limits, 0.5 A apart, cannot be predicted from neighbours.
     assert np.abs(mended["current_A"] - healthy["current_A"]).max() < 0.75
     assert [note for note in notes if note.startswith("current_A: 5 outliers")]
     for name in healthy.names:

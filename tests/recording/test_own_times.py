@@ -1,4 +1,4 @@
-"""Columns with times of their own are brought to the times of the command."""
+"""Columns with their own times are resampled at the times of the command."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ SAMPLING = ("mean", "instant")
 
 
 def logged(late: dict[str, tuple[Array, Array]]) -> FileColumns:
-    """Return command and current at 1 kHz for 2 s, and columns with times of their own: (times, values)."""
+    """Return command and current at 1 kHz for 2 s, and columns with their own times: (times, values)."""
     numeric = FAST | {name: values for name, (_, values) in late.items()}
     times = dict.fromkeys(FAST, TIME) | {name: own for name, (own, _) in late.items()}
     return FileColumns(numeric, {}, times=times)
@@ -32,9 +32,7 @@ def read(columns: FileColumns, thesis: Actuator, sampling: str, keep: str | None
 
 
 @pytest.mark.parametrize("sampling", SAMPLING)
-def test_a_state_that_is_written_when_it_changes_holds_until_it_changes_again(
-    thesis: Actuator, sampling: str
-) -> None:
+def test_a_state_written_only_at_changes_holds_until_the_next_change(thesis: Actuator, sampling: str) -> None:
     on = (np.array([0.0, 0.5, 1.5]), np.array([0.0, 1.0, 0.0]))
     expected = (TIME >= 0.5) & (TIME < 1.5)
     recording = read(logged({"enabled": on}), thesis, sampling)
@@ -44,14 +42,14 @@ def test_a_state_that_is_written_when_it_changes_holds_until_it_changes_again(
 
 
 @pytest.mark.parametrize("sampling", SAMPLING)
-def test_a_state_that_never_changes_is_written_once(thesis: Actuator, sampling: str) -> None:
+def test_a_state_written_once_holds_for_the_recording(thesis: Actuator, sampling: str) -> None:
     recording = read(logged({"enabled": (np.array([0.0]), np.array([1.0]))}), thesis, sampling)
     assert recording.samples == TIME.size
     assert np.all(recording["enabled"] == 1)
 
 
 @pytest.mark.parametrize("sampling", SAMPLING)
-def test_rows_that_a_column_does_not_cover_are_left_out(thesis: Actuator, sampling: str) -> None:
+def test_rows_outside_the_times_of_a_column_are_left_out(thesis: Actuator, sampling: str) -> None:
     current = (TIME[10:-20], FAST["current_A"][10:-20])
     state = (np.array([0.03, 1.0]), np.array([1.0, 2.0]))
     recording = read(logged({"current_A": current, "enabled": state}), thesis, sampling)
@@ -63,7 +61,7 @@ def test_rows_that_a_column_does_not_cover_are_left_out(thesis: Actuator, sampli
     )
 
 
-def test_instants_end_with_the_last_of_a_slow_column(thesis: Actuator) -> None:
+def test_instants_end_with_the_last_row_of_a_slow_column(thesis: Actuator) -> None:
     slow = np.arange(20) / 10.0
     recording = read(logged({"temperature_K": (slow, 293.0 + slow)}), thesis, "instant")
     np.testing.assert_array_equal(recording["time_s"], TIME[:1901])
@@ -71,7 +69,7 @@ def test_instants_end_with_the_last_of_a_slow_column(thesis: Actuator) -> None:
 
 
 @pytest.mark.parametrize("sampling", SAMPLING)
-def test_columns_on_clocks_that_do_not_overlap_are_refused(
+def test_columns_with_times_that_do_not_overlap_are_refused(
     thesis: Actuator, refusal: Refusal, sampling: str
 ) -> None:
     columns = logged({"current_A": (TIME + 100.0, FAST["current_A"])})
@@ -84,8 +82,8 @@ def test_a_command_without_rows_is_refused(thesis: Actuator, refusal: Refusal, s
     assert "too short: 0 rows" in refusal(lambda: read(logged({"command_rad": nothing}), thesis, sampling))
 
 
-def test_a_column_of_times_comes_before_those_of_the_format(thesis: Actuator) -> None:
-    # By the format, all of the group have a row each second; another group counts from 0 as it does.
+def test_a_column_of_times_takes_precedence_over_the_times_of_the_format(thesis: Actuator) -> None:
+    # By the format, all columns of the group have a row each second; the other group also counts from 0.
     own, shown = np.arange(2000.0), TIME + 5.0
     slow = np.arange(-1.0, 2001.0, 4.0)
     numeric = {f"Drive/{name}": values for name, values in (FAST | {"time_s": shown}).items()}

@@ -1,4 +1,4 @@
-"""Wrong units are found; sound recordings of healthy and faulty actuators are left alone."""
+"""Wrong units are found; correct recordings of healthy and faulty actuators raise no complaint."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -70,7 +70,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("change", "expected"), WRONG.values(), ids=WRONG.keys())
-def test_wrong_unit_is_named(
+def test_a_wrong_unit_is_named(
     columns: Columns,
     thesis: Actuator,
     refusal: Refusal,
@@ -89,7 +89,7 @@ def test_wrong_unit_is_named(
     ("rows", "interval", "piece"),
     [(200_001, 1e-4, "has 200,001 rows"), (60_000, 0.01, "takes 600 s, a model is fitted to 500 s")],
 )
-def test_a_long_recording_is_refused_with_the_way_out(
+def test_a_long_recording_is_refused_with_the_remedy(
     thesis: Actuator, refusal: Refusal, rows: int, interval: float, piece: str
 ) -> None:
     ones = np.ones(rows)
@@ -99,7 +99,7 @@ def test_a_long_recording_is_refused_with_the_way_out(
     assert "cut one manoeuvre out of it" in text
 
 
-def test_row_of_a_spike_is_named(columns: Columns, thesis: Actuator, refusal: Refusal) -> None:
+def test_the_row_of_a_spike_is_named(columns: Columns, thesis: Actuator, refusal: Refusal) -> None:
     columns["current_A"][122] = -5000.0
     assert "at row 123," in refusal(lambda: check_plausible(Recording(columns), thesis))
 
@@ -114,7 +114,7 @@ def test_row_of_a_spike_is_named(columns: Columns, thesis: Actuator, refusal: Re
         ("enabled", 255.0, ["enabled is 255 at row 1;", "1 where the drive is switched on"]),
     ],
 )
-def test_further_channels_of_a_drive_are_judged(
+def test_further_channels_of_a_drive_are_checked(
     columns: Columns, thesis: Actuator, refusal: Refusal, name: str, level: float, expected: list[str]
 ) -> None:
     bad = Recording({**columns, name: np.full(2500, level)})
@@ -124,7 +124,7 @@ def test_further_channels_of_a_drive_are_judged(
     check_plausible(Recording({**columns, name: np.ones(2500)}), thesis)
 
 
-def test_phase_currents_are_judged_too(columns: Columns, thesis: Actuator, refusal: Refusal) -> None:
+def test_phase_currents_are_checked(columns: Columns, thesis: Actuator, refusal: Refusal) -> None:
     bad = Recording({**columns, "current_b_A": 1e3 * columns["current_A"]})
     assert "current_b_A reaches" in refusal(lambda: check_plausible(bad, thesis))
 
@@ -147,14 +147,14 @@ def test_faults_are_not_mistaken_for_units(
     check_plausible(Recording({**columns, **changed}), thesis)
 
 
-def test_values_near_the_largest_float_are_judged_without_overflow(
+def test_values_near_the_largest_float_are_checked_without_overflow(
     columns: Columns, emps: Actuator, refusal: Refusal
 ) -> None:
     bad = Recording({**columns, "position_rad": columns["command_rad"] * 1e300})
     assert "micrometres" in refusal(lambda: check_plausible(bad, emps))
 
 
-def test_measured_data_are_plausible_and_in_millimetres_are_not(
+def test_measured_data_in_metres_are_plausible_and_in_millimetres_are_not(
     emps_file: Path, emps: Actuator, refusal: Refusal
 ) -> None:
     recording = read_recording(emps_file, emps)

@@ -1,4 +1,4 @@
-"""Reading: foreign names, all formats, and files that cannot be read."""
+"""Reading of files with foreign names, in all formats, and refusal of unreadable files."""
 
 import struct
 import sys
@@ -28,7 +28,7 @@ NAMES = {"time_s": "t", "command_rad": "qg", "position_rad": "qm", "current_A": 
 
 
 def _save(columns: Columns, path: Path) -> Path:
-    """Write columns as another program would: not through our own writer."""
+    """Write columns with another library, without the writer of emaphm."""
     ending = path.suffix.lower()
     if ending == ".csv":
         table = np.column_stack(list(columns.values()))
@@ -57,7 +57,7 @@ def test_schema_names_need_no_mapping(
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_foreign_names_are_mapped_and_further_columns_kept(
+def test_foreign_names_are_mapped_and_further_columns_are_kept(
     columns: Columns, tmp_path: Path, emps: Actuator, ending: str
 ) -> None:
     extra = np.linspace(0, 1, 2500)
@@ -69,16 +69,16 @@ def test_foreign_names_are_mapped_and_further_columns_kept(
     np.testing.assert_array_equal(recording["humidity"], extra)
 
 
-def test_file_in_schema_names_is_read_with_a_rig_that_has_its_own(
+def test_a_file_with_schema_names_is_read_with_a_rig_that_has_foreign_names(
     columns: Columns, tmp_path: Path, emps: Actuator
 ) -> None:
-    # Even without a channel that the rig's own files would have to hold.
+    # Also without a channel that the rig's own files must hold.
     del columns["position_rad"]
     path = _save(columns, tmp_path / "rec.csv")
     np.testing.assert_array_equal(read_recording(path, emps)["current_A"], columns["current_A"])
 
 
-def test_column_that_means_another_channel_does_not_stand_in(
+def test_a_column_mapped_to_another_channel_is_not_used_by_its_schema_name(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
 ) -> None:
     rig = thesis.model_copy(update={"channels": Channels(position_rad="pos", angle_rad="position_rad")})
@@ -86,7 +86,7 @@ def test_column_that_means_another_channel_does_not_stand_in(
     assert "no column 'pos'" in refusal(lambda: read_recording(path, rig))
 
 
-def test_names_may_be_exchanged(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_two_names_may_be_exchanged(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
     crossed = Channels(speed_rad_s="position_rad", position_rad="speed_rad_s")
     rig = thesis.model_copy(update={"channels": crossed})
     recording = read_recording(_save(columns, tmp_path / "rec.csv"), rig)
@@ -94,7 +94,9 @@ def test_names_may_be_exchanged(columns: Columns, tmp_path: Path, thesis: Actuat
     np.testing.assert_array_equal(recording["position_rad"], columns["speed_rad_s"])
 
 
-def test_mapped_name_wins_over_the_schema_name(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_a_mapped_name_takes_precedence_over_the_schema_name(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
     rig = thesis.model_copy(update={"channels": Channels(current_A="raw")})
     path = _save({**columns, "raw": columns["current_A"] + 1}, tmp_path / "rec.csv")
     recording = read_recording(path, rig)
@@ -102,9 +104,9 @@ def test_mapped_name_wins_over_the_schema_name(columns: Columns, tmp_path: Path,
     assert "raw" not in recording
 
 
-def test_measured_data(emps_file: Path, emps: Actuator) -> None:
+def test_measured_data_agree_with_their_published_figures(emps_file: Path, emps: Actuator) -> None:
     recording = read_recording(emps_file, emps)
-    # Figures of the data set's own description; the clock jitters by 1e-8 s.
+    # Figures from the description of the data set; the clock jitters by 1e-8 s.
     assert recording.samples == 24_841
     assert recording.sample_rate_hz == pytest.approx(1000.0, rel=1e-6)
     assert recording.sampling == "instant"
@@ -112,13 +114,11 @@ def test_measured_data(emps_file: Path, emps: Actuator) -> None:
     # Control law of the rig: u = kv (kp (command - position) - speed), far from its limit of 10 V.
     speed = np.gradient(recording["position_rad"], recording["time_s"])
     law = 243.45 * (160.18 * (recording["command_rad"] - recording["position_rad"]) - speed)
-    # The differentiated encoder is noisy, so the law holds on average rather than row by row.
+    # The differentiated encoder signal is noisy, so the law holds on average and not in each row.
     assert np.corrcoef(law, recording["current_A"])[0, 1] > 0.9
 
 
-def test_text_columns_that_nobody_needs_are_left_out(
-    columns: Columns, tmp_path: Path, thesis: Actuator
-) -> None:
+def test_unneeded_text_columns_are_left_out(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
     frame = pl.DataFrame(columns).with_columns(remark=pl.lit("quiet"), index=pl.lit(None))
     frame.write_csv(tmp_path / "rec.csv")
     frame.drop("index").write_parquet(tmp_path / "rec.parquet")
@@ -139,7 +139,7 @@ def test_text_columns_that_nobody_needs_are_left_out(
     ],
     ids=["byte order mark", "blanks", "Windows", "blank ends", "no last newline", "quotes", "trailing comma"],
 )
-def test_csv_dialects_of_other_programs(
+def test_csv_dialects_of_other_programs_are_read(
     columns: Columns, tmp_path: Path, thesis: Actuator, dress: Callable[[str], str]
 ) -> None:
     path = _save(columns, tmp_path / "rec.csv")
@@ -156,7 +156,9 @@ def test_file_names_are_taken_literally(
     assert read_recording(_save(columns, tmp_path / name), thesis).samples == 2500
 
 
-def test_parquet_of_other_number_types(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_other_number_types_in_parquet_files_are_read(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
     frame = pl.DataFrame(columns).with_columns(
         pl.col("current_A").cast(pl.Float32), pl.col("temperature_K").cast(pl.Int16)
     )
@@ -167,7 +169,9 @@ def test_parquet_of_other_number_types(columns: Columns, tmp_path: Path, thesis:
 
 
 @pytest.mark.parametrize("options", [{"do_compression": True}, {"format": "4"}, {"oned_as": "row"}])
-def test_mat_versions(columns: Columns, tmp_path: Path, thesis: Actuator, options: dict[str, Any]) -> None:
+def test_all_versions_of_mat_files_are_read(
+    columns: Columns, tmp_path: Path, thesis: Actuator, options: dict[str, Any]
+) -> None:
     path = tmp_path / "rec.mat"
     scipy.io.savemat(path, {**columns, "kp": 160.18, "gains": np.ones(10)}, **options)
     recording = read_recording(path, thesis)
@@ -180,16 +184,16 @@ def _mat_element(kind: int, content: bytes) -> bytes:
     return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
 
 
-def test_mat_file_with_a_string_object(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_a_mat_file_with_a_string_object_is_read(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
     path = tmp_path / "rec.mat"
     scipy.io.savemat(path, dict(columns))
-    # MATLAB alone writes these: class 17, a name, the type system, the class, and a number of the object.
+    # Only MATLAB writes these: class 17, a name, the type system, the class, and an object number.
     numbers = _mat_element(6, struct.pack("<II", 13, 0)) + _mat_element(5, struct.pack("<ii", 6, 1))
     numbers += _mat_element(1, b"") + _mat_element(6, struct.pack("<6I", 0xDD000000, 2, 1, 1, 1, 1))
     parts = [_mat_element(6, struct.pack("<II", 17, 0))]
     parts += [_mat_element(1, text) for text in (b"operator", b"MCOS", b"string")]
     path.write_bytes(path.read_bytes() + _mat_element(14, b"".join([*parts, _mat_element(14, numbers)])))
-    # SciPy gives objects no name of their own.
+    # SciPy gives objects no name.
     assert scipy.io.loadmat(path)["None"][0][0] == b"operator"
     np.testing.assert_array_equal(read_recording(path, thesis)["current_A"], columns["current_A"])
     assert "is not numeric" in read_mat(path, ReadLimits()).unusable["operator"]
@@ -212,14 +216,14 @@ def _save_mat73(columns: Columns, path: Path) -> Path:
     return path
 
 
-def test_mat73(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+def test_a_mat_file_of_version_7_3_is_read(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
     recording = read_recording(_save_mat73(columns, tmp_path / "rec.mat"), thesis)
     assert set(recording.names) == set(columns)
     for name, values in columns.items():
         np.testing.assert_array_equal(recording[name], values)
 
 
-def test_mat73_without_h5py_says_what_to_install(
+def test_a_mat_file_of_version_7_3_without_h5py_names_the_package_to_install(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = _save_mat73(columns, tmp_path / "rec.mat")
@@ -229,7 +233,9 @@ def test_mat73_without_h5py_says_what_to_install(
     assert "pip install h5py" in text
 
 
-def test_mat73_cut_short(columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal) -> None:
+def test_a_truncated_mat_file_of_version_7_3_is_refused(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal
+) -> None:
     path = _save_mat73(columns, tmp_path / "rec.mat")
     path.write_bytes(path.read_bytes()[:4000])
     assert "not a readable .mat file" in refusal(lambda: read_recording(path, thesis))
@@ -245,7 +251,7 @@ def _mat_with(**variables: object) -> Callable[[Columns, Path], Path]:
 
 
 def _csv_text(change: Callable[[list[str]], list[str]]) -> Callable[[Columns, Path], Path]:
-    """Save a CSV whose lines, the header being line 0, are changed."""
+    """Return a function that saves a CSV file with its lines changed; the header is line 0."""
 
     def save(columns: Columns, folder: Path) -> Path:
         path = _save(columns, folder / "rec.csv")
@@ -400,7 +406,7 @@ BAD: dict[str, tuple[Callable[[Columns, Path], Path], list[str]]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_file_is_refused(
+def test_a_bad_file_is_refused(
     columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal, name: str
 ) -> None:
     save, expected = BAD[name]
@@ -415,11 +421,11 @@ def test_bad_file_is_refused(
     ("renamed", "expected"),
     [
         ({"qg": "qq"}, ["no column 'qg'", "for command_rad", "did you mean 'qq'?", "correct the name"]),
-        # Not a needed channel, but the description promises it.
+        # The channel is not needed, but the description names it.
         ({"qm": "position"}, ["no column 'qm'", "for position_rad"]),
     ],
 )
-def test_promised_channel_that_the_file_lacks_is_an_error(
+def test_a_described_channel_missing_from_the_file_is_an_error(
     columns: Columns,
     tmp_path: Path,
     emps: Actuator,
@@ -435,7 +441,7 @@ def test_promised_channel_that_the_file_lacks_is_an_error(
         assert part in text
 
 
-def test_errors_name_the_column_as_the_file_does(
+def test_errors_use_the_column_name_of_the_file(
     columns: Columns, tmp_path: Path, emps: Actuator, refusal: Refusal
 ) -> None:
     columns["current_A"][9] = np.inf
@@ -448,7 +454,7 @@ def test_errors_name_the_column_as_the_file_does(
 @pytest.mark.parametrize("ending", ENDINGS)
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(keep=st.floats(0, 0.999))
-def test_no_truncation_escapes_as_another_error(
+def test_all_truncations_are_refused_with_a_value_error(
     columns: Columns, tmp_path: Path, thesis: Actuator, ending: str, keep: float
 ) -> None:
     path = _cut(ending, keep)({name: values[:60] for name, values in columns.items()}, tmp_path)
@@ -457,7 +463,7 @@ def test_no_truncation_escapes_as_another_error(
         try:
             recording = read_recording(path, thesis, limits=ReadLimits(isolated=False))
         except RecordingError as error:
-            assert "\n" not in str(error)  # noqa: PT017 - a cut between two rows leaves a sound file
+            assert "\n" not in str(error)  # noqa: PT017 - a cut between two rows leaves a valid file
         else:
             assert ending == "csv"
             assert 50 <= recording.samples <= 60

@@ -1,4 +1,4 @@
-"""Processes that read files: kept for the next file, and replaced where they are of no more use."""
+"""Processes that read files: reused for the next file, and replaced when they have ended or hang."""
 
 import os
 from collections.abc import Iterator
@@ -24,12 +24,12 @@ Idle = list[ReaderProcess]
 
 @pytest.fixture
 def idle(monkeypatch: pytest.MonkeyPatch) -> Iterator[Idle]:
-    """Give the processes that are kept: none at first."""
+    """Return the list of idle processes, empty at first."""
     readers: Idle = []
     monkeypatch.setattr(reader_process, "_idle", {os.getpid(): readers})
     yield readers
-    for one in readers:
-        one.end()
+    for reader in readers:
+        reader.end()
 
 
 def saved(folder: Path, number: int) -> Path:
@@ -50,19 +50,19 @@ def test_one_process_reads_file_after_file(tmp_path: Path, idle: Idle) -> None:
     numbers = set()
     for number in range(3):
         assert read(saved(tmp_path, number)).tolist() == [number] * 5
-        numbers |= {number_of(one) for one in idle}
+        numbers |= {number_of(reader) for reader in idle}
     assert len(numbers) == 1
 
 
 def test_a_process_that_ended_is_replaced(tmp_path: Path, idle: Idle) -> None:
     path = saved(tmp_path, 1)
     read(path)
-    idle[0]._process.kill()  # as the system may for want of memory
+    idle[0]._process.kill()  # as the system may do if memory is short
     assert read(path).tolist() == [1] * 5
     assert len(idle) == 1
 
 
-def test_a_process_that_aborts_is_said_once_a_new_one_did(
+def test_an_abort_is_reported_after_a_new_process_aborted_too(
     tmp_path: Path, idle: Idle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, script = saved(tmp_path, 1), tmp_path / "aborting.py"
@@ -90,15 +90,15 @@ def test_a_process_that_takes_too_long_is_ended(
     assert read(path).tolist() == [1] * 5
 
 
-def test_threads_read_by_processes_of_their_own(tmp_path: Path, idle: Idle) -> None:
+def test_each_thread_reads_with_its_own_process(tmp_path: Path, idle: Idle) -> None:
     paths = [saved(tmp_path, number) for number in range(12)]
     with ThreadPoolExecutor(2) as pool:
-        found = list(pool.map(read, paths))
-    assert [one[0] for one in found] == list(range(12))
+        columns = list(pool.map(read, paths))
+    assert [values[0] for values in columns] == list(range(12))
     assert 1 <= len(idle) <= 2
 
 
-def test_a_process_that_read_much_is_not_kept(
+def test_a_process_that_read_a_large_file_is_not_reused(
     tmp_path: Path, idle: Idle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reader_process, "KEPT_UP_TO", 9)
@@ -107,7 +107,7 @@ def test_a_process_that_read_much_is_not_kept(
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no processes are forked here")
-def test_a_forked_process_has_readers_of_its_own(tmp_path: Path, idle: Idle) -> None:
+def test_a_forked_process_has_its_own_reader_processes(tmp_path: Path, idle: Idle) -> None:
     path, answer = saved(tmp_path, 4), tmp_path / "answer"
     read(path)
     child = os.fork()

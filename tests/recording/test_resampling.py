@@ -1,4 +1,4 @@
-"""Rows whose times jitter are brought to a constant rate, and a note says so."""
+"""Rows with time jitter are resampled at a constant rate, with a note."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -22,13 +22,13 @@ INTERVAL = 1e-3
 
 
 def jittered(largest: float, seed: int = 0) -> Array:
-    """Return times whose stamps are off by up to `largest`, as a fraction of the interval."""
+    """Return time stamps with errors up to `largest`, as a fraction of the interval."""
     moves = np.random.default_rng(seed).uniform(-largest, largest, ROWS)
     return np.asarray(INTERVAL * (np.arange(ROWS) + moves))
 
 
 def swing(t: Array) -> Array:
-    """Return a sine of 15 Hz, the fastest that the thesis commands."""
+    """Return a sine of 15 Hz, the highest frequency commanded in the thesis."""
     return np.asarray(5e-3 * np.sin(2 * np.pi * 15 * t))
 
 
@@ -44,13 +44,13 @@ def rms(values: Array) -> float:
 
 
 @pytest.mark.parametrize("largest", [0.05, 0.2])
-def test_instants_are_found_again(largest: float) -> None:
+def test_instants_are_resampled_accurately(largest: float) -> None:
     time = jittered(largest)
     recording = Recording({"time_s": time, "command_rad": swing(time), "current_A": time}, "instant")
     grid = recording["time_s"]
     np.testing.assert_allclose(grid, np.linspace(time[0], time[-1], ROWS), rtol=0, atol=1e-12)
-    # A straight line would be h²x''/8 off half-way between two rows: 1.1e-3 of the amplitude. Rows taken for
-    # uniform are off by the jitter times the speed: 94 rad/s × 1 ms × 0.2 / sqrt(3), 1 % of the rms.
+    # A straight line has the error h²x''/8 midway between two rows: 1.1e-3 of the amplitude. If the rows are
+    # taken as uniform, the error is jitter times speed: 94 rad/s × 1 ms × 0.2 / sqrt(3), 1 % of the rms.
     error = recording["command_rad"] - swing(grid)
     assert rms(error) < 2e-4 * rms(swing(grid))
     naive = swing(time) - swing(np.asarray(INTERVAL * np.arange(ROWS)))
@@ -59,7 +59,7 @@ def test_instants_are_found_again(largest: float) -> None:
 
 
 @pytest.mark.parametrize("largest", [0.05, 0.2])
-def test_means_are_found_again_and_keep_their_integral(largest: float) -> None:
+def test_means_are_resampled_accurately_and_keep_their_integral(largest: float) -> None:
     time = jittered(largest)
     edges = np.append(time, time[-1] + np.diff(time).mean())
     rows = means(swing, edges)
@@ -72,7 +72,7 @@ def test_means_are_found_again_and_keep_their_integral(largest: float) -> None:
 
 
 @given(seed=st.integers(0, 1000), height=st.floats(-10, 10), row=st.integers(10, ROWS - 10))
-def test_a_jump_is_hardly_overshot(seed: int, height: float, row: int) -> None:
+def test_a_jump_has_little_overshoot(seed: int, height: float, row: int) -> None:
     time = jittered(0.1, seed)
     jump = np.where(np.arange(ROWS) < row, 0.0, height)
     recording = Recording({"time_s": time, "command_rad": 1 + time, "current_A": jump}, "instant")
@@ -82,7 +82,7 @@ def test_a_jump_is_hardly_overshot(seed: int, height: float, row: int) -> None:
     np.testing.assert_allclose(recording["current_A"][far], jump[far], rtol=0, atol=1e-9)
 
 
-def test_a_switch_stays_a_switch_and_holes_stay_holes() -> None:
+def test_switch_states_and_missing_values_are_kept() -> None:
     time = jittered(0.1)
     enabled = (time < 0.5).astype(float)
     holes = np.where(np.arange(ROWS) % 7 == 0, np.nan, 1.0)
@@ -99,7 +99,7 @@ def test_a_switch_stays_a_switch_and_holes_stay_holes() -> None:
     assert np.isnan(recording["humidity"]).sum() == pytest.approx(np.isnan(holes).sum(), abs=5)
 
 
-def test_an_angle_may_start_anew_with_every_turn() -> None:
+def test_an_angle_may_be_wrapped_at_each_turn() -> None:
     time = jittered(0.1)
     angle = np.angle(np.exp(1j * 300 * time))
     recording = Recording(
@@ -109,7 +109,7 @@ def test_an_angle_may_start_anew_with_every_turn() -> None:
     assert np.abs(off).max() < 1e-9
 
 
-def test_a_note_says_what_was_done_and_stays() -> None:
+def test_a_note_states_the_resampling_and_is_kept() -> None:
     time = jittered(0.05)
     recording = Recording({"time_s": time, "command_rad": swing(time), "current_A": time}, source="rig 3")
     (note,) = recording.notes
@@ -140,8 +140,8 @@ def test_logs_of_a_real_servo_are_read(xl330_folder: Path, thesis: Actuator) -> 
     assert len(files) >= 8
     for file in files:
         recording = read_recording(file, rig)
-        given = pl.read_csv(file)
-        time, position = given["time_s"].to_numpy(), given["position_rad"].to_numpy()
+        table = pl.read_csv(file)
+        time, position = table["time_s"].to_numpy(), table["position_rad"].to_numpy()
         assert len(recording.notes) == 1
         assert recording.samples == time.size
         assert set(recording["enabled"]) <= {0.0, 1.0}
@@ -150,8 +150,8 @@ def test_logs_of_a_real_servo_are_read(xl330_folder: Path, thesis: Actuator) -> 
         assert np.abs(recording["position_rad"] - chords).max() < 2 * 2 * np.pi / 4096
 
 
-def test_a_clock_that_changes_its_pace_a_little_is_resampled() -> None:
-    # Each step is within a percent; the last rows of the first half are 56 rows from their even places.
+def test_a_clock_with_a_small_change_of_rate_is_resampled() -> None:
+    # Each step is within a percent; the last rows of the first half deviate by 56 rows from uniform times.
     steps = np.repeat([1e-3, 1.009e-3], 12_500)
     time = np.concatenate([[0.0], np.cumsum(steps)])
     columns = {"time_s": time, "command_rad": np.sin(2 * np.pi * 0.7 * time)}

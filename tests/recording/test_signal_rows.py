@@ -1,4 +1,4 @@
-"""Rows of a given signal against its integral."""
+"""Rows of a given signal, compared with its integral over the intervals."""
 
 import numpy as np
 import pytest
@@ -12,14 +12,14 @@ STARTS = np.asarray(np.arange(50) * INTERVAL, float)
 
 
 @given(moment=st.floats(0.0, 50 * INTERVAL), size=st.floats(-5.0, 5.0))
-def test_a_jump_is_where_it_is_to_a_thousandth_of_the_interval(moment: float, size: float) -> None:
-    after = np.clip((STARTS + INTERVAL - moment) / INTERVAL, 0.0, 1.0)
+def test_a_jump_is_located_to_a_thousandth_of_the_interval(moment: float, size: float) -> None:
+    share_after = np.clip((STARTS + INTERVAL - moment) / INTERVAL, 0.0, 1.0)
     rows = signal_rows(lambda t: np.where(t >= moment, size, 0.0), STARTS, INTERVAL)
-    np.testing.assert_allclose(rows, size * after, atol=abs(size) / 1000 + 1e-12)
+    np.testing.assert_allclose(rows, size * share_after, atol=abs(size) / 1000 + 1e-12)
 
 
 @pytest.mark.parametrize("frequency", [0.0, 15.0, 1000.0])
-def test_a_smooth_signal_is_its_integral(frequency: float) -> None:
+def test_rows_of_a_smooth_signal_equal_its_integral(frequency: float) -> None:
     w = 2 * np.pi * frequency
     rows = signal_rows(lambda t: np.cos(w * t), STARTS, INTERVAL)
     exact = (np.sin(w * (STARTS + INTERVAL)) - np.sin(w * STARTS)) / (w * INTERVAL) if w else np.ones(50)

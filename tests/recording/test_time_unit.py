@@ -1,4 +1,4 @@
-"""Another unit of time is noticed in slow and fast rows; true slow and fast rows are accepted."""
+"""A wrong unit of time is found in slow and fast rows; true slow and fast rows are accepted."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def recorded(command: Command, rate: float, duration: float, faults: Faults, *mo
     def load(t: np.ndarray) -> np.ndarray:
         return np.asarray(0.1 * np.sin(0.4 * t))
 
-    whole = simulate(
+    recording = simulate(
         THESIS,
         command,
         model="averaged",
@@ -27,18 +27,18 @@ def recorded(command: Command, rate: float, duration: float, faults: Faults, *mo
         load=load,
         noise=0.05,
     )
-    return Recording({name: whole[name] for name in (*KEPT, *more)})
+    return Recording({name: recording[name] for name in (*KEPT, *more)})
 
 
 @pytest.mark.parametrize("faults", FAULTS)
-def test_a_fast_logger_in_milliseconds_is_noticed_by_the_torque(faults: Faults) -> None:
+def test_a_fast_logger_in_milliseconds_is_found_by_the_torque(faults: Faults) -> None:
     fast = recorded(Chirp(), 20e3, 0.5, faults)
     check_plausible(fast, THESIS)
     with pytest.raises(RecordingError, match="times the described inertia: time_s seems to be in millisec"):
         check_plausible(fast.with_channels({**fast.channels, "time_s": 1e3 * fast["time_s"]}), THESIS)
 
 
-def test_a_fast_logger_in_milliseconds_is_noticed_by_the_speed() -> None:
+def test_a_fast_logger_in_milliseconds_is_found_by_the_speed() -> None:
     fast = recorded(Sine(), 20e3, 0.5, Faults(), "speed_rad_s")
     with pytest.raises(
         RecordingError, match=r"the motor's speed is .* times that of its motion: time_s seems"
@@ -57,7 +57,7 @@ def test_slow_rows_in_seconds_are_accepted(faults: Faults, rate: float, rows_a_c
 
 @pytest.mark.parametrize("faults", FAULTS)
 @pytest.mark.parametrize("rate", [200.0, 1e3, 5e3])
-def test_seconds_taken_for_milliseconds_are_noticed_by_the_work(faults: Faults, rate: float) -> None:
+def test_seconds_taken_for_milliseconds_are_found_by_the_work(faults: Faults, rate: float) -> None:
     sound = recorded(Chirp(), rate, 0.5, faults, "position_rad")
     check_plausible(sound, THESIS)
     fast = sound.with_channels({**sound.channels, "time_s": 1e-3 * sound["time_s"]})

@@ -1,4 +1,4 @@
-"""Writing: to the last bit, never half, never over what is there unasked."""
+"""Writing: exact to the last bit, never partial, and no file is overwritten without `force`."""
 
 import os
 from pathlib import Path
@@ -24,7 +24,7 @@ FINITE = arrays(np.float64, 60, elements=st.floats(allow_nan=False, allow_infini
 @pytest.mark.parametrize("ending", ENDINGS)
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(command=FINITE.filter(np.any), current=FINITE, extra=arrays(np.float64, 60))
-def test_what_is_read_back_is_the_same_to_the_last_bit(
+def test_a_recording_read_back_is_the_same_to_the_last_bit(
     tmp_path: Path,
     thesis: Actuator,
     ending: str,
@@ -40,30 +40,32 @@ def test_what_is_read_back_is_the_same_to_the_last_bit(
     }
     path = tmp_path / f"rec.{ending}"
     write_recording(Recording(columns), path, force=True)
-    # In this process: one of its own for each file is another test's, and takes 0.2 s.
-    # No actuator makes such signals: what would be an outlier in a measurement is kept.
+    # In this process: another test checks the process for each file, which takes 0.2 s.
+    # No actuator makes such signals: outliers are kept here.
     as_it_is = thesis.model_copy(update={"reading": Reading(outliers=False)})
     recording = read_recording(path, as_it_is, limits=ReadLimits(isolated=False))
     assert recording.names == tuple(columns)
     for name, values in columns.items():
         np.testing.assert_array_equal(recording[name], values)
-        zeros = values == 0  # whose sign an equality does not see
+        zeros = values == 0  # an equality does not compare the sign of 0
         np.testing.assert_array_equal(np.signbit(recording[name][zeros]), np.signbit(values[zeros]))
 
 
 @pytest.mark.parametrize("name", ["rec.csv", "REC.CSV", "rec.Parquet"])
-def test_nothing_but_the_file_is_left(columns: Columns, tmp_path: Path, name: str) -> None:
+def test_only_the_file_is_left(columns: Columns, tmp_path: Path, name: str) -> None:
     write_recording(Recording(columns), tmp_path / name)
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
-def test_written_file_has_usual_permissions(columns: Columns, tmp_path: Path) -> None:
+def test_a_written_file_has_the_usual_permissions(columns: Columns, tmp_path: Path) -> None:
     (tmp_path / "usual").touch()
     write_recording(Recording(columns), tmp_path / "rec.csv")
     assert (tmp_path / "rec.csv").stat().st_mode == (tmp_path / "usual").stat().st_mode
 
 
-def test_existing_file_is_replaced_only_by_force(columns: Columns, tmp_path: Path, refusal: Refusal) -> None:
+def test_an_existing_file_is_replaced_only_by_force(
+    columns: Columns, tmp_path: Path, refusal: Refusal
+) -> None:
     path = tmp_path / "rec.csv"
     path.write_text("precious")
     text = refusal(lambda: write_recording(Recording(columns), path))
@@ -74,7 +76,7 @@ def test_existing_file_is_replaced_only_by_force(columns: Columns, tmp_path: Pat
     assert path.read_text().startswith("time_s,command_rad")
 
 
-def test_failure_half_way_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
+def test_a_failure_while_writing_leaves_only_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "rec.csv"
     path.write_text("precious")
 
@@ -89,7 +91,7 @@ def test_failure_half_way_leaves_the_old_file_and_no_other(tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_refusal_of_the_system_half_way_is_reported(tmp_path: Path, refusal: Refusal) -> None:
+def test_a_system_error_while_writing_is_reported(tmp_path: Path, refusal: Refusal) -> None:
     path = tmp_path / "rec.csv"
 
     def fail() -> None:
@@ -102,7 +104,7 @@ def test_refusal_of_the_system_half_way_is_reported(tmp_path: Path, refusal: Ref
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_removed_half_way_is_to_be_made_again(tmp_path: Path, refusal: Refusal) -> None:
+def test_a_folder_removed_while_writing_is_reported_with_the_remedy(tmp_path: Path, refusal: Refusal) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
 
@@ -116,7 +118,7 @@ def test_a_folder_that_is_removed_half_way_is_to_be_made_again(tmp_path: Path, r
     assert "free space" not in text
 
 
-def test_symbolic_link_stays_one(columns: Columns, tmp_path: Path) -> None:
+def test_a_symbolic_link_stays_a_link(columns: Columns, tmp_path: Path) -> None:
     target, link = tmp_path / "target.csv", tmp_path / "link.csv"
     target.touch()
     link.symlink_to(target)
@@ -139,7 +141,7 @@ def test_symbolic_link_stays_one(columns: Columns, tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("force", [False, True])
-def test_impossible_output_is_refused(
+def test_an_impossible_output_is_refused(
     columns: Columns, tmp_path: Path, refusal: Refusal, name: str, force: bool, expected: list[str]
 ) -> None:
     (tmp_path / "file.txt").touch()
@@ -153,13 +155,13 @@ def test_impossible_output_is_refused(
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_check_alone_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_a_check_without_writing_leaves_no_file(tmp_path: Path) -> None:
     check_writable(tmp_path / "report.html")
     check_writable(tmp_path / "report.HTML", endings=(".html",))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_unwritable_folder_is_refused(refusal: Refusal) -> None:
+def test_a_read_only_folder_is_refused(refusal: Refusal) -> None:
     kernel = Path("/proc/self")
     if not kernel.is_dir():
         pytest.skip("only Linux has a folder in which not even root may write")
@@ -169,7 +171,7 @@ def test_unwritable_folder_is_refused(refusal: Refusal) -> None:
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_instants_are_read_back_by_an_actuator_whose_rows_are_instants(
+def test_instants_are_read_back_with_an_actuator_that_samples_instants(
     columns: Columns, tmp_path: Path, thesis: Actuator, ending: str
 ) -> None:
     path = tmp_path / f"rec.{ending}"

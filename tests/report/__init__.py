@@ -1,1 +1,1 @@
-"""Tests of `emaphm.report` and of the figures that it shows."""
+"""Tests of `emaphm.report` and of its figures."""

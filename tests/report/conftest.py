@@ -1,4 +1,4 @@
-"""Diagnoses made by hand: what they say is known, and nothing need be simulated."""
+"""Diagnoses with given values: their content is known, and no simulation is needed."""
 
 from dataclasses import replace
 from typing import Literal
@@ -26,7 +26,7 @@ def truth() -> Faults:
 
 @pytest.fixture(scope="session")
 def faulty() -> Diagnosis:
-    """Return a diagnosis of a faulty thesis actuator; the direction's interval runs past 1."""
+    """Return a diagnosis of a faulty thesis actuator; the interval of the direction passes 1."""
     time = np.arange(500) / 1e3
     modelled = 3 * np.sin(40 * time)
     recorded = modelled + np.random.default_rng(0).normal(0, 0.1, time.size)

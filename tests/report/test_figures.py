@@ -1,4 +1,4 @@
-"""Figures: what stands on the axes, in which unit, and that nothing else is touched."""
+"""Figures: values and units on the axes; matplotlib's settings are unchanged."""
 
 import io
 import sys
@@ -25,7 +25,7 @@ PARTS = (draw_fit, draw_residual, draw_faults)
 
 
 def _points(axis: Axes, marker: str) -> dict[str, float]:
-    """Return the values marked by `marker`, by the component in whose row they stand."""
+    """Return the values marked by `marker`, by the component of their row."""
     marks = [line for line in axis.get_lines() if line.get_marker() == marker]
     points = [(np.asarray(mark.get_xdata()), np.asarray(mark.get_ydata())) for mark in marks]
     return {NAMES[int(y[0])]: float(x[0]) for x, y in points if x.size}
@@ -42,7 +42,7 @@ def _settings() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("draw", [draw_diagnosis, draw_faults])
-def test_each_can_be_drawn_without_pyplot_and_leaves_the_settings_alone(
+def test_each_figure_is_drawn_without_pyplot_and_leaves_settings_unchanged(
     monkeypatch: pytest.MonkeyPatch, faulty: Diagnosis, draw: Callable[[Diagnosis], Figure]
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)  # importing it now fails
@@ -51,11 +51,11 @@ def test_each_can_be_drawn_without_pyplot_and_leaves_the_settings_alone(
     assert _settings() == before
 
 
-def test_fit_is_labelled_and_its_zoom_shows_where_they_differ_most(faulty: Diagnosis) -> None:
-    whole, zoom = draw_fit(faulty).axes
-    assert whole.get_xlabel() == zoom.get_xlabel() == "time [s]"
-    assert whole.get_ylabel() == zoom.get_ylabel() == "equivalent current [A]"
-    legend = whole.get_legend()
+def test_the_fit_is_labelled_and_its_zoom_shows_the_largest_difference(faulty: Diagnosis) -> None:
+    complete, zoom = draw_fit(faulty).axes
+    assert complete.get_xlabel() == zoom.get_xlabel() == "time [s]"
+    assert complete.get_ylabel() == zoom.get_ylabel() == "equivalent current [A]"
+    legend = complete.get_legend()
     assert legend
     assert [text.get_text() for text in legend.get_texts()] == ["recorded", "model"]
     first, last = zoom.get_xlim()
@@ -63,14 +63,14 @@ def test_fit_is_labelled_and_its_zoom_shows_where_they_differ_most(faulty: Diagn
     assert 0.319 <= last < first + 0.06  # and ends
 
 
-def test_residual_is_labelled_with_its_size(faulty: Diagnosis) -> None:
+def test_the_residual_is_labelled_with_its_size(faulty: Diagnosis) -> None:
     residual, spectrum = draw_residual(faulty).axes
     assert residual.get_ylabel() == "residual [A]"
     assert f"{faulty.residual_rms_A:.3g} A rms" in residual.get_title(loc="left")
     assert (spectrum.get_xlabel(), spectrum.get_ylabel()) == ("frequency [Hz]", "amplitude density [A/√Hz]")
 
 
-def test_the_spectrum_holds_the_current_s_power(faulty: Diagnosis) -> None:
+def test_the_spectrum_has_the_power_of_the_current(faulty: Diagnosis) -> None:
     line = draw_residual(faulty).axes[1].get_lines()[0]
     frequency, density = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
     power = np.sum(density**2) * (frequency[1] - frequency[0])
@@ -78,7 +78,9 @@ def test_the_spectrum_holds_the_current_s_power(faulty: Diagnosis) -> None:
     assert power == pytest.approx(np.var(faulty.recorded), rel=0.2)
 
 
-def test_faults_stand_in_their_rows_with_healthy_and_true_values(faulty: Diagnosis, truth: Faults) -> None:
+def test_faults_are_drawn_in_their_rows_with_healthy_and_true_values(
+    faulty: Diagnosis, truth: Faults
+) -> None:
     axis = draw_faults(faulty, truth).axes[0]
     assert [tick.get_text() for tick in axis.get_yticklabels()] == list(NAMES)
     assert axis.yaxis_inverted()
@@ -95,11 +97,11 @@ def test_without_truth_nothing_is_marked_as_true(faulty: Diagnosis) -> None:
     assert not _points(draw_faults(faulty).axes[0], "D")
 
 
-def test_no_direction_is_true_without_eccentricity(faulty: Diagnosis) -> None:
+def test_no_true_direction_is_marked_without_eccentricity(faulty: Diagnosis) -> None:
     assert "eccentricity_phase" not in _points(draw_faults(faulty, Faults(friction=0.3)).axes[0], "D")
 
 
-def test_an_interval_that_passes_the_end_of_the_circle_comes_in_at_the_other(faulty: Diagnosis) -> None:
+def test_an_interval_beyond_the_end_of_the_circle_continues_at_the_other_end(faulty: Diagnosis) -> None:
     axis = draw_faults(faulty).axes[0]
     row = NAMES.index("eccentricity_phase")
     lines = [line for line in axis.get_lines() if np.array_equal(line.get_ydata(), [row, row])]
@@ -107,7 +109,7 @@ def test_an_interval_that_passes_the_end_of_the_circle_comes_in_at_the_other(fau
     assert pieces == [(0.0, 0.03), (0.93, 1.0)]
 
 
-def test_what_is_not_identifiable_is_greyed_and_called_so(linear: Diagnosis) -> None:
+def test_a_component_that_is_not_identifiable_is_grey_and_labelled(linear: Diagnosis) -> None:
     axis = draw_faults(linear).axes[0]
     for name, tick, text in zip(NAMES, axis.get_yticklabels(), axis.texts, strict=True):
         known = linear.components[name].identifiable
@@ -115,32 +117,32 @@ def test_what_is_not_identifiable_is_greyed_and_called_so(linear: Diagnosis) -> 
         assert (tick.get_color() == text.get_color() == BLACK) is known
 
 
-def test_an_interval_is_written_although_the_value_in_it_is_unknown(faulty: Diagnosis) -> None:
+def test_an_interval_is_printed_although_its_value_is_unknown(faulty: Diagnosis) -> None:
     unknown = replace(faulty.components["friction"], interval95=(0.2, 0.8), identifiable=False)
     axis = draw_faults(replace(faulty, components=dict(faulty.components) | {"friction": unknown})).axes[0]
     assert axis.texts[0].get_text() == "–  (0.2000 to 0.8000)"
     assert "friction" not in _points(axis, "s")
 
 
-def test_what_is_identifiable_yet_inconclusive_has_a_marker_and_a_name_of_its_own(faulty: Diagnosis) -> None:
+def test_identifiable_but_inconclusive_components_have_their_own_marker_and_label(faulty: Diagnosis) -> None:
     undecided = replace(faulty.components["friction"], verdict="cannot tell")
     figure = draw_faults(replace(faulty, components=dict(faulty.components) | {"friction": undecided}))
     assert _points(figure.axes[0], "d") == {"friction": undecided.value}
     assert "cannot tell" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
-def test_the_whole_shows_every_part(faulty: Diagnosis, truth: Faults) -> None:
+def test_the_summary_figure_shows_all_parts(faulty: Diagnosis, truth: Faults) -> None:
     figure = draw_diagnosis(faulty, truth)
-    whole = [axis.get_ylabel() for axis in figure.axes]
+    labels = [axis.get_ylabel() for axis in figure.axes]
     parts = [*draw_fit(faulty).axes, *draw_residual(faulty).axes, *draw_faults(faulty).axes]
-    assert sorted(whole) == sorted(axis.get_ylabel() for axis in parts)
+    assert sorted(labels) == sorted(axis.get_ylabel() for axis in parts)
     assert PurePath(faulty.recording).name in figure.get_suptitle()
 
 
-def test_the_name_of_a_file_is_no_formula_and_leaves_room_for_the_figure(faulty: Diagnosis) -> None:
+def test_a_file_name_is_not_read_as_a_formula_and_leaves_space_for_the_figure(faulty: Diagnosis) -> None:
     source = "folder/" + "long-" * 7 + "a$b^_{c$.csv"
     figure = draw_diagnosis(replace(faulty, recording=source))
-    figure.draw_without_rendering()  # refuses what would be a wrong formula
+    figure.draw_without_rendering()  # raises for an invalid formula
     assert PurePath(source).name in figure.get_suptitle()
     assert len(figure.get_suptitle()) < 100
 
@@ -151,7 +153,7 @@ def test_a_perfect_model_and_a_dead_current_can_be_drawn(
 ) -> None:
     for current in (faulty.recorded, np.zeros_like(faulty.recorded)):
         perfect = replace(faulty, recorded=current, modelled=current, residual_rms_A=0.0)
-        draw(perfect).draw_without_rendering()  # refuses what has no size or no logarithm
+        draw(perfect).draw_without_rendering()  # raises for a figure without size or a logarithm of 0
 
 
 def test_a_long_recording_is_thinned_and_keeps_its_peaks(faulty: Diagnosis) -> None:

@@ -1,4 +1,4 @@
-"""Figures on pages: whatever has a place in the legend or a number of results is drawn."""
+"""Figures on pages: all entries of the legend and all results are drawn."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -35,11 +35,11 @@ RESULT = DetectorResult(
 
 
 def _result(q: float, t2: float) -> DetectorResult:
-    """Return a result of a detector, as far as a figure of sets reads it."""
+    """Return a detector's result with the fields that a figure of sets uses."""
     return cast("DetectorResult", SimpleNamespace(q=q, t2=t2, q_threshold=1.0, t2_threshold=1.0))
 
 
-def test_results_of_zero_are_drawn_below_all_others_and_the_axis_says_so() -> None:
+def test_results_of_zero_are_drawn_below_all_others_with_an_axis_label() -> None:
     (axis,) = draw_detected_sets({"still": [_result(0.0, 0.0)], "moved": [_result(1.0, 2.0)]}).axes
     still, moved = axis.get_lines()[:2]
     assert (np.asarray(still.get_xdata())[0], np.asarray(still.get_ydata())[0]) == (0.1, 0.2)
@@ -50,7 +50,7 @@ def test_results_of_zero_are_drawn_below_all_others_and_the_axis_says_so() -> No
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("Q / threshold", "T² / threshold")
 
 
-def test_the_threshold_is_inside_the_figure_of_a_recording_however_far_that_is() -> None:
+def test_the_threshold_is_inside_the_figure_however_distant_the_recording_is() -> None:
     for t2, q in ((2000.0, 0.0), (0.8, 0.02)):
         result = replace(RESULT, t2=t2, q=q)
         axis = draw_detection(result).axes[0]
@@ -58,20 +58,20 @@ def test_the_threshold_is_inside_the_figure_of_a_recording_however_far_that_is()
         low, high = axis.get_ylim()
         assert low < np.asarray(threshold.get_ydata())[0] < high
         assert {text.get_text() for text in axis.texts} == {with_digits(t2), f"{q:g}"}
-    # Each segment is named in full where it stands, also of a single channel.
+    # Each segment is named in full at its place, also for a single channel.
     assert {"up, 0 to 1 s", "down, 1 to 2 s"} == {
         text.get_text() for text in draw_detection(RESULT).axes[1].get_yticklabels()
     }
 
 
-def test_every_method_of_a_section_is_drawn_and_no_two_alike() -> None:
+def test_all_methods_of_a_section_are_drawn_with_distinct_styles() -> None:
     methods = [f"method {i}" for i in range(20)]
     rows = tuple(PageRow(text="a", rig="base", method=method) for method in methods)
     rates = SettingRates(1.0, 2.0, 0.95, 0.9, "gain", 1.0, 0.5, 0.01, 20)
     figure = draw_limits(PageSection(title="All", label="setting", rows=rows), dict.fromkeys(rows, rates))
     # The median and the 95th percentile differ by their dashes, the methods by colour and marker.
     lines = figure.axes[0].get_lines()
-    looks = {(to_hex(one.get_color()), one.get_marker(), one.get_linestyle()) for one in lines}
+    looks = {(to_hex(line.get_color()), line.get_marker(), line.get_linestyle()) for line in lines}
     assert len(lines) == len(looks) == 2 * 20
     legend = figure.axes[0].get_legend()
     assert legend is not None

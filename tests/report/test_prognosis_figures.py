@@ -1,4 +1,4 @@
-"""Figures of a prognosis: intervals can be seen, of one forecast too."""
+"""Figures of a prognosis: intervals are visible, also for a single forecast."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -20,20 +20,20 @@ SECOND = (200.0, 150.0, 300.0, 450.0, 600.0, 800.0)
 
 
 def curves(*fan: tuple[float, ...]) -> Curves:
-    """Return those of a unit with these forecasts; a fan shows nothing else."""
+    """Return the curves of a unit with these forecasts; a fan chart uses only them."""
     return Curves("S1", fan[-1][0], 200.0, 4000.0, (), (), {}, (), (), (), (), "", fan)
 
 
 def spans(axis: Axes) -> dict[str, tuple[float, float]]:
-    """Return the least and the largest RUL that is drawn of each interval, by its label."""
-    found = {}
+    """Return the least and the largest drawn RUL of each interval, by its label."""
+    by_label = {}
     for drawn in axis.collections:
         heights = np.concatenate([np.asarray(path.vertices)[:, 1] for path in drawn.get_paths()])
-        found[str(drawn.get_label())] = (float(heights.min()), float(heights.max()))
-    return found
+        by_label[str(drawn.get_label())] = (float(heights.min()), float(heights.max()))
+    return by_label
 
 
-def test_the_intervals_of_one_forecast_are_bars_as_wide_as_a_line() -> None:
+def test_the_intervals_of_a_single_forecast_are_bars_as_wide_as_a_line() -> None:
     figure = draw_fan(curves(FIRST))
     (axis,) = figure.axes
     assert spans(axis) == {"90 %": (200.0, 900.0), "50 %": (350.0, 700.0)}
@@ -58,8 +58,8 @@ WIDE = (100.0, 260.0, 1800.0, 14000.0, 20000.0, 20000.0)
 @pytest.mark.parametrize(
     "last", [(800.0, 60.0, 170.0, 325.0, 470.0, 1160.0), (800.0, 0.0, 0.0, 0.0, 15.0, 40.0)]
 )
-def test_the_last_forecast_can_be_read_next_to_a_first_that_knew_nothing(last: tuple[float, ...]) -> None:
-    """Its quantiles are apart by a twentieth of the axis at least, unless they are the same."""
+def test_the_last_forecast_is_readable_next_to_a_very_uncertain_first_one(last: tuple[float, ...]) -> None:
+    """Its quantiles differ by at least a twentieth of the axis, unless they are equal."""
     figure = draw_fan(curves(WIDE, last))
     figure.draw_without_rendering()
     (axis,) = figure.axes
@@ -71,15 +71,15 @@ def test_the_last_forecast_can_be_read_next_to_a_first_that_knew_nothing(last: t
 
 
 def marked(axis: Axes) -> list[float]:
-    """Return where vertical lines of replacements are."""
-    lines = [one for one in axis.get_lines() if one.get_linestyle() == "-." and np.size(one.get_xdata())]
-    return [float(np.asarray(one.get_xdata(), float)[0]) for one in lines]
+    """Return the hours of the vertical lines of replacements."""
+    lines = [line for line in axis.get_lines() if line.get_linestyle() == "-." and np.size(line.get_xdata())]
+    return [float(np.asarray(line.get_xdata(), float)[0]) for line in lines]
 
 
-def test_a_replacement_is_marked_and_breaks_the_fan() -> None:
+def test_a_replacement_is_marked_and_interrupts_the_fan_chart() -> None:
     (axis,) = draw_fan(replace(curves(FIRST, SECOND), replacements=((150.0, "friction"),))).axes
     assert marked(axis) == [150.0]
-    (median,) = (one for one in axis.get_lines() if one.get_label() == "median")
+    (median,) = (line for line in axis.get_lines() if line.get_label() == "median")
     assert np.isnan(np.asarray(median.get_ydata(), float)).tolist() == [False, True, False]
     axes = draw_health(replace(falling(800.0), replacements=((400.0, "backlash"),))).axes
     assert {axis.get_title(loc="left") for axis in axes if marked(axis)} == {"backlash"}
@@ -87,36 +87,36 @@ def test_a_replacement_is_marked_and_breaks_the_fan() -> None:
 
 
 def falling(now: float) -> Curves:
-    """Return those of a unit whose friction falls from 0 to -0.16, and to -0.4 in the 200 h to come."""
+    """Return the curves of a unit whose friction falls from 0 to -0.16, and to -0.4 in the next 200 h."""
     forecast = {name: tuple((0.0, 0.0) for _ in PROBABILITIES) for name in COMPONENTS}
     forecast["friction"] = tuple((-0.16, end) for end in (-0.4, -0.35, -0.3, -0.25, -0.2))
     at = dict.fromkeys(COMPONENTS, 0.0)
-    seen = tuple(
+    levels = tuple(
         Seen(now - 800.0 + hours, True, at | {"friction": -2e-4 * hours}, at) for hours in (0.0, 400.0, 800.0)
     )
     hours = (now, now + 200.0)
     limits = (("friction", -0.3), ("friction", 0.5))
-    return Curves("S1", now, 200.0, 4000.0, seen, hours, forecast, limits, hours, (0.0, 0.5), (), "", ())
+    return Curves("S1", now, 200.0, 4000.0, levels, hours, forecast, limits, hours, (0.0, 0.5), (), "", ())
 
 
-def test_the_limit_and_the_forecast_of_a_friction_that_falls_are_within_the_figure() -> None:
+def test_limit_and_forecast_of_falling_friction_are_inside_the_figure() -> None:
     axes = {axis.get_title(loc="left"): axis for axis in draw_health(falling(800.0)).axes}
     assert -0.5 < axes["friction"].get_ylim()[0] < -0.4
     assert axes["backlash"].get_ylim()[0] == pytest.approx(-0.03)
 
 
 @pytest.mark.parametrize(("now", "narrow"), [(800.0, True), (1.23e7, True), (1.23e7, False)])
-def test_flight_hours_are_written_in_full_and_do_not_overlap(now: float, narrow: bool) -> None:
+def test_flight_hours_are_printed_in_full_and_do_not_overlap(now: float, narrow: bool) -> None:
     for figure in (draw_health(falling(now), narrow=narrow), draw_life(falling(now), narrow=narrow)):
         figure.draw_without_rendering()
         for axis in figure.axes:
             assert axis.xaxis.get_offset_text().get_text() == ""
             low, high = axis.get_xlim()
-            shown = [one for one in axis.get_xticklabels() if low <= one.get_position()[0] <= high]
-            assert [float(one.get_text().replace(",", "")) for one in shown] == pytest.approx(
-                [one.get_position()[0] for one in shown]
+            labels = [label for label in axis.get_xticklabels() if low <= label.get_position()[0] <= high]
+            assert [float(label.get_text().replace(",", "")) for label in labels] == pytest.approx(
+                [label.get_position()[0] for label in labels]
             )
-            boxes = [one.get_window_extent() for one in shown if one.get_visible()]
+            boxes = [label.get_window_extent() for label in labels if label.get_visible()]
             assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
 
 
@@ -124,7 +124,7 @@ def test_flight_hours_are_written_in_full_and_do_not_overlap(now: float, narrow:
 @pytest.mark.parametrize(
     ("hours", "text"), [(200.0, "200 h"), (1234.5, "1,234.5 h"), (1236300.0, "1,236,300 h")]
 )
-def test_a_report_is_named_after_all_digits_of_the_hours(tmp_path: Path, hours: float, text: str) -> None:
+def test_a_report_is_named_by_all_digits_of_the_hours(tmp_path: Path, hours: float, text: str) -> None:
     page = tmp_path / "page.html"
     write_prognosis(prognose(Evidence("S1", "P1", hours), Actuator.thesis()), page)
     assert f"<h1>S1 at {text}</h1>" in page.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The report: whole, self-contained, and true to its diagnosis."""
+"""The report: complete, self-contained, and consistent with its diagnosis."""
 
 import base64
 import re
@@ -29,7 +29,7 @@ HOSTILE = """<script src="http://bad.example/x.js">alert(1)</script>"><img src='
 
 
 class Page(HTMLParser):
-    """What a browser would see: open tags, addresses, and the text with its blanks made single."""
+    """Parsed page: open tags, addresses, and the text with single blanks."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -42,30 +42,30 @@ class Page(HTMLParser):
         self.close()
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note a tag, that it is open unless it holds nothing, and the addresses in it."""
+        """Store a tag as open, unless it is a void element, and the addresses in it."""
         self.tags.append(tag)
         if tag not in ("meta", "img"):
             self.open.append(tag)
         self.addresses += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data")]
 
     def handle_endtag(self, tag: str) -> None:
-        """Insist that a tag closes the last one opened."""
+        """Check that a tag closes the last opened tag."""
         assert self.open.pop() == tag, f"</{tag}> closes something else"
 
     def handle_data(self, data: str) -> None:
-        """Note text."""
+        """Store text."""
         if self.open[-1:] != ["style"]:
             self._text.append(data)
 
     @property
     def text(self) -> str:
-        """All text, its blanks made single."""
+        """All text with single blanks."""
         return " ".join("".join(self._text).split())
 
 
 @pytest.fixture(scope="module")
 def drawn(faulty: Diagnosis, truth: Faults, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a report with its figures: to draw them is what takes long."""
+    """Return a report with its figures, made once because drawing takes long."""
     path = tmp_path_factory.mktemp("drawn") / "report.html"
     write_report(faulty, path, truth=truth)
     return path
@@ -78,13 +78,13 @@ def path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave the figures empty where only the text matters."""
+    """Leave the figures empty for tests that check only the text."""
     for part in ("faults", "fit", "residual", "posterior"):
         monkeypatch.setattr(emaphm.report.write, f"draw_{part}", lambda *_: None)
     monkeypatch.setattr(emaphm.report.write, "svg", lambda _: b"<svg/>")
 
 
-def test_file_is_well_formed_and_needs_nothing_else(drawn: Path) -> None:
+def test_the_file_is_well_formed_and_self_contained(drawn: Path) -> None:
     page = Page(drawn)
     assert not page.open
     assert "script" not in page.tags
@@ -94,19 +94,19 @@ def test_file_is_well_formed_and_needs_nothing_else(drawn: Path) -> None:
         kind, encoded = address.split(",", 1)
         assert kind == "data:image/svg+xml;base64"
         picture = base64.b64decode(encoded, validate=True)
-        assert ET.fromstring(picture).tag.endswith("svg")  # noqa: S314 - made by us
+        assert ET.fromstring(picture).tag.endswith("svg")  # noqa: S314 - made by this test
     style = page.source[page.source.index("<style>") : page.source.index("</style>")]
     assert "url(" not in style
     assert "@import" not in style
     assert [file.name for file in drawn.parent.iterdir()] == [drawn.name]
 
 
-def test_a_report_can_be_sent_by_mail(drawn: Path) -> None:
+def test_a_report_is_small_enough_for_mail(drawn: Path) -> None:
     assert drawn.stat().st_size < 1_000_000
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_every_component_has_value_interval_and_meaning(faulty: Diagnosis, path: Path) -> None:
+def test_all_components_have_value_interval_and_meaning(faulty: Diagnosis, path: Path) -> None:
     write_report(faulty, path)
     text = Page(path).text
     for name in NAMES:
@@ -125,7 +125,7 @@ def test_every_component_has_value_interval_and_meaning(faulty: Diagnosis, path:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_headline_names_what_is_degraded_and_what_is_healthy(faulty: Diagnosis, path: Path) -> None:
+def test_the_headline_names_degraded_and_healthy_components(faulty: Diagnosis, path: Path) -> None:
     write_report(faulty, path)
     text = Page(path).text
     assert "Degraded: friction, backlash, phase b winding, rotor eccentricity, position gain." in text
@@ -136,7 +136,7 @@ def test_headline_names_what_is_degraded_and_what_is_healthy(faulty: Diagnosis, 
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_what_is_inconclusive_has_its_reason_and_units_follow_the_actuator(
+def test_inconclusive_components_have_a_reason_and_units_follow_the_actuator(
     linear: Diagnosis, path: Path
 ) -> None:
     write_report(linear, path)
@@ -151,7 +151,9 @@ def test_what_is_inconclusive_has_its_reason_and_units_follow_the_actuator(
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_an_answer_of_an_estimator_says_where_its_intervals_come_from(sampled: Diagnosis, path: Path) -> None:
+def test_a_diagnosis_by_an_estimator_states_the_source_of_its_intervals(
+    sampled: Diagnosis, path: Path
+) -> None:
     assert sampled.posterior is not None
     posterior = replace(sampled.posterior, diagnostics=None)
     write_report(replace(sampled, method="estimator", posterior=posterior), path)
@@ -164,7 +166,7 @@ def test_an_answer_of_an_estimator_says_where_its_intervals_come_from(sampled: D
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_degraded_component_of_unknown_size_is_given_no_size(faulty: Diagnosis, path: Path) -> None:
+def test_a_degraded_component_of_unknown_size_has_no_printed_size(faulty: Diagnosis, path: Path) -> None:
     reason = "its size may be anywhere in the interval"
     unknown = replace(faulty.components["friction"], interval95=(0.2, 0.8), identifiable=False, reason=reason)
     write_report(replace(faulty, components=dict(faulty.components) | {"friction": unknown}), path)
@@ -177,7 +179,7 @@ def test_a_degraded_component_of_unknown_size_is_given_no_size(faulty: Diagnosis
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_poor_fit_is_warned_of_first(faulty: Diagnosis, path: Path) -> None:
+def test_a_warning_of_a_poor_fit_comes_first(faulty: Diagnosis, path: Path) -> None:
     write_report(replace(faulty, explained=False), path)
     text = Page(path).text
     warning = text.index("Not reliable: the model does not explain this recording.")
@@ -187,7 +189,7 @@ def test_a_poor_fit_is_warned_of_first(faulty: Diagnosis, path: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_truth_stands_next_to_the_estimate(faulty: Diagnosis, truth: Faults, path: Path) -> None:
+def test_the_truth_is_printed_next_to_the_estimate(faulty: Diagnosis, truth: Faults, path: Path) -> None:
     write_report(faulty, path, truth=truth)
     text = Page(path).text
     error = float(error_percent(truth.vector, faulty.faults.vector))
@@ -199,10 +201,10 @@ def test_truth_stands_next_to_the_estimate(faulty: Diagnosis, truth: Faults, pat
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_it_says_how_it_was_computed(faulty: Diagnosis, path: Path) -> None:
+def test_the_report_states_the_method_and_settings(faulty: Diagnosis, path: Path) -> None:
     write_report(faulty, path)
     text = Page(path).text
-    assert text.startswith("Diagnosis of run 3.csv ")  # the path would be too long for a heading
+    assert text.startswith("Diagnosis of run 3.csv ")  # the path is too long for a heading
     for expected in (
         "rig/run 3.csv: 500 rows at 1000 Hz, 0.5 s",
         "Method hybrid",
@@ -217,13 +219,13 @@ def test_it_says_how_it_was_computed(faulty: Diagnosis, path: Path) -> None:
         assert expected in text
 
 
-def test_every_fitness_has_a_unit() -> None:
+def test_all_fitness_functions_have_a_unit() -> None:
     assert FITNESS_UNITS.keys() == COST_FUNCTIONS.keys()
 
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("field", ["recording", "actuator"])
-def test_a_hostile_name_is_text_and_nothing_else(faulty: Diagnosis, path: Path, field: str) -> None:
+def test_a_name_with_markup_is_printed_as_text(faulty: Diagnosis, path: Path, field: str) -> None:
     actuator = faulty.actuator.model_copy(update={"name": HOSTILE})
     hostile = (
         replace(faulty, recording=HOSTILE) if field == "recording" else replace(faulty, actuator=actuator)
@@ -237,7 +239,7 @@ def test_a_hostile_name_is_text_and_nothing_else(faulty: Diagnosis, path: Path, 
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_name_that_is_no_text_is_written_too(faulty: Diagnosis, path: Path) -> None:
+def test_a_name_that_is_not_valid_text_is_printed(faulty: Diagnosis, path: Path) -> None:
     write_report(replace(faulty, recording="rec\udcff.csv"), path)
     assert "rec?.csv" in Page(path).text
 
@@ -251,7 +253,7 @@ def test_the_same_diagnosis_gives_the_same_bytes_whatever_the_user_s_style(
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_nothing_is_replaced_unasked(faulty: Diagnosis, path: Path) -> None:
+def test_no_file_is_overwritten_without_force(faulty: Diagnosis, path: Path) -> None:
     path.write_text("mine", encoding="utf-8")
     with pytest.raises(OutputError, match="exists already"):
         write_report(faulty, path)
@@ -261,14 +263,14 @@ def test_nothing_is_replaced_unasked(faulty: Diagnosis, path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["report.pdf", "report", "missing/report.html"])
-def test_an_impossible_place_is_refused_by_name(faulty: Diagnosis, tmp_path: Path, name: str) -> None:
+def test_an_impossible_output_path_is_refused_by_name(faulty: Diagnosis, tmp_path: Path, name: str) -> None:
     with pytest.raises(OutputError, match=re.escape(str(tmp_path / name))):
         write_report(faulty, tmp_path / name)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_an_error_leaves_what_was_there(
+def test_an_error_leaves_the_earlier_file(
     faulty: Diagnosis, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(*_: object, **__: object) -> int:
@@ -283,7 +285,7 @@ def test_an_error_leaves_what_was_there(
     assert path.read_bytes() == b"before"
 
 
-def test_a_defect_while_drawing_leaves_nothing(
+def test_an_error_while_drawing_leaves_no_file(
     faulty: Diagnosis, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(_: object) -> None:
@@ -304,7 +306,7 @@ def test_an_actuator_of_any_description_can_be_reported(faulty: Diagnosis, path:
 
 @pytest.fixture
 def sampled(faulty: Diagnosis) -> Diagnosis:
-    """Return the faulty diagnosis with a posterior: but for phase a and the direction as estimated."""
+    """Return the faulty diagnosis with a posterior that agrees, except for phase a and the direction."""
     rng = np.random.default_rng(0)
     components = faulty.components.values()
     faults = np.stack([rng.normal(e.value, e.standard_error, 4000) for e in components], axis=1)
@@ -317,7 +319,7 @@ def sampled(faulty: Diagnosis) -> Diagnosis:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_posterior_stands_next_to_the_estimates(sampled: Diagnosis, path: Path) -> None:
+def test_the_posterior_is_printed_next_to_the_estimates(sampled: Diagnosis, path: Path) -> None:
     write_report(sampled, path)
     page = Page(path)
     assert not page.open
@@ -326,12 +328,12 @@ def test_a_posterior_stands_next_to_the_estimates(sampled: Diagnosis, path: Path
     low, high = sampled.posterior.interval95["short_a"]
     assert f"0.0010 0.0000 to 0.0050 {low:.4f} to {high:.4f} healthy" in page.text
     assert f"short_a: credible interval {low:.4f} to {high:.4f}" in page.text
-    assert "friction: 0" not in page.text  # where both agree, nothing is said
+    assert "friction: 0" not in page.text  # no sentence if both agree
     assert "R-hat" in page.text
-    assert "eccentricity at all" not in page.text  # it is beyond doubt here
+    assert "eccentricity at all" not in page.text  # the probability is 1 here
 
 
-def test_marginals_hold_all_probability_and_the_intervals(sampled: Diagnosis) -> None:
+def test_marginals_include_all_probability_and_the_intervals(sampled: Diagnosis) -> None:
     figure = draw_posterior(sampled)
     assert sampled.posterior
     assert [axis.get_title(loc="left") for axis in figure.axes] == list(NAMES)
@@ -343,7 +345,7 @@ def test_marginals_hold_all_probability_and_the_intervals(sampled: Diagnosis) ->
         np.testing.assert_array_equal(drawn, sampled.posterior.interval95[name])
 
 
-def test_what_an_actuator_cannot_show_is_not_drawn(sampled: Diagnosis, linear: Diagnosis) -> None:
+def test_the_axes_of_fixed_components_are_empty(sampled: Diagnosis, linear: Diagnosis) -> None:
     space = ParameterSpace.of(linear.actuator)
     assert sampled.posterior
     points = np.random.default_rng(0).random((100, space.dimensions))

@@ -1,1 +1,1 @@
-"""The study: plans, execution, statistics, report."""
+"""Tests of `emaphm.study`: plans, execution, statistics and reports."""

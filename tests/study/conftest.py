@@ -1,4 +1,4 @@
-"""A study that was never run: errors drawn from distributions like those of the real methods."""
+"""Results of studies without running them: errors drawn from distributions like those of the methods."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -98,7 +98,7 @@ def _row(
 
 @pytest.fixture(scope="session")
 def runs() -> pl.DataFrame:
-    """Return a whole study: nine methods, eleven cases, ten runs each."""
+    """Return a complete study: nine methods, eleven cases, ten runs each."""
     return study()
 
 

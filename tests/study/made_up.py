@@ -1,4 +1,4 @@
-"""Results of trials that were never run: errors are small, intervals hold the truth, verdicts are right."""
+"""Made-up results of trials: small errors, intervals that hold the truth, and correct verdicts."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +13,7 @@ HEALTHY = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5]
 
 
 def row(trial: Trial, **values: Any) -> dict[str, Any]:
-    """Return a made-up result: a small error, each interval holding the truth, each fault called degraded."""
+    """Return a made-up result: a small error, intervals that hold the truth, and each fault degraded."""
     verdicts = ["degraded" if v != h else "healthy" for v, h in zip(trial.truth, HEALTHY, strict=True)]
     return {
         **identity(trial),

@@ -1,4 +1,4 @@
-"""A plan that is done in a moment, and what must be the same in its results however it was run."""
+"""A plan that takes almost no time, and the part of its results that must not depend on the run."""
 
 import polars as pl
 
@@ -27,11 +27,11 @@ label = "more"
 population = 8
 iterations = 5
 """
-"""Twelve runs of a few milliseconds."""
+"""A plan of twelve runs of a few milliseconds."""
 
 
 def with_(*changes: tuple[str, str], top: str = "", end: str = "") -> str:
-    """Return `TEXT` with pieces of it replaced, and keys before and after it."""
+    """Return `TEXT` with pieces replaced, and with keys before and after it."""
     text = TEXT
     for old, new in changes:
         if old not in text:
@@ -45,7 +45,7 @@ def plan(*changes: tuple[str, str], top: str = "", end: str = "") -> Plan:
 
 
 def table(store: Store) -> pl.DataFrame:
-    """Return the results but for what the clock decides."""
+    """Return the results without the columns that depend on the clock."""
     return timeless(store.results)
 
 

@@ -1,4 +1,4 @@
-"""The page that redoes the thesis's comparison: its numbers are the studies', its findings are checked."""
+"""The page that repeats the thesis's comparison: numbers agree with the studies, and findings are checked."""
 
 from dataclasses import replace
 from functools import cache
@@ -15,34 +15,34 @@ from emaphm.study import Plan, Store
 from .made_up import results
 
 ERRORS = {"GA": 2.2, "PSO": 1.2, "DE": 1.0, "GWO": 4.0, "DA": 3.0, "DA as listed": 20.0, "hybrid": 0.3}
-"""Mean errors [%] on single faults for which the findings of the page's text hold."""
+"""Mean errors [%] for single faults with which the findings in the page's text hold."""
 
 SEARCHED = dict.fromkeys(("lower95", "upper95", "standard_error", "verdict", "explained", "moves"))
 
 
 @cache
 def finished_runs(name: str) -> tuple[Plan, pl.DataFrame]:
-    """Return a plan and results of all its runs."""
+    """Return a plan and the results of all its runs."""
     plan = Plan.load(name)
     return plan, results(plan, 1.0, lambda _: {"evaluations": 600, **SEARCHED})
 
 
 def stores(errors: dict[str, float]) -> dict[str, Store]:
-    """Return finished studies whose methods have these mean errors [%] on single faults."""
+    """Return finished studies whose methods have these mean errors [%] for single faults."""
     lost = pl.when((pl.col("case") == "multiple") & (pl.col("method") != "hybrid")).then(30.0).otherwise(1.0)
     error = lost * pl.col("method").replace_strict(errors, default=1.5)
-    made = {}
+    by_name = {}
     for name in PLANS:
         plan, runs = finished_runs(name)
-        made[name] = Store(
+        by_name[name] = Store(
             Path("studies") / name, plan, runs.with_columns(error.alias("error_percent")), (), 300.0
         )
-    return made
+    return by_name
 
 
 @pytest.fixture
 def undrawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder for the page, without the report and the scans that are tested by themselves."""
+    """Return a folder for the page; report and scans, which have their own tests, are left out."""
     rows = [
         {"model": "monitor", "equivalent": "magnitude", "fitness": "thesis", "bias_points": -12.0},
         {"model": "averaged", "equivalent": "torque", "fitness": "least_squares", "bias_points": 0.25},
@@ -56,7 +56,7 @@ def undrawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "comparison"
 
 
-def test_the_page_has_the_studies_numbers(undrawn: Path) -> None:
+def test_the_page_has_the_numbers_of_the_studies(undrawn: Path) -> None:
     write_comparison(stores(ERRORS), undrawn)
     page = undrawn.with_suffix(".md").read_text(encoding="utf-8")
     assert "the 1100 runs here took\n5.0 minutes" in page
@@ -67,10 +67,10 @@ def test_the_page_has_the_studies_numbers(undrawn: Path) -> None:
     assert page.startswith("# The thesis's comparison of methods, redone\n\nMade by")
 
 
-def test_the_page_says_that_its_studies_are_of_several_versions(undrawn: Path) -> None:
-    made = stores(ERRORS)
-    other = made["forms"].results.with_columns(revision=pl.lit("ba9876543210"))
-    write_comparison(made | {"forms": replace(made["forms"], results=other)}, undrawn)
+def test_the_page_states_that_its_studies_are_of_several_versions(undrawn: Path) -> None:
+    studies = stores(ERRORS)
+    mixed = studies["forms"].results.with_columns(revision=pl.lit("ba9876543210"))
+    write_comparison(studies | {"forms": replace(studies["forms"], results=mixed)}, undrawn)
     page = undrawn.with_suffix(".md").read_text(encoding="utf-8")
     _, _, warning, *_ = page.splitlines()
     assert warning.startswith(
@@ -86,7 +86,7 @@ def test_the_page_says_that_its_studies_are_of_several_versions(undrawn: Path) -
         ({"hybrid": 1.45}, "hybrid beats the best printed mean"),
     ],
 )
-def test_a_finding_that_no_longer_holds_stops_the_page(
+def test_a_finding_that_no_longer_holds_raises_an_error(
     undrawn: Path, changed: dict[str, float], finding: str
 ) -> None:
     with pytest.raises(StudyError, match=f"no longer true, rewrite report/comparison.md.jinja: {finding}"):
@@ -94,7 +94,7 @@ def test_a_finding_that_no_longer_holds_stops_the_page(
     assert not undrawn.with_suffix(".md").exists()
 
 
-def test_a_study_that_is_not_finished_is_refused(tmp_path: Path) -> None:
+def test_an_unfinished_study_is_refused(tmp_path: Path) -> None:
     for name in PLANS:
         Store.create(tmp_path / name, Plan.load(name))
     with pytest.raises(

@@ -1,4 +1,4 @@
-"""A back catalogue answered by an estimator: how many, how fast, and whether the folder is its own."""
+"""Batches of earlier recordings diagnosed by an estimator: number, speed, and check of the folder."""
 
 from pathlib import Path
 
@@ -32,14 +32,14 @@ def kept(folder: Path, count: int, blocks: int) -> Path:
     return folder
 
 
-def test_as_many_as_asked_are_answered(estimator: Path, tmp_path: Path) -> None:
+def test_the_requested_number_of_recordings_is_diagnosed(estimator: Path, tmp_path: Path) -> None:
     line = answered(estimator, kept(tmp_path, 3, 1250), most=5)
     assert line.startswith("5 recordings in ")
     assert "per second and core; error 0.0" in line
     assert "coverage 100.0 to 100.0 %" in line
 
 
-def test_other_folders_are_refused(estimator: Path, tmp_path: Path) -> None:
+def test_folders_of_other_work_are_refused(estimator: Path, tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="no simulations; give the --folder"):
         answered(estimator, tmp_path, most=5)
     with pytest.raises(StudyError, match="give its own folder"):

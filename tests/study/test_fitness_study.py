@@ -1,4 +1,4 @@
-"""The fitness study: what it says of the truth, against arithmetic on the recorded currents."""
+"""The fitness study: fitness at the true faults, compared with calculations from the recorded currents."""
 
 import numpy as np
 import polars as pl
@@ -23,7 +23,7 @@ def study() -> pl.DataFrame:
     return fitness_study(ACTUATOR)
 
 
-def test_every_state_and_form_is_there_once(study: pl.DataFrame) -> None:
+def test_each_state_and_form_occurs_once(study: pl.DataFrame) -> None:
     forms = study.select("fault", "level", "model", "equivalent", "fitness")
     assert forms.is_unique().all()
     assert forms.height == len(published.FITNESS) * len(MODELS) * 3 * len(COST_FUNCTIONS)
@@ -42,28 +42,28 @@ def test_the_grid_contains_the_truth(state: published.PrintedFitness, study: pl.
     )
 
 
-def _rows(study: pl.DataFrame, **wanted: str) -> pl.DataFrame:
-    return study.filter(pl.col(name) == value for name, value in wanted.items())
+def _rows(study: pl.DataFrame, **values: str) -> pl.DataFrame:
+    return study.filter(pl.col(name) == value for name, value in values.items())
 
 
 @pytest.mark.parametrize(
     ("equivalent", "channel"), [("torque", "current_A"), ("magnitude", "current_magnitude_A")]
 )
-def test_the_value_at_the_truth_is_that_of_two_separate_runs(
+def test_the_value_at_the_truth_equals_that_of_two_separate_runs(
     study: pl.DataFrame, equivalent: str, channel: str
 ) -> None:
-    """Put both models on the rig and compare their channels: no problem, no batch, no scan."""
+    """Simulate both models on the rig and compare their channels directly, without problem, batch or scan."""
     reference, averaged = (
         simulate(ACTUATOR, Chirp(), faults=Faults(backlash=0.75), model=name)
         for name in ("reference", "averaged")
     )
     expected = np.sqrt(np.mean((reference[channel] - averaged["current_A"]) ** 2))
     forms = {"model": "averaged", "equivalent": equivalent, "fitness": "least_squares"}
-    found = np.sqrt(_rows(study, fault="backlash", level="high", **forms)["value"].item())
-    # The study drives the model with the recorded command, a curve through its rows: not farther from a chirp
+    value = np.sqrt(_rows(study, fault="backlash", level="high", **forms)["value"].item())
+    # The study drives the model with the recorded command, a curve through its rows: not further from a chirp
     # of 15 Hz and 5e-3 rad than a chord, h²/8 × 5e-3 (2 pi 15)², times the gains of the thesis.
     departure = 2e-4**2 / 8 * 5e-3 * (2 * np.pi * 15) ** 2
-    assert abs(found - expected) < departure * 1e5 * 5e-2 / 0.0752  # 0.015 A
+    assert abs(value - expected) < departure * 1e5 * 5e-2 / 0.0752  # 0.015 A
 
 
 def test_ratios_are_to_the_nominal_state_of_the_same_fault(study: pl.DataFrame) -> None:
@@ -76,8 +76,10 @@ def test_ratios_are_to_the_nominal_state_of_the_same_fault(study: pl.DataFrame) 
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("level", ["nominal", "low"])
-def test_the_torque_current_puts_shorts_nearer_the_truth(study: pl.DataFrame, model: str, level: str) -> None:
-    """The idle phase's ripple adds to the magnitude and cancels in the torque: more current, more short."""
+def test_the_torque_current_estimates_shorts_nearer_to_the_truth(
+    study: pl.DataFrame, model: str, level: str
+) -> None:
+    """Ripple of the idle phase adds to the magnitude and cancels in the torque: more current, more short."""
     forms = {"model": model, "fault": "short_a", "level": level, "fitness": "least_squares"}
     torque = _rows(study, equivalent="torque", **forms)["bias_points"].item()
     magnitude = _rows(study, equivalent="magnitude", **forms)["bias_points"].item()
@@ -85,7 +87,7 @@ def test_the_torque_current_puts_shorts_nearer_the_truth(study: pl.DataFrame, mo
 
 
 @pytest.mark.parametrize(("level", "short"), [("nominal", 0.0), ("low", 0.2), ("high", 0.7)])
-def test_the_magnitudes_bias_is_what_its_surplus_of_current_asks_for(
+def test_the_bias_of_the_magnitude_follows_from_its_surplus_of_current(
     study: pl.DataFrame, level: str, short: float
 ) -> None:
     """While phase a conducts, k falls by half its short: c times the current is made by (1 - k3/2)/c."""
@@ -96,27 +98,27 @@ def test_the_magnitudes_bias_is_what_its_surplus_of_current_asks_for(
     assert 1.02 < surplus < 1.05
     expected = 2 * (1 - (1 - short / 2) / surplus)
     forms = {"model": "averaged", "equivalent": "magnitude", "fitness": "least_squares"}
-    found = _rows(study, fault="short_a", level=level, **forms)["argmin"].item()
+    estimate = _rows(study, fault="short_a", level=level, **forms)["argmin"].item()
     # Half a step of the grid, and as much for the surplus: 1.040 of all current, 1.037 of that above 1 A.
-    assert found == pytest.approx(expected, abs=0.01)
+    assert estimate == pytest.approx(expected, abs=0.01)
 
 
 def test_the_printed_mean_winding_cannot_fit_a_heavy_short(study: pl.DataFrame) -> None:
     """It spreads one phase's short over all angles, so that current of the wrong shape is left over."""
     forms = {"fault": "short_a", "level": "high", "equivalent": "torque", "fitness": "least_squares"}
     least = {model: _rows(study, model=model, **forms)["least"].item() for model in MODELS}
-    # Two thirds of the time k is 0.65 of the healthy one, else 1, and the current goes by 1/k: a constant
-    # between the two misses sqrt(2/9) (1/0.65 - 1) of 2.4 A rms, 0.6 A. The ripple leaves over 0.1 A, 36
-    # times less when squared; ten times less is asked for.
+    # For two thirds of the time, k is 0.65 of healthy, otherwise 1; the current goes with 1/k: a constant
+    # between both has the error sqrt(2/9) (1/0.65 - 1) of 2.4 A rms, 0.6 A. The ripple leaves 0.1 A, 36
+    # times less when squared; ten times less is required.
     assert least["monitor"] > 10 * max(least["averaged"], least["monitor, modulated"])
 
 
 @pytest.mark.parametrize("distance", [-75, -50, -1, 0, 25, 51, 99])
-def test_a_phase_is_biased_the_shorter_way_round(distance: int) -> None:
+def test_the_bias_of_a_phase_is_taken_along_the_shorter_arc(distance: int) -> None:
     angle = float(wrap(2 * np.pi * distance / 100))
-    found = 2 * np.pi * grid_distance("eccentricity_phase", distance) / 100
-    # The same angle, whichever end of the half turn: to the rounding of doubles.
-    assert (np.cos(found), np.sin(found)) == pytest.approx((np.cos(angle), np.sin(angle)))
+    bias = 2 * np.pi * grid_distance("eccentricity_phase", distance) / 100
+    # The same angle at both ends of the half turn, to the rounding of doubles.
+    assert (np.cos(bias), np.sin(bias)) == pytest.approx((np.cos(angle), np.sin(angle)))
     assert abs(grid_distance("eccentricity_phase", distance)) <= 50
     assert grid_distance("gain", distance) == distance
 
@@ -127,7 +129,7 @@ def test_the_study_is_reproducible(study: pl.DataFrame, monkeypatch: pytest.Monk
     assert fitness_study(ACTUATOR).equals(study.filter(pl.col("fault") == "short_a"))
 
 
-def test_the_table_stands_beside_the_thesis(study: pl.DataFrame) -> None:
+def test_the_table_compares_with_the_thesis(study: pl.DataFrame) -> None:
     lines = fitness_table(study).splitlines()
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     assert len({len(row) for row in cells}) == 1
@@ -136,7 +138,7 @@ def test_the_table_stands_beside_the_thesis(study: pl.DataFrame) -> None:
     assert gain[2:4] == ["7.9e-02", "1.27e+03"]
 
 
-def test_a_misspelt_form_is_answered_with_the_nearest(study: pl.DataFrame) -> None:
+def test_a_misspelt_form_is_refused_with_the_nearest_name(study: pl.DataFrame) -> None:
     with pytest.raises(MethodError, match=r"unknown fitness 'thesys' \(did you mean 'thesis'\?\)"):
         fitness_table(study, "thesys")
     with pytest.raises(MethodError, match=r"unknown model 'average' \(did you mean 'averaged'\?\)"):
@@ -145,7 +147,7 @@ def test_a_misspelt_form_is_answered_with_the_nearest(study: pl.DataFrame) -> No
 
 def test_the_figure_marks_truth_and_minimum(study: pl.DataFrame) -> None:
     figure = draw_scans(study)
-    figure.draw_without_rendering()  # also refuses what cannot be laid out
+    figure.draw_without_rendering()  # raises if the figure cannot be laid out
     panels = {axis.get_title(loc="left"): axis for axis in figure.axes}
     assert set(panels) == set(study["fault"])
     assert all("[A²]" in axis.get_ylabel() for axis in figure.axes[::2])

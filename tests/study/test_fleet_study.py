@@ -1,4 +1,4 @@
-"""The study of predictions on a synthetic fleet: what users would otherwise take, scores, and the page."""
+"""The study of predictions for a synthetic fleet: simple alternatives, scores, and the page."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ NEW = to_cartesian(HEALTHY.vector)
 
 
 def straight(rate: float, gain_rate: float = 0.0, error: float = 1e-3) -> Evidence:
-    """Return diagnoses of a unit whose friction rises, and whose gain falls, in straight lines."""
+    """Return diagnoses of a unit whose friction rises linearly and whose gain falls linearly."""
     observations = []
     for hours in np.arange(100.0, 1001.0, 100.0):
         level = NEW.copy()
@@ -53,36 +53,39 @@ def test_the_last_slope_is_exact_on_a_straight_line() -> None:
     assert np.isinf(last_slope(straight(-1e-4), ACTUATOR))
 
 
-def test_one_filter_a_component_goes_on_in_a_straight_line() -> None:
+def test_one_filter_per_component_extrapolates_a_straight_line() -> None:
     sample = one_filter_a_component(straight(3e-4), ACTUATOR, seed=0)
     assert np.median(sample) == pytest.approx(1000.0, rel=0.05)
     assert 200.0 < np.diff(np.quantile(sample, (0.05, 0.95)))[0] < 1000.0
 
 
-def test_the_mean_life_is_that_of_the_units_that_live_longer() -> None:
+def test_the_mean_life_is_that_of_the_units_with_a_longer_life() -> None:
     assert mean_life(1000.0, [500.0, 1500.0, 2500.0]) == pytest.approx([1000.0])
     assert mean_life(3000.0, [500.0, 1500.0, 2500.0]) == pytest.approx([0.0])
     assert fleet_lives(1000.0, [500.0, 1500.0, 2500.0]) == pytest.approx([500.0, 1500.0])
 
 
-def test_drawn_diagnoses_have_the_errors_that_were_stated() -> None:
+def test_drawn_diagnoses_have_the_stated_errors() -> None:
     plan = FleetPlan(units=1, flights=400, interval=2.0)
     unit = drawn_unit(plan, 0)
     deviations = np.linspace(0.002, 0.016, 8)
     pool = DiagnosisPool(NEW[np.newaxis], np.diag(deviations**2)[np.newaxis])
     evidence = drawn_evidence(unit, plan, pool)
     errors = np.array(
-        [one.level - to_cartesian(unit.vectors[unit.row(one.hours)]) for one in evidence.observations]
+        [
+            observation.level - to_cartesian(unit.vectors[unit.row(observation.hours)])
+            for observation in evidence.observations
+        ]
     )
     assert errors.std(axis=0) == pytest.approx(deviations, rel=0.15)
-    found = quality([(unit, evidence)])
-    assert found.error == pytest.approx(np.sqrt(np.mean(deviations**2)), rel=0.05)
-    assert found.coverage == pytest.approx(0.954, abs=0.015)
+    accuracy = quality([(unit, evidence)])
+    assert accuracy.error == pytest.approx(np.sqrt(np.mean(deviations**2)), rel=0.05)
+    assert accuracy.coverage == pytest.approx(0.954, abs=0.015)
 
 
 def made_up(unit: int, *, good: bool) -> dict[str, Any]:
-    """Return what `judged` would of a unit, whose predictions are all good, or all late."""
-    one = {
+    """Return a result like that of `judged` for a unit whose predictions are all good or all late."""
+    forecast = {
         "hours": 100.0,
         "true": 1000.0,
         "median": 1000.0 if good else 1500.0,
@@ -93,7 +96,7 @@ def made_up(unit: int, *, good: bool) -> dict[str, Any]:
         "crps": 100.0 if good else 400.0,
         "certain": False,
     }
-    said = (100.0, np.linspace(500.0, 1500.0, 101)), (600.0, np.linspace(300.0, 700.0, 101))
+    samples = (100.0, np.linspace(500.0, 1500.0, 101)), (600.0, np.linspace(300.0, 700.0, 101))
     late = (100.0, np.full(101, 5000.0)), (600.0, np.full(101, 4500.0))
     return {
         "unit": f"SYNTHETIC-{unit}",
@@ -102,12 +105,12 @@ def made_up(unit: int, *, good: bool) -> dict[str, Any]:
         "law": "logistic",
         "diagnoses": 10,
         "explained": 10,
-        "ways": {way: {str(share): one for share in SHARES} for way in WAYS},
-        "tracks": {way: track(said if good else late, 1100.0, 100.0) for way in WAYS},
+        "ways": {method: {str(share): forecast for share in SHARES} for method in WAYS},
+        "tracks": {method: track(samples if good else late, 1100.0, 100.0) for method in WAYS},
     }
 
 
-def test_each_unit_is_judged_once_by_a_fleet_without_it() -> None:
+def test_each_unit_is_judged_once_with_a_fleet_prior_without_this_unit() -> None:
     units = list(range(PLAN.units))
     parted = [without_part(units, part) for part in range(PARTS)]
     assert sorted(unit for judged, _ in parted for unit in judged) == units
@@ -118,61 +121,61 @@ def test_each_unit_is_judged_once_by_a_fleet_without_it() -> None:
 
 def test_scores_count_units() -> None:
     units = [made_up(i, good=i < 3) for i in range(4)]
-    found = scores(units, WITH_FLEET, 0.5)
-    assert (found.alpha_lambda, found.coverage, found.late, found.crps) == (0.75, 0.75, 0.25, 175.0)
-    assert (found.error, found.width) == (0.0, 1.5)
+    result = scores(units, WITH_FLEET, 0.5)
+    assert (result.alpha_lambda, result.coverage, result.late, result.crps) == (0.75, 0.75, 0.25, 175.0)
+    assert (result.error, result.width) == (0.0, 1.5)
     assert warnings(units, WITH_FLEET) == pytest.approx([5 / 11, 5 / 11, 5 / 11, 0.0])
     # Of 3 of 4 units, by scipy.stats.binomtest(3, 4).proportion_ci(0.9, "wilson").
-    assert alpha_lambda_interval(found) == pytest.approx((0.35617, 0.94209), abs=5e-5)
+    assert alpha_lambda_interval(result) == pytest.approx((0.35617, 0.94209), abs=5e-5)
 
 
-def test_a_unit_is_removed_where_it_must_not_fly_until_the_next_check_flight() -> None:
+def test_a_unit_is_removed_if_it_must_not_fly_until_the_next_check_flight() -> None:
     """`soon`: failures spread evenly from 49 to 1,049 h from now, so that 5.1 % come within 100 h.
 
-    By the hour, until t from an age a: (1 + 9 F) / (a + E[min(RUL, t)]). At a = 200 h that is 1 / 249 before
-    any can fail and 1.46 / 299 until 100 h; at a = 10 h, 1 / 59 and 1.46 / 109: so young a unit flies on.
+    Cost per hour until t, at an age a: (1 + 9 F) / (a + E[min(RUL, t)]). At a = 200 h, 1 / 249 before any
+    unit can fail and 1.46 / 299 until 100 h; at a = 10 h, 1 / 59 and 1.46 / 109: a young unit flies on.
     """
     soon, later = np.linspace(49.0, 1049.0, 1001), np.linspace(151.0, 1150.0, 1000)
     old = track([(100.0, later), (200.0, soon)], 900.0, 100.0)["removed"]
     assert (old[BY_RISK], old[BY_COSTS]) == (200.0, 200.0)
     young = track([(10.0, soon)], 900.0, 100.0)["removed"]
     assert (young[BY_RISK], young[BY_COSTS]) == (10.0, None)
-    # The median, 549 h, is more than three times as far as the risk allows: an inspection is advised.
+    # The median, 549 h, is more than three times the time allowed by the risk: an inspection is advised.
     assert (young[BY_RISK_OR_INSPECTED], old[BY_RISK_OR_INSPECTED]) == (None, None)
 
 
-def test_a_way_that_gives_one_number_is_taken_to_be_certain_of_it() -> None:
-    said = [(hours, np.array([490.0 - hours])) for hours in (100.0, 200.0, 300.0, 400.0)]
-    removed = track(said, 450.0, 100.0)["removed"]
+def test_a_prediction_of_a_single_number_is_taken_as_certain() -> None:
+    samples = [(hours, np.array([490.0 - hours])) for hours in (100.0, 200.0, 300.0, 400.0)]
+    removed = track(samples, 450.0, 100.0)["removed"]
     assert (removed[BY_RISK], removed[BY_COSTS]) == (400.0, 400.0)
 
 
 def test_predictions_over_a_life_are_scored_as_defined() -> None:
-    """Two check flights: one right, one late by 150 % that sees no failure within 400 h."""
-    made = (100.0, np.full(11, 500.0)), (400.0, np.full(11, 500.0))
-    found = over_life([{"failure": 600.0, "tracks": {"way": track(made, 600.0, 100.0)}}], "way")
-    assert (found.brier, found.late) == (0.5, 0.5)
-    assert (found.first, found.lasting) == pytest.approx((500 / 600, 0.0))
-    assert found.accuracy == pytest.approx((1.0 - 0.5) / 2)
+    """Two check flights: one correct, one 150 % late that predicts no failure within 400 h."""
+    samples = (100.0, np.full(11, 500.0)), (400.0, np.full(11, 500.0))
+    result = over_life([{"failure": 600.0, "tracks": {"way": track(samples, 600.0, 100.0)}}], "way")
+    assert (result.brier, result.late) == (0.5, 0.5)
+    assert (result.first, result.lasting) == pytest.approx((500 / 600, 0.0))
+    assert result.accuracy == pytest.approx((1.0 - 0.5) / 2)
 
 
-def test_removals_are_weighed_by_failures_and_life() -> None:
-    """One removed 500 h early, one 100 h early, one that fails: of 1,000 h each."""
-    found = outcome([500.0, 900.0, None], [1000.0, 1000.0, 1000.0])
-    assert found.failed == pytest.approx(1 / 3)
-    assert found.wasted == pytest.approx(0.6 / 3)
-    assert found.unneeded == pytest.approx(1000 / 2400)
-    assert found.cost == pytest.approx(12 * 1000 / 2400)
+def test_the_cost_of_removals_follows_from_failures_and_lost_life() -> None:
+    """Three units of 1,000 h: one removed 500 h early, one 100 h early, one fails."""
+    result = outcome([500.0, 900.0, None], [1000.0, 1000.0, 1000.0])
+    assert result.failed == pytest.approx(1 / 3)
+    assert result.wasted == pytest.approx(0.6 / 3)
+    assert result.unneeded == pytest.approx(1000 / 2400)
+    assert result.cost == pytest.approx(12 * 1000 / 2400)
     units = [made_up(i, good=i < 3) for i in range(4)]
     assert acted(units, WITH_FLEET, BY_RISK) == PolicyOutcome(1.0, 0.0, 0.0, 1000 * 40 / 4400)
 
 
-def test_the_page_says_synthetic_and_holds_every_way() -> None:
+def test_the_page_states_synthetic_units_and_holds_all_methods() -> None:
     units = [made_up(i, good=i < 3) for i in range(4)]
     text, figures = fleet_page({RECORDED: units, DRAWN: units}, 9, Quality(40, 0.975, 0.004, 0.95), "fleet")
     assert "The study is not complete: 8 of 9 runs" in text
     assert "Every unit here is synthetic" in text
-    assert all(way in text for way in WAYS)
+    assert all(method in text for method in WAYS)
     assert "logistic (unknown to the filter)" in text
     assert "3 of 4 units have a warning in time (75.0 %)" in text
     assert "SYNTHETIC-3 fails by friction (logistic) after 1,100 h. 0.0 % of its life remain" in text
@@ -180,7 +183,9 @@ def test_the_page_says_synthetic_and_holds_every_way() -> None:
     assert all(picture.startswith(b"<?xml") for picture in figures.values())
 
 
-def test_who_knows_the_population_learns_the_unit_from_its_diagnoses(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_prediction_with_known_population_narrows_with_the_diagnoses_of_a_unit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(informed_module, "SAMPLE", 4000)
     plan = FleetPlan(units=1, flights=70, interval=100.0, seed=3)
     unit = drawn_unit(plan, 0)
@@ -195,16 +200,18 @@ def test_who_knows_the_population_learns_the_unit_from_its_diagnoses(monkeypatch
         assert 0.01 < np.mean(hours + sample < unit.failure) < 0.99
 
 
-def test_the_rate_of_a_linear_law_is_that_of_a_quadrature_over_lives(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Levels of a linear law are jointly normal given the life, whose posterior a quadrature then gives."""
+def test_the_rate_of_a_linear_law_agrees_with_a_quadrature_over_lives(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Levels of a linear law are jointly normal given the life, whose posterior is computed by quadrature."""
     monkeypatch.setattr(informed_module, "SAMPLE", 20_000)
     plan = FleetPlan(units=1, flights=70, interval=100.0, seed=5)
     wear, population = plan.drawn_from.wear["friction"], plan.drawn_from
     component = Component("friction", wear, plan, stream(7, "test"), law="linear")
     hours, true_life = np.arange(100.0, 1001.0, 100.0), 2000.0
     evidence = straight(wear.limit / true_life, error=0.0)
-    for one in evidence.used:
-        component.update(one)
+    for observation in evidence.used:
+        component.update(observation)
     weight = np.exp(component.log_weight - component.log_weight.max())
     weight /= weight.sum()
     sampled = np.log(component.life)
@@ -212,18 +219,18 @@ def test_the_rate_of_a_linear_law_is_that_of_a_quadrature_over_lives(monkeypatch
     deviation = float(np.sqrt(weight @ (sampled - middle) ** 2))
 
     lives = np.geomspace(800.0, 6000.0, 400)
-    # Of a stretch of 100 h, in logarithms: 10 K and 0.06 of load; of a mission: 8 K and 0.06.
+    # For a stretch of 100 h, in logarithms: 10 K and 0.06 of load; for a mission: 8 K and 0.06.
     of_stretch = np.hypot(10 / 40 * np.log(2), 3 * 0.06)
     spread = np.hypot(wear.spread, np.hypot(8 / 40 * np.log(2), 3 * 0.06))
     mean_ageing = np.exp(0.5 * (10 / 40 * np.log(2)) ** 2) * (1 + 3 * 0.06**2)
-    seen, together = wear.limit * hours / true_life, np.minimum.outer(hours, hours)
+    expected_level, together = wear.limit * hours / true_life, np.minimum.outer(hours, hours)
     log_density = [
         multivariate_normal(
             wear.limit * hours / life,
             population.new_level**2
             + together * ((wear.limit / life * of_stretch) ** 2 * 100.0 + population.drift**2 / life)
             + LEAST_ERROR**2 * np.eye(hours.size),
-        ).logpdf(seen)
+        ).logpdf(expected_level)
         + norm.logpdf(np.log(life * mean_ageing / wear.life) / spread)
         for life in lives
     ]
@@ -231,6 +238,6 @@ def test_the_rate_of_a_linear_law_is_that_of_a_quadrature_over_lives(monkeypatch
     density /= density.sum()
     exact = float(density @ np.log(lives))
     exact_deviation = float(np.sqrt(density @ (np.log(lives) - exact) ** 2))
-    # 20,000 draws carry the weight as some thousand would: both to a twentieth of the deviation.
+    # 20,000 weighted draws are as accurate as some thousand draws: to a twentieth of the deviation.
     assert middle == pytest.approx(exact, abs=0.05 * exact_deviation)
     assert deviation == pytest.approx(exact_deviation, rel=0.05)

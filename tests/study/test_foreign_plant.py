@@ -1,4 +1,4 @@
-"""The foreign plant: the reference model once more where it is switched off, closed forms where it is not."""
+"""The foreign plant: compared with the reference model without its features, and with closed forms."""
 
 import math
 from typing import Any
@@ -29,7 +29,7 @@ from simulation.rig import FREE, altered, rms
 THESIS = Actuator.thesis()
 CHIRP = Chirp()
 BRIEF = Chirp(duration=0.2)
-"""As far in frequency; for two implementations of the same steps, 200,000 of them are enough."""
+"""The same frequency range; 200,000 steps are enough to compare two implementations of the same steps."""
 STEP = 1e-6
 MIXED = Faults(0.3, 0.4, 0.1, 0.25, 0.0, 0.35, 0.2, 0.4)
 CASES = {
@@ -40,7 +40,7 @@ CASES = {
 EACH = {
     rig.label: rig.foreign
     for rig in Plan.load("plants").rigs
-    # Late commutation makes no more than what chaos does; it is checked to rounding below.
+    # Late commutation changes no more than chaos does; a test below checks it to rounding.
     if rig.foreign is not None and rig.label.endswith("strong") and not rig.foreign.commutation_delay
 }
 SHAFT = Shaft(stiffness=61.6, damping=1.96e-3)
@@ -48,18 +48,18 @@ FRICTION = Stribeck(speed=20.0, smoothing=1.0)
 BRISTLES = Bristles(bend=0.02, speed=20.0)
 
 
-def assert_same_but_for_rounding(ours: Recording, theirs: Recording) -> None:
-    """Compare every channel of ours with theirs."""
-    for name in ours.names:
-        # Rounding alone separates two implementations of the same step, unless it decides a switching: then
-        # the two go apart as far as docs/physics.md, section 3, says: not in these fifths of a second.
+def assert_same_but_for_rounding(recording: Recording, expected: Recording) -> None:
+    """Compare all channels of both recordings."""
+    for name in recording.names:
+        # Two implementations of the same step differ only by rounding, unless this decides a switching: then
+        # they diverge as stated in docs/physics.md, section 3, but not within these fifths of a second.
         np.testing.assert_allclose(
-            ours[name], theirs[name], rtol=0, atol=1e-9 * np.abs(theirs[name]).max(), err_msg=name
+            recording[name], expected[name], rtol=0, atol=1e-9 * np.abs(expected[name]).max(), err_msg=name
         )
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_without_its_features_it_is_the_reference_model(case: str) -> None:
+def test_the_plant_without_features_is_the_reference_model(case: str) -> None:
     actuator = with_lumped_parameters(THESIS, {"offset": 0.07, "supply": 46.0, "inertia": 2.7e-5})
     options: dict[str, Any] = {"faults": CASES[case], "duration": BRIEF.duration}
     ours = simulate(actuator, BRIEF, Features(), **options)
@@ -77,7 +77,7 @@ def test_without_its_features_it_is_the_reference_model(case: str) -> None:
     ],
     ids=["hall", "hysteresis", "delay"],
 )
-def test_with_its_commutation_it_is_the_reference_model_with_these_laws(
+def test_the_plant_with_commutation_errors_is_the_reference_model_with_these_laws(
     case: str, features: dict[str, Any], lag: dict[str, float]
 ) -> None:
     early = zip("abc", features.get("hall", (0.0, 0.0, 0.0)), strict=True)
@@ -89,19 +89,19 @@ def test_with_its_commutation_it_is_the_reference_model_with_these_laws(
     assert_same_but_for_rounding(ours, theirs)
 
 
-def test_it_starts_where_the_command_is_counted_from() -> None:
-    # Whole turns of the motor out, so that the phases are where they are at 0.
+def test_the_plant_starts_at_the_origin_of_the_command() -> None:
+    # An integer number of motor turns, so that the phases are the same as at 0.
     about = 20 * 2 * np.pi * THESIS.mechanics.gear_ratio
-    there, here = (
+    displaced, centred = (
         simulate(THESIS, Chirp(duration=0.05, about=start), Features(), faults=MIXED, duration=0.05)
         for start in (about, 0.0)
     )
-    np.testing.assert_allclose(there["position_rad"] - about, here["position_rad"], rtol=0, atol=1e-6)
-    assert np.abs(there["current_A"]).max() == pytest.approx(np.abs(here["current_A"]).max(), rel=0.1)
+    np.testing.assert_allclose(displaced["position_rad"] - about, centred["position_rad"], rtol=0, atol=1e-6)
+    assert np.abs(displaced["current_A"]).max() == pytest.approx(np.abs(centred["current_A"]).max(), rel=0.1)
 
 
 @pytest.mark.parametrize("rate", [1e3, 3e3, 2e4])
-def test_it_is_sampled_as_the_reference_model_is(rate: float) -> None:
+def test_the_plant_is_sampled_like_the_reference_model(rate: float) -> None:
     options: dict[str, Any] = {"faults": MIXED, "duration": 0.05, "sample_rate": rate}
     noisy: dict[str, Any] = options | {"noise": 0.05, "adc_bits": 12, "seed": 3}
     for with_options in (options, noisy):
@@ -118,16 +118,16 @@ def mixed() -> Array:
 
 
 @pytest.mark.parametrize("name", EACH)
-def test_each_feature_makes_it_differ_from_the_reference_model(name: str, mixed: Array) -> None:
+def test_each_feature_changes_the_result_of_the_reference_model(name: str, mixed: Array) -> None:
     foreign = simulate(THESIS, BRIEF, EACH[name], faults=MIXED, duration=BRIEF.duration)["current_A"]
-    # Halving the reference model's step makes 0.1 A (docs/physics.md, section 3); the lag is the mildest.
+    # Halving the reference model's step changes 0.1 A (docs/physics.md, section 3); the lag changes least.
     assert rms(foreign - mixed) > 0.1
     assert np.all(np.isfinite(foreign))
 
 
-def test_features_fade_into_the_reference_model() -> None:
-    # The limits: friction that hardly slopes and turns within a tenth of a rad/s, without a static level of
-    # its own; bristles that hardly bend; a shaft of 5 kHz without gap; sensors as fast as the step; a
+def test_features_have_the_reference_model_as_their_limit() -> None:
+    # The limits: friction with almost no slope that reverses within a tenth of a rad/s, without its own
+    # static level; bristles that hardly bend; a shaft of 5 kHz without gap; sensors as fast as the step; a
     # trapezoid and Hall sensors a hundredth of a degree off.
     plain = altered(
         mechanics={
@@ -139,7 +139,7 @@ def test_features_fade_into_the_reference_model() -> None:
     stiff = Shaft(stiffness=6160.0, damping=1.96e-2)
     brief: dict[str, Any] = {"duration": BRIEF.duration}
     reference = simulated_recording.simulate(plain, BRIEF, **brief)["current_A"]
-    # What chaos makes of a run whose switching is shaken.
+    # The difference caused by chaos in a run with perturbed switching.
     shaken = simulated_recording.simulate(plain, BRIEF, controller_noise=1e-3, **brief)["current_A"]
     chaos = rms(shaken - reference)
     steep = Features(friction=Stribeck(speed=20.0, smoothing=0.1))
@@ -161,7 +161,7 @@ def test_friction_has_its_two_levels_and_no_jump() -> None:
     np.testing.assert_allclose(torque, expected, rtol=1e-12, atol=0)
 
 
-def test_bristles_hold_like_a_spring_and_slide_at_their_level() -> None:
+def test_bristles_act_as_a_spring_at_rest_and_slide_at_their_level() -> None:
     m, bend = THESIS.mechanics, BRISTLES.bend
     static = m.static_friction_motor + m.static_friction_user
     actuator = altered(mechanics={"viscous_motor": 0.0, "viscous_user": 0.0})
@@ -192,7 +192,7 @@ def test_a_back_emf_has_its_peak_line_to_line(flat: float, sine: float) -> None:
         assert np.count_nonzero(np.abs(phase) > 1 - 1e-12) == 4 * flat + 2
 
 
-def test_each_edge_of_commutation_is_as_early_as_its_hall_sensor() -> None:
+def test_each_commutation_edge_is_as_early_as_its_hall_sensor() -> None:
     hall = (5.0, -3.0, 2.0)
     sign = np.empty((720, 3))
     for n in range(720):
@@ -226,7 +226,7 @@ def _moved(
     return trace
 
 
-def test_the_two_inertias_swing_at_their_natural_frequency() -> None:
+def test_the_two_inertias_oscillate_at_their_natural_frequency() -> None:
     actuator = altered(mechanics=FREE | {"backlash": 0.0})
     undamped = Features(shaft=Shaft(stiffness=SHAFT.stiffness, damping=0.0))
     trace = _moved(undamped, actuator, (0.0, 1e-3, 0.0, 0.0), lambda _: 0.0, 10_000)
@@ -235,14 +235,14 @@ def test_the_two_inertias_swing_at_their_natural_frequency() -> None:
     assert omega == pytest.approx(2 * math.pi * 500, rel=1e-3)
     t = (np.arange(10_000) + 1) * STEP
     twist = trace[:, 1] - trace[:, 3]
-    # Symplectic Euler is a step's phase, omega × step / 2, and its square, off.
+    # The error of symplectic Euler is the phase of a step, omega × step / 2, and its square.
     np.testing.assert_allclose(twist, 1e-3 * np.cos(omega * t), rtol=0, atol=1e-3 * omega * STEP)
     momentum = m.inertia_motor * trace[:, 0] + m.inertia_user * trace[:, 2]
     assert np.abs(momentum).max() < 1e-12 * m.inertia_motor * np.abs(trace[:, 0]).max()
 
 
 @pytest.mark.parametrize("friction", [FRICTION, BRISTLES], ids=["smooth", "bristles"])
-def test_gap_spring_damper_and_friction_move_as_another_integrator_has_it(
+def test_motion_with_gap_spring_damper_and_friction_agrees_with_another_integrator(
     friction: Stribeck | Bristles,
 ) -> None:
     actuator = with_lumped_parameters(altered(mechanics={"end_stops": None}), {"offset": 0.05})
@@ -252,7 +252,7 @@ def test_gap_spring_damper_and_friction_move_as_another_integrator_has_it(
         return 0.6 * math.sin(2 * math.pi * 60 * t)
 
     def brake(w: float, bend: float, inertia: float, static: float, dynamic: float) -> tuple[float, float]:
-        """Return the friction and how fast its bristles bend."""
+        """Return the friction and the rate of bristle deflection."""
         level = dynamic + (static - dynamic) * math.exp(-((w / friction.speed) ** 2))
         if isinstance(friction, Stribeck):
             return level * math.tanh(w / friction.smoothing), 0.0
@@ -272,14 +272,14 @@ def test_gap_spring_damper_and_friction_move_as_another_integrator_has_it(
         return [motor / m.inertia_motor, w, load / m.inertia_user, user_w, braked[1], held[1]]
 
     steps = 20_000
-    got = _moved(Features(friction=friction, shaft=shaft), actuator, (0.0,) * 4, torque, steps)
+    simulated = _moved(Features(friction=friction, shaft=shaft), actuator, (0.0,) * 4, torque, steps)
     end = solve_ivp(slopes, (0, steps * STEP), np.zeros(6), max_step=1e-5, rtol=1e-9, atol=1e-12).y[:4, -1]
-    # A step is 3e-3 rad of the shaft's swing, and Euler's error a tenth of that here, measured.
-    largest = np.abs(got).max(axis=0)
-    np.testing.assert_allclose(got[-1] / largest, end / largest, rtol=0, atol=1e-3)
+    # A step is 3e-3 rad of the shaft's oscillation, and Euler's error here is a tenth of this, as measured.
+    largest = np.abs(simulated).max(axis=0)
+    np.testing.assert_allclose(simulated[-1] / largest, end / largest, rtol=0, atol=1e-3)
 
 
-def test_sensors_lag_as_a_first_order_system_does() -> None:
+def test_sensors_lag_like_a_first_order_system() -> None:
     # Locked, at rest, phases b and c: 48 V are laid on R and L, the current follows an exponential, and a
     # first-order sensor shows its convolution.
     held = altered(mechanics={"static_friction_motor": 1e3})
@@ -288,10 +288,10 @@ def test_sensors_lag_as_a_first_order_system_does() -> None:
     lag, winding, final = 5e-5, e.inductance / e.resistance, e.supply / e.resistance
     rows = 200
     options: dict[str, Any] = {"duration": rows * STEP, "sample_rate": 1 / STEP}
-    got = simulate(held, Step(1e-2), Features(sensor_lag=lag), **options)
+    simulated = simulate(held, Step(1e-2), Features(sensor_lag=lag), **options)
     t = (np.arange(rows) + 1) * STEP
     expected = final * (1 - (winding * np.exp(-t / winding) - lag * np.exp(-t / lag)) / (winding - lag))
     # At an electrical angle of 0, b and c are on their flats and a idles: -b = c carry the current.
-    np.testing.assert_allclose(got["current_A"], expected, rtol=0, atol=final * STEP / lag)
+    np.testing.assert_allclose(simulated["current_A"], expected, rtol=0, atol=final * STEP / lag)
     true = simulate(held, Step(1e-2), Features(), **options)
     np.testing.assert_allclose(true["current_A"], final * -np.expm1(-t / winding), rtol=0, atol=0.05)

@@ -1,4 +1,4 @@
-"""A study that is killed at any moment goes on as if nothing had happened."""
+"""A study killed at any moment is resumed with the same results."""
 
 import os
 import random
@@ -22,16 +22,16 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="n
 
 KILLS = 8
 EARLY = 2
-"""Of these kills, the ones at the very beginning."""
+"""Number of these kills at the very beginning."""
 
 PATIENCE_S = 60
-"""For a process to come up or to end on a busy machine."""
+"""Time limit for the start or end of a process on a busy machine."""
 
 PLAN = small.plan(("runs = 3", "runs = 20"))
 TOTAL = 80
 
-# A Python that has loaded everything takes a millisecond to fork and a second and a half to start. Polars
-# must not have been used before a fork: its threads would be missing in the child.
+# A Python that has loaded all modules takes a millisecond to fork and a second and a half to start. Polars
+# must not be used before a fork: its threads would be missing in the child.
 NURSERY = """
 import os, sys, time
 from pathlib import Path
@@ -77,7 +77,7 @@ Nursery = subprocess.Popen[str]
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
-    """Return the results of a study that nobody kills."""
+    """Return the results of a study that is not killed."""
     return small.table(run_study(PLAN, tmp_path_factory.mktemp("undisturbed") / "study", workers=1))
 
 
@@ -96,13 +96,13 @@ def nursery(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nursery]:
         process.kill()
 
 
-def _say(nursery: Nursery, line: str) -> None:
+def _send_line(nursery: Nursery, line: str) -> None:
     assert nursery.stdin is not None
     nursery.stdin.write(f"{line}\n")
     nursery.stdin.flush()
 
 
-def _hear(nursery: Nursery) -> str:
+def _read_line(nursery: Nursery) -> str:
     assert nursery.stdout is not None
     return nursery.stdout.readline().strip()
 
@@ -119,63 +119,65 @@ def _wait_for_results(folder: Path, count: int) -> None:
 
 
 def _results(folder: Path) -> int:
-    """Return how many results are kept; a writer that is at it is waited for."""
+    """Return the number of stored results; wait if a writer is active."""
     if not (folder / "results.sqlite").exists():
         return 0
     with closing(sqlite3.connect(folder / "results.sqlite", timeout=PATIENCE_S)) as connection:
         try:
             return int(connection.execute("SELECT COUNT(*) FROM results").fetchone()[0])
-        except sqlite3.OperationalError:  # its table is still to be made
+        except sqlite3.OperationalError:  # its table does not exist yet
             return 0
 
 
-def _left_over(folder: Path) -> list[Path]:
+def _other_files(folder: Path) -> list[Path]:
     return [path for path in folder.iterdir() if path.name not in ("plan.json", "results.sqlite", ".lock")]
 
 
-def test_kills_leave_no_trace(tmp_path: Path, nursery: Nursery, undisturbed: pl.DataFrame) -> None:
+def test_a_study_killed_repeatedly_has_the_same_results(
+    tmp_path: Path, nursery: Nursery, undisturbed: pl.DataFrame
+) -> None:
     folder, dice = tmp_path / "study", random.Random(20)  # noqa: S311 - nothing secret
-    kept: list[int] = []
+    counts: list[int] = []
     for kill in range(KILLS):
-        before = _results(folder)
-        _say(nursery, f"start {folder}")
-        child = int(_hear(nursery))
+        count_before = _results(folder)
+        _send_line(nursery, f"start {folder}")
+        child = int(_read_line(nursery))
         if kill >= EARLY:
-            _wait_for_results(folder, min(before + dice.randrange(4), TOTAL))
+            _wait_for_results(folder, min(count_before + dice.randrange(4), TOTAL))
         # Beginning, reading, searching and writing each take some milliseconds here.
         time.sleep(dice.uniform(0, 0.02))
         os.kill(child, signal.SIGKILL)
-        assert int(_hear(nursery)) == signal.SIGKILL
-        kept.append(_results(folder))
+        assert int(_read_line(nursery)) == signal.SIGKILL
+        counts.append(_results(folder))
         if (folder / "plan.json").exists():
             store = Store.open(folder)
             assert store.damaged == ()
-            assert store.results.height == kept[-1]
-    assert kept == sorted(kept)
-    # The kills have met a study under way, most of them one that got further than the last.
-    assert sum(0 < runs < TOTAL for runs in kept) >= KILLS // 2
-    assert len(set(kept)) >= KILLS // 2
-    _say(nursery, f"start {folder}")
-    _hear(nursery)
-    assert int(_hear(nursery)) == 0
+            assert store.results.height == counts[-1]
+    assert counts == sorted(counts)
+    # The kills met a running study, and most of them after further progress.
+    assert sum(0 < runs < TOTAL for runs in counts) >= KILLS // 2
+    assert len(set(counts)) >= KILLS // 2
+    _send_line(nursery, f"start {folder}")
+    _read_line(nursery)
+    assert int(_read_line(nursery)) == 0
     assert small.table(Store.open(folder)).equals(undisturbed)
-    assert not _left_over(folder)
+    assert not _other_files(folder)
 
 
-def test_a_kill_while_a_result_is_written_leaves_nothing_of_it(
+def test_a_kill_while_a_result_is_written_leaves_no_part_of_it(
     tmp_path: Path, nursery: Nursery, undisturbed: pl.DataFrame
 ) -> None:
     folder = tmp_path / "study"
-    _say(nursery, f"slowly {folder}")
-    child = int(_hear(nursery))
-    assert _hear(nursery) == "half"
-    # Some 400 kB of pages that no transaction has ended for, and what they replace.
+    _send_line(nursery, f"slowly {folder}")
+    child = int(_read_line(nursery))
+    assert _read_line(nursery) == "half"
+    # Some 400 kB of pages of an unfinished transaction, and the pages that they replace.
     assert (folder / "results.sqlite").stat().st_size > 200_000
-    assert [path.name for path in _left_over(folder)] == ["results.sqlite-journal"]
+    assert [path.name for path in _other_files(folder)] == ["results.sqlite-journal"]
     os.kill(child, signal.SIGKILL)
-    assert int(_hear(nursery)) == signal.SIGKILL
+    assert int(_read_line(nursery)) == signal.SIGKILL
     assert _results(folder) == 0
     resumed = small.table(run_study(PLAN, folder, share=0.15, workers=1))
     assert resumed.height == 12
     assert resumed.equals(undisturbed.head(12))
-    assert not _left_over(folder)
+    assert not _other_files(folder)

@@ -1,4 +1,4 @@
-"""The pages of the studies `accuracy` and `limits`: rates, what is met, what is overconfident, figures."""
+"""The pages of the studies `accuracy` and `limits`: rates, requirements, overconfident settings, figures."""
 
 import math
 from functools import cache
@@ -42,7 +42,7 @@ from .made_up import HEALTHY, results
 
 @cache
 def made(name: str) -> tuple[Plan, pl.DataFrame]:
-    """Return a plan and made-up results of a share of it."""
+    """Return a plan and made-up results for a share of its trials."""
     plan = Plan.load(name)
     return plan, results(plan)
 
@@ -70,14 +70,14 @@ def frame(*rows: dict[str, Any]) -> pl.DataFrame:
         "error_percent": 0.2,
     }
     schema = {name: SCHEMA[name] for name in default}
-    return pl.DataFrame([default | one for one in rows], schema=schema)
+    return pl.DataFrame([default | values for values in rows], schema=schema)
 
 
 def called(*names: str) -> list[str]:
     return ["degraded" if name in names else "healthy" for name in NAMES]
 
 
-def test_a_phase_is_covered_across_the_cut_of_its_circle() -> None:
+def test_a_phase_interval_may_cross_the_end_of_its_circle() -> None:
     def both(truth: float, low: float, high: float) -> list[bool]:
         """Return whether an interval of the phase and of the gain holds the truth."""
         ends = [*[0.0] * 6, low, low], [*[0.0] * 6, high, high]
@@ -91,8 +91,8 @@ def test_a_phase_is_covered_across_the_cut_of_its_circle() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_amount_has_no_circle(name: str) -> None:
-    """An interval at one end of the range holds the other end only of a direction."""
+def test_an_interval_of_an_amplitude_does_not_wrap_around(name: str) -> None:
+    """An interval at one end of the range holds the other end only for a direction."""
     is_direction = name == "eccentricity_phase"
     assert bool(holds(name, (0.9, 1.0), 0.0)) == is_direction
     assert bool(holds(name, (0.0, 0.1), 1.0)) == is_direction
@@ -100,18 +100,18 @@ def test_an_amount_has_no_circle(name: str) -> None:
     assert not holds(name, (0.9, 1.0), 0.5)
 
 
-def test_rates_count_what_they_are_named_after() -> None:
+def test_rates_are_the_counts_of_their_names() -> None:
     short = [0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.5, 0.5]
     intervals = {"truth": short, "lower95": [v - 0.01 for v in short], "upper95": [v + 0.01 for v in short]}
-    found = intervals | {"verdict": called("short_b", "gain")}
+    row = intervals | {"verdict": called("short_b", "gain")}
     missed = intervals | {
         "lower95": [0.1, *intervals["lower95"][1:]],
         "upper95": [0.2, *intervals["upper95"][1:]],
     }
     # The phase shares the eccentricity's verdict and is not counted twice.
     crying = {"verdict": called("eccentricity", "eccentricity_phase")}
-    several = frame(found, missed, crying, {})
-    assert detection(frame(found, missed)) == 0.5
+    several = frame(row, missed, crying, {})
+    assert detection(frame(row, missed)) == 0.5
     assert false_alarms(several) == 2 / (6 + 6 + 7 + 7)
     assert recordings_alarmed(several) == 0.5
     assert alarms(several).sum() == 3
@@ -132,12 +132,12 @@ def test_quantiles_are_the_median_the_95th_percentile_and_the_worst() -> None:
         ([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.4], ("gain", 0.1)),
     ],
 )
-def test_a_single_fault_is_recognised(truth: list[float], fault: tuple[str, float]) -> None:
+def test_single_faults_are_recognised(truth: list[float], fault: tuple[str, float]) -> None:
     assert single_fault(truth) == fault
 
 
 @pytest.mark.parametrize("count", [8, 20, 300])
-def test_chance_is_the_binomial_one(count: int) -> None:
+def test_the_chance_is_from_the_binomial_distribution(count: int) -> None:
     def at_most(held: int) -> float:
         return sum(math.comb(count, k) * 0.95**k * 0.05 ** (count - k) for k in range(held + 1))
 
@@ -158,10 +158,10 @@ def verdicts(page: str) -> list[str]:
     return [line.rsplit("|")[-2].strip() for line in rows]
 
 
-def test_the_first_table_says_no_where_too_little_was_reached(accuracy: Plan) -> None:
+def test_the_first_table_says_no_if_a_requirement_is_not_met(accuracy: Plan) -> None:
     _, runs = made("accuracy")
     page = accuracy_page(accuracy, runs)
-    # Intervals that always hold the truth are not 92 to 98 %.
+    # Intervals that always hold the truth are not within 92 to 98 %.
     assert verdicts(page) == ["yes"] * 5 + ["no"] * 2 + ["yes", "–"]
     assert f"{runs.height} of 3110 runs" in page
     disturbed = (pl.col("rig") == "switching disturbed") & (pl.col("run") == 0)
@@ -177,11 +177,11 @@ def test_the_first_table_says_no_where_too_little_was_reached(accuracy: Plan) ->
     assert "backlash 50" in page
 
 
-def test_the_page_has_every_row_of_its_sections_and_both_sizes(accuracy: Plan) -> None:
+def test_the_page_has_all_rows_of_its_sections_and_both_sizes(accuracy: Plan) -> None:
     page = accuracy_page(*made("accuracy"))
     for section in accuracy.sections:
-        for one in section.rows:
-            assert f"| {one.text}" in page
+        for row in section.rows:
+            assert f"| {row.text}" in page
     assert "| current and line voltage, 5 % | 5 | 100 % | 100 % | 100 % | 100 % | 100 % | 0.00 % |" in page
     assert "| current and line voltage, 10 % | 3 |" in page
     assert "| current alone, 5 % | 2 |" in page
@@ -202,7 +202,7 @@ def test_a_page_without_results_is_refused(accuracy: Plan, limits: Plan) -> None
 # The map of the limits
 
 DRAWN = {"noise"}
-"""Figure of the map, of eight that are drawn alike; drawing is what takes long."""
+"""One of eight similar figures of the map; only one, because drawing takes long."""
 
 
 def test_the_map_names_the_overconfident_settings(limits: Plan) -> None:
@@ -254,17 +254,17 @@ def test_the_base_setting_is_diagnosed_once_for_all_sections(limits: Plan) -> No
     assert limits.total == 42 * (20 + 2 * 5 + 6)
 
 
-def test_other_plants_are_on_a_page_of_that_form() -> None:
+def test_foreign_plants_have_a_page_of_the_same_form() -> None:
     plan, runs = made("plants")
     page, figures = limits_page(plan, runs, "plants")
     assert page.startswith("# Plants that are not as described\n")
     assert figures == {}
-    # The base setting, 22 foreign plants, 14 with their laws calibrated too, all with their laws chosen.
+    # The base setting, 22 foreign plants, 14 also with calibrated laws, all with selected laws.
     assert "none of 60." in page
     assert plan.total == 60 * (5 + 1 * 5 + 2)
 
 
-def test_loads_are_on_a_page_of_that_form() -> None:
+def test_varying_loads_have_a_page_of_the_same_form() -> None:
     plan = Plan.load("loads")
     page, figures = limits_page(plan, results(plan), "loads")
     assert page.startswith("# Loads that vary\n")
@@ -285,7 +285,7 @@ def test_rates_are_those_of_the_results(limits: Plan) -> None:
     assert rates.mean_coverage == rates.least_coverage == 1
 
 
-def test_units_and_data_sheets_have_a_page_of_that_form() -> None:
+def test_units_and_data_sheets_have_a_page_of_the_same_form() -> None:
     plan = Plan.load("data_sheets")
     page, figures = limits_page(plan, results(plan), "data_sheets")
     assert figures == {}
@@ -296,7 +296,7 @@ def test_units_and_data_sheets_have_a_page_of_that_form() -> None:
     ]
 
 
-# Both by the command
+# Both pages by the command
 
 
 TINY = """\
@@ -346,7 +346,7 @@ def test_the_command_writes_the_page_and_its_figures(
 # Drives
 
 
-def test_the_page_of_a_drive_has_a_dash_where_a_plan_has_no_such_cases() -> None:
+def test_the_page_of_a_drive_has_a_dash_for_cases_missing_in_the_plan() -> None:
     plan, runs = made("pmsm")
 
     def wrong_by_a_case(trial: Trial) -> dict[str, Any]:
@@ -367,16 +367,18 @@ def test_the_page_of_a_drive_has_a_dash_where_a_plan_has_no_such_cases() -> None
     ("share", "text"),
     [(0.0, "0 %"), (0.001, "0.1 %"), (0.29, "29 %"), (0.99, "99 %"), (0.9967, "99.7 %"), (1.0, "100 %")],
 )
-def test_a_share_is_all_or_none_only_where_it_is(share: float, text: str) -> None:
+def test_a_share_is_printed_as_0_or_100_percent_only_if_exact(share: float, text: str) -> None:
     assert percent(share) == text
 
 
 @pytest.mark.parametrize("name", ["accuracy", "plants", "pmsm"])
-def test_a_page_says_that_results_of_several_versions_are_mixed(name: str) -> None:
-    (plan, made_up), written = made(name), {"accuracy": accuracy_page, "pmsm": drive_page}
+def test_a_page_states_that_results_of_several_versions_are_mixed(name: str) -> None:
+    (plan, made_up), page_functions = made(name), {"accuracy": accuracy_page, "pmsm": drive_page}
 
     def page(runs: pl.DataFrame) -> str:
-        return written[name](plan, runs) if name in written else limits_page(plan, runs, name)[0]
+        return (
+            page_functions[name](plan, runs) if name in page_functions else limits_page(plan, runs, name)[0]
+        )
 
     assert "mixed" not in page(made_up)
     first = pl.col("index") == made_up["index"].min()

@@ -1,4 +1,4 @@
-"""What a plan comes to: its tasks and their seeds; and every plan that is refused."""
+"""The tasks of a plan and their seeds, and refused plans."""
 
 from pathlib import Path
 
@@ -18,13 +18,13 @@ ANOTHER_METHOD = '[[methods]]\nmethod = "dragonfly-thesis"\n'
 
 def seeds(plan: Plan) -> dict[tuple[str, int], set[int]]:
     """Return the seeds of each case and run."""
-    found: dict[tuple[str, int], set[int]] = {}
+    by_case: dict[tuple[str, int], set[int]] = {}
     for trial in trials_of(plan):
-        found.setdefault((trial.case, trial.run), set()).add(trial.seed)
-    return found
+        by_case.setdefault((trial.case, trial.run), set()).add(trial.seed)
+    return by_case
 
 
-def what(trial: Trial) -> tuple[object, ...]:
+def combination(trial: Trial) -> tuple[object, ...]:
     return (
         trial.case,
         trial.contestant.label,
@@ -39,7 +39,7 @@ def what(trial: Trial) -> tuple[object, ...]:
 # Tasks
 
 
-def test_every_combination_is_run_as_often_as_asked() -> None:
+def test_each_combination_is_run_the_requested_number_of_times() -> None:
     plan = small.plan(
         top='models = ["averaged", "monitor"]\nfitnesses = ["least_squares", "thesis"]\n'
         'equivalents = ["torque", "active", "magnitude"]\nnoises_A = [0, 0.1]'
@@ -47,25 +47,25 @@ def test_every_combination_is_run_as_often_as_asked() -> None:
     trials = trials_of(plan)
     # cases × methods × models × fitnesses × equivalents × noises × runs
     assert len(trials) == 2 * 2 * 2 * 2 * 3 * 2 * 3
-    assert len({what(trial) for trial in trials}) == len(trials)
+    assert len({combination(trial) for trial in trials}) == len(trials)
     assert [trial.index for trial in trials] == list(range(len(trials)))
 
 
-def test_the_first_runs_of_everything_come_first() -> None:
+def test_the_first_runs_of_all_combinations_come_first() -> None:
     assert [trial.run for trial in trials_of(small.plan())] == [0] * 4 + [1] * 4 + [2] * 4
 
 
-def test_cases_are_fault_vectors_and_healthy_where_nothing_is_said() -> None:
+def test_cases_are_fault_vectors_with_unnamed_components_healthy() -> None:
     truths = {trial.case: trial.truth for trial in trials_of(small.plan())}
     assert truths["worn"] == tuple(Faults(friction=0.3).vector)
     assert truths["loose"] == tuple(Faults(backlash=0.4, gain=0.7).vector)
 
 
-def test_methods_share_the_seed_of_a_case_and_run_and_nothing_else_does() -> None:
-    found = seeds(small.plan(("runs = 3", "runs = 50"), end="[random]\ncount = 20"))
-    assert len(found) == 50 * 22
-    assert all(len(of_one) == 1 for of_one in found.values())
-    assert len(set[int]().union(*found.values())) == len(found)
+def test_only_methods_share_the_seed_of_a_case_and_run() -> None:
+    by_case = seeds(small.plan(("runs = 3", "runs = 50"), end="[random]\ncount = 20"))
+    assert len(by_case) == 50 * 22
+    assert all(len(of_one) == 1 for of_one in by_case.values())
+    assert len(set[int]().union(*by_case.values())) == len(by_case)
 
 
 @pytest.mark.parametrize(
@@ -79,34 +79,34 @@ def test_methods_share_the_seed_of_a_case_and_run_and_nothing_else_does() -> Non
     ],
     ids=["method", "case", "runs", "random", "noise"],
 )
-def test_a_larger_plan_keeps_the_seeds_of_a_smaller(larger: Plan) -> None:
+def test_a_larger_plan_keeps_the_seeds_of_a_smaller_plan(larger: Plan) -> None:
     assert seeds(small.plan()).items() <= seeds(larger).items()
     assert len(trials_of(larger)) > len(trials_of(small.plan()))
 
 
-def test_another_seed_of_the_plan_gives_all_other_seeds() -> None:
-    one, other = (
+def test_another_seed_of_the_plan_changes_all_seeds() -> None:
+    first, second = (
         {trial.seed for trial in trials_of(plan)} for plan in (small.plan(), small.plan(top="seed = 1"))
     )
-    assert not one & other
+    assert not first & second
 
 
 # Random cases
 
 
-def test_random_cases_keep_to_their_bounds() -> None:
+def test_random_cases_are_within_their_bounds() -> None:
     plan = small.plan(end="[random]\ncount = 200\nlargest_short = 0.4")
     drawn = [values for name, values in plan.all_cases.items() if name.startswith("random")]
     assert len(drawn) == 200
     shorts = [case[name] for case in drawn for name in ("short_a", "short_b", "short_c")]
-    others = [value for case in drawn for name, value in case.items() if not name.startswith("short")]
-    # The largest of n uniform numbers is below 95 % of the bound with probability 0.95^n < 1e-13 here.
+    unshorted = [value for case in drawn for name, value in case.items() if not name.startswith("short")]
+    # The largest of n uniform numbers is below 95 % of the bound with probability 0.95^n < 1e-13.
     assert 0.38 < max(shorts) <= 0.4
-    assert 0.95 < max(others) <= 1
-    assert min(shorts + others) >= 0
+    assert 0.95 < max(unshorted) <= 1
+    assert min(shorts + unshorted) >= 0
 
 
-def test_more_random_cases_begin_with_the_same() -> None:
+def test_more_random_cases_begin_with_the_same_cases() -> None:
     few = small.plan(end="[random]\ncount = 9\nseed = 4").all_cases
     many = small.plan(end="[random]\ncount = 120\nseed = 4").all_cases
     assert few.items() <= many.items()
@@ -116,7 +116,7 @@ def test_more_random_cases_begin_with_the_same() -> None:
 # Labels, actuators, built-in plans
 
 
-def test_a_method_is_called_by_its_label_or_else_by_its_name_as_given() -> None:
+def test_a_method_is_named_by_its_label_or_by_its_given_name() -> None:
     methods = small.plan(end=ANOTHER_METHOD + '[[methods]]\nmethod = "da"\n').methods
     assert [contestant.label for contestant in methods] == ["few", "more", "dragonfly-thesis", "da"]
     listed = Plan.from_toml_text(
@@ -125,22 +125,22 @@ def test_a_method_is_called_by_its_label_or_else_by_its_name_as_given() -> None:
     assert [contestant.label for contestant in listed.methods] == ["da", "hybrid"]
 
 
-def test_the_actuator_is_sought_beside_the_plan(tmp_path: Path) -> None:
+def test_the_actuator_file_is_relative_to_the_plan(tmp_path: Path) -> None:
     heavy = Actuator.thesis().model_copy(update={"name": "heavy"})
     (tmp_path / "heavy.toml").write_text(write_toml(heavy), encoding="utf-8")
     (tmp_path / "plan.toml").write_text(small.with_(top='actuator = "heavy.toml"'), encoding="utf-8")
     assert Plan.load(tmp_path / "plan.toml").actuator == heavy
 
 
-def test_a_plan_survives_its_json() -> None:
+def test_a_plan_is_read_back_from_its_json() -> None:
     plan = small.plan(top="noises_A = [0, 0.1]", end="[random]\ncount = 2")
-    again = Plan.model_validate_json(plan.model_dump_json())
-    assert again == plan
-    assert trials_of(again) == trials_of(plan)
+    reread = Plan.model_validate_json(plan.model_dump_json())
+    assert reread == plan
+    assert trials_of(reread) == trials_of(plan)
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
-def test_built_in_plans_load(name: str) -> None:
+def test_built_in_plans_can_be_loaded(name: str) -> None:
     plan = Plan.load(name)
     assert plan.name == name
     assert plan.description
@@ -165,14 +165,14 @@ def test_the_thesis_plan_is_that_of_the_thesis() -> None:
     assert full >= swarms
 
 
-# What is refused
+# Refused plans
 
 WHOLE = small.TEXT
 HYBRID = '[[methods]]\nmethod = "hybrid"\n'
 NO_CASES = ("worn = { friction = 0.3 }\nloose = { backlash = 0.4, gain = 0.7 }", "")
 
 REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
-    # names, answered with the nearest
+    # names, refused with the nearest name
     "method": (small.with_(('"da"', '"dargonfly"')), ("'dargonfly'", "did you mean 'dragonfly'?")),
     "method, abbreviated": (small.with_(('"da"', '"dda"')), ("'dda'", "did you mean 'da'?")),
     "method, strange": (small.with_(('"da"', '"xyzzy"')), ("'xyzzy'", "known: ", "hybrid")),
@@ -248,7 +248,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
         small.with_(top='actuator = "absent.toml"'),
         ("'actuator'", "absent.toml", "no such actuator file"),
     ),
-    # nothing asked for
+    # nothing requested
     "no runs": (small.with_(("runs = 3", "runs = 0")), ("'runs'", "1", "0")),
     "no cases": (small.with_(NO_CASES), ("no cases", "nothing to run", "add [cases] or [random]")),
     "no section of cases": (
@@ -265,7 +265,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
         f"no {key}": (small.with_(top=f"{key} = []"), (f"'{key}' is empty", "name at least one"))
         for key in ("models", "fitnesses", "equivalents", "noises_A")
     },
-    # what does not go together
+    # contradictory settings
     "one label": (small.with_(('"more"', '"few"')), ("two methods are called 'few'", "a different label")),
     "one model": (
         small.with_(top='models = ["averaged", "averaged"]'),
@@ -294,9 +294,7 @@ REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize(("text", "pieces"), REFUSED.values(), ids=REFUSED.keys())
-def test_a_plan_that_cannot_be_is_refused_in_one_line(
-    tmp_path: Path, text: str, pieces: tuple[str, ...]
-) -> None:
+def test_an_invalid_plan_is_refused_in_one_line(tmp_path: Path, text: str, pieces: tuple[str, ...]) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(StudyError) as refusal:
@@ -304,7 +302,7 @@ def test_a_plan_that_cannot_be_is_refused_in_one_line(
     message = str(refusal.value)
     assert message.startswith(f"{file}: ")
     assert len(message.splitlines()) == 1
-    assert "description" not in message  # a key of the plan that none of these is about
+    assert "description" not in message  # a key of the plan that no entry above concerns
     for piece in pieces:
         assert piece in message
 
@@ -320,7 +318,7 @@ def test_a_plan_that_cannot_be_is_refused_in_one_line(
         ("latin.toml", ("latin.toml", "cannot be read as a TOML text file", "give one in UTF-8")),
     ],
 )
-def test_a_plan_that_is_not_there_is_refused_in_one_line(
+def test_a_missing_plan_is_refused_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, pieces: tuple[str, ...]
 ) -> None:
     (tmp_path / "latin.toml").write_bytes('name = "Größe"'.encode("latin-1"))

@@ -1,4 +1,4 @@
-"""The fingerprint of the code: it changes with what a result depends on, and with nothing else."""
+"""The fingerprint of the code: it changes only with code and libraries on which a result depends."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -46,7 +46,7 @@ class Law:
         ("self.gain * x", "(self.gain*x)"),
     ],
 )
-def test_words_and_layout_do_not_count(old: str, new: str) -> None:
+def test_comments_docstrings_and_layout_do_not_change_the_meaning(old: str, new: str) -> None:
     assert old in SOURCE
     assert meaning(SOURCE.replace(old, new)) == meaning(SOURCE)
 
@@ -62,16 +62,16 @@ def test_words_and_layout_do_not_count(old: str, new: str) -> None:
         ("self.gain", '"text"'),
     ],
 )
-def test_numbers_names_and_operations_count(old: str, new: str) -> None:
+def test_numbers_names_and_operations_change_the_meaning(old: str, new: str) -> None:
     assert old in SOURCE
     assert meaning(SOURCE.replace(old, new)) != meaning(SOURCE)
 
 
-def test_a_function_of_a_docstring_alone_is_read() -> None:
+def test_a_function_with_only_a_docstring_can_be_read() -> None:
     assert meaning('def f():\n    """Do nothing."""') == meaning('def f():\n    """Do it."""')
 
 
-# What a task depends on
+# Dependencies of a task
 
 HARMLESS = {
     "actuator/toml": "reads and writes descriptions; what is described is a value of the task",
@@ -97,7 +97,7 @@ HARMLESS = {
     "threads.py": "the same results, whatever the number of threads",
     "version.py": "the number of the version, which is kept with each result",
 }
-"""What tasks reach and what decides none of their results, each with the reason."""
+"""Dependencies of tasks that do not affect their results, each with the reason."""
 
 OF_ONE_TASK = {
     "emaphm.study.task": {
@@ -107,24 +107,24 @@ OF_ONE_TASK = {
     "emaphm.study.spoilt.run": {},
     "emaphm.fleet.task": {"simulated_recording.py": "for the setup that an estimator is trained for"},
 }
-"""What decides no result of this task, and may decide one of another."""
+"""Dependencies that do not affect results of this task, but may affect those of other tasks."""
 
 TASKS = {
     "emaphm.study.task": (study.DECIDING, study.NOT_DECIDING),
     "emaphm.study.spoilt.run": (spoilt.DECIDING, spoilt.NOT_DECIDING),
     "emaphm.fleet.task": (fleet.DECIDING, diagnosis.NOT_DECIDING),
 }
-"""Modules with a `perform` whose results are kept, with the code that identifies them."""
+"""Modules with a `perform` whose results are stored, with the code that identifies the results."""
 
 
 def files_reached(task: str) -> set[str]:
-    """Return the files that a task's module depends on, but those that only hand on names of others."""
+    """Return the files on which a task's module depends, without files that only re-export names."""
     paths = (MODULES[name] for name in reached(task))
     return {path.relative_to(ROOT).as_posix() for path in paths if path.name != "__init__.py"}
 
 
 def deciding(task: str) -> set[str]:
-    """Return the files whose code identifies the results of a task."""
+    """Return the files whose fingerprint identifies the results of a task."""
     return {path.relative_to(ROOT).as_posix() for path in deciding_files(ROOT, *TASKS[task])}
 
 
@@ -133,76 +133,80 @@ def below(file: str, places: Iterable[str]) -> bool:
 
 
 @pytest.mark.parametrize("task", TASKS)
-def test_all_that_a_task_depends_on_identifies_its_results_or_is_harmless(task: str) -> None:
+def test_all_dependencies_of_a_task_identify_its_results_or_are_harmless(task: str) -> None:
     harmless = {*HARMLESS, *OF_ONE_TASK[task]}
-    others = files_reached(task) - deciding(task)
-    assert {file for file in others if not below(file, harmless)} == set()
+    unlisted = files_reached(task) - deciding(task)
+    assert {file for file in unlisted if not below(file, harmless)} == set()
 
 
-def test_what_is_called_harmless_is_reached() -> None:
+def test_all_files_listed_as_harmless_are_dependencies() -> None:
     files = {task: files_reached(task) for task in TASKS}
-    every = set().union(*files.values())
-    assert {place for place in HARMLESS if not any(below(file, [place]) for file in every)} == set()
+    all_files = set().union(*files.values())
+    assert {place for place in HARMLESS if not any(below(file, [place]) for file in all_files)} == set()
     for name, places in OF_ONE_TASK.items():
         assert set(places) <= files[name]
 
 
-def test_a_rig_computes_nothing_of_a_recording() -> None:
+def test_the_rig_module_does_not_compute_with_arrays() -> None:
     imports = import_statements(tree_of("emaphm.study.rig"), when_called=True)
-    assert "numpy" not in {alias.name for one in imports for alias in one.names}
+    assert "numpy" not in {alias.name for statement in imports for alias in statement.names}
 
 
-def test_a_name_that_a_package_hands_on_leads_to_the_file_that_it_comes_from() -> None:
+def test_a_name_re_exported_by_a_package_leads_to_its_file_of_definition() -> None:
     assert home_of("emaphm.fleet", "DiagnosisSettings") == "emaphm.fleet.settings"
     assert home_of("emaphm.study", "foreign_plant") == "emaphm.study.foreign_plant"
     assert home_of("emaphm.study.rig", "Rig") == "emaphm.study.rig"
     assert {"emaphm.study.foreign_plant", "emaphm.diagnosis.verdict"} <= reached("emaphm.study.task")
 
 
-def test_a_file_that_was_moved_is_not_passed_over() -> None:
+def test_a_moved_file_in_the_list_raises_an_error() -> None:
     for names, left_out in ((("actuator",), ("actuator/toml.py",)), (("actuators",), ())):
         with pytest.raises(FileNotFoundError, match=r"no actuator.*; correct the list"):
             deciding_files(ROOT, names, left_out)
 
 
-def test_libraries_count(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    computed = module.revision_of.__wrapped__  # what is kept of an earlier call would say nothing
-    here = revision()
-    assert len(here) == 12
-    monkeypatch.setenv("EMAPHM_CACHE_DIR", str(tmp_path))  # nor what is kept of an earlier process
-    monkeypatch.setattr(module, "meaning", lambda _: "")  # of the code, which takes long
+def test_versions_of_libraries_change_the_fingerprint(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    computed = module.revision_of.__wrapped__  # a value cached by an earlier call would not be computed
+    current = revision()
+    assert len(current) == 12
+    monkeypatch.setenv("EMAPHM_CACHE_DIR", str(tmp_path))  # nor a value cached by an earlier process
+    monkeypatch.setattr(module, "meaning", lambda _: "")  # the fingerprint of the code takes long
     alike = computed(DECIDING, NOT_DECIDING)
-    assert computed(DECIDING, NOT_DECIDING) == alike != here
+    assert computed(DECIDING, NOT_DECIDING) == alike != current
     monkeypatch.setattr(module, "version", lambda name: "0.0" if name == "numpy" else "1.0")
     assert computed(DECIDING, NOT_DECIDING) != alike
 
 
-def test_it_is_kept_for_the_files_that_it_is_of(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_fingerprint_is_cached_for_the_files_it_was_computed_from(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setenv("EMAPHM_CACHE_DIR", str(tmp_path / "kept"))
     (tmp_path / "law.py").write_text(SOURCE)
     monkeypatch.setattr(module, "ROOT", tmp_path)
-    read: list[str] = []
+    sources: list[str] = []
 
     def counted(source: str) -> str:
-        read.append(source)
+        sources.append(source)
         return meaning(source)
 
     monkeypatch.setattr(module, "meaning", counted)
 
-    def found() -> str:
+    def fingerprint() -> str:
         return module.revision_of.__wrapped__(("law.py",), ())
 
-    first = found()
-    assert (found(), len(read)) == (first, 1)
+    first = fingerprint()
+    assert (fingerprint(), len(sources)) == (first, 1)
     (tmp_path / "law.py").write_text(SOURCE.replace("a comment", "another"))
-    assert (found(), len(read)) == (first, 2)  # of files that mean the same
+    assert (fingerprint(), len(sources)) == (first, 2)  # read again, although the meaning is the same
     (tmp_path / "law.py").write_text(SOURCE.replace("* x", "+ x"))
-    other = found()
-    assert other != first
+    changed = fingerprint()
+    assert changed != first
     for damaged in ("", "\xff", "0 1"):
-        (kept,) = (tmp_path / "kept").iterdir()
-        kept.write_text(damaged, encoding="utf-8")
-        assert found() == other
-    kept.unlink()
-    kept.mkdir()  # nothing can be kept
-    assert found() == other
+        (cache_file,) = (tmp_path / "kept").iterdir()
+        cache_file.write_text(damaged, encoding="utf-8")
+        assert fingerprint() == changed
+    cache_file.unlink()
+    cache_file.mkdir()  # no value can be stored
+    assert fingerprint() == changed

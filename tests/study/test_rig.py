@@ -1,4 +1,4 @@
-"""Rigs in plans: what they record, what is drawn, which trials they come to, and what a diagnosis adds."""
+"""Rigs in plans: recordings, random draws, the resulting trials, and diagnoses."""
 
 from pathlib import Path
 from typing import Any
@@ -81,30 +81,30 @@ def plan(*changes: tuple[str, str], end: str = "") -> Plan:
     return Plan.from_toml_text(text + end)
 
 
-# What a rig records
+# Recordings of a rig
 
 
 def test_the_same_seed_has_the_same_load_on_every_rig() -> None:
-    others = (BASE, Rig(label="cold", heat=(0.0, 0.0)), Rig(label="heavy", inertia=(0.1, 0.1)))
-    offset = [lumped_parameters(actuator_on(rig, THESIS, 5), ("offset",))["offset"] for rig in others]
+    rigs = (BASE, Rig(label="cold", heat=(0.0, 0.0)), Rig(label="heavy", inertia=(0.1, 0.1)))
+    offset = [lumped_parameters(actuator_on(rig, THESIS, 5), ("offset",))["offset"] for rig in rigs]
     assert offset[0] == offset[1] == offset[2] != 0
     drawn = [lumped_parameters(actuator_on(BASE, THESIS, seed), ("offset",))["offset"] for seed in range(50)]
     # Uniform within ±0.2: fifty that span less than 0.3 have probability 1e-5.
     assert 0.3 < np.ptp(drawn) <= 0.4
 
 
-def test_what_deviates_on_a_rig_deviates_by_what_it_says() -> None:
+def test_parameters_of_a_rig_deviate_by_the_stated_amounts() -> None:
     rig = Rig(label="off", load=(0.1, 0.1), heat=(40.0, 40.0), supply=(-0.1, -0.1), inertia=(0.05, 0.05))
     names = ("offset", "resistance", "torque_constant", "supply", "inertia")
-    nominal, got = lumped_parameters(THESIS, names), lumped_parameters(actuator_on(rig, THESIS, 0), names)
-    # Copper gains 0.393 % a kelvin, NdFeB loses 0.11 %.
+    nominal, drawn = lumped_parameters(THESIS, names), lumped_parameters(actuator_on(rig, THESIS, 0), names)
+    # Copper gains 0.393 %/K, NdFeB loses 0.11 %/K.
     factors = {"resistance": 1.1572, "torque_constant": 0.956, "supply": 0.9, "inertia": 1.05}
-    assert got["offset"] == pytest.approx(0.1)
+    assert drawn["offset"] == pytest.approx(0.1)
     for name, factor in factors.items():
-        assert got[name] == pytest.approx(factor * nominal[name])
+        assert drawn[name] == pytest.approx(factor * nominal[name])
 
 
-def test_units_are_drawn_within_tolerances_and_the_same_where_these_are_stated() -> None:
+def test_units_are_drawn_within_tolerances_whether_or_not_these_are_stated() -> None:
     within = Tolerances(torque_constant=0.1, viscous=1.0)
     silent = Rig(label="exact", heat=(0.0, 0.0), tolerances=within)
     stated = Rig(label="stated", heat=(0.0, 0.0), tolerances=within, stated=True)
@@ -114,25 +114,25 @@ def test_units_are_drawn_within_tolerances_and_the_same_where_these_are_stated()
     factors = {name: np.array([unit[name] / nominal[name] for unit in units]) for name in names}
     assert np.all(factors["inertia"] == 1.0)
     for name, tolerance in (("torque_constant", 0.1), ("viscous", 1.0)):
-        # Of 200, 182 to 198 are within it but for one study in a thousand (binomial, 95.4 %).
+        # Of 200 units, 182 to 198 are within it, except in one study of a thousand (binomial, 95.4 %).
         assert 182 <= np.sum(np.abs(np.log(factors[name])) <= np.log1p(tolerance)) <= 198
     assert actuator_on(stated, THESIS, 7) == actuator_on(silent, THESIS, 7)
     assert "a unit within tolerances that are not stated" in silent.facts
 
 
-def test_a_rig_records_what_it_says() -> None:
+def test_a_rig_records_the_stated_channels() -> None:
     channels = ("current_A", "voltage_V", "position_rad", "speed_rad_s")
     rig = Rig(label="coarse", channels=channels, sample_rate=1e3, duration=0.1, noise=0.0, adc_bits=8)
     recording = recorded(rig, THESIS, Manoeuvre(), Faults(), 0)
     assert recording.names == ("time_s", "command_rad", *channels)
     assert recording.samples == 100
-    step = 2 * 45.0 / 2**8  # twice twice the current limit, over 256 codes
+    step = 2 * 45.0 / 2**8  # plus and minus twice the current limit, over 256 codes
     codes = recording["current_A"] / step
     np.testing.assert_allclose(codes, np.round(codes), atol=1e-9)
     assert recorded(BASE, THESIS, Manoeuvre(duration=0.05), Faults(), 0).samples == 250
 
 
-def test_a_load_varies_on_a_rig_as_it_says() -> None:
+def test_the_load_of_a_rig_varies_as_stated() -> None:
     load = VaryingLoad(swing=0.1, frequency=2.0, drift=0.5, step=0.02, hinge=10.0)
     time = np.array([0.0, 0.125, 0.25, 0.375])
     np.testing.assert_allclose(
@@ -143,30 +143,30 @@ def test_a_load_varies_on_a_rig_as_it_says() -> None:
     np.testing.assert_allclose(load_at(brief, time + 0.1, 0.5), [0.0, 0.0, 0.1, 0.0])
     options: dict[str, Any] = {"label": "varying", "channels": ("current_A", "position_rad"), "noise": 0.0}
     exact = options | {"adc_bits": None, "load": (0.0, 0.0), "heat": (0.0, 0.0)}
-    got = recorded(Rig(**exact, varying_load=load), THESIS, Manoeuvre(duration=0.1), Faults(), 0)
+    recording = recorded(Rig(**exact, varying_load=load), THESIS, Manoeuvre(duration=0.1), Faults(), 0)
     stiff = with_lumped_parameters(THESIS, {"hinge": 10.0})
-    same = simulate(stiff, Chirp(duration=0.1), duration=0.1, load=lambda t: load_at(load, t, 0.1))
-    np.testing.assert_array_equal(got["current_A"], same["current_A"])
+    expected = simulate(stiff, Chirp(duration=0.1), duration=0.1, load=lambda t: load_at(load, t, 0.1))
+    np.testing.assert_array_equal(recording["current_A"], expected["current_A"])
 
 
-# What is drawn
+# Random draws
 
 
 @pytest.mark.parametrize("kind", SINGLE)
-def test_small_faults_are_single_and_as_small_as_they_say(kind: str) -> None:
+def test_small_faults_are_single_and_of_the_stated_size(kind: str) -> None:
     drawn = [small_fault(kind, 0.05, seed) for seed in range(30)]
     for faults in drawn:
-        away = {n: abs(v) for n, v in zip(NAMES, faults.vector - Faults().vector, strict=True) if v}
-        away.pop("eccentricity_phase", None)
-        assert len(away) == 1
-        assert next(iter(away)).startswith(kind)
-        assert next(iter(away.values())) == pytest.approx(0.05)
-    # All phases, both signs, many directions; the others have one form.
+        deviations = {n: abs(v) for n, v in zip(NAMES, faults.vector - Faults().vector, strict=True) if v}
+        deviations.pop("eccentricity_phase", None)
+        assert len(deviations) == 1
+        assert next(iter(deviations)).startswith(kind)
+        assert next(iter(deviations.values())) == pytest.approx(0.05)
+    # All phases, both signs, many directions; other faults have one form.
     forms = {"friction": 1, "backlash": 1, "short": 3, "eccentricity": 30, "gain": 2}
     assert len(set(drawn)) == forms[kind]
 
 
-def test_drawn_vectors_keep_to_their_bounds() -> None:
+def test_drawn_vectors_are_within_their_bounds() -> None:
     random, heavy = (
         np.array([draw(seed).vector for seed in range(300)]) for draw in (random_faults, heavy_faults)
     )
@@ -175,21 +175,21 @@ def test_drawn_vectors_keep_to_their_bounds() -> None:
     assert 0.5 <= heavy[:, 2:5].min() < 0.5035
     assert 0.8465 < heavy[:, 2:5].max() <= 0.85
     assert np.array_equal(random[:, [0, 1, 5, 6, 7]], heavy[:, [0, 1, 5, 6, 7]])
-    # Quoted, so that pages stay comparable: what seed 3 has always drawn.
+    # Literal values, so that pages stay comparable: seed 3 must always draw them.
     assert random_faults(3).friction == pytest.approx(0.08564916714362436, abs=1e-16)
 
 
-# What a plan comes to
+# Trials of a plan
 
 
 def test_groups_run_their_cases_on_their_rigs_by_their_methods() -> None:
-    made = plan()
-    drawn = [trial for trial in trials_of(made) if trial.group == "drawn"]
-    named = [trial for trial in trials_of(made) if trial.group == "named"]
+    study_plan = plan()
+    drawn = [trial for trial in trials_of(study_plan) if trial.group == "drawn"]
+    named = [trial for trial in trials_of(study_plan) if trial.group == "named"]
     assert len(drawn) == (2 + 1 + 1 + 5) * 2 * 1
     assert len(named) == 3 * 1 * 2
-    assert len(trials_of(made)) == made.total == 24
-    assert [trial.index for trial in trials_of(made)] == list(range(24))
+    assert len(trials_of(study_plan)) == study_plan.total == 24
+    assert [trial.index for trial in trials_of(study_plan)] == list(range(24))
     assert {(trial.rig.label, trial.contestant.label) for trial in drawn if trial.rig} == {
         ("bench", "hybrid"),
         ("exact", "hybrid"),
@@ -201,60 +201,67 @@ def test_groups_run_their_cases_on_their_rigs_by_their_methods() -> None:
         if trial.case_kind == "random":
             assert trial.truth == tuple(random_faults(trial.seed).vector)
             assert trial.case == f"random {trial.seed}"
-    assert [trial.rank for trial in trials_of(made)] == sorted(trial.rank for trial in trials_of(made))
+    assert [trial.rank for trial in trials_of(study_plan)] == sorted(
+        trial.rank for trial in trials_of(study_plan)
+    )
 
 
-def test_the_plan_s_seed_moves_all_draws() -> None:
+def test_the_seed_of_the_plan_changes_all_draws() -> None:
     seeds = {trial.case: trial.seed for trial in trials_of(plan(("runs = 1\n\n", "runs = 1\nseed = 10\n\n")))}
     assert (seeds["random 0"], seeds["random 1"], seeds["heavy 0"]) == (10, 11, 10)
 
 
-def test_a_share_has_at_least_one_of_each() -> None:
-    made = plan()
-    assert {(t.case_kind, t.rig, t.contestant.label) for t in trials_of(made, 1e-3)} == {
-        (t.case_kind, t.rig, t.contestant.label) for t in trials_of(made)
+def test_a_share_has_at_least_one_trial_of_each_kind() -> None:
+    study_plan = plan()
+    assert {(t.case_kind, t.rig, t.contestant.label) for t in trials_of(study_plan, 1e-3)} == {
+        (t.case_kind, t.rig, t.contestant.label) for t in trials_of(study_plan)
     }
-    assert trials_of(made, 1.0) == trials_of(made)
+    assert trials_of(study_plan, 1.0) == trials_of(study_plan)
 
 
-def test_without_groups_every_case_runs_on_every_rig() -> None:
-    made = plan((TEXT[TEXT.index("[[groups]]") : TEXT.index("[[sections]]")], ""))
-    assert [(t.rig.label, t.contestant.label) for t in trials_of(made) if t.rig] == [
+def test_without_groups_all_cases_run_on_all_rigs() -> None:
+    study_plan = plan((TEXT[TEXT.index("[[groups]]") : TEXT.index("[[sections]]")], ""))
+    assert [(t.rig.label, t.contestant.label) for t in trials_of(study_plan) if t.rig] == [
         ("bench", "hybrid"),
         ("bench", "da"),
         ("exact", "hybrid"),
         ("exact", "da"),
     ]
-    assert len({trial.seed for trial in trials_of(made)}) == 1
+    assert len({trial.seed for trial in trials_of(study_plan)}) == 1
 
 
 @pytest.mark.parametrize("name", ["accuracy", "limits"])
-def test_the_built_in_plans_have_every_row_of_their_pages(name: str) -> None:
-    made = Plan.load(name)
-    there = {(t.rig.label, t.contestant.label) for t in trials_of(made) if t.rig}
-    rows = {(row.rig, row.method) for section in made.sections for row in section.rows}
-    assert rows == there
-    assert made.page == name
+def test_the_built_in_plans_have_all_rows_of_their_pages(name: str) -> None:
+    study_plan = Plan.load(name)
+    present = {(t.rig.label, t.contestant.label) for t in trials_of(study_plan) if t.rig}
+    rows = {(row.rig, row.method) for section in study_plan.sections for row in section.rows}
+    assert rows == present
+    assert study_plan.page == name
 
 
-# What comes of it
+# Diagnoses
 
 
-def test_a_diagnosis_on_a_rig_is_that_of_a_user(tmp_path: Path) -> None:
+def test_a_diagnosis_on_a_rig_equals_that_by_a_user(tmp_path: Path) -> None:
     drawn = "random = 2\nheavy = 1\nhealthy = 1\nsmall = [{ size = 0.05, count = 1 }]"
-    made = plan((drawn, "random = 1"))
-    results = run_study(made, tmp_path / "study", workers=1).results
+    study_plan = plan((drawn, "random = 1"))
+    results = run_study(study_plan, tmp_path / "study", workers=1).results
     for row in results.filter(group="drawn").iter_rows(named=True):
-        rig = next(rig for rig in made.rigs if rig.label == row["rig"])
-        recording = recorded(rig, THESIS, made.manoeuvre, Faults(*row["truth"]), row["seed"])
-        found = diagnose(recording, THESIS, max_corrections=0, seed=row["seed"])
-        assert row["found"] == found.faults.vector.tolist()
-        assert list(zip(row["lower95"], row["upper95"], strict=True)) == [found.interval[n] for n in NAMES]
-        assert row["standard_error"] == [found.components[n].standard_error for n in NAMES]
-        assert row["verdict"] == [found.components[n].verdict for n in NAMES]
-        assert (row["explained"], row["moves"]) == (found.explained, found.moves)
-        assert (row["evaluations"], row["reference_runs"]) == (found.evaluations, found.reference_runs)
-        # The recording and the start of the diagnosis are in the trial's time as well.
+        rig = next(rig for rig in study_plan.rigs if rig.label == row["rig"])
+        recording = recorded(rig, THESIS, study_plan.manoeuvre, Faults(*row["truth"]), row["seed"])
+        diagnosis = diagnose(recording, THESIS, max_corrections=0, seed=row["seed"])
+        assert row["found"] == diagnosis.faults.vector.tolist()
+        assert list(zip(row["lower95"], row["upper95"], strict=True)) == [
+            diagnosis.interval[n] for n in NAMES
+        ]
+        assert row["standard_error"] == [diagnosis.components[n].standard_error for n in NAMES]
+        assert row["verdict"] == [diagnosis.components[n].verdict for n in NAMES]
+        assert (row["explained"], row["moves"]) == (diagnosis.explained, diagnosis.moves)
+        assert (row["evaluations"], row["reference_runs"]) == (
+            diagnosis.evaluations,
+            diagnosis.reference_runs,
+        )
+        # The time of the trial includes the recording and the start of the diagnosis.
         assert 0 < row["seconds"] < row["wall_seconds"]
         assert row["cpu_seconds"] > 0
     searched = results.filter(method="da")
@@ -262,7 +269,7 @@ def test_a_diagnosis_on_a_rig_is_that_of_a_user(tmp_path: Path) -> None:
     assert all(len(curve) == 3 for curve in searched["curve_fitness"])
 
 
-# What is refused
+# Refused plans
 
 REFUSED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     "nothing to state": (
@@ -328,9 +335,7 @@ REFUSED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize(("change", "pieces"), REFUSED.values(), ids=REFUSED.keys())
-def test_a_plan_that_cannot_be_is_refused_in_one_line(
-    change: tuple[str, str], pieces: tuple[str, ...]
-) -> None:
+def test_an_invalid_plan_is_refused_in_one_line(change: tuple[str, str], pieces: tuple[str, ...]) -> None:
     with pytest.raises(StudyError) as refusal:
         plan(change)
     message = str(refusal.value)
@@ -348,8 +353,8 @@ def test_groups_need_rigs() -> None:
 
 @pytest.mark.parametrize("key", ["turns", "max_corrections"])
 def test_both_spellings_of_the_corrections_are_read(key: str) -> None:
-    made = plan(("turns = 0", f"{key} = 3"))
-    assert made.methods[0].max_corrections == 3
-    values: dict[str, Any] = made.model_dump(mode="json")
+    study_plan = plan(("turns = 0", f"{key} = 3"))
+    assert study_plan.methods[0].max_corrections == 3
+    values: dict[str, Any] = study_plan.model_dump(mode="json")
     assert values["methods"][0]["max_corrections"] == 3
-    assert Plan.model_validate(values) == made
+    assert Plan.model_validate(values) == study_plan

@@ -1,4 +1,4 @@
-"""Results do not depend on workers, order or interruptions; a run that fails takes no other with it."""
+"""Results do not depend on workers, order or interruptions; a failed run does not affect other runs."""
 
 import multiprocessing
 import random
@@ -38,18 +38,18 @@ TOTAL = 24
 WITH_HYBRID = small.plan(
     ("runs = 3", "runs = 1"), top="noises_A = [0, 0.1]", end='[[methods]]\nmethod = "hybrid"\nturns = 0\n'
 )
-"""A run of each and of a method that takes ten times as long: where its results may differ."""
+"""The same plan with a method that takes ten times as long, for tests in which its results may differ."""
 
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
-    """Return the results of one worker in one go."""
+    """Return the results of one worker without interruption."""
     return small.table(run_study(PLAN, tmp_path_factory.mktemp("undisturbed") / "study", workers=1))
 
 
 @pytest.fixture(scope="module")
 def undisturbed_hybrid(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
-    """Return the same of the plan with hybrid."""
+    """Return the same results for the plan with hybrid."""
     return small.table(run_study(WITH_HYBRID, tmp_path_factory.mktemp("undisturbed") / "study", workers=1))
 
 
@@ -64,7 +64,7 @@ def test_the_undisturbed_study_is_complete(
 # Times
 
 
-def test_what_a_method_compiles_is_compiled_before_its_time_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_method_is_compiled_before_its_time_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     events: list[str] = []
     clock, move = time.perf_counter, Dragonfly._move
 
@@ -80,7 +80,7 @@ def test_what_a_method_compiles_is_compiled_before_its_time_is_taken(monkeypatch
     monkeypatch.setattr(Dragonfly, "_move", watched_move)
     trial = trials_of(PLAN)[0]
     perform(PLAN.actuator, PLAN.manoeuvre, trial, revision())
-    # One move to be ready, then those of the search, three populations of it, between two looks at the clock.
+    # One move for compilation, then three populations of the search between two readings of the clock.
     assert events == ["move", "clock", "move", "move", "move", "clock"]
 
 
@@ -98,7 +98,7 @@ def test_order_does_not_change_results(
     undisturbed_hybrid: pl.DataFrame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def shuffled(tasks: Sequence[Task], **options: Any) -> Generator[Outcome]:
-        order = random.Random(5).sample(tasks, len(tasks))  # noqa: S311 - nothing secret
+        order = random.Random(5).sample(tasks, len(tasks))  # noqa: S311 - not for security
         assert order != list(tasks)
         yield from outcomes(order, **options)
 
@@ -108,7 +108,7 @@ def test_order_does_not_change_results(
     assert small.table(store).equals(undisturbed_hybrid)
 
 
-def test_an_interrupted_study_goes_on_and_does_nothing_twice(
+def test_an_interrupted_study_is_resumed_without_repeating_runs(
     undisturbed: pl.DataFrame, tmp_path: Path
 ) -> None:
     folder = tmp_path / "study"
@@ -120,15 +120,15 @@ def test_an_interrupted_study_goes_on_and_does_nothing_twice(
 
     with pytest.raises(KeyboardInterrupt):
         run_study(PLAN, folder, workers=1, on_run=interrupt)
-    before = Store.open(folder)
-    assert before.results.height == 14
-    told: list[tuple[int, int]] = []
-    store = run_study(PLAN, folder, workers=1, on_run=lambda *progress: told.append(progress))
-    assert told == [(done, TOTAL) for done in range(14, TOTAL + 1)]
+    interrupted = Store.open(folder)
+    assert interrupted.results.height == 14
+    progress_calls: list[tuple[int, int]] = []
+    store = run_study(PLAN, folder, workers=1, on_run=lambda *progress: progress_calls.append(progress))
+    assert progress_calls == [(done, TOTAL) for done in range(14, TOTAL + 1)]
     # Their times are those of the first session.
-    assert store.results.head(14).equals(before.results)
+    assert store.results.head(14).equals(interrupted.results)
     assert small.table(store).equals(undisturbed)
-    assert store.elapsed_seconds >= before.elapsed_seconds + float(
+    assert store.elapsed_seconds >= interrupted.elapsed_seconds + float(
         store.results["wall_seconds"][14:].to_numpy().sum()
     )
 
@@ -162,40 +162,40 @@ runs = 2
 
 
 @pytest.mark.usefixtures("answers_taken")
-def test_an_estimator_that_is_replaced_during_the_study_answers_for_no_other(tmp_path: Path) -> None:
+def test_an_estimator_replaced_during_the_study_does_not_diagnose(tmp_path: Path) -> None:
     setup = RecordingSetup.of(THESIS, Chirp(duration=0.1), duration=0.1, sample_rate=2000.0)
-    file, one, other = (tmp_path / f"{name}.estimator" for name in ("unit", "one", "other"))
-    for path, friction in ((one, 0.3), (other, 0.31)):
+    file, first, second = (tmp_path / f"{name}.estimator" for name in ("unit", "one", "other"))
+    for path, friction in ((first, 0.3), (second, 0.31)):
         constant_estimator(setup, setup.space.points(Faults(friction=friction).vector), 0.02).save(path)
-    shutil.copy(one, file)
+    shutil.copy(first, file)
     plan = Plan.from_toml_text(WITH_ESTIMATOR.format(file=file))
 
     def replace_it(done: int, total: int) -> None:
         assert total == 2
         if done == 1:
-            shutil.copy(other, file)
+            shutil.copy(second, file)
 
     with pytest.raises(StudyError, match=r"1 of 2 runs failed.*unit\.estimator: has changed since the work"):
         run_study(plan, tmp_path / "study", workers=1, on_run=replace_it)
-    shutil.copy(one, file)
-    found = run_study(plan, tmp_path / "study", workers=1).results["found"].to_list()
-    # Half precision of its weights is what is left.
-    assert found[1][0] == pytest.approx(0.3, abs=1e-3)
+    shutil.copy(first, file)
+    estimates = run_study(plan, tmp_path / "study", workers=1).results["found"].to_list()
+    # The remaining difference is from the half precision of the weights.
+    assert estimates[1][0] == pytest.approx(0.3, abs=1e-3)
 
 
-def test_a_share_is_the_first_of_each_kind_and_the_rest_may_follow(
+def test_a_share_is_the_first_run_of_each_kind_and_the_rest_may_follow(
     undisturbed: pl.DataFrame, tmp_path: Path
 ) -> None:
     folder = tmp_path / "study"
-    some = run_study(PLAN, folder, share=1 / 3, workers=1)
-    # Both cases' first run, by two methods at two noises.
-    assert small.table(some).equals(undisturbed.filter(pl.col("run") == 0))
+    part = run_study(PLAN, folder, share=1 / 3, workers=1)
+    # The first run of both cases, by two methods at two noise levels.
+    assert small.table(part).equals(undisturbed.filter(pl.col("run") == 0))
     assert small.table(run_study(PLAN, folder, workers=1)).equals(undisturbed)
     assert run_study(PLAN, folder, share=1e-9, workers=1).results.height == TOTAL
 
 
 @pytest.mark.parametrize("share", [0.0, -0.1, 1.01, float("nan")])
-def test_a_share_that_cannot_be_taken_is_refused(tmp_path: Path, share: float) -> None:
+def test_an_impossible_share_is_refused(tmp_path: Path, share: float) -> None:
     with pytest.raises(StudyError, match="cannot be taken; give more than 0, up to 1"):
         run_study(PLAN, tmp_path / "study", share=share)
     assert not (tmp_path / "study").exists()
@@ -205,32 +205,32 @@ def do(trial: Trial) -> dict[str, Any]:
     return perform(PLAN.actuator, PLAN.manoeuvre, trial, revision())
 
 
-def test_methods_share_their_recordings_noise_included(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: dict[tuple[str, int, float], list[np.ndarray[Any, Any]]] = {}
+def test_methods_share_their_recordings_including_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    currents_by_run: dict[tuple[str, int, float], list[np.ndarray[Any, Any]]] = {}
     record = task_module._exact_recording
 
     def listen(actuator: Any, manoeuvre: Any, trial: Trial) -> Recording:
         recording = record(actuator, manoeuvre, trial)
-        seen.setdefault((trial.case, trial.run, trial.noise_A), []).append(recording["current_A"])
+        currents_by_run.setdefault((trial.case, trial.run, trial.noise_A), []).append(recording["current_A"])
         return recording
 
     monkeypatch.setattr(task_module, "_exact_recording", listen)
     for trial in trials_of(PLAN):
         do(trial)
-    assert len(seen) == 2 * 3 * 2
-    for currents in seen.values():
+    assert len(currents_by_run) == 2 * 3 * 2
+    for currents in currents_by_run.values():
         assert len(currents) == 2
         assert all(np.array_equal(current, currents[0]) for current in currents)
     for case in ("worn", "loose"):
-        exact = [seen[case, run, 0.0][0] for run in range(3)]
-        noise = [seen[case, run, 0.1][0] - exact[run] for run in range(3)]
+        exact = [currents_by_run[case, run, 0.0][0] for run in range(3)]
+        noise = [currents_by_run[case, run, 0.1][0] - exact[run] for run in range(3)]
         assert np.array_equal(exact[0], exact[1])
         assert not np.array_equal(noise[0], noise[1])
         # 3 × 250 samples determine an rms to 1 / sqrt(1500) = 2.6 %; five of these deviations are 13 %.
         assert np.sqrt(np.mean(np.square(noise))) == pytest.approx(0.1, rel=0.13)
 
 
-def test_a_worker_of_another_version_does_not_work() -> None:
+def test_a_worker_of_another_version_is_refused() -> None:
     with pytest.raises(
         StudyError, match=r"another version of the models \(.*; the study's is 0123\); install"
     ):
@@ -242,10 +242,10 @@ def test_a_worker_of_another_version_does_not_work() -> None:
 
 @pytest.fixture
 def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Trial], bool]], None]:
-    """Return what makes the search of chosen runs raise."""
+    """Return a function that makes the search of selected runs raise."""
 
-    def break_(which: Callable[[Trial], bool]) -> None:
-        chosen = {trial.seed for trial in trials_of(PLAN) if which(trial)}
+    def break_(selected: Callable[[Trial], bool]) -> None:
+        chosen = {trial.seed for trial in trials_of(PLAN) if selected(trial)}
         searched = search
 
         def search_or_fail(*arguments: Any, **options: Any) -> Any:
@@ -258,7 +258,7 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Trial], bool]
     return break_
 
 
-def test_a_run_that_fails_is_named_and_takes_no_other_with_it(
+def test_a_failed_run_is_named_and_does_not_affect_others(
     undisturbed: pl.DataFrame,
     tmp_path: Path,
     broken: Callable[[Callable[[Trial], bool]], None],
@@ -266,31 +266,31 @@ def test_a_run_that_fails_is_named_and_takes_no_other_with_it(
 ) -> None:
     folder = tmp_path / "study"
     broken(lambda trial: (trial.case, trial.run) == ("loose", 1))
-    told: list[tuple[int, int]] = []
+    progress_calls: list[tuple[int, int]] = []
     with pytest.raises(StudyError) as refusal:
-        run_study(PLAN, folder, workers=1, on_run=lambda *progress: told.append(progress))
+        run_study(PLAN, folder, workers=1, on_run=lambda *progress: progress_calls.append(progress))
     message = str(refusal.value)
     assert len(message.splitlines()) == 1
     assert message.startswith(f"4 of {TOTAL} runs failed, the first: loose, few, run 1: ZeroDivisionError")
     assert f"stored in {folder}" in message
-    # Two methods at two noises have failed; the others are there and were counted.
-    assert told == [(done, TOTAL) for done in range(TOTAL - 4 + 1)]
+    # Two methods at two noise levels have failed; the other runs are present and were counted.
+    assert progress_calls == [(done, TOTAL) for done in range(TOTAL - 4 + 1)]
     assert Store.open(folder).results.height == TOTAL - 4
     monkeypatch.undo()
-    told.clear()
-    store = run_study(PLAN, folder, workers=1, on_run=lambda *progress: told.append(progress))
-    assert told[0] == (TOTAL - 4, TOTAL)
+    progress_calls.clear()
+    store = run_study(PLAN, folder, workers=1, on_run=lambda *progress: progress_calls.append(progress))
+    assert progress_calls[0] == (TOTAL - 4, TOTAL)
     assert small.table(store).equals(undisturbed)
 
 
-def test_every_run_may_fail(tmp_path: Path, broken: Callable[[Callable[[Trial], bool]], None]) -> None:
+def test_all_runs_may_fail(tmp_path: Path, broken: Callable[[Callable[[Trial], bool]], None]) -> None:
     broken(lambda _: True)
     with pytest.raises(StudyError, match=rf"^{TOTAL} of {TOTAL} runs failed, the first: worn, few, run 0"):
         run_study(PLAN, tmp_path / "study", workers=1)
     assert Store.open(tmp_path / "study").results.is_empty()
 
 
-def test_what_cannot_be_recorded_is_a_run_that_failed(tmp_path: Path) -> None:
+def test_a_case_that_cannot_be_recorded_is_a_failed_run(tmp_path: Path) -> None:
     still = small.plan(("[manoeuvre]", "[manoeuvre]\namplitude = 0"))
     with pytest.raises(StudyError, match=r"12 of 12 runs failed, the first: worn, few, run 0: .*commanded"):
         run_study(still, tmp_path / "study", workers=1)

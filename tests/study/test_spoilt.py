@@ -1,4 +1,4 @@
-"""Spoilt recordings: what spoils them, how the outcome is judged, and the study's resuming and page."""
+"""Spoilt recordings: classes of defects, judgement of outcomes, resumption of the study, and its page."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,24 +26,24 @@ COLUMNS = {
 }
 
 
-def test_classes_have_names_of_their_own_and_known_sets() -> None:
-    assert len({one.name for one in CLASSES}) == len(CLASSES)
-    assert {name for one in CLASSES for name in one.sets} == set(CHANNELS)
+def test_classes_have_distinct_names_and_known_sets() -> None:
+    assert len({spoilt_class.name for spoilt_class in CLASSES}) == len(CLASSES)
+    assert {name for spoilt_class in CLASSES for name in spoilt_class.sets} == set(CHANNELS)
 
 
-def test_every_class_is_tried_on_all_of_its_sets_and_faults() -> None:
-    every = cases()
-    assert len(set(every)) == len(every) > 536
-    assert len(cases(share=0.2)) * 5 == len(every)
-    assert {case.spoilt_class for case in cases(only="delay")} < {one.name for one in CLASSES}
+def test_each_class_is_tried_on_all_its_sets_and_faults() -> None:
+    all_cases = cases()
+    assert len(set(all_cases)) == len(all_cases) > 536
+    assert len(cases(share=0.2)) * 5 == len(all_cases)
+    assert {case.spoilt_class for case in cases(only="delay")} < {defect.name for defect in CLASSES}
 
 
-def test_unknown_class_names_the_nearest() -> None:
+def test_an_unknown_class_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(StudyError, match="did you mean 'voltage zero'"):
         cases(only="voltage zeros")
 
 
-def test_a_late_column_shows_what_was_before() -> None:
+def test_a_late_column_has_earlier_values() -> None:
     shifted = changes.late(3)(COLUMNS, np.random.default_rng(0))
     np.testing.assert_array_equal(shifted["current_A"][3:], COLUMNS["current_A"][:-3])
     np.testing.assert_array_equal(shifted["command_rad"], COLUMNS["command_rad"])
@@ -51,7 +51,7 @@ def test_a_late_column_shows_what_was_before() -> None:
     np.testing.assert_array_equal(early["current_A"][:-3], COLUMNS["current_A"][3:])
 
 
-def test_spikes_change_as_many_rows_as_asked() -> None:
+def test_spikes_change_the_requested_number_of_rows() -> None:
     spiky = changes.spikes("current_A", 22.0, 5)(COLUMNS, np.random.default_rng(0))["current_A"]
     assert np.sum(spiky != COLUMNS["current_A"]) == 5
     assert np.abs(spiky).max() == 22.0
@@ -59,11 +59,11 @@ def test_spikes_change_as_many_rows_as_asked() -> None:
 
 def test_a_spoilt_case_is_the_same_each_time() -> None:
     case = SpoiltCase("five spikes of 22 A", "current", "short", 2)
-    one, other = spoilt(case)[0], spoilt(case)[0]
-    np.testing.assert_array_equal(one["current_A"], other["current_A"])
+    first, second = spoilt(case)[0], spoilt(case)[0]
+    np.testing.assert_array_equal(first["current_A"], second["current_A"])
 
 
-def test_pole_pairs_stay_whole() -> None:
+def test_the_number_of_pole_pairs_stays_an_integer() -> None:
     _, actuator, _ = spoilt(SpoiltCase("pole pairs × 2", "current", "healthy", 0))
     assert actuator.electrical is not None
     assert isinstance(actuator.electrical.pole_pairs, int)
@@ -71,7 +71,7 @@ def test_pole_pairs_stay_whole() -> None:
 
 @pytest.fixture(scope="module")
 def diagnosed() -> Diagnosis:
-    """Return a diagnosis of eight components that are known to a hundredth, made by hand."""
+    """Return a constructed diagnosis of eight components, each known to a hundredth."""
     values = dict(zip(NAMES, Faults(friction=0.2, eccentricity=0.3, gain=0.6).vector, strict=True))
     return Diagnosis(
         components={name: _estimate(float(v), 0.01, "degraded") for name, v in values.items()},
@@ -102,22 +102,22 @@ def _estimate(value: float, half_width: float, verdict: Verdict) -> Estimate:
 
 
 def _with(diagnosis: Diagnosis, value: float, half_width: float, verdict: Verdict) -> Diagnosis:
-    one = _estimate(value, half_width, verdict)
-    return replace(diagnosis, components={**diagnosis.components, "gain": one})
+    estimate = _estimate(value, half_width, verdict)
+    return replace(diagnosis, components={**diagnosis.components, "gain": estimate})
 
 
-def test_only_a_definite_verdict_far_off_is_silently_wrong(diagnosed: Diagnosis) -> None:
+def test_only_a_definite_verdict_with_a_large_error_is_an_undetected_error(diagnosed: Diagnosis) -> None:
     def outcome(value: float, half_width: float, verdict: Verdict) -> str:
         return str(judged(_with(diagnosed, value, half_width, verdict), diagnosed.faults)["outcome"])
 
     true = diagnosed.faults.gain
     assert outcome(true + 0.05, 0.01, "degraded") == UNDETECTED_ERROR
     assert outcome(true + 0.05, 0.03, "degraded") == "right"  # within two half-widths
-    assert outcome(true + 0.025, 0.005, "degraded") == "right"  # smaller than what counts
+    assert outcome(true + 0.025, 0.005, "degraded") == "right"  # below the smallest error that counts
     assert outcome(true + 0.05, 0.01, "cannot tell") != UNDETECTED_ERROR
 
 
-def test_the_direction_of_no_eccentricity_is_never_wrong(diagnosed: Diagnosis) -> None:
+def test_the_direction_is_never_wrong_without_eccentricity(diagnosed: Diagnosis) -> None:
     direction = _estimate(0.9, 0.01, "degraded")
     with_direction = replace(diagnosed, components={**diagnosed.components, "eccentricity_phase": direction})
     truth = Faults(*(0.0 if name == "eccentricity" else v for name, v in vars(diagnosed.faults).items()))
@@ -127,26 +127,26 @@ def test_the_direction_of_no_eccentricity_is_never_wrong(diagnosed: Diagnosis) -
 @pytest.mark.parametrize("name", ["gain", "eccentricity_phase"])
 @pytest.mark.parametrize("identifiable", [True, False])
 @pytest.mark.parametrize("explained", [True, False])
-def test_the_study_of_sensors_calls_the_same_wrong(
+def test_the_study_of_sensor_errors_uses_the_same_definition_of_wrong(
     diagnosed: Diagnosis, name: str, identifiable: bool, explained: bool
 ) -> None:
     off = replace(
         _estimate(getattr(diagnosed.faults, name) + 0.1, 0.01, "degraded"), identifiable=identifiable
     )
     spoilt_one = replace(diagnosed, components={**diagnosed.components, name: off}, explained=explained)
-    found = sensor_errors.judged(spoilt_one, diagnosed.faults, None, None)
-    assert found.wrong == ((name,) if identifiable and explained else ())
-    assert (judged(spoilt_one, diagnosed.faults)["outcome"] == UNDETECTED_ERROR) == bool(found.wrong)
+    result = sensor_errors.judged(spoilt_one, diagnosed.faults, None, None)
+    assert result.wrong == ((name,) if identifiable and explained else ())
+    assert (judged(spoilt_one, diagnosed.faults)["outcome"] == UNDETECTED_ERROR) == bool(result.wrong)
 
 
-def test_a_refused_recording_is_an_outcome_and_no_failure() -> None:
+def test_a_refused_recording_is_an_outcome_and_not_a_failure() -> None:
     case = SpoiltCase("lengths in milliradians", "voltage", "healthy", 0)
-    one = perform(case, _revision())
-    assert one["outcome"] == "refused"
-    assert "milliradians" in one["refusal"]
+    result = perform(case, _revision())
+    assert result["outcome"] == "refused"
+    assert "milliradians" in result["refusal"]
 
 
-def test_results_are_kept_and_shown(tmp_path: Path) -> None:
+def test_results_are_stored_and_printed(tmp_path: Path) -> None:
     chosen = (
         SpoiltCase("lengths in milliradians", "voltage", "healthy", 0),
         SpoiltCase("current in kA", "motion", "healthy", 0),
@@ -154,12 +154,12 @@ def test_results_are_kept_and_shown(tmp_path: Path) -> None:
     run(tmp_path, chosen[:1], workers=1)
     assert list(results(tmp_path, chosen)) == [chosen[0]]
     run(tmp_path, chosen, workers=1)
-    found = results(tmp_path, chosen)
-    assert list(found) == list(chosen)
-    page = spoilt_page(found, 2)
+    table = results(tmp_path, chosen)
+    assert list(table) == list(chosen)
+    page = spoilt_page(table, 2)
     assert "| lengths in milliradians | 1 | 1 |" in page
     assert "None." in page
-    assert "not complete" in spoilt_page(found, 3)
+    assert "not complete" in spoilt_page(table, 3)
 
 
 def _revision() -> str:

@@ -1,4 +1,4 @@
-"""The folder of a study: what is in it is whole, and its own; every other folder is refused."""
+"""The folder of a study: its files are complete and its own; other folders are refused."""
 
 import shutil
 import sqlite3
@@ -25,7 +25,7 @@ PLAN = small.plan()
 
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Store:
-    """Return a study that nothing has disturbed; tests work on copies of its folder."""
+    """Return a study run without interruption; tests use copies of its folder."""
     return run_study(PLAN, tmp_path_factory.mktemp("finished") / "study", workers=1)
 
 
@@ -51,11 +51,11 @@ def forget(folder: Path, index: int) -> None:
 
 
 def message(plan: Plan, folder: Path, **options: bool) -> str:
-    """Return why `plan` is refused in `folder`, which is left as it is."""
-    before = _contents(folder)
+    """Return the message with which `plan` is refused in `folder`, and check that the folder is unchanged."""
+    contents_before = _contents(folder)
     with pytest.raises(EmaphmError) as refusal:
         run_study(plan, folder, workers=1, **options)  # type: ignore[arg-type]
-    assert _contents(folder) == before
+    assert _contents(folder) == contents_before
     assert len(str(refusal.value).splitlines()) == 1
     return str(refusal.value)
 
@@ -64,10 +64,10 @@ def _contents(folder: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.name != ".lock"}
 
 
-# What is kept
+# Stored results
 
 
-def test_every_trial_is_a_row(finished: Store) -> None:
+def test_each_trial_is_a_row(finished: Store) -> None:
     assert finished.results.schema == pl.Schema(SCHEMA)
     assert finished.results["index"].to_list() == list(range(12))
     assert finished.damaged == ()
@@ -75,28 +75,28 @@ def test_every_trial_is_a_row(finished: Store) -> None:
         assert (row["case"], row["method"], row["run"]) == (trial.case, trial.contestant.label, trial.run)
         assert (row["seed"], tuple(row["truth"])) == (trial.seed, trial.truth)
         assert 0 < row["seconds"] < row["wall_seconds"]
-    # The bookkeeping between the trials is in the one and not in the other.
+    # Only one of the times includes the bookkeeping between the trials.
     assert finished.elapsed_seconds > finished.results["wall_seconds"].sum()
     assert {path.name for path in finished.folder.iterdir()} == {"plan.json", "results.sqlite", ".lock"}
 
 
-def test_a_reopened_store_is_the_same(finished: Store) -> None:
-    again = Store.open(finished.folder)
-    assert again.plan == PLAN
-    assert again.results.equals(finished.results)
+def test_a_reopened_store_has_the_same_results(finished: Store) -> None:
+    reopened = Store.open(finished.folder)
+    assert reopened.plan == PLAN
+    assert reopened.results.equals(finished.results)
 
 
 def test_a_finished_study_is_not_run_again(finished: Store, folder: Path) -> None:
-    told: list[tuple[int, int]] = []
-    again = run_study(PLAN, folder, on_run=lambda *progress: told.append(progress))
-    assert again.results.equals(finished.results)
-    assert told == [(12, 12)]
+    progress_calls: list[tuple[int, int]] = []
+    repeated = run_study(PLAN, folder, on_run=lambda *progress: progress_calls.append(progress))
+    assert repeated.results.equals(finished.results)
+    assert progress_calls == [(12, 12)]
 
 
-# Rows that are damaged, or of something else
+# Damaged rows, and rows of other work
 
 
-def test_a_row_that_was_changed_is_named_and_only_its_trial_done_again(finished: Store, folder: Path) -> None:
+def test_a_changed_row_is_named_and_only_its_trial_is_repeated(finished: Store, folder: Path) -> None:
     sql(
         folder,
         "UPDATE results SET result = replace(result, '\"found\": [0.', '\"found\": [0.1') WHERE key = ?",
@@ -125,15 +125,15 @@ def test_a_row_that_was_changed_is_named_and_only_its_trial_done_again(finished:
     ],
     ids=["truth", "setting", "manoeuvre", "model", "noise", "fitness", "seed"],
 )
-def test_results_of_another_plan_that_were_copied_in_do_not_count(
+def test_copied_results_of_another_plan_do_not_count(
     folder: Path, tmp_path: Path, change: tuple[str, str], shared: int
 ) -> None:
-    other = small.plan(change)
-    Store.create(tmp_path / "other", other)
+    other_plan = small.plan(change)
+    Store.create(tmp_path / "other", other_plan)
     shutil.copy(folder / "results.sqlite", tmp_path / "other")
-    found = Store.open(tmp_path / "other")
-    assert found.results.height == shared
-    assert found.damaged == ()
+    store = Store.open(tmp_path / "other")
+    assert store.results.height == shared
+    assert store.damaged == ()
 
 
 def _cut(path: Path) -> None:
@@ -145,17 +145,17 @@ def _scribble(path: Path) -> None:
 
 
 @pytest.mark.parametrize("spoil", [_cut, _scribble])
-def test_a_damaged_file_is_refused_and_left_alone(folder: Path, spoil: Callable[[Path], None]) -> None:
+def test_a_damaged_file_is_refused_and_unchanged(folder: Path, spoil: Callable[[Path], None]) -> None:
     spoil(folder / "results.sqlite")
     assert message(PLAN, folder).startswith(f"{folder / 'results.sqlite'}: is damaged (")
     with pytest.raises(ExecutionError, match="move it away"):
         Store.open(folder)
 
 
-def test_a_run_that_cannot_be_written_leaves_the_others(
+def test_a_run_that_cannot_be_written_leaves_other_runs_intact(
     finished: Store, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # What a full disk does to the file itself is tested with the store of results.
+    # The effect of a full disk on the file is tested with the store of results.
     for index in (5, 6):
         forget(folder, index)
     with monkeypatch.context() as patch:
@@ -166,22 +166,22 @@ def test_a_run_that_cannot_be_written_leaves_the_others(
     assert small.table(run_study(PLAN, folder, workers=1)).equals(small.table(finished))
 
 
-def test_what_a_killed_study_left_is_removed_and_nothing_else(folder: Path) -> None:
-    left, own = (
+def test_only_temporary_files_of_a_killed_study_are_removed(folder: Path) -> None:
+    temporary, own = (
         folder / f".{'0a' * 16}.tmp",
         (folder / ".mine.tmp", folder / "notes.tmp", folder / ".0123.tmp"),
     )
-    for path in (left, *own):
+    for path in (temporary, *own):
         path.write_text("{", encoding="utf-8")
     run_study(PLAN, folder, workers=1)
-    assert not left.exists()
+    assert not temporary.exists()
     assert all(path.exists() for path in own)
 
 
-# Folders that are something else
+# Folders of other work
 
 
-def test_a_new_study_makes_its_folder_and_takes_an_empty_one(tmp_path: Path) -> None:
+def test_a_new_study_creates_its_folder_or_uses_an_empty_folder(tmp_path: Path) -> None:
     plan = small.plan(("runs = 3", "runs = 1"))
     assert run_study(plan, tmp_path / "a" / "b", workers=1).results.height == 4
     (tmp_path / "empty").mkdir()
@@ -189,7 +189,7 @@ def test_a_new_study_makes_its_folder_and_takes_an_empty_one(tmp_path: Path) -> 
     assert run_study(plan, tmp_path / "empty", workers=1).results.height == 4
 
 
-def test_a_study_stopped_before_its_first_run_goes_on(tmp_path: Path) -> None:
+def test_a_study_stopped_before_its_first_run_is_resumed(tmp_path: Path) -> None:
     Store.create(tmp_path / "begun", PLAN)
     assert {path.name for path in (tmp_path / "begun").iterdir()} == {"plan.json", ".lock"}
     assert run_study(PLAN, tmp_path / "begun", workers=1).results.height == 12
@@ -212,22 +212,22 @@ def test_a_study_stopped_before_its_first_run_goes_on(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_results_of_another_plan_are_refused_and_the_difference_named(
+def test_results_of_another_plan_are_refused_with_the_difference(
     folder: Path, change: tuple[str, str], difference: str
 ) -> None:
-    said = message(small.plan(change), folder)
-    assert said.startswith(f"{folder} holds results of another plan: ")
-    assert said.endswith("; give another folder with -o")
-    assert difference in said
+    text = message(small.plan(change), folder)
+    assert text.startswith(f"{folder} holds results of another plan: ")
+    assert text.endswith("; give another folder with -o")
+    assert difference in text
 
 
-def test_a_folder_with_something_else_is_refused(tmp_path: Path) -> None:
+def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "letter.txt").write_text("Dear all", encoding="utf-8")
     assert "holds something else than a study; give a new or empty folder" in message(PLAN, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"letter.txt"}
 
 
-def test_a_file_in_its_place_is_refused(tmp_path: Path) -> None:
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "study").touch()
     assert "is not a folder" in message(PLAN, tmp_path / "study")
     assert "cannot be created (Not a directory)" in message(PLAN, tmp_path / "study" / "below")
@@ -236,27 +236,27 @@ def test_a_file_in_its_place_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "content", ["", "{", "[]", '{"name": "small"}', "\x00", "[" * 100_000, "null", '"a"']
 )
-def test_a_plan_that_cannot_be_read_is_named(folder: Path, content: str) -> None:
+def test_an_unreadable_plan_is_named_in_the_message(folder: Path, content: str) -> None:
     (folder / "plan.json").write_text(content, encoding="utf-8")
-    said = message(PLAN, folder)
-    assert f"{folder / 'plan.json'}: cannot be read as a plan (" in said
-    assert "give another folder with -o" in said
+    text = message(PLAN, folder)
+    assert f"{folder / 'plan.json'}: cannot be read as a plan (" in text
+    assert "give another folder with -o" in text
 
 
-def test_a_folder_without_study_cannot_be_opened(tmp_path: Path) -> None:
+def test_a_folder_without_a_study_cannot_be_opened(tmp_path: Path) -> None:
     for place in (tmp_path, tmp_path / "absent"):
         with pytest.raises(StudyError, match="holds no study; give a folder that 'emaphm study run' wrote"):
             Store.open(place)
 
 
 def test_a_study_that_cannot_be_written_to_is_refused(folder: Path) -> None:
-    # Permissions do not hold root back; a name that is taken fails in the same place.
+    # Permissions do not apply to root; a name in use fails at the same place.
     (folder / ".lock").unlink()
     (folder / ".lock").mkdir()
     assert f"{folder} cannot be written to (" in message(PLAN, folder)
 
 
-def test_a_place_where_nothing_can_be_made_is_refused() -> None:
+def test_a_folder_that_cannot_be_created_is_refused() -> None:
     if not Path("/proc/self").is_dir():
         pytest.skip("needs a file system that nobody can write to")
     with pytest.raises(StudyError, match=r"/proc/study cannot be created \(.*\); give another place"):
@@ -266,16 +266,16 @@ def test_a_place_where_nothing_can_be_made_is_refused() -> None:
 # Other versions of the models
 
 
-def test_results_of_another_version_are_refused_unless_told_to_mix(
+def test_results_of_another_version_are_refused_unless_mixing_is_requested(
     finished: Store, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     forget(folder, 2)
-    here = revision()
+    current = revision()
     with monkeypatch.context() as patch:
         patch.setattr(store_module, "revision", lambda: "0123456789ab")
-        said = message(PLAN, folder)
-    assert f"results of another version of the models ({here}; this is 0123456789ab)" in said
-    assert "--mix" in said
+        text = message(PLAN, folder)
+    assert f"results of another version of the models ({current}; this is 0123456789ab)" in text
+    assert "--mix" in text
     mixed = ResultStore(folder / "results.sqlite")
     outcome = mixed.read(tasks(PLAN, trials_of(PLAN)))[0][1]
     with mixed.writing() as writer:
@@ -284,11 +284,11 @@ def test_results_of_another_version_are_refused_unless_told_to_mix(
     assert "another version of the models (0123456789ab; this is " in message(PLAN, folder)
     results = run_study(PLAN, folder, workers=1, mix=True).results
     assert results["fitness_value"][1] == 77.0
-    others = pl.col("index") != 1
-    assert small.timeless(results).filter(others).equals(small.table(finished).filter(others))
+    other_rows = pl.col("index") != 1
+    assert small.timeless(results).filter(other_rows).equals(small.table(finished).filter(other_rows))
 
 
-# Two at once
+# Simultaneous studies
 
 
 def test_a_second_study_in_the_same_folder_is_refused(finished: Store, folder: Path) -> None:
@@ -302,22 +302,22 @@ def test_a_second_study_in_the_same_folder_is_refused(finished: Store, folder: P
         refusals.append(str(refusal.value))
 
     store = run_study(PLAN, folder, workers=1, on_run=start_another)
-    wanted = f"another study is running in {folder}; wait, or give another folder"
-    assert refusals == [wanted, wanted]
+    expected = f"another study is running in {folder}; wait, or give another folder"
+    assert refusals == [expected, expected]
     assert small.table(store).equals(small.table(finished))
-    run_study(PLAN, folder, workers=1)  # and is let in afterwards
+    run_study(PLAN, folder, workers=1)  # and is accepted afterwards
 
 
-def test_two_studies_that_begin_in_one_folder_do_not_mix(
+def test_two_studies_that_start_in_one_folder_do_not_mix(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder, other = tmp_path / "study", small.plan(("runs = 3", "runs = 1"))
+    folder, other_plan = tmp_path / "study", small.plan(("runs = 3", "runs = 1"))
     locked = Store.locked
 
     def overtaken(self: Store) -> object:
-        # Another plan takes the folder between the first look and the lock.
+        # Another plan takes the folder between the first check and the lock.
         (folder / "plan.json").unlink()
-        Store.create(folder, other)
+        Store.create(folder, other_plan)
         return locked(self)
 
     monkeypatch.setattr(Store, "locked", overtaken)

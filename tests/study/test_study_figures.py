@@ -1,4 +1,4 @@
-"""Figures of a study: what stands where, in which unit, whatever is missing, zero or oddly named."""
+"""Figures of a study: positions and units, also with missing or zero values and unusual names."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -36,7 +36,7 @@ PARTS: tuple[Draw, ...] = (draw_errors, _convergence, draw_costs, draw_success, 
 def _markers(
     axis: Axes, method: str, *, among: Sequence[str] = tuple(METHODS), hollow: bool = False
 ) -> list[tuple[float, float]]:
-    """Return the points at which the marker of `method`, one `among` those of the figure, stands."""
+    """Return the points of the marker of `method`, which is one of the methods `among` in the figure."""
     look = looks(among)[method]
     lines = [
         line
@@ -55,7 +55,7 @@ def _legend(figure: Figure) -> list[str]:
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
-def _there(figure: Figure | None) -> Figure:
+def _existing(figure: Figure | None) -> Figure:
     assert figure is not None
     return figure
 
@@ -69,7 +69,7 @@ def test_no_two_of_many_methods_look_the_same() -> None:
     assert len(set(looks(methods).values())) == 40
 
 
-def test_errors_stand_in_their_case_s_row_with_the_thesis_s_as_hollow_markers(runs: pl.DataFrame) -> None:
+def test_errors_are_drawn_in_the_row_of_their_case_and_those_of_the_thesis_hollow(runs: pl.DataFrame) -> None:
     figure = draw_errors(runs)
     axis = figure.axes[0]
     assert [tick.get_text() for tick in axis.get_yticklabels()] == list(CASES)
@@ -88,14 +88,14 @@ def test_errors_stand_in_their_case_s_row_with_the_thesis_s_as_hollow_markers(ru
     assert _legend(figure) == [*METHODS, "printed in the thesis"]
 
 
-def test_quartiles_are_a_line_through_the_median(runs: pl.DataFrame) -> None:
+def test_quartiles_are_drawn_as_a_line_through_the_median(runs: pl.DataFrame) -> None:
     axis = draw_errors(runs).axes[0]
     row = by_case(runs).row(by_predicate=(pl.col("method") == "GA") & (pl.col("case") == "low F"), named=True)
     ends = [row["lower_quartile"], row["upper_quartile"]]
     assert any(np.array_equal(np.asarray(line.get_xdata()), ends) for line in axis.get_lines())
 
 
-def test_only_so_many_cases_are_drawn_as_can_be_read() -> None:
+def test_the_number_of_drawn_cases_is_limited_to_a_readable_number() -> None:
     few = study(("GA",), ("low F",), 40)
     many = few.with_columns(pl.format("random {}", pl.col("run").cast(pl.String).str.zfill(2)).alias("case"))
     axis = draw_errors(many).axes[0]
@@ -105,7 +105,7 @@ def test_only_so_many_cases_are_drawn_as_can_be_read() -> None:
 
 
 def test_convergence_has_error_and_fitness_by_kind_and_hybrid_as_a_marker(runs: pl.DataFrame) -> None:
-    figure = _there(_convergence(runs))
+    figure = _existing(_convergence(runs))
     above, above_several, below, _ = figure.axes
     assert above.get_title(loc="left") == "single faults"
     assert above_several.get_title(loc="left") == "several faults"
@@ -127,8 +127,8 @@ def test_convergence_has_error_and_fitness_by_kind_and_hybrid_as_a_marker(runs: 
     )
 
 
-def test_costs_show_time_and_evaluations_beside_the_thesis_s(runs: pl.DataFrame) -> None:
-    figure = _there(draw_costs(runs))
+def test_costs_show_time_and_evaluations_next_to_those_of_the_thesis(runs: pl.DataFrame) -> None:
+    figure = _existing(draw_costs(runs))
     times, counts, *_ = figure.axes
     assert [axis.get_xlabel() for axis in figure.axes[-2:]] == [
         "wall time of one run [s]",
@@ -144,7 +144,7 @@ def test_costs_show_time_and_evaluations_beside_the_thesis_s(runs: pl.DataFrame)
 
 
 def test_success_bars_are_as_long_as_their_share(runs: pl.DataFrame) -> None:
-    figure = _there(draw_success(runs))
+    figure = _existing(draw_success(runs))
     axis = figure.axes[0]
     assert [tick.get_text() for tick in axis.get_yticklabels()] == list(METHODS)
     assert _legend(figure) == [f"error at most {limit} %" for limit in (1, 2, 5)]
@@ -155,14 +155,14 @@ def test_success_bars_are_as_long_as_their_share(runs: pl.DataFrame) -> None:
             assert bar.get_width() == pytest.approx(100 * np.mean(errors <= limit))
 
 
-def test_ranks_are_sorted_and_bars_join_what_does_not_differ() -> None:
+def test_ranks_are_sorted_and_bars_join_methods_that_do_not_differ() -> None:
     rng = np.random.default_rng(1)
     runs = study(("GA", "PSO", "hybrid"), ("low F",), 30)
     near = rng.uniform(5, 6, 30)
     errors = {"GA": near, "PSO": near + rng.normal(0, 0.1, 30), "hybrid": near - 4}
     values = [errors[row["method"]][row["run"]] for row in runs.iter_rows(named=True)]
     figure = draw_ranks(runs.with_columns(pl.Series("error_percent", values)))
-    axis = _there(figure).axes[0]
+    axis = _existing(figure).axes[0]
     names = [tick.get_text() for tick in axis.get_yticklabels()]
     assert names[0] == "hybrid"
     assert axis.texts[0].get_text() == "1.00"
@@ -170,14 +170,14 @@ def test_ranks_are_sorted_and_bars_join_what_does_not_differ() -> None:
     assert [np.round(np.asarray(bar.get_ydata())).tolist() for bar in bars] == [[1.0, 2.0]]
 
 
-def test_without_a_test_no_bar_claims_that_methods_are_alike() -> None:
-    axis = _there(draw_ranks(study(("GA", "PSO", "DE"), ("low F",), 3))).axes[0]
+def test_no_bar_joins_methods_without_a_test() -> None:
+    axis = _existing(draw_ranks(study(("GA", "PSO", "DE"), ("low F",), 3))).axes[0]
     assert all(line.get_linewidth() < 2.5 for line in axis.get_lines())
 
 
 @pytest.mark.parametrize("draw", PARTS)
 @pytest.mark.parametrize("part", ["one run", "zero errors, odd names and a method missing in a case"])
-def test_whatever_is_missing_or_odd_it_can_be_drawn_without_pyplot_and_leaves_the_settings_alone(
+def test_incomplete_or_unusual_studies_are_drawn_without_pyplot_and_settings_unchanged(
     monkeypatch: pytest.MonkeyPatch, draw: Draw, part: str
 ) -> None:
     odd = ("$a^_{b$", "_x", "漢字\n" + "long " * 20)
@@ -194,7 +194,7 @@ def test_whatever_is_missing_or_odd_it_can_be_drawn_without_pyplot_and_leaves_th
     }[part]
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)  # importing it now fails
     before = _settings()
-    figure = _there(draw(runs))
+    figure = _existing(draw(runs))
     assert b"<svg" in svg(figure)
     assert _settings() == before
     for axis in figure.axes:
@@ -202,16 +202,16 @@ def test_whatever_is_missing_or_odd_it_can_be_drawn_without_pyplot_and_leaves_th
             assert np.all(np.isfinite(np.asarray(line.get_ydata(), float)))
 
 
-def test_methods_without_any_common_case_can_only_be_drawn_case_by_case(runs: pl.DataFrame) -> None:
+def test_methods_without_common_cases_can_only_be_drawn_by_case(runs: pl.DataFrame) -> None:
     apart = runs.filter((pl.col("case") == "low F") == (pl.col("method") == "GA"))
     assert [draw(apart) for draw in (_convergence, draw_costs, draw_success, draw_ranks)] == [None] * 4
     assert draw_errors(apart).axes
 
 
-def test_convergence_is_over_the_cases_that_every_method_has_run() -> None:
+def test_convergence_is_over_the_cases_run_by_all_methods() -> None:
     runs = study(("GA", "hybrid"), ("low F", "low B"), 4)
     lacking = runs.filter((pl.col("case") != "low B") | (pl.col("method") != "GA"))
-    above = _there(_convergence(lacking)).axes[0]
+    above = _existing(_convergence(lacking)).axes[0]
     for method in ("GA", "hybrid"):
         ((_, error),) = _markers(above, method, among=("GA", "hybrid"))
         common = [
@@ -222,7 +222,7 @@ def test_convergence_is_over_the_cases_that_every_method_has_run() -> None:
         assert error == pytest.approx(np.median(common))
 
 
-def test_an_error_of_zero_is_drawn_at_the_floor_and_the_axis_says_so() -> None:
+def test_an_error_of_zero_is_drawn_at_the_lower_end_with_an_axis_label() -> None:
     runs = study(("GA", "hybrid"), ("low F",), 2)
     perfect = runs.with_columns(
         pl.when(pl.col("method") == "hybrid").then(0.0).otherwise("error_percent").alias("error_percent")
@@ -234,11 +234,11 @@ def test_an_error_of_zero_is_drawn_at_the_floor_and_the_axis_says_so() -> None:
     assert "or less" not in draw_errors(runs).axes[0].get_xlabel()
 
 
-def test_names_are_text_and_cut_where_they_are_long() -> None:
+def test_names_are_drawn_as_text_and_shortened_if_long() -> None:
     figure = draw_errors(study(("_hidden", "$x$", "long " * 20), ("low F",), 2))
     names = _legend(figure)
     assert names[0] == "_hidden"
-    assert names[1] == r"\$x\$"  # which matplotlib shows as $x$
+    assert names[1] == r"\$x\$"  # which matplotlib draws as $x$
     assert names[2].endswith("…")
     assert len(names[2]) < 30
 
@@ -252,23 +252,23 @@ def test_a_legend_of_many_long_names_stays_inside_the_figure() -> None:
     assert box.y1 <= figure.bbox.y1
 
 
-def test_a_fitness_that_was_infinite_at_first_leaves_a_gap() -> None:
+def test_an_initially_infinite_fitness_leaves_a_gap() -> None:
     runs = study(("GA",), ("low F",), 1)
     curve = runs["curve_fitness"][0].to_list()
     runs = runs.with_columns(pl.Series("curve_fitness", [[float("inf"), *curve[1:]]]))
-    axis = _there(_convergence(runs)).axes[1]
+    axis = _existing(_convergence(runs)).axes[1]
     line = next(line for line in axis.get_lines() if len(np.asarray(line.get_ydata())) > 1)
     evaluations, values = np.asarray(line.get_xdata()), np.asarray(line.get_ydata(), float)
     np.testing.assert_array_equal(np.isfinite(values), evaluations >= 100)  # the second population's end
 
 
-def test_an_axis_of_less_than_a_decade_still_has_two_numbers_to_read() -> None:
+def test_an_axis_of_less_than_a_decade_has_two_labelled_ticks() -> None:
     runs = study(("GA", "DE"), ("low F",), 2)
     near = runs.with_columns(
         pl.when(pl.col("method") == "GA").then(810).otherwise(1000).alias("evaluations"),
         pl.when(pl.col("method") == "GA").then(2.1).otherwise(4.2).alias("error_percent"),
     )
-    figure = _there(draw_costs(near))
+    figure = _existing(draw_costs(near))
     figure.draw_without_rendering()
     axis = figure.axes[1]
     low, high = axis.get_xlim()
@@ -276,7 +276,7 @@ def test_an_axis_of_less_than_a_decade_still_has_two_numbers_to_read() -> None:
     assert inside == ["900", "1,000"]
 
 
-def test_no_bar_joins_what_was_not_compared() -> None:
+def test_no_bar_joins_methods_that_were_not_compared() -> None:
     pairs = {"method": ["A", "A", "B"], "other": ["B", "C", "C"]}
     tested = pl.DataFrame({**pairs, "p": [0.3, 0.01, None], "p_holm": [0.3, 0.02, None]})
     assert indistinct_ranges(("A", "B", "C"), tested) == [(0, 1)]
