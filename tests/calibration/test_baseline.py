@@ -98,7 +98,7 @@ def test_a_calibration_that_leaves_out_earlier_recordings_says_so(
 def test_another_unit_contradicts_the_calibration_before(calibrated: Calibration) -> None:
     other = with_lumped_parameters(UNIT, {"inertia": 0.8 * lumped_parameters(UNIT, ("inertia",))["inertia"]})
     warnings = found_again(calibrated, [of_a_day(other, seed=5)])
-    (contradiction,) = (one for one in warnings if "contradicts" in one)
+    (contradiction,) = (warning for warning in warnings if "contradicts" in warning)
     assert "by day 1, day 2, day 3" in contradiction
     assert "inertia by " in contradiction
 

@@ -30,7 +30,7 @@ def calibrated(described: Actuator) -> tuple[Calibration, float]:
 def test_the_ripple_of_comparators_hides_the_static_friction() -> None:
     found, truth = calibrated(THESIS)
     static, coulomb = found.parameters["static"], found.parameters["coulomb"]
-    assert any(WARNING in one for one in found.warnings)
+    assert any(WARNING in warning for warning in found.warnings)
     # 18 standard errors by the sensitivities of the averaged model.
     assert abs(static.value - truth) < 2 * static.standard_error
     assert coulomb.standard_error < 0.01 * coulomb.value

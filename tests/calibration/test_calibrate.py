@@ -78,12 +78,12 @@ def reference() -> Recording:
 def test_a_unit_is_found_again_from_starts_that_are_30_percent_wrong(
     instants: Recording, factors: Sequence[float]
 ) -> None:
-    found = calibrate(instants, misdescribed(factors), FREE, max_corrections=0)
-    assert all(p.identifiable for p in found.parameters.values())
+    calibration = calibrate(instants, misdescribed(factors), FREE, max_corrections=0)
+    assert all(p.identifiable for p in calibration.parameters.values())
     # Of four normal deviates, one in 10,000 cases has one beyond 4.
-    assert all(abs(deviation) < 4 for deviation in deviations(found).values())
-    assert lumped_parameters(found.actuator, FREE) == pytest.approx(
-        {name: p.value for name, p in found.parameters.items()}
+    assert all(abs(deviation) < 4 for deviation in deviations(calibration).values())
+    assert lumped_parameters(calibration.actuator, FREE) == pytest.approx(
+        {name: p.value for name, p in calibration.parameters.items()}
     )
 
 
@@ -93,14 +93,14 @@ def test_a_unit_is_found_again_from_starts_that_are_30_percent_wrong(
 def test_a_unit_recorded_by_the_reference_model_is_found_again(
     reference: Recording, factors: Sequence[float]
 ) -> None:
-    found = calibrate(reference, misdescribed(factors), FREE)
+    calibration = calibrate(reference, misdescribed(factors), FREE)
     # The averaged model is not the reference model: 1 to 2 standard errors are its bias.
-    assert all(abs(deviation) < 5 for deviation in deviations(found).values())
-    assert found.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=0.01)
-    assert found.parameters["coulomb"].value == pytest.approx(TRUE["coulomb"], rel=0.02)
+    assert all(abs(deviation) < 5 for deviation in deviations(calibration).values())
+    assert calibration.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=0.01)
+    assert calibration.parameters["coulomb"].value == pytest.approx(TRUE["coulomb"], rel=0.02)
     # 0.2 mN·m·s/rad is some 5 % of the current at the chirp's speeds.
-    assert found.parameters["viscous"].value == pytest.approx(TRUE["viscous"], rel=0.1)
-    assert found.parameters["offset"].value == pytest.approx(TRUE["offset"], rel=0.05)
+    assert calibration.parameters["viscous"].value == pytest.approx(TRUE["viscous"], rel=0.1)
+    assert calibration.parameters["offset"].value == pytest.approx(TRUE["offset"], rel=0.05)
 
 
 def test_a_servo_is_found_again_from_its_position_alone() -> None:
@@ -110,20 +110,20 @@ def test_a_servo_is_found_again_from_its_position_alone() -> None:
     kept = {name: whole[name] for name in ("time_s", "command_rad", "position_rad")}
     recording = acquire(Recording(kept, "instant"), noise={"position_rad": 1e-6}, seed=0)
     start = with_lumped_parameters(servo, {name: 1.3 * TRUE[name] for name in FREE[:3]})
-    found = calibrate(recording, start, FREE[:3], nuisances=[], max_corrections=0)
-    assert all(abs(deviations(found)[name]) < 4 for name in FREE[:3])
-    assert found.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=0.02)
-    assert found.parameters["coulomb"].value == pytest.approx(TRUE["coulomb"], rel=0.02)
-    (replayed,) = found.replays
+    calibration = calibrate(recording, start, FREE[:3], nuisances=[], max_corrections=0)
+    assert all(abs(deviations(calibration)[name]) < 4 for name in FREE[:3])
+    assert calibration.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=0.02)
+    assert calibration.parameters["coulomb"].value == pytest.approx(TRUE["coulomb"], rel=0.02)
+    (replayed,) = calibration.replays
     assert list(replayed.relative_error) == ["position_rad"]
     assert replayed.rms_error["position_rad"] == pytest.approx(1e-6, rel=0.05)
 
 
 def test_notes_on_the_recordings_are_kept(instants: Recording) -> None:
     noted = Recording(instants.channels, instants.sampling, "monday", ["cut at 3 s"])
-    found = calibrate(noted, misdescribed((1, 1, 1)), ["inertia"], max_corrections=0)
-    assert json.loads(found.to_json())["notes"] == ["monday: cut at 3 s"]
-    assert "monday: cut at 3 s." in str(found)
+    calibration = calibrate(noted, misdescribed((1, 1, 1)), ["inertia"], max_corrections=0)
+    assert json.loads(calibration.to_json())["notes"] == ["monday: cut at 3 s"]
+    assert "monday: cut at 3 s." in str(calibration)
 
 
 def test_standard_errors_are_how_much_estimates_scatter() -> None:
@@ -144,8 +144,8 @@ def test_standard_errors_are_how_much_estimates_scatter() -> None:
 
 def test_a_unit_recorded_in_interval_means_by_the_averaged_model_is_found_exactly() -> None:
     recording = simulate(UNIT, Chirp(duration=0.25), model="averaged", duration=0.25)
-    found = calibrate(recording, misdescribed(WRONG_STARTS[0]), FREE, max_corrections=0)
-    assert found.parameters["viscous"].value == pytest.approx(TRUE["viscous"], rel=5e-3)
+    calibration = calibrate(recording, misdescribed(WRONG_STARTS[0]), FREE, max_corrections=0)
+    assert calibration.parameters["viscous"].value == pytest.approx(TRUE["viscous"], rel=5e-3)
 
 
 def test_what_was_kept_from_the_description_is_said_not_to_be_measured(found: Calibration) -> None:
@@ -187,25 +187,25 @@ def test_static_friction_follows_dynamic_friction(found: Calibration) -> None:
 
 def test_everything_else_stays(instants: Recording) -> None:
     guess = misdescribed(WRONG_STARTS[0])
-    found = calibrate(instants, guess, ["inertia", "coulomb"], max_corrections=0)
+    calibration = calibrate(instants, guess, ["inertia", "coulomb"], max_corrections=0)
     expected = with_lumped_parameters(
-        guess, {name: p.value for name, p in found.parameters.items()}, name="guess, calibrated"
+        guess, {name: p.value for name, p in calibration.parameters.items()}, name="guess, calibrated"
     )
-    assert found.actuator.model_copy(update={"baseline": None}) == expected
-    assert found.actuator.electrical == guess.electrical
-    assert found.actuator.controller == guess.controller
+    assert calibration.actuator.model_copy(update={"baseline": None}) == expected
+    assert calibration.actuator.electrical == guess.electrical
+    assert calibration.actuator.controller == guess.controller
 
 
 def test_a_gentle_manoeuvre_does_not_identify_the_resistance() -> None:
     # The current loop follows its reference whatever the resistance, short of the supply's limit.
     gentle = current_of(simulate(THESIS, Chirp(amplitude=2e-3, stop_hz=4), noise=0.05))
-    found = calibrate(gentle, THESIS, ["inertia", "coulomb", "resistance"], max_corrections=0)
-    identifiable = {name: p.identifiable for name, p in found.parameters.items()}
+    calibration = calibrate(gentle, THESIS, ["inertia", "coulomb", "resistance"], max_corrections=0)
+    identifiable = {name: p.identifiable for name, p in calibration.parameters.items()}
     assert identifiable == {"inertia": True, "coulomb": True, "resistance": False}
-    resistance = found.parameters["resistance"]
+    resistance = calibration.parameters["resistance"]
     # What the data do not tell keeps the width that it was given.
     assert resistance.factor == pytest.approx(WIDEST_FACTOR, rel=0.03)
-    (line,) = [one for one in str(found).splitlines() if one.startswith("resistance")]
+    (line,) = [one for one in str(calibration).splitlines() if one.startswith("resistance")]
     assert "not identifiable from this recording: known within a factor of 30 only" in line
     assert f"{resistance.standard_error:.2g}" not in line
 
@@ -220,8 +220,8 @@ def test_the_error_of_what_is_not_identifiable_covers_a_value_far_too_small() ->
 def test_a_scale_that_no_current_shows_is_not_identifiable() -> None:
     # Torque constant, inertia and friction times one factor give the same current, to the last bits.
     recording = current_of(simulate(THESIS, Chirp(duration=0.15), duration=0.15))
-    found = calibrate(recording, THESIS, ["torque_constant", "inertia", "coulomb", "viscous"])
-    assert not any(p.identifiable for p in found.parameters.values())
+    calibration = calibrate(recording, THESIS, ["torque_constant", "inertia", "coulomb", "viscous"])
+    assert not any(p.identifiable for p in calibration.parameters.values())
 
 
 @pytest.mark.parametrize(
@@ -246,8 +246,8 @@ def test_static_friction_may_be_as_small_as_dynamic_friction(free: list[str], se
 def test_a_recorded_load_is_no_offset() -> None:
     load = Sampled([0.0, 0.5], [0.05, 0.15])
     recording = own_recording(duration=0.25, load=load)
-    found = calibrate(recording, misdescribed(WRONG_STARTS[1]), FREE, max_corrections=0)
-    assert all(abs(deviation) < 4 for deviation in deviations(found).values())
+    calibration = calibrate(recording, misdescribed(WRONG_STARTS[1]), FREE, max_corrections=0)
+    assert all(abs(deviation) < 4 for deviation in deviations(calibration).values())
 
 
 def test_the_json_has_what_the_design_asks_for(found: Calibration) -> None:
@@ -266,8 +266,8 @@ def test_a_linear_actuator_is_calibrated_in_its_units() -> None:
     values = UNIT.model_dump() | {"coordinates": "linear"}
     linear = Actuator.from_dict(values)
     recording = simulate(linear, Chirp(duration=0.1), model="averaged", sampling="instant", duration=0.1)
-    found = calibrate(recording, linear, FREE, max_corrections=0)
-    assert [p.unit for p in found.parameters.values()] == ["kg", "N·s/m", "N", "N"]
+    calibration = calibrate(recording, linear, FREE, max_corrections=0)
+    assert [p.unit for p in calibration.parameters.values()] == ["kg", "N·s/m", "N", "N"]
 
 
 def test_same_seed_same_bits_whatever_the_workers() -> None:
@@ -282,8 +282,8 @@ def test_same_seed_same_bits_whatever_the_workers() -> None:
 
 
 def test_a_name_given_twice_counts_once(instants: Recording) -> None:
-    found = calibrate(instants, UNIT, ["inertia", "inertia"], max_corrections=0)
-    assert list(found.parameters) == ["inertia"]
+    calibration = calibrate(instants, UNIT, ["inertia", "inertia"], max_corrections=0)
+    assert list(calibration.parameters) == ["inertia"]
 
 
 IDEAL = Actuator.from_dict(THESIS.model_dump() | {"electrical": None})

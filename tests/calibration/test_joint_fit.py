@@ -73,7 +73,9 @@ def test_recordings_of_other_lengths_commands_and_channels_share_one_fit() -> No
         # Of three normal deviates, one in 5000 cases has one beyond 4.
         assert abs(parameter.value - described[name]) < 4 * parameter.standard_error
         assert (parameter.identifiable, parameter.doubtful, parameter.at_bound) == (True, False, False)
-    np.testing.assert_allclose([one["load"] for one in found.nuisances], [0.05, -0.03, 0.0], atol=2e-3)
+    np.testing.assert_allclose(
+        [nuisance["load"] for nuisance in found.nuisances], [0.05, -0.03, 0.0], atol=2e-3
+    )
     assert len(found.replays) == 3
     # Three recordings know more than the first alone.
     alone = fitted(days[0])
@@ -92,7 +94,7 @@ def test_the_arrow_is_the_jacobian_of_all_rows() -> None:
     def every_row(points: np.ndarray) -> np.ndarray:
         outcomes = joint.evaluate(points)
         priors = points[:, :3] * (20**0.5 / variation.priors)
-        return np.hstack([-np.array([np.concatenate(one.residual) for one in outcomes]), priors])
+        return np.hstack([-np.array([np.concatenate(outcome.residual) for outcome in outcomes]), priors])
 
     outputs = every_row(point[np.newaxis])
     (dense,) = one_sided_jacobians(every_row, point[np.newaxis], outputs, joint.box, joint.step)
@@ -120,7 +122,7 @@ def test_recordings_that_each_fit_well_but_contradict_each_other_end_in_no_confi
     np.testing.assert_allclose(asked, [f * 2.5e-5 for f in (1.6, 0.35, 1.45)], rtol=0.02)
     assert found.birge_ratio is not None
     assert found.birge_ratio > 10
-    assert max(one.misfit_ratio or 0.0 for one in found.recordings) > 2
+    assert max(recording.misfit_ratio or 0.0 for recording in found.recordings) > 2
     text = str(found)
     assert "inertia is doubtful" in text
     assert "times as well as with the others" in text
@@ -138,7 +140,7 @@ def test_a_known_value_holds_for_its_recording_alone() -> None:
     known, assumed = fitted(rows), fitted(days)
     assert known.parameters["inertia"].value == pytest.approx(1.3 * 2.5e-5, rel=0.01)
     assert known.relative_error["position_rad"] < 0.1 * assumed.relative_error["position_rad"]
-    assert [one.known["position_gain"] for one in known.recordings] == list(gains)
+    assert [recording.known["position_gain"] for recording in known.recordings] == list(gains)
     # The unit's description keeps its own.
     assert known.actuator.controller.position_gain == THESIS.controller.position_gain
 
@@ -198,7 +200,7 @@ def test_a_parameter_at_its_bound_is_said_so() -> None:
 
 def test_what_acts_alike_is_named_with_what_would_separate_it() -> None:
     # Heat raises the resistance and lowers the torque constant, as another motor's may be.
-    found = calibrate(
+    calibration = calibrate(
         [recorded(THESIS, i) for i in range(2)],
         THESIS,
         ("coulomb", "torque_constant", "resistance"),
@@ -206,12 +208,14 @@ def test_what_acts_alike_is_named_with_what_would_separate_it() -> None:
         max_corrections=0,
         workers=1,
     )
-    (alike,) = found.collinear_sets
+    (alike,) = calibration.collinear_sets
     assert set(alike.members) == {"torque_constant", "resistance", "temperature"}
     assert alike.channels == ("temperature_K",)
-    assert "act alike in these recordings" in str(found)
-    assert "collinear" in next(line for line in str(found).splitlines() if line.startswith("resistance"))
-    assert found.to_dict()["collinear"][0]["channels"] == ("temperature_K",)
+    assert "act alike in these recordings" in str(calibration)
+    assert "collinear" in next(
+        line for line in str(calibration).splitlines() if line.startswith("resistance")
+    )
+    assert calibration.to_dict()["collinear"][0]["channels"] == ("temperature_K",)
 
 
 @pytest.mark.parametrize(

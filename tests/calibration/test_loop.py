@@ -35,20 +35,20 @@ def reference() -> Recording:
 
 
 def test_a_wrong_gain_leads_to_measured_motion(reference: Recording) -> None:
-    found = calibrate(reference, WRONG_GAIN, FREE, nuisances=[])
-    assert found.loop.loop == "measured"
-    assert "position gain 9.99" in found.loop.reason
-    assert "described 5e+04" in found.loop.reason
-    for name, parameter in found.parameters.items():
+    calibration = calibrate(reference, WRONG_GAIN, FREE, nuisances=[])
+    assert calibration.loop.loop == "measured"
+    assert "position gain 9.99" in calibration.loop.reason
+    assert "described 5e+04" in calibration.loop.reason
+    for name, parameter in calibration.parameters.items():
         assert parameter.identifiable
         assert abs(parameter.value - TRUE[name]) < 3 * parameter.standard_error
         assert parameter.value == pytest.approx(TRUE[name], rel=0.02)
-    assert found.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=2e-3)
+    assert calibration.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=2e-3)
     # The noise is 2 % of each channel, and averages out below the regression's cutoff.
-    assert found.force_error is not None
-    assert found.force_error < 0.02
-    assert lumped_parameters(found.actuator, FREE) == pytest.approx(
-        {name: p.value for name, p in found.parameters.items()}
+    assert calibration.force_error is not None
+    assert calibration.force_error < 0.02
+    assert lumped_parameters(calibration.actuator, FREE) == pytest.approx(
+        {name: p.value for name, p in calibration.parameters.items()}
     )
     # The closed loop with that gain would be off by more than all of its standard errors.
     closed = calibrate(reference, WRONG_GAIN, FREE, loop="closed", nuisances=[], max_corrections=0)
@@ -58,27 +58,27 @@ def test_a_wrong_gain_leads_to_measured_motion(reference: Recording) -> None:
 
 
 def test_the_result_by_measured_motion_is_a_description_a_table_and_json(reference: Recording) -> None:
-    found = calibrate(reference, THESIS, FREE, loop="measured")
-    assert found.actuator.name == "thesis, calibrated"
-    baseline = found.actuator.baseline
+    calibration = calibrate(reference, THESIS, FREE, loop="measured")
+    assert calibration.actuator.name == "thesis, calibrated"
+    baseline = calibration.actuator.baseline
     assert baseline is not None
     assert baseline.names == FREE
-    for i, (name, parameter) in enumerate(found.parameters.items()):
+    for i, (name, parameter) in enumerate(calibration.parameters.items()):
         scale = 1.0 if name == "offset" else parameter.value
         assert np.sqrt(baseline.covariance[i][i]) * scale == pytest.approx(parameter.standard_error, rel=0.01)
-    told = json.loads(found.to_json())
+    told = json.loads(calibration.to_json())
     assert (told["loop"], told["loop_reason"]) == ("measured", "as asked for")
-    assert told["force_error"] == told["recordings"][0]["force_error"] == found.force_error
-    assert found.replays[0].relative_error["current_A"] < 0.1
+    assert told["force_error"] == told["recordings"][0]["force_error"] == calibration.force_error
+    assert calibration.replays[0].relative_error["current_A"] < 0.1
     for piece in ("Calibrated by measured motion: as asked for.", "torque by the measured motion"):
-        assert piece in str(found)
-    Actuator.from_dict(found.actuator.model_dump(exclude_none=True), where="calibrated")
+        assert piece in str(calibration)
+    Actuator.from_dict(calibration.actuator.model_dump(exclude_none=True), where="calibrated")
 
 
 def test_a_right_description_stays_in_closed_loop(reference: Recording) -> None:
-    found = calibrate(reference, THESIS, ["inertia"], max_corrections=0)
-    assert found.loop.loop == "closed"
-    assert "agrees" in found.loop.reason
+    calibration = calibrate(reference, THESIS, ["inertia"], max_corrections=0)
+    assert calibration.loop.loop == "closed"
+    assert "agrees" in calibration.loop.reason
     alone = {name: reference[name] for name in ("time_s", "command_rad", "current_A")}
     unchecked = calibrate(Recording(alone, reference.sampling), THESIS, ["inertia"], max_corrections=0)
     assert unchecked.loop.loop == "closed"
@@ -86,14 +86,14 @@ def test_a_right_description_stays_in_closed_loop(reference: Recording) -> None:
 
 
 def test_a_free_gain_and_a_free_lag_stay_in_closed_loop(reference: Recording) -> None:
-    found = calibrate(reference, WRONG_GAIN, ["inertia", "position_gain"], max_corrections=0)
-    assert found.loop.loop == "closed"
-    assert "'position_gain' is free" in found.loop.reason
-    assert found.parameters["position_gain"].value == pytest.approx(1e5, rel=0.01)
+    calibration = calibrate(reference, WRONG_GAIN, ["inertia", "position_gain"], max_corrections=0)
+    assert calibration.loop.loop == "closed"
+    assert "'position_gain' is free" in calibration.loop.reason
+    assert calibration.parameters["position_gain"].value == pytest.approx(1e5, rel=0.01)
     lagging = with_lumped_parameters(WRONG_GAIN, {"torque_lag": 1e-4})
-    found = calibrate(reference, lagging, ["inertia", "torque_lag"], max_corrections=0)
-    assert found.loop.loop == "closed"
-    assert "does not identify 'torque_lag'" in found.loop.reason
+    calibration = calibrate(reference, lagging, ["inertia", "torque_lag"], max_corrections=0)
+    assert calibration.loop.loop == "closed"
+    assert "does not identify 'torque_lag'" in calibration.loop.reason
 
 
 @pytest.mark.parametrize(
@@ -129,20 +129,20 @@ def test_each_recording_may_have_what_is_known_of_it_and_its_own(reference: Reco
     weak = with_lumped_parameters(UNIT, {"offset": -0.05})
     other = recorded(weak, stop_hz=11.0)
     rows = [CampaignRow(reference, {"offset": 0.02}), CampaignRow(other, free=("offset",))]
-    found = calibrate(rows, THESIS, FREE[:3], loop="measured")
-    assert found.recordings[0].known == {"offset": 0.02}
-    assert found.recordings[1].own["offset"] == pytest.approx(-0.05, abs=1e-3)
-    assert found.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=2e-3)
+    calibration = calibrate(rows, THESIS, FREE[:3], loop="measured")
+    assert calibration.recordings[0].known == {"offset": 0.02}
+    assert calibration.recordings[1].own["offset"] == pytest.approx(-0.05, abs=1e-3)
+    assert calibration.parameters["inertia"].value == pytest.approx(TRUE["inertia"], rel=2e-3)
     # An unknown load is estimated of each, too.
-    found = calibrate([reference, other], THESIS, FREE[:3], loop="measured")
-    loads = [one.nuisances["load"] for one in found.recordings]
+    calibration = calibrate([reference, other], THESIS, FREE[:3], loop="measured")
+    loads = [recording.nuisances["load"] for recording in calibration.recordings]
     assert loads == pytest.approx([0.02, -0.05], abs=1e-3)
     # It adds to the load that is described.
     loaded = with_lumped_parameters(THESIS, {"offset": 0.05})
     (found_again,) = calibrate(reference, loaded, FREE[:3], loop="measured").recordings
     assert found_again.nuisances["load"] == pytest.approx(-0.03, abs=1e-3)
     assert found_again.replay.relative_error["current_A"] == pytest.approx(
-        found.recordings[0].replay.relative_error["current_A"], rel=0.02
+        calibration.recordings[0].replay.relative_error["current_A"], rel=0.02
     )
 
 
@@ -150,14 +150,14 @@ def test_recordings_that_contradict_each_other_are_doubtful_by_measured_motion_t
     reference: Recording,
 ) -> None:
     heavy = recorded(with_lumped_parameters(UNIT, {"inertia": 6.4e-5}))
-    found = calibrate([reference, heavy], THESIS, FREE, loop="measured", nuisances=[])
-    inertia = found.parameters["inertia"]
+    calibration = calibrate([reference, heavy], THESIS, FREE, loop="measured", nuisances=[])
+    inertia = calibration.parameters["inertia"]
     assert inertia.doubtful
     assert "alone they would have 3.2e-05 ±" in inertia.reason
     for value in (3.2e-5, 6.4e-5):
         assert abs(inertia.value - value) < 2 * inertia.standard_error
-    assert found.birge_ratio is not None
-    assert found.birge_ratio > 10
+    assert calibration.birge_ratio is not None
+    assert calibration.birge_ratio > 10
     again = recorded(UNIT, stop_hz=12.0, seed=1)
     agreeing = calibrate([reference, again], THESIS, FREE, loop="measured")
     assert not agreeing.parameters["inertia"].doubtful
@@ -179,9 +179,9 @@ def test_laws_are_found_by_measured_motion() -> None:
     description = UNIT.model_dump(exclude_none=True) | {"friction": {"viscous_asymmetry": 0.3}}
     unequal = Actuator.from_dict(description, where="unequal")
     recording = recorded(unequal)
-    found = calibrate(recording, THESIS, laws=["directional"], loop="measured", nuisances=[])
-    assert found.laws == ("directional",)
-    asymmetry = found.parameters["viscous_asymmetry"]
+    calibration = calibrate(recording, THESIS, laws=["directional"], loop="measured", nuisances=[])
+    assert calibration.laws == ("directional",)
+    asymmetry = calibration.parameters["viscous_asymmetry"]
     assert abs(asymmetry.value - 0.3) < 3 * asymmetry.standard_error
 
 

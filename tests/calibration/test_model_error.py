@@ -203,8 +203,8 @@ def unit() -> Actuator:
 def test_a_healthy_recording_of_a_plant_that_the_model_lacks_is_no_worse_than_healthy(unit: Actuator) -> None:
     diagnosis = diagnose(recorded(10), unit, nuisances=THESIS.nuisances.estimated, workers=1)
     assert diagnosis.explained
-    for one in diagnosis.components.values():
-        assert one.verdict != "degraded"
+    for component in diagnosis.components.values():
+        assert component.verdict != "degraded"
     compared = diagnosis.model_error["current_A"]
     assert compared.ratio == pytest.approx(1.0, abs=0.15)
     assert compared.recordings == 3
@@ -267,12 +267,12 @@ def test_what_the_learned_error_leaves_undecided_is_laid_at_its_door() -> None:
     whole = simulate(THESIS, Chirp(duration=0.2), faults=Faults(short_b=0.15), duration=0.2, noise=0.05)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
     poor = ModelError(faults=ApparentFaults(short_b=0.1, gain=0.3, recordings=3))
-    found = diagnose(recording, THESIS.model_copy(update={"model_error": poor}))
+    diagnosis = diagnose(recording, THESIS.model_copy(update={"model_error": poor}))
     for name in ("short_b", "gain"):
-        assert found.components[name].verdict == "cannot tell"
-        assert found.components[name].reason == OF_MODEL_ERROR
+        assert diagnosis.components[name].verdict == "cannot tell"
+        assert diagnosis.components[name].reason == OF_MODEL_ERROR
     assert OF_MODEL_ERROR not in {
-        found.components[name].reason for name in ("friction", "backlash", "short_a")
+        diagnosis.components[name].reason for name in ("friction", "backlash", "short_a")
     }
 
 

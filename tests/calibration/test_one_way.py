@@ -40,7 +40,7 @@ def opposite(times: Array) -> Array:
 
 def test_a_ramp_leaves_friction_and_load_as_open_as_before() -> None:
     found = calibrated(ramp)
-    assert {name for one in found.collinear_sets for name in one.members} == {"coulomb", "offset"}
+    assert {name for group in found.collinear_sets for name in group.members} == {"coulomb", "offset"}
     (warning,) = found.warnings
     assert "moves one way only" in warning
     assert "coulomb and offset are known no better than before" in warning

@@ -102,7 +102,9 @@ def test_a_current_that_is_the_recorded_one_or_none_is_not_advised(
     pmsm = Actuator.pmsm()
     whole = simulate(pmsm, Ramp(0.2), model="averaged", noise=0.3)
     kept = {name: whole[name] for name in ("time_s", "command_rad", recorded)}
-    found = calibrate(Recording(kept, whole.sampling), pmsm, free, nuisances=(), max_corrections=0, workers=1)
-    assert found.collinear_sets
-    for one in found.collinear_sets:
-        assert not {"current_A", "current_q_A", "current_d_A"} & set(one.channels)
+    calibration = calibrate(
+        Recording(kept, whole.sampling), pmsm, free, nuisances=(), max_corrections=0, workers=1
+    )
+    assert calibration.collinear_sets
+    for group in calibration.collinear_sets:
+        assert not {"current_A", "current_q_A", "current_d_A"} & set(group.channels)

@@ -36,7 +36,7 @@ def slow() -> Calibration:
 
 
 def of_few(found: Calibration) -> list[str]:
-    return [one for one in found.warnings if "that is no noise" in one]
+    return [warning for warning in found.warnings if "that is no noise" in warning]
 
 
 def test_one_manoeuvre_does_not_show_what_another_would_ask_for(
@@ -78,7 +78,7 @@ STICKING = with_lumped_parameters(
 
 
 def of_a_law(found: Calibration) -> list[str]:
-    return [one for one in found.warnings if "lacks a law" in one]
+    return [warning for warning in found.warnings if "lacks a law" in warning]
 
 
 def test_a_law_that_is_missing_is_said_with_what_is_left() -> None:
@@ -97,7 +97,7 @@ def test_a_description_that_has_every_law_is_not_said_to_lack_one(seed: int) -> 
     noise = (0.005, 0.02, 0.1)[seed % 3]
     whole = simulate(STICKING, (CHIRP, SLOW)[seed % 2], model="averaged", noise=noise, seed=seed)
     columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
-    found = calibrate(
+    calibration = calibrate(
         Recording(columns, whole.sampling, "day"),
         STICKING,
         ("inertia", "coulomb"),
@@ -105,7 +105,7 @@ def test_a_description_that_has_every_law_is_not_said_to_lack_one(seed: int) -> 
         max_corrections=0,
         workers=1,
     )
-    assert of_a_law(found) == []
+    assert of_a_law(calibration) == []
 
 
 def test_what_a_missing_law_leaves_widens_the_standard_errors() -> None:

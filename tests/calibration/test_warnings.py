@@ -69,7 +69,7 @@ def test_a_position_in_another_unit_is_named(
 ) -> None:
     foreign = scaled(recording, command_rad=factor, position_rad=factor)
     result = found(foreign, actuator, "measured")
-    assert any(f"as of a position in {unit}: convert" in one for one in result.warnings)
+    assert any(f"as of a position in {unit}: convert" in warning for warning in result.warnings)
     # Least squares by the motion reach any value.
     inertia = result.parameters["inertia"]
     assert inertia.value == pytest.approx(2.5e-5 / factor, rel=0.1)

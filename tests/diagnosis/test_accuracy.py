@@ -39,7 +39,7 @@ NOISY_FAULTS = drawn(3, seed=1)
 def diagnosed(recordings: list[Recording]) -> Diagnoses:
     """Diagnose with load and temperature known, as the published noise-free cases are."""
     return {
-        most: [diagnose(one, THESIS, max_corrections=most, nuisances=()) for one in recordings]
+        most: [diagnose(recording, THESIS, max_corrections=most, nuisances=()) for recording in recordings]
         for most in CORRECTIONS
     }
 
@@ -139,9 +139,9 @@ def test_the_phase_cannot_be_known_without_eccentricity(of_healthy: Diagnosis, o
 def test_the_phase_is_found_across_the_cut_of_its_circle(true: float) -> None:
     truth = Faults(eccentricity=0.5, eccentricity_phase=true)
     recording = reference_recordings([truth.vector], noise=0.05, duration=NOISY_DURATION)[0]
-    found = diagnose(recording, THESIS, nuisances=USUAL)
-    assert error_percent(truth.vector, found.faults.vector) <= 2.0
-    assert covered(truth.vector, found)[6]
+    diagnosis = diagnose(recording, THESIS, nuisances=USUAL)
+    assert error_percent(truth.vector, diagnosis.faults.vector) <= 2.0
+    assert covered(truth.vector, diagnosis)[6]
 
 
 @pytest.mark.parametrize(("most", "least"), [(MAX_CORRECTIONS, 0.87), (0, 0.8)])
@@ -175,10 +175,10 @@ MULTIPLE = Faults.from_vector([0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75])
 
 @pytest.mark.evidence
 def test_the_thesiss_multiple_faults_are_estimated_as_published() -> None:
-    found = diagnose(reference_recordings([MULTIPLE.vector], duration=DURATION)[0], THESIS, nuisances=())
+    diagnosis = diagnose(reference_recordings([MULTIPLE.vector], duration=DURATION)[0], THESIS, nuisances=())
     # Published: the worst of ten searches 0.90 %, of ten recordings 1.12 %.
-    assert error_percent(MULTIPLE.vector, found.faults.vector) <= 1.5
-    assert found.explained
+    assert error_percent(MULTIPLE.vector, diagnosis.faults.vector) <= 1.5
+    assert diagnosis.explained
 
 
 def test_a_threefold_inertia_is_no_fault_that_the_model_knows() -> None:
@@ -205,6 +205,6 @@ def test_an_unrecorded_load_is_not_explained() -> None:
     )
     assert diagnose(whole, THESIS, max_corrections=0).explained
     unknown = Recording({name: whole[name] for name in whole if name != "load_Nm"})
-    found = diagnose(unknown, THESIS, max_corrections=0)
-    assert not found.explained
-    assert "does NOT explain" in str(found)
+    diagnosis = diagnose(unknown, THESIS, max_corrections=0)
+    assert not diagnosis.explained
+    assert "does NOT explain" in str(diagnosis)

@@ -81,15 +81,15 @@ def test_gains_are_asked_for_only_where_they_rest_on_the_description() -> None:
 def test_gains_that_are_off_are_estimated_with_the_faults(
     described: Actuator, factors: dict[str, float]
 ) -> None:
-    found = diagnose(on_a_rig(differing(described, **factors), FAULTS, 0.22), described, workers=1)
-    assert found.explained
-    assert found.laws == ()
-    assert {f"baseline {name}" for name in factors} <= set(found.selected)
+    diagnosis = diagnose(on_a_rig(differing(described, **factors), FAULTS, 0.22), described, workers=1)
+    assert diagnosis.explained
+    assert diagnosis.laws == ()
+    assert {f"baseline {name}" for name in factors} <= set(diagnosis.selected)
     for name, factor in factors.items():
-        gain = found.nuisances[f"baseline {name}"]
+        gain = diagnosis.nuisances[f"baseline {name}"]
         assert gain.value == pytest.approx(math.log(factor), abs=max(0.01, 3 * gain.standard_error))
-        assert name in "\n".join(found.notes())
-    assert error_percent(FAULTS.vector, found.faults.vector) < 1.0
+        assert name in "\n".join(diagnosis.notes())
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) < 1.0
 
 
 def test_another_gear_ratio_is_no_speed_gain_where_only_the_current_shows_it() -> None:
@@ -165,11 +165,13 @@ def test_a_command_that_lags_is_no_delay_and_a_delay_no_lag(
 
 @pytest.mark.evidence
 def test_a_feedforward_and_early_channels_that_explain_as_much_leave_the_gain_open() -> None:
-    found = diagnose(on_a_rig(controlled_by(speed_feedforward=0.3), Faults(0.3, short_b=0.2), 0.3), THESIS)
-    assert found.explained
-    assert "delay" in found.selected
-    assert found.components["gain"].verdict == "cannot tell"
-    assert found.components["friction"].verdict == "degraded"
+    diagnosis = diagnose(
+        on_a_rig(controlled_by(speed_feedforward=0.3), Faults(0.3, short_b=0.2), 0.3), THESIS
+    )
+    assert diagnosis.explained
+    assert "delay" in diagnosis.selected
+    assert diagnosis.components["gain"].verdict == "cannot tell"
+    assert diagnosis.components["friction"].verdict == "degraded"
 
 
 @pytest.mark.evidence

@@ -29,25 +29,25 @@ def near_the_truth(unit: Actuator, described: Actuator = THESIS) -> SearchResult
 
 @pytest.mark.evidence
 def test_a_speed_gain_that_is_off_is_no_sensor_and_no_friction() -> None:
-    found = diagnose(on_a_rig(differing(THESIS, speed_gain=0.9), FAULTS, 0.3), THESIS)
-    assert found.explained
-    assert found.selected == ("baseline speed_gain",)
-    assert found.sensor_faults == ()
-    gain = found.nuisances["baseline speed_gain"]
+    diagnosis = diagnose(on_a_rig(differing(THESIS, speed_gain=0.9), FAULTS, 0.3), THESIS)
+    assert diagnosis.explained
+    assert diagnosis.selected == ("baseline speed_gain",)
+    assert diagnosis.sensor_faults == ()
+    gain = diagnosis.nuisances["baseline speed_gain"]
     assert gain.value == pytest.approx(math.log(0.9), abs=max(0.01, 3 * gain.standard_error))
-    assert found.components["friction"].value == pytest.approx(FAULTS.friction, abs=0.02)
-    assert "speed_gain" in "\n".join(found.notes())
+    assert diagnosis.components["friction"].value == pytest.approx(FAULTS.friction, abs=0.02)
+    assert "speed_gain" in "\n".join(diagnosis.notes())
 
 
 def test_shorts_are_known_no_better_than_a_motor_that_is_not_as_described() -> None:
-    found = diagnose(on_a_rig(differing(THESIS, torque_constant=0.9), FAULTS, 0.3), THESIS)
-    assert found.explained
-    assert found.selected == tuple(f"baseline {name}" for name in MOTOR)
-    assert all(covered(FAULTS.vector, found)[2:5])
+    diagnosis = diagnose(on_a_rig(differing(THESIS, torque_constant=0.9), FAULTS, 0.3), THESIS)
+    assert diagnosis.explained
+    assert diagnosis.selected == tuple(f"baseline {name}" for name in MOTOR)
+    assert all(covered(FAULTS.vector, diagnosis)[2:5])
     # The same motor errs in each recording: their mean is no better.
-    shared = found.shared_covariance
+    shared = diagnosis.shared_covariance
     assert shared is not None
-    assert shared[2, 2] == pytest.approx(found.covariance[2, 2], rel=0.5)
+    assert shared[2, 2] == pytest.approx(diagnosis.covariance[2, 2], rel=0.5)
 
 
 @pytest.mark.parametrize(

@@ -46,12 +46,12 @@ def test_impossible_searches_are_refused(mixed: Recording) -> None:
 
 
 def test_a_diagnosis_is_written_whole_or_refused(mixed: Recording, tmp_path: Path) -> None:
-    found = diagnose(mixed, THESIS, max_corrections=0, nuisances=())
+    diagnosis = diagnose(mixed, THESIS, max_corrections=0, nuisances=())
     path = tmp_path / "found.json"
-    content = found.to_json(path)
+    content = diagnosis.to_json(path)
     assert path.read_text(encoding="utf-8") == content + "\n"
     with pytest.raises(OutputError, match="cannot be written"):
-        found.to_json(tmp_path / "absent" / "found.json")
+        diagnosis.to_json(tmp_path / "absent" / "found.json")
     assert [one.name for one in tmp_path.iterdir()] == ["found.json"]
 
 
@@ -234,10 +234,10 @@ def test_heat_is_identified_by_the_voltage_and_collinear_without() -> None:
 
 
 def test_no_nuisance_is_estimated_where_none_is_asked_for(mixed: Recording) -> None:
-    found = diagnose(mixed, THESIS, nuisances=(), max_corrections=0)
-    assert found.nuisances == {}
-    assert found.notes() == []
-    assert len(found.coordinates) == 8
+    diagnosis = diagnose(mixed, THESIS, nuisances=(), max_corrections=0)
+    assert diagnosis.nuisances == {}
+    assert diagnosis.notes() == []
+    assert len(diagnosis.coordinates) == 8
 
 
 # The other methods, fitnesses and models.
@@ -254,21 +254,21 @@ def test_no_nuisance_is_estimated_where_none_is_asked_for(mixed: Recording) -> N
 def test_a_swarm_finds_a_single_fault(method: str, fitness: str) -> None:
     truth = Faults(friction=0.5)
     recording = reference_recordings([truth.vector], duration=0.2)[0]
-    found = diagnose(recording, THESIS, method=method, fitness=fitness)
-    assert (found.method, found.fitness_name) == (method, fitness)
+    diagnosis = diagnose(recording, THESIS, method=method, fitness=fitness)
+    assert (diagnosis.method, diagnosis.fitness_name) == (method, fitness)
     # 50 agents, 100 iterations, and what follows: derivatives about eight points, two runs for each of eight,
     # of the recorded channel and, where it leaves something open, of the others.
-    assert 5000 < found.evaluations <= 5000 + 2 * 8 * 2 * 8 + 10
+    assert 5000 < diagnosis.evaluations <= 5000 + 2 * 8 * 2 * 8 + 10
     # A swarm ends with its iterations, wherever it is: components that hardly show may be far off (the thesis
     # has errors up to 100 %), but nine tenths of what no fault at all leaves are explained.
-    assert found.faults.friction == pytest.approx(0.5, abs=0.1)
+    assert diagnosis.faults.friction == pytest.approx(0.5, abs=0.1)
     problem = problem_of(recording, THESIS)
     (healthy,) = COST_FUNCTIONS[fitness](
         problem.recorded, problem.predict_primary(HEALTHY), problem.inputs.interval
     )
-    assert found.fitness < 0.1 * healthy
+    assert diagnosis.fitness < 0.1 * healthy
     again = diagnose(recording, THESIS, method=method, fitness=fitness)
-    assert without_seconds(again) == without_seconds(found)
+    assert without_seconds(again) == without_seconds(diagnosis)
 
 
 def test_the_monitor_model_finds_what_it_recorded_itself() -> None:
@@ -276,9 +276,9 @@ def test_the_monitor_model_finds_what_it_recorded_itself() -> None:
     recording = simulate(THESIS, Chirp(duration=0.15), faults=truth, model="monitor", duration=0.15)
 
     def error(seed: int) -> float:
-        found = diagnose(recording, THESIS, model="monitor", method="dragonfly", seed=seed)
-        assert found.model == "monitor"
-        return float(error_percent(truth.vector, found.faults.vector))
+        diagnosis = diagnose(recording, THESIS, model="monitor", method="dragonfly", seed=seed)
+        assert diagnosis.model == "monitor"
+        return float(error_percent(truth.vector, diagnosis.faults.vector))
 
     # Nothing but the swarm's luck stands between it and its own model: one of three runs must arrive.
     assert any(error(seed) <= 1.0 for seed in range(3))
@@ -327,11 +327,11 @@ def test_an_actuator_that_can_show_little_is_asked_for_that() -> None:
     recording = simulate(
         ideal, Chirp(duration=0.2), faults=Faults(gain=0.7), duration=0.2, sampling="instant"
     )
-    found = diagnose(recording, ideal)
+    diagnosis = diagnose(recording, ideal)
     # Every drive has a position gain, so that no actuator can show no fault.
-    assert found.coordinates == ("gain", "load")
-    assert found.faults.gain == pytest.approx(0.7, abs=0.01)
-    assert all(not found.components[name].identifiable for name in NAMES[:7])
+    assert diagnosis.coordinates == ("gain", "load")
+    assert diagnosis.faults.gain == pytest.approx(0.7, abs=0.01)
+    assert all(not diagnosis.components[name].identifiable for name in NAMES[:7])
 
 
 def test_a_recording_in_foreign_units_is_refused(mixed: Recording) -> None:

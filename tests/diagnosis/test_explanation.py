@@ -99,10 +99,10 @@ def test_a_current_along_the_flux_that_is_held_at_0_may_be_recorded() -> None:
     pmsm = Actuator.pmsm()
     command, faults = Chirp(duration=0.25), Faults(friction=0.3)
     whole = simulate(pmsm, command, faults=faults, duration=0.25, noise=0.05, adc_bits=12)
-    found = diagnose(Recording({name: whole[name] for name in ("time_s", "command_rad", *DQ)}), pmsm)
-    assert found.explained
-    assert found.components["friction"].verdict == "degraded"
-    assert not any("rotor_zero" in note for note in found.recording_notes)
+    diagnosis = diagnose(Recording({name: whole[name] for name in ("time_s", "command_rad", *DQ)}), pmsm)
+    assert diagnosis.explained
+    assert diagnosis.components["friction"].verdict == "degraded"
+    assert not any("rotor_zero" in note for note in diagnosis.recording_notes)
 
 
 CALIBRATED = THESIS.model_copy(update={"baseline": Baseline.of(("coulomb",), np.array([[1e-4]]), ("a.csv",))})
@@ -341,7 +341,7 @@ def test_the_true_temperature_is_believed_and_a_wrong_one_contradicted() -> None
     wrong = diagnosed(0, nuisances=("load",), temperature_K=200.0)
     assert not wrong.explained
     assert any("temperature" in reason for reason in wrong.reasons)
-    assert {one.verdict for one in wrong.components.values()} == {"cannot tell"}
+    assert {component.verdict for component in wrong.components.values()} == {"cannot tell"}
     assert wrong.to_dict()["reasons"] == list(wrong.reasons)
     assert all(f"Not explained: {reason}." in str(wrong) for reason in wrong.reasons)
 

@@ -102,12 +102,12 @@ def test_none_is_suspected_where_there_is_none_or_it_is_described() -> None:
 
 @pytest.mark.evidence
 def test_a_saturation_that_nobody_described_is_no_fault() -> None:
-    found = diagnose(on_a_rig(with_law("saturation", 0.01), Faults(), 0.35), THESIS)
-    assert found.explained
-    assert found.laws == ("saturation",)
-    components = {name: one for name, one in found.components.items() if name != "eccentricity_phase"}
-    assert {one.verdict for one in components.values()} == {"healthy"}
-    value = found.nuisances["baseline saturation"]
+    diagnosis = diagnose(on_a_rig(with_law("saturation", 0.01), Faults(), 0.35), THESIS)
+    assert diagnosis.explained
+    assert diagnosis.laws == ("saturation",)
+    components = {name: one for name, one in diagnosis.components.items() if name != "eccentricity_phase"}
+    assert {component.verdict for component in components.values()} == {"healthy"}
+    value = diagnosis.nuisances["baseline saturation"]
     assert value.value == pytest.approx(0.01, abs=4 * value.standard_error)
     assert value.standard_error < 0.001
 
@@ -144,23 +144,23 @@ def test_narrow_flats_of_the_back_emf_are_no_short(monkeypatch: pytest.MonkeyPat
     rivals = ("emf-flats", "emf-sine", "saturation", "inverter-drop")
     monkeypatch.setattr(hidden_laws, "HIDDEN", [law for law in hidden_laws.HIDDEN if law.name in rivals])
     monkeypatch.setattr(law_selection, "SUSPECTS", rivals)
-    found = diagnose(on_a_rig(with_law("emf-flats", 0.35), Faults(0.2, short_b=0.1), 0.2), THESIS)
-    assert found.explained
-    assert found.laws == ("emf-flats",)
-    loss = found.nuisances["baseline flat_loss"]
+    diagnosis = diagnose(on_a_rig(with_law("emf-flats", 0.35), Faults(0.2, short_b=0.1), 0.2), THESIS)
+    assert diagnosis.explained
+    assert diagnosis.laws == ("emf-flats",)
+    loss = diagnosis.nuisances["baseline flat_loss"]
     assert abs(loss.value - np.log(0.35 / 0.2)) <= 4 * loss.standard_error
     assert loss.standard_error < 0.05
-    assert found.components["friction"].value == pytest.approx(0.2, abs=0.01)
-    low, high = found.components["short_b"].interval95
+    assert diagnosis.components["friction"].value == pytest.approx(0.2, abs=0.01)
+    low, high = diagnosis.components["short_b"].interval95
     assert low <= 0.1 <= high
 
 
 def test_voltage_that_the_inverter_takes_is_no_other_inertia() -> None:
-    found = diagnose(on_a_rig(with_law("inverter-drop", 1.0), Faults(0.3), 0.2), THESIS)
-    assert found.explained
-    assert found.laws == ("inverter-drop",)
-    assert found.selected == ()
-    assert found.components["friction"].value == pytest.approx(0.3, abs=0.01)
-    drop = found.nuisances["baseline voltage_drop"]
+    diagnosis = diagnose(on_a_rig(with_law("inverter-drop", 1.0), Faults(0.3), 0.2), THESIS)
+    assert diagnosis.explained
+    assert diagnosis.laws == ("inverter-drop",)
+    assert diagnosis.selected == ()
+    assert diagnosis.components["friction"].value == pytest.approx(0.3, abs=0.01)
+    drop = diagnosis.nuisances["baseline voltage_drop"]
     assert abs(drop.value - np.log(1.0 / (0.01 * 48.0))) <= 4 * drop.standard_error
     assert drop.standard_error < 0.1

@@ -162,9 +162,13 @@ def test_recordings_may_differ_in_length_command_channels_and_load() -> None:
     found = joint(days)
     assert sum(covered(FAULTS.vector, found)) >= 7
     assert found.explained
-    loads = [one.nuisances["load"].value for one in found.recordings]
+    loads = [recording.nuisances["load"].value for recording in found.recordings]
     np.testing.assert_allclose(loads, [0.0, 0.0, 0.06], atol=3e-3)
-    assert [one.channels for one in found.recordings] == [CHANNELS[2:], CHANNELS[2:3], CHANNELS[2:]]
+    assert [recording.channels for recording in found.recordings] == [
+        CHANNELS[2:],
+        CHANNELS[2:3],
+        CHANNELS[2:],
+    ]
     assert found.time_s.shape == found.recorded.shape == found.modelled.shape
     assert np.all(np.diff(found.time_s) > 0)
 
@@ -179,7 +183,7 @@ def test_the_sensors_of_each_are_checked_and_what_speaks_against_each_is_said() 
     assert found.explained
     notes = [line for line in found.notes() if "on both" in line or "on one" in line]
     assert notes == ["2 recordings: a note on both.", "2 recordings: day 2: on one."]
-    assert [(one.channel, one.kind) for one in found.sensor_faults] == [("current_A", "frozen")]
+    assert [(fault.channel, fault.kind) for fault in found.sensor_faults] == [("current_A", "frozen")]
     said = [line for line in found.notes() if "is frozen" in line]
     assert len(said) == 1
     assert said[0].startswith("Sensor fault: day 2: current_A is frozen")
@@ -197,8 +201,8 @@ def test_a_recording_that_contradicts_the_others_is_named_and_no_component_is_ju
     assert found.contradicting == ("day 7",)
     assert "friction" in found.contradicted
     assert not found.explained
-    assert {one.verdict for one in found.components.values()} == {"cannot tell"}
-    assert [one.contradicts for one in found.recordings] == [False, True, False]
+    assert {component.verdict for component in found.components.values()} == {"cannot tell"}
+    assert [recording.contradicts for recording in found.recordings] == [False, True, False]
     assert found.recordings[1].misfit_ratio > 1.5
     assert found.recordings[1].alone[0] == pytest.approx(0.6, abs=0.02)
     assert "Contradicting the others: day 7. " in str(found)
@@ -207,7 +211,7 @@ def test_a_recording_that_contradicts_the_others_is_named_and_no_component_is_ju
 def test_of_two_that_contradict_each_other_neither_is_believed() -> None:
     found = joint([recorded(FAULTS, 1), recorded(Faults(friction=0.6), 2)])
     assert found.contradicting == ("day 1", "day 2")
-    assert {one.verdict for one in found.components.values()} == {"cannot tell"}
+    assert {component.verdict for component in found.components.values()} == {"cannot tell"}
 
 
 def test_a_law_that_the_description_lacks_is_common_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -225,7 +229,7 @@ def test_a_law_that_the_description_lacks_is_common_to_all(monkeypatch: pytest.M
     assert name == "baseline saturation"
     assert abs(found.nuisances[name].value - 0.007) <= 4 * found.nuisances[name].standard_error
     assert found.nuisances[name].standard_error < 1e-3
-    assert not any(name in one.nuisances for one in found.recordings)
+    assert not any(name in recording.nuisances for recording in found.recordings)
     assert "Found: saturation +0.0" in str(found)
     # Without the law, a saturation of 0.01 made shorts of 0.02 to 0.05.
     off = np.abs(found.faults.vector - FAULTS.vector)
@@ -242,7 +246,7 @@ def test_a_load_that_varies_is_one_recording_s_own() -> None:
     found = diagnose_joint([under(0.02, 1), under(lambda t: 0.08 * np.sin(30 * t), 2)], THESIS)
     assert found.explained
     assert found.selected == ("load_variation", "hinge")
-    assert [one.load is not None for one in found.recordings] == [False, True]
+    assert [recording.load is not None for recording in found.recordings] == [False, True]
     off = np.abs(found.faults.vector - FAULTS.vector)
     assert max(np.delete(off, NAMES.index("eccentricity_phase"))) < 0.01
     assert "load varies from -0.0" in str(found)

@@ -145,10 +145,10 @@ def astray(at_the_truth: SearchResult) -> SearchResult:
 def test_a_lag_of_the_speed_feedback_is_no_backlash(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "speed-lag"))
     lagging = with_lumped_parameters(LAWS["speed-lag"].added_to(THESIS), {"speed_lag": 6e-4})
-    found = diagnose(on_a_rig(lagging, Faults(), 0.3), THESIS, max_corrections=5)
-    assert found.laws == ("speed-lag",)
-    assert found.components["backlash"].verdict == "healthy"
-    ratio = found.nuisances["baseline speed_lag"]
+    diagnosis = diagnose(on_a_rig(lagging, Faults(), 0.3), THESIS, max_corrections=5)
+    assert diagnosis.laws == ("speed-lag",)
+    assert diagnosis.components["backlash"].verdict == "healthy"
+    ratio = diagnosis.nuisances["baseline speed_lag"]
     assert abs(ratio.value - np.log(6e-4 / 5e-4)) <= 4 * ratio.standard_error
 
 
@@ -157,11 +157,11 @@ def test_bristles_that_nobody_described_are_no_backlash(monkeypatch: pytest.Monk
     monkeypatch.setattr(law_selection, "SUSPECTS", ("transition", "presliding"))
     values = {"presliding_stiffness": 3.0, "presliding_damping": 5e-3}
     bristles = with_lumped_parameters(LAWS["presliding"].added_to(THESIS), values)
-    found = diagnose(on_a_rig(bristles, Faults(0.2), 0.2), THESIS)
-    assert found.explained
-    assert found.laws == ("presliding",)
-    assert found.components["friction"].value == pytest.approx(0.2, abs=0.02)
-    assert found.components["backlash"].verdict == "healthy"
+    diagnosis = diagnose(on_a_rig(bristles, Faults(0.2), 0.2), THESIS)
+    assert diagnosis.explained
+    assert diagnosis.laws == ("presliding",)
+    assert diagnosis.components["friction"].value == pytest.approx(0.2, abs=0.02)
+    assert diagnosis.components["backlash"].verdict == "healthy"
 
 
 def test_a_law_that_is_not_there_leads_back_to_the_description(
@@ -193,7 +193,9 @@ def test_a_law_that_stands_in_the_way_of_another_is_left_out(
     found = select_laws(astray, SETTINGS)
     assert found.laws == ("transition",)
     assert np.array_equal(found.result.point, at_the_truth.point)
-    assert [np.array_equal(one.point, astray.point) for one in found.result.alternatives] == [True]
+    assert [np.array_equal(alternative.point, astray.point) for alternative in found.result.alternatives] == [
+        True
+    ]
 
 
 @pytest.mark.parametrize("refined", [True, False])

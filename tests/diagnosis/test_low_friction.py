@@ -77,10 +77,12 @@ def test_the_posterior_agrees() -> None:
     )
     kept = Recording({name: whole[name] for name in KEPT[:3]}, "instant")
     recording = acquire(kept, noise={"current_A": 0.3}, seed=0)
-    found = diagnose(recording, ideal, workers=1, nuisances=(), posterior=True)
-    assert found.posterior is not None
-    assert found.posterior.interval95["friction"] == pytest.approx(found.interval["friction"], abs=2e-3)
-    assert draw_posterior(found).axes[0].get_xlim()[1] < 0
+    diagnosis = diagnose(recording, ideal, workers=1, nuisances=(), posterior=True)
+    assert diagnosis.posterior is not None
+    assert diagnosis.posterior.interval95["friction"] == pytest.approx(
+        diagnosis.interval["friction"], abs=2e-3
+    )
+    assert draw_posterior(diagnosis).axes[0].get_xlim()[1] < 0
 
 
 def test_a_method_of_the_thesis_searches_from_healthy_up() -> None:

@@ -68,9 +68,9 @@ def test_taken_as_known_they_read_as_faults(of_heavy: tuple[Recording, Diagnosis
 
 @pytest.mark.parametrize("case", range(len(FAULTS)))
 def test_nothing_is_suspected_of_the_actuator_as_described(case: int) -> None:
-    found = diagnose(recorded(THESIS, FAULTS[case], case), THESIS)
-    assert (found.selected, found.laws, found.sensor_faults) == ((), (), ())
-    assert tuple(found.nuisances) == THESIS.nuisances.estimated
+    diagnosis = diagnose(recorded(THESIS, FAULTS[case], case), THESIS)
+    assert (diagnosis.selected, diagnosis.laws, diagnosis.sensor_faults) == ((), (), ())
+    assert tuple(diagnosis.nuisances) == THESIS.nuisances.estimated
 
 
 def test_a_deviation_that_every_actuator_may_have_is_not_selected() -> None:
@@ -82,9 +82,9 @@ def test_a_deviation_that_every_actuator_may_have_is_not_selected() -> None:
 def test_an_offset_of_the_current_sensors_is_found() -> None:
     whole = recorded(THESIS, FAULTS[1])
     columns = {name: whole[name] + 0.1 if name == "current_A" else whole[name] for name in whole}
-    found = diagnose(Recording(columns), THESIS)
-    assert found.selected == ("current_offset",)
-    assert found.nuisances["current_offset"].value == pytest.approx(0.1, abs=0.03)
+    diagnosis = diagnose(Recording(columns), THESIS)
+    assert diagnosis.selected == ("current_offset",)
+    assert diagnosis.nuisances["current_offset"].value == pytest.approx(0.1, abs=0.03)
 
 
 def test_what_is_not_identifiable_is_not_selected() -> None:
@@ -107,10 +107,10 @@ def test_the_selection_does_not_depend_on_the_number_of_threads(
 @pytest.mark.evidence
 def test_an_inertia_is_likelier_than_a_voltage_of_another_scale_that_explains_as_much() -> None:
     # Five percent are one standard deviation of the one's prior, and five of the other's.
-    found = diagnose(recorded(heavier(0.05), Faults(), 2), THESIS, seed=2)
-    assert found.selected == ("inertia",)
-    assert found.nuisances["inertia"].value == pytest.approx(0.05, abs=0.01)
-    assert found.components["friction"].value == pytest.approx(0.0, abs=0.01)
+    diagnosis = diagnose(recorded(heavier(0.05), Faults(), 2), THESIS, seed=2)
+    assert diagnosis.selected == ("inertia",)
+    assert diagnosis.nuisances["inertia"].value == pytest.approx(0.05, abs=0.01)
+    assert diagnosis.components["friction"].value == pytest.approx(0.0, abs=0.01)
 
 
 def space_of(*names: str) -> ParameterSpace:

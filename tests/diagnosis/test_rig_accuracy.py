@@ -54,15 +54,15 @@ def recordings() -> list[Recording]:
 
 @pytest.fixture(scope="module")
 def with_voltage(recordings: list[Recording]) -> list[Diagnosis]:
-    return [diagnose(one, THESIS, workers=1) for one in recordings]
+    return [diagnose(recording, THESIS, workers=1) for recording in recordings]
 
 
 @pytest.fixture(scope="module")
 def by_current(recordings: list[Recording]) -> list[Diagnosis]:
     kept = ("time_s", "command_rad", "current_A")
     return [
-        diagnose(Recording({name: one[name] for name in kept}), THESIS, nuisances=USUAL, workers=1)
-        for one in recordings[:1]
+        diagnose(Recording({name: recording[name] for name in kept}), THESIS, nuisances=USUAL, workers=1)
+        for recording in recordings[:1]
     ]
 
 
@@ -109,6 +109,8 @@ def test_from_the_current_alone_shorts_are_as_uncertain_as_the_heat_makes_them(
 def test_what_is_not_estimated_is_taken_for_faults(
     recordings: list[Recording], with_voltage: list[Diagnosis]
 ) -> None:
-    blind = [diagnose(one, THESIS, nuisances=(), max_corrections=0, workers=1) for one in recordings]
+    blind = [
+        diagnose(recording, THESIS, nuisances=(), max_corrections=0, workers=1) for recording in recordings
+    ]
     assert errors_percent(TRUTHS, blind).min() > 5 * errors_percent(TRUTHS, with_voltage).max()
     assert not any(d.explained for d in blind)

@@ -95,20 +95,20 @@ def test_a_zero_that_nobody_stated_is_estimated_with_the_faults() -> None:
 @pytest.mark.evidence
 def test_sensors_that_are_all_late_are_no_other_zero() -> None:
     late = dict.fromkeys(("hall_a", "hall_b", "hall_c"), -TURNED_RAD)
-    found = diagnose(
+    diagnosis = diagnose(
         on_a_rig(with_lumped_parameters(LAWS["hall-angles"].added_to(THESIS), late), FAULTY, 0.25), THESIS
     )
-    assert found.explained
-    assert found.laws == ("hall-angles",)
-    assert found.selected == ()
+    assert diagnosis.explained
+    assert diagnosis.laws == ("hall-angles",)
+    assert diagnosis.selected == ()
     for name, value in late.items():
-        estimate = found.nuisances[f"baseline {name}"]
+        estimate = diagnosis.nuisances[f"baseline {name}"]
         assert abs(estimate.value - value) <= 4 * estimate.standard_error
         assert estimate.standard_error < 0.01
     for name in SHORTS:
-        assert found.components[name].value == pytest.approx(getattr(FAULTY, name), abs=0.01)
+        assert diagnosis.components[name].value == pytest.approx(getattr(FAULTY, name), abs=0.01)
     advice = "No calibration finds hall-angles; if this persists, give hall_a, hall_b, hall_c in [motor] of"
-    assert advice in str(found)
+    assert advice in str(diagnosis)
 
 
 def test_which_phase_is_which_stays_open_then() -> None:

@@ -46,38 +46,38 @@ def check(found: Diagnosis, supply: float) -> None:
 
 
 def test_a_supply_that_deviates_is_found() -> None:
-    found = diagnose(recorded(-0.1), THESIS, workers=2)
-    assert found.selected == ("supply",)
-    assert found.to_dict()["suspected"] == ["supply"]
-    check(found, -0.1)
+    diagnosis = diagnose(recorded(-0.1), THESIS, workers=2)
+    assert diagnosis.selected == ("supply",)
+    assert diagnosis.to_dict()["suspected"] == ["supply"]
+    check(diagnosis, -0.1)
 
 
 def test_none_is_named_where_the_inductance_is_open() -> None:
     # The ripple's slope is voltage by inductance: which of them is off, it does not show.
     unit = THESIS.model_copy(update={"tolerances": Tolerances(inductance=0.2)})
-    found = diagnose(recorded(-0.1), unit, workers=2)
-    assert "supply" not in found.selected
-    assert found.explained
-    for name, (low, high) in found.interval.items():
+    diagnosis = diagnose(recorded(-0.1), unit, workers=2)
+    assert "supply" not in diagnosis.selected
+    assert diagnosis.explained
+    for name, (low, high) in diagnosis.interval.items():
         assert low - 0.01 <= getattr(FAULTS, name) <= high + 0.01
 
 
 @pytest.mark.evidence
 def test_a_supply_that_somebody_named_is_located() -> None:
-    found = diagnose(recorded(-0.1), THESIS, nuisances=("load", "temperature", "supply"), workers=2)
-    assert found.selected == ()
-    check(found, -0.1)
+    diagnosis = diagnose(recorded(-0.1), THESIS, nuisances=("load", "temperature", "supply"), workers=2)
+    assert diagnosis.selected == ()
+    check(diagnosis, -0.1)
 
 
 def test_a_recorded_supply_is_known() -> None:
     whole = recorded(-0.1)
     assert THESIS.electrical is not None
     supply = 0.9 * THESIS.electrical.supply + np.random.default_rng(1).normal(0.0, 0.5, whole.samples)
-    found = diagnose(whole.with_channels({**whole.channels, "supply_V": supply}), THESIS, workers=2)
-    assert found.selected == ()
-    assert "supply" not in found.nuisances
-    assert found.explained
-    assert error_percent(FAULTS.vector, found.faults.vector) < 1.0
+    diagnosis = diagnose(whole.with_channels({**whole.channels, "supply_V": supply}), THESIS, workers=2)
+    assert diagnosis.selected == ()
+    assert "supply" not in diagnosis.nuisances
+    assert diagnosis.explained
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) < 1.0
 
 
 def test_a_recorded_supply_that_is_not_positive_is_refused() -> None:

@@ -44,33 +44,33 @@ def recorded(
 
 def test_a_healthy_unit_within_its_tolerances_is_healthy() -> None:
     # A weaker magnet is not to be told from a warmer winding and shorts in all phases: neither is claimed.
-    found = diagnose(recorded(), with_tolerances(**STATED), workers=1)
-    assert found.explained
-    assert not [name for name, one in found.components.items() if one.verdict == "degraded"]
+    diagnosis = diagnose(recorded(), with_tolerances(**STATED), workers=1)
+    assert diagnosis.explained
+    assert not [name for name, one in diagnosis.components.items() if one.verdict == "degraded"]
     for name, factor in WEAKER.items():
-        estimate = found.nuisances[f"baseline {name}"]
+        estimate = diagnosis.nuisances[f"baseline {name}"]
         # One in 3000 units has one of two normal estimates beyond 3.8 standard errors.
         assert abs(estimate.value - math.log(factor)) < 3.8 * estimate.standard_error
 
 
 def test_a_fault_of_such_a_unit_is_found_and_in_its_interval() -> None:
     truth = Faults(friction=0.4, short_b=0.3, gain=0.6)
-    found = diagnose(recorded(truth), with_tolerances(**STATED), workers=1)
-    assert found.explained
+    diagnosis = diagnose(recorded(truth), with_tolerances(**STATED), workers=1)
+    assert diagnosis.explained
     for name in ("friction", "short_a", "short_b", "short_c", "gain"):
-        low, high = found.components[name].interval95
+        low, high = diagnosis.components[name].interval95
         assert low - 0.01 <= getattr(truth, name) <= high + 0.01
-    assert found.components["short_b"].verdict == "degraded"
-    assert found.components["short_a"].verdict != "degraded"
+    assert diagnosis.components["short_b"].verdict == "degraded"
+    assert diagnosis.components["short_a"].verdict != "degraded"
 
 
 @pytest.mark.evidence
 def test_one_that_is_farther_off_than_its_tolerance_is_not_explained() -> None:
     # An inertia that is too large may pass for shorts in all phases and a friction below healthy.
     recording = recorded(factors={"inertia": 0.85})
-    found = diagnose(recording, with_tolerances(torque_constant=0.1, inertia=0.02), workers=1)
-    assert not found.explained
-    assert any("more than its tolerance of ± 10 % accounts for" in reason for reason in found.reasons)
+    diagnosis = diagnose(recording, with_tolerances(torque_constant=0.1, inertia=0.02), workers=1)
+    assert not diagnosis.explained
+    assert any("more than its tolerance of ± 10 % accounts for" in reason for reason in diagnosis.reasons)
 
 
 def test_a_baseline_counts_in_place_of_a_tolerance() -> None:
@@ -91,12 +91,12 @@ def test_a_baseline_counts_in_place_of_a_tolerance() -> None:
 def test_calibration_estimates_what_has_a_tolerance_within_it() -> None:
     days = [recorded(seed=seed, amplitude=a) for seed, a in ((1, 5e-3), (2, 8e-3))]
     exact = calibrate(days, THESIS, ("inertia",), max_corrections=1, workers=1)
-    found = calibrate(days, with_tolerances(**STATED), ("inertia",), max_corrections=1, workers=1)
-    assert set(found.parameters) == {"inertia", "torque_constant"}
+    calibration = calibrate(days, with_tolerances(**STATED), ("inertia",), max_corrections=1, workers=1)
+    assert set(calibration.parameters) == {"inertia", "torque_constant"}
     true = WEAKER["inertia"] * lumped_parameters(THESIS, ("inertia",))["inertia"]
-    errors = [abs(one.parameters["inertia"].value / true - 1) for one in (exact, found)]
+    errors = [abs(one.parameters["inertia"].value / true - 1) for one in (exact, calibration)]
     # The current shows the inertia in proportion to the torque constant, which is 8 % off.
     assert errors[0] > 0.04
     assert errors[1] < 0.01
-    covariance = np.array(found.actuator.baseline.covariance)  # type: ignore[union-attr]
+    covariance = np.array(calibration.actuator.baseline.covariance)  # type: ignore[union-attr]
     assert np.sqrt(covariance.diagonal()).max() <= math.log(1.1) / 2

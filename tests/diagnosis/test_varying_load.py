@@ -46,11 +46,11 @@ def found() -> Diagnosis:
 # That a load that swings is selected is tested in parts in `test_load_steps.py`.
 @pytest.mark.evidence
 def test_faults_are_found_under_a_load_that_nobody_named() -> None:
-    found = diagnose(recorded(), THESIS, workers=1)
-    assert found.explained
-    assert (found.selected, found.laws) == ((LOAD_VARIATION, "hinge"), ())
-    assert all(covered(TRUTH.vector, found))
-    degraded = {name for name, one in found.components.items() if one.verdict == "degraded"}
+    diagnosis = diagnose(recorded(), THESIS, workers=1)
+    assert diagnosis.explained
+    assert (diagnosis.selected, diagnosis.laws) == ((LOAD_VARIATION, "hinge"), ())
+    assert all(covered(TRUTH.vector, diagnosis))
+    degraded = {name for name, one in diagnosis.components.items() if one.verdict == "degraded"}
     assert degraded == {"friction", "short_a", "gain"}
 
 
@@ -84,9 +84,9 @@ def test_a_constant_load_beyond_its_prior_is_called_constant() -> None:
 
 
 def test_a_load_that_is_recorded_is_known() -> None:
-    found = diagnose(recorded(channels=(*CHANNELS, "load_Nm")), THESIS, workers=1)
-    assert found.explained
-    assert (found.selected, found.load) == ((), None)
+    diagnosis = diagnose(recorded(channels=(*CHANNELS, "load_Nm")), THESIS, workers=1)
+    assert diagnosis.explained
+    assert (diagnosis.selected, diagnosis.load) == ((), None)
 
 
 def test_it_can_be_asked_for_and_a_load_that_rises_with_the_position() -> None:

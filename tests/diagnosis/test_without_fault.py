@@ -22,5 +22,5 @@ def test_a_load_on_a_motion_one_way_is_no_friction() -> None:
         seed=43,
     )
     columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")}
-    found = diagnose(Recording(columns), THESIS, nuisances=USUAL, seed=43, workers=1)
-    assert found.components["friction"].verdict == "cannot tell"
+    diagnosis = diagnose(Recording(columns), THESIS, nuisances=USUAL, seed=43, workers=1)
+    assert diagnosis.components["friction"].verdict == "cannot tell"

@@ -30,15 +30,15 @@ def square(t: Array) -> Array:
 @pytest.mark.parametrize("share", [-0.1, pytest.param(0.1, marks=pytest.mark.evidence)])
 def test_an_inertia_that_deviates_is_found(share: float) -> None:
     inertia = lumped_parameters(DC, ("inertia",))["inertia"]
-    found = diagnose(
+    diagnosis = diagnose(
         recorded(
             with_lumped_parameters(DC, {"inertia": (1 + share) * inertia}), FAULTS, Chirp(duration=DURATION)
         ),
         DC,
     )
-    assert found.selected == ("inertia",)
-    assert found.nuisances["inertia"].value == pytest.approx(share, abs=0.01)
-    assert error_percent(FAULTS.vector, found.faults.vector) < 1
+    assert diagnosis.selected == ("inertia",)
+    assert diagnosis.nuisances["inertia"].value == pytest.approx(share, abs=0.01)
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) < 1
 
 
 def test_the_step_of_the_averaged_model_is_no_bias() -> None:
@@ -51,9 +51,9 @@ def test_the_step_of_the_averaged_model_is_no_bias() -> None:
 
 @pytest.mark.parametrize("faults", [Faults(), FAULTS], ids=["healthy", "faulty"])
 def test_a_square_wave_is_explained(faults: Faults) -> None:
-    found = diagnose(recorded(DC, faults, square), DC)
-    assert found.explained
-    assert found.sensor_faults == ()
+    diagnosis = diagnose(recorded(DC, faults, square), DC)
+    assert diagnosis.explained
+    assert diagnosis.sensor_faults == ()
     for name in ("friction", "backlash", "gain"):
         expected = "healthy" if faults == Faults() else "degraded"
-        assert found.components[name].verdict == expected
+        assert diagnosis.components[name].verdict == expected

@@ -64,6 +64,6 @@ def test_a_recorded_speed_shows_the_start() -> None:
 
 
 def test_a_recording_that_begins_after_the_step_is_explained() -> None:
-    found = diagnose(cut(STEP + 1), THESIS)
-    assert found.explained
-    assert error_percent(FAULTS.vector, found.faults.vector) <= 2.0
+    diagnosis = diagnose(cut(STEP + 1), THESIS)
+    assert diagnosis.explained
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) <= 2.0

@@ -34,7 +34,9 @@ HEAVY = np.array([0.65, 0.04, 0.51, 0.79, 0.71, 0.22, 0.75, 0.26])
 @pytest.fixture(scope="module", params=[0.0, 0.05], ids=["exact", "noisy"])
 def fits(request: pytest.FixtureRequest) -> list[MapObjective]:
     recordings = reference_recordings(FAULTS, noise=request.param, duration=BRIEF)
-    return [MapObjective.of(problem_of(one, THESIS), ParameterSpace.of(THESIS)) for one in recordings]
+    return [
+        MapObjective.of(problem_of(recording, THESIS), ParameterSpace.of(THESIS)) for recording in recordings
+    ]
 
 
 def at(fit: MapObjective, faults: Array) -> SearchResult:
@@ -108,9 +110,9 @@ def test_heavy_shorts_in_all_phases_are_found() -> None:
     # Of the search alone: no law or further nuisance is tried where it has failed.
     named = THESIS.nuisances.estimated
     recording = reference_recordings([HEAVY], noise=0.05, duration=0.3)[0]
-    found = diagnose(recording, THESIS, nuisances=named, seed=1)
+    diagnosis = diagnose(recording, THESIS, nuisances=named, seed=1)
     # Published: 98 % of such cases within 5 %, their median 0.4 %. Others: test_accuracy, multiple faults.
-    assert error_percent(HEAVY, found.faults.vector) <= 2
+    assert error_percent(HEAVY, diagnosis.faults.vector) <= 2
 
 
 STUCK = np.array([0.6, 0.1, 0.7, 0.85, 0.85, 0.4, 0.1, 0.6])
@@ -120,30 +122,30 @@ STUCK = np.array([0.6, 0.1, 0.7, 0.85, 0.85, 0.4, 0.1, 0.6])
 @pytest.mark.usefixtures("one_search", "unrefined")
 def test_an_actuator_that_does_not_move_is_called_so_and_its_faults_are_not_guessed() -> None:
     recording = reference_recordings([STUCK], noise=0.05, duration=0.15)[0]
-    found = diagnose(recording, THESIS, max_corrections=1)
-    assert not found.moves
-    assert found.laws == ()
-    assert found.to_dict()["moves"] is False
-    assert "does NOT move" in str(found)
+    diagnosis = diagnose(recording, THESIS, max_corrections=1)
+    assert not diagnosis.moves
+    assert diagnosis.laws == ()
+    assert diagnosis.to_dict()["moves"] is False
+    assert "does NOT move" in str(diagnosis)
     for name in NAMES[:6]:
-        assert found.components[name].verdict == "cannot tell"
-        assert found.components[name].unconstrained
+        assert diagnosis.components[name].verdict == "cannot tell"
+        assert diagnosis.components[name].unconstrained
 
 
 @pytest.mark.usefixtures("one_search")
 def test_an_actuator_that_hardly_moves_is_diagnosed() -> None:
     # Channels that hardly show anything there would tell everything, if their size were taken for it.
     edge = np.array([0.8702, 0.2868, 0.7111, 0.7721, 0.7506, 0.9154, 0.8604, 0.9182])
-    found = diagnose(
+    diagnosis = diagnose(
         reference_recordings([edge], duration=BRIEF)[0], THESIS, nuisances=(), max_corrections=1, seed=9
     )
-    assert np.all(np.isfinite(found.covariance))
+    assert np.all(np.isfinite(diagnosis.covariance))
 
 
 def test_an_actuator_that_moves_is_not() -> None:
-    found = diagnose(reference_recordings(FAULTS[:1], duration=BRIEF)[0], THESIS, max_corrections=0)
-    assert found.moves
-    assert "does NOT move" not in str(found)
+    diagnosis = diagnose(reference_recordings(FAULTS[:1], duration=BRIEF)[0], THESIS, max_corrections=0)
+    assert diagnosis.moves
+    assert "does NOT move" not in str(diagnosis)
 
 
 def test_on_a_slow_and_steady_motion_the_runs_of_all_phases_have_the_ripple_as_variance() -> None:

@@ -102,7 +102,7 @@ def test_errors_of_a_fit_that_weighs_its_prior_wrongly_are_allowed_for(rho: floa
         sandwich_covariance(DERIVATIVES[np.newaxis], one, prior, prior_rows=rows).covariance
         for one in (recorded - found @ DERIVATIVES)[:100]
     ]
-    ratio = np.sqrt(np.mean([np.diag(one) for one in stated], axis=0)) / np.sqrt(
+    ratio = np.sqrt(np.mean([np.diag(matrix) for matrix in stated], axis=0)) / np.sqrt(
         np.mean((found - truths) ** 2, axis=0)
     )
     assert np.all(np.abs(ratio - 1) < 0.2), ratio
@@ -197,7 +197,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say_however_few_the_rows(samp
     draws = 1000
     values = np.random.default_rng(6).normal(size=(draws, samples))
     level = np.ones((1, samples))
-    errors = [np.sqrt(covariance(level, one - one.mean(), np.array([1e6]))[0, 0]) for one in values]
+    errors = [np.sqrt(covariance(level, value - value.mean(), np.array([1e6]))[0, 0]) for value in values]
     held = np.mean(np.abs(values.mean(axis=1)) < 1.96 * np.array(errors))
     # Three standard deviations of a share of 95 % of so many.
     assert held == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / draws))
@@ -205,11 +205,13 @@ def test_intervals_hold_the_truth_as_often_as_they_say_however_few_the_rows(samp
 
 @given(scores=arrays(np.float64, (2, 60), elements=st.floats(-10, 10)), factor=st.floats(0.1, 10))
 def test_the_long_run_covariance_is_one(scores: Array, factor: float) -> None:
-    found = long_run_covariance(scores)
-    assert np.linalg.eigvalsh(found)[0] >= -1e-9 * max(1.0, np.trace(found))
-    np.testing.assert_allclose(long_run_covariance(factor * scores), factor**2 * found, rtol=1e-9, atol=1e-9)
+    estimate = long_run_covariance(scores)
+    assert np.linalg.eigvalsh(estimate)[0] >= -1e-9 * max(1.0, np.trace(estimate))
+    np.testing.assert_allclose(
+        long_run_covariance(factor * scores), factor**2 * estimate, rtol=1e-9, atol=1e-9
+    )
     # A constant is what the sum is about, not its scatter.
-    np.testing.assert_allclose(long_run_covariance(scores + factor), found, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(long_run_covariance(scores + factor), estimate, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("apart", [1e-3, 1e-6, 1e-9, 0.0])

@@ -99,10 +99,10 @@ def test_the_motor_leads_its_user_by_a_share_of_each_gap() -> None:
 
 
 def test_a_healthy_actuator_has_no_backlash_after_a_motion() -> None:
-    found = diagnose(cut(REST, "current_A", way=-1), THESIS)
-    assert found.explained
-    assert found.components["backlash"].verdict != "degraded"
-    assert found.interval["backlash"][0] < 1e-3
+    diagnosis = diagnose(cut(REST, "current_A", way=-1), THESIS)
+    assert diagnosis.explained
+    assert diagnosis.components["backlash"].verdict != "degraded"
+    assert diagnosis.interval["backlash"][0] < 1e-3
 
 
 def test_a_command_that_stands_before_it_moves_does_not_move_in_the_first_row() -> None:

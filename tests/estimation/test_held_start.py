@@ -73,20 +73,20 @@ def test_before_any_motion_every_row_is_compared(names: tuple[str, ...], rest_s:
 
 
 def test_a_diagnosis_does_without_them_and_says_so() -> None:
-    found = diagnose(cut(FIRST, *ELECTRICAL), THESIS)
-    assert found.explained
-    assert error_percent(FAULTS.vector, found.faults.vector) <= 1.0
-    assert found.sensor_faults == ()
-    (note,) = (one for one in found.recording_notes if "begins at a rest" in one)
+    diagnosis = diagnose(cut(FIRST, *ELECTRICAL), THESIS)
+    assert diagnosis.explained
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) <= 1.0
+    assert diagnosis.sensor_faults == ()
+    (note,) = (one for one in diagnosis.recording_notes if "begins at a rest" in one)
     assert "0.1" in note
 
 
 def test_a_command_that_begins_slowly_in_the_first_row_does_not_hide_the_rest() -> None:
-    found = diagnose(cut(REST, "current_A"), THESIS)
-    assert found.explained
-    assert error_percent(FAULTS.vector, found.faults.vector) <= 1.5
-    assert (found.sensor_faults, abs(found.nuisances["load"].value) < 0.001) == ((), True)
-    assert any("friction that holds the shaft" in one for one in found.recording_notes)
+    diagnosis = diagnose(cut(REST, "current_A"), THESIS)
+    assert diagnosis.explained
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) <= 1.5
+    assert (diagnosis.sensor_faults, abs(diagnosis.nuisances["load"].value) < 0.001) == ((), True)
+    assert any("friction that holds the shaft" in note for note in diagnosis.recording_notes)
 
 
 # The rows that are left out: above; an offset that is found: `tests/diagnosis/test_nuisance_selection.py`.
@@ -117,11 +117,11 @@ def test_where_only_a_step_follows_all_is_compared_and_a_note_asks_for_caution()
     step = Step(5e-3, 0.05)
     full = simulate(THESIS, step, load=0.25, faults=Faults(short_b=0.2), noise=0.05, duration=0.2)
     recording = Recording({name: full[name] for name in ("time_s", "command_rad", *ELECTRICAL)})
-    found = diagnose(recording, THESIS)
-    assert (len(found.recorded), found.explained) == (full.samples, True)
-    assert abs(found.nuisances["load"].value - 0.25) < 0.01
-    assert found.components["short_b"].verdict == "degraded"
-    assert any("use the estimates of load" in one for one in found.recording_notes)
+    diagnosis = diagnose(recording, THESIS)
+    assert (len(diagnosis.recorded), diagnosis.explained) == (full.samples, True)
+    assert abs(diagnosis.nuisances["load"].value - 0.25) < 0.01
+    assert diagnosis.components["short_b"].verdict == "degraded"
+    assert any("use the estimates of load" in note for note in diagnosis.recording_notes)
     recorded = Recording({name: full[name] for name in ("time_s", "command_rad", "load_Nm", *ELECTRICAL)})
     assert not problem_of(recorded, THESIS, channels=None).unknown_start.held
 

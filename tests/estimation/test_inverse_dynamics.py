@@ -141,14 +141,14 @@ SPRING = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB, "offset": 
 
 def test_a_mass_on_a_spring_is_found_from_its_motion(plain: Recording) -> None:
     # Friction changes sign within a row, the low-pass sees it over several: half a percent.
-    found = inverse_dynamics(plain, ACTUATOR, list(SPRING))
-    check(found, SPRING, 0.005)
-    assert found.relative_error < 0.01
-    assert found.collinear == ()
-    replay = found.replays[0]
+    result = inverse_dynamics(plain, ACTUATOR, list(SPRING))
+    check(result, SPRING, 0.005)
+    assert result.relative_error < 0.01
+    assert result.collinear == ()
+    replay = result.replays[0]
     assert replay.channel == "current_A"
     residual = replay.measured - replay.predicted
-    assert np.linalg.norm(residual) / np.linalg.norm(replay.measured) == pytest.approx(found.relative_error)
+    assert np.linalg.norm(residual) / np.linalg.norm(replay.measured) == pytest.approx(result.relative_error)
 
 
 def test_the_controller_is_not_needed(plain: Recording) -> None:
@@ -170,7 +170,9 @@ def test_noise_of_the_position_makes_no_bias(plain: Recording, noise: float, tol
         position = plain["position_rad"] + noise * rng.standard_normal(plain.samples)
         noisy = Recording({**plain.channels, "position_rad": position}, "instant")
         values.append(inverse_dynamics(noisy, ACTUATOR, list(SPRING)).values)
-    check_values({name: float(np.mean([one[name] for one in values])) for name in SPRING}, SPRING, tolerance)
+    check_values(
+        {name: float(np.mean([value[name] for value in values])) for name in SPRING}, SPRING, tolerance
+    )
 
 
 def test_standard_errors_admit_correlated_residuals() -> None:
@@ -181,9 +183,9 @@ def test_standard_errors_admit_correlated_residuals() -> None:
         white = rng.standard_normal(plain.samples)
         drift = 0.5 * lfilter([np.sqrt(1 - 0.99**2)], [1, -0.99], white)
         noisy = Recording({**plain.channels, "current_A": plain["current_A"] + drift}, "instant")
-        found = inverse_dynamics(noisy, ACTUATOR, list(SPRING))
+        result = inverse_dynamics(noisy, ACTUATOR, list(SPRING))
         deviations.append(
-            [(found.values[name] - SPRING[name]) / found.standard_errors[name] for name in SPRING]
+            [(result.values[name] - SPRING[name]) / result.standard_errors[name] for name in SPRING]
         )
     # The rms of 50 deviations, correlated in part, is within 0.3 of 1; less where errors are wide.
     assert 0.6 < np.sqrt(np.mean(np.square(deviations))) < 1.3
@@ -293,9 +295,9 @@ def test_sticking_does_not_bias_friction() -> None:
         "instant",
     )
     truth = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB}
-    found = inverse_dynamics(recording, ACTUATOR, [*truth, "offset"])
-    check(found, {**truth, "offset": 0.0}, 0.05)
-    assert found.replays[0].still_rows > 2900
+    result = inverse_dynamics(recording, ACTUATOR, [*truth, "offset"])
+    check(result, {**truth, "offset": 0.0}, 0.05)
+    assert result.replays[0].still_rows > 2900
 
 
 def test_friction_that_differs_by_direction() -> None:
@@ -343,9 +345,9 @@ def test_quadratic_friction_and_torque_ripple() -> None:
         "ripple1_sin": 0.2,
     }
     cogging = Actuator.from_dict({**ACTUATOR.model_dump(exclude_none=True), "ripple": [{"order": 7}]})
-    found = inverse_dynamics(recording, cogging, list(truth))
-    check(found, truth, 0.02)
-    assert found.identified.ripple[0].cos == found.values["ripple1_cos"]
+    result = inverse_dynamics(recording, cogging, list(truth))
+    check(result, truth, 0.02)
+    assert result.identified.ripple[0].cos == result.values["ripple1_cos"]
 
 
 def test_a_stribeck_curve_and_its_speed() -> None:
@@ -354,10 +356,10 @@ def test_a_stribeck_curve_and_its_speed() -> None:
         return VISCOUS * speed + level * math.tanh(speed / 1e-4)
 
     truth = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB, "static": 3.5, "stribeck_speed": 0.5}
-    found = inverse_dynamics(machine(stribeck, speed_gain=80.0), ACTUATOR, list(truth))
+    result = inverse_dynamics(machine(stribeck, speed_gain=80.0), ACTUATOR, list(truth))
     # Few rows lie on the curve's slope, and the low-pass rounds its peak at each reversal.
-    check(found, truth, 0.03)
-    assert found.at_bound == ()
+    check(result, truth, 0.03)
+    assert result.at_bound == ()
 
 
 def test_friction_that_passes_smoothly_through_standstill() -> None:
@@ -369,10 +371,10 @@ def test_friction_that_passes_smoothly_through_standstill() -> None:
 def test_a_value_that_would_be_negative_is_0() -> None:
     # Something drives the shaft in proportion to its speed, which no friction does.
     recording = machine(lambda _, speed, __: COULOMB * math.tanh(speed / 0.3) - 0.2 * speed)
-    found = inverse_dynamics(recording, ACTUATOR, ["inertia", "viscous", "coulomb", "transition_speed"])
-    assert found.values["viscous"] == 0.0
-    assert found.at_bound == ("viscous",)
-    assert found.identified.mechanics.viscous == 0.0
+    result = inverse_dynamics(recording, ACTUATOR, ["inertia", "viscous", "coulomb", "transition_speed"])
+    assert result.values["viscous"] == 0.0
+    assert result.at_bound == ("viscous",)
+    assert result.identified.mechanics.viscous == 0.0
 
 
 def test_static_friction_is_not_below_coulomb_friction() -> None:
@@ -381,12 +383,12 @@ def test_static_friction_is_not_below_coulomb_friction() -> None:
         return VISCOUS * speed + level * math.tanh(speed / 1e-4)
 
     recording, plain = machine(falling, speed_gain=80.0), ["inertia", "viscous", "coulomb"]
-    found = inverse_dynamics(recording, ACTUATOR, [*plain, "static", "stribeck_speed"])
+    result = inverse_dynamics(recording, ACTUATOR, [*plain, "static", "stribeck_speed"])
     # Without a peak at low speed, the law adds nothing to Coulomb friction.
-    check(found, inverse_dynamics(recording, ACTUATOR, plain).values, 1e-4)
-    assert found.values["static"] == pytest.approx(found.values["coulomb"], rel=1e-4)
-    assert found.standard_errors["stribeck_speed"] > found.values["stribeck_speed"]
-    assert found.identified.mechanics.static_friction >= found.values["coulomb"]
+    check(result, inverse_dynamics(recording, ACTUATOR, plain).values, 1e-4)
+    assert result.values["static"] == pytest.approx(result.values["coulomb"], rel=1e-4)
+    assert result.standard_errors["stribeck_speed"] > result.values["stribeck_speed"]
+    assert result.identified.mechanics.static_friction >= result.values["coulomb"]
 
 
 def test_a_parameter_that_next_to_nothing_shows_leaves_the_others_finite() -> None:
@@ -441,18 +443,18 @@ def test_all_recordings_go_into_one_fit_with_what_is_known_of_each() -> None:
     light = machine(lambda _, speed, __: friction(speed) + 0.5)
     heavy = machine(lambda _, speed, __: friction(speed) - 0.2, inertia=1.6)
     weak = Recording({**heavy.channels, "current_A": heavy["current_A"] / 0.9}, "instant", "weak")
-    found = inverse_dynamics(
+    result = inverse_dynamics(
         [light, weak],
         ACTUATOR,
         ["viscous", "coulomb", "offset", "torque_constant"],
         known=[{"inertia": INERTIA}, {"inertia": 1.6}],
         per_recording=["offset", "torque_constant"],
     )
-    check(found, {"viscous": VISCOUS, "coulomb": COULOMB}, 0.01)
-    assert found.replays[0].values["offset"] == pytest.approx(0.5, abs=0.01)
-    assert found.replays[1].values["offset"] == pytest.approx(-0.2, abs=0.01)
-    assert found.replays[1].values["torque_constant"] == pytest.approx(0.9 * TORQUE_CONSTANT, rel=0.01)
-    assert found.covariance.shape == (2, 2)
+    check(result, {"viscous": VISCOUS, "coulomb": COULOMB}, 0.01)
+    assert result.replays[0].values["offset"] == pytest.approx(0.5, abs=0.01)
+    assert result.replays[1].values["offset"] == pytest.approx(-0.2, abs=0.01)
+    assert result.replays[1].values["torque_constant"] == pytest.approx(0.9 * TORQUE_CONSTANT, rel=0.01)
+    assert result.covariance.shape == (2, 2)
 
 
 def test_a_torque_constant_is_found_beside_a_known_inertia(plain: Recording) -> None:
@@ -474,29 +476,29 @@ def test_a_voltage_stands_in_for_the_current(plain: Recording) -> None:
     driven = ACTUATOR.model_copy(
         update={"electrical": electrical.model_copy(update={"resistance": resistance})}
     )
-    found = inverse_dynamics(recording, driven, list(SPRING), channel="voltage_V")
-    assert found.replays[0].channel == "voltage_V"
-    check(found, SPRING, 0.01)
+    result = inverse_dynamics(recording, driven, list(SPRING), channel="voltage_V")
+    assert result.replays[0].channel == "voltage_V"
+    check(result, SPRING, 0.01)
 
 
 def test_parameters_of_the_reference_model() -> None:
     actuator = Actuator.thesis()
     m = actuator.mechanics
     recording = simulate(actuator, Chirp(), faults=Faults(gain=0.3))
-    found = inverse_dynamics(recording, actuator, ["inertia", "viscous", "coulomb"])
-    assert found.values["inertia"] == pytest.approx(m.inertia, rel=0.01)
-    assert found.values["coulomb"] == pytest.approx(m.dynamic_friction, rel=0.01)
-    assert abs(found.values["viscous"] - m.viscous) < 3 * found.standard_errors["viscous"]
+    result = inverse_dynamics(recording, actuator, ["inertia", "viscous", "coulomb"])
+    assert result.values["inertia"] == pytest.approx(m.inertia, rel=0.01)
+    assert result.values["coulomb"] == pytest.approx(m.dynamic_friction, rel=0.01)
+    assert abs(result.values["viscous"] - m.viscous) < 3 * result.standard_errors["viscous"]
 
 
 def test_the_result_is_an_actuator_a_table_and_json(plain: Recording) -> None:
-    found = inverse_dynamics(plain, ACTUATOR, list(SPRING))
-    assert found.identified.mechanics.inertia == pytest.approx(found.values["inertia"])
-    assert found.identified.mechanics.hinge == pytest.approx(found.values["hinge"])
-    answer = json.loads(found.to_json())
-    assert answer["recordings"][0]["regression_hz"] == found.replays[0].frequencies.regression_hz
-    assert "inertia" in str(found)
-    assert "Hz" in str(found)
+    result = inverse_dynamics(plain, ACTUATOR, list(SPRING))
+    assert result.identified.mechanics.inertia == pytest.approx(result.values["inertia"])
+    assert result.identified.mechanics.hinge == pytest.approx(result.values["hinge"])
+    answer = json.loads(result.to_json())
+    assert answer["recordings"][0]["regression_hz"] == result.replays[0].frequencies.regression_hz
+    assert "inertia" in str(result)
+    assert "Hz" in str(result)
 
 
 @pytest.mark.parametrize(
@@ -679,13 +681,13 @@ def test_the_reference_models_laws_are_found(law: str) -> None:
     duration, rate = (2.0, 5000.0) if "stribeck_load_motor" in LAWS[law] else (1.5, 2500.0)
     chirp = Chirp(amplitude=1.0, stop_hz=3.0, duration=duration)
     recording = simulate(actuator, chirp, duration=duration, sample_rate=rate)
-    found = inverse_dynamics(recording, bare, ["inertia", "coulomb", *LAWS[law]])
-    assert found.relative_error < 0.01
-    assert found.values["inertia"] == pytest.approx(actuator.mechanics.inertia, rel=0.01)
-    assert found.values["coulomb"] == pytest.approx(actuator.mechanics.dynamic_friction, rel=0.01)
+    result = inverse_dynamics(recording, bare, ["inertia", "coulomb", *LAWS[law]])
+    assert result.relative_error < 0.01
+    assert result.values["inertia"] == pytest.approx(actuator.mechanics.inertia, rel=0.01)
+    assert result.values["coulomb"] == pytest.approx(actuator.mechanics.dynamic_friction, rel=0.01)
     # Friction through standstill is a rational curve within 2.4 % of the hyperbolic tangent.
-    check_values(found.values, LAWS[law], 0.04)
-    assert found.at_bound == ()
+    check_values(result.values, LAWS[law], 0.04)
+    assert result.at_bound == ()
 
 
 @pytest.mark.parametrize("seed", [1, 2])

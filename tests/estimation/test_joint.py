@@ -44,7 +44,7 @@ def test_faults_and_baseline_are_shared_and_nuisances_are_each_recordings_own() 
     def every_row(points: np.ndarray) -> np.ndarray:
         outcomes = joint.evaluate(points)
         priors = points[:, 8:9] * (20**0.5 / unit.priors)
-        return np.hstack([-np.array([np.concatenate(one.residual) for one in outcomes]), priors])
+        return np.hstack([-np.array([np.concatenate(outcome.residual) for outcome in outcomes]), priors])
 
     outputs = every_row(point[np.newaxis])
     (dense,) = one_sided_jacobians(every_row, point[np.newaxis], outputs, joint.box, joint.step)

@@ -62,11 +62,13 @@ STARTS = np.array([[1.0, 1.0, 0.0], [4.5, 0.3, -0.8], [0.4, 3.5, 0.9], [3.0, 3.0
 def test_every_start_ends_where_scipy_ends() -> None:
     recorded = wavering(0)
     best, least = reference(decay, recorded, STARTS[0], BOX)
-    found = least_squares(decay, recorded, STARTS, BOX, LeastSquaresSettings(iterations=60, least_gain=TIGHT))
+    solution = least_squares(
+        decay, recorded, STARTS, BOX, LeastSquaresSettings(iterations=60, least_gain=TIGHT)
+    )
     # One-sided differences over 2e-3 tilt the normal equations by some 1e-3 of a residual that is small.
-    np.testing.assert_allclose(found.points, np.tile(best, (4, 1)), rtol=0, atol=1e-3)
-    np.testing.assert_allclose(found.costs, least, rtol=1e-5)
-    np.testing.assert_array_equal(found.best, found.points[found.costs.argmin()])
+    np.testing.assert_allclose(solution.points, np.tile(best, (4, 1)), rtol=0, atol=1e-3)
+    np.testing.assert_allclose(solution.costs, least, rtol=1e-5)
+    np.testing.assert_array_equal(solution.best, solution.points[solution.costs.argmin()])
 
 
 @pytest.mark.parametrize(("component", "bound"), [(0, 1.5), (1, 1.0), (2, 0.2)])
@@ -77,12 +79,12 @@ def test_a_bound_that_is_active_at_the_solution(component: int, bound: float) ->
     box = Box(BOX.lower, upper)
     best, least = reference(decay, recorded, np.array([1.0, 0.5, 0.0]), box)
     assert best[component] == pytest.approx(bound, abs=1e-6)
-    found = least_squares(
+    solution = least_squares(
         decay, recorded, STARTS, box, LeastSquaresSettings(iterations=100, least_gain=TIGHT)
     )
-    assert np.all(found.points[:, component] == bound)
-    np.testing.assert_allclose(found.best, best, rtol=0, atol=2e-3)
-    np.testing.assert_allclose(found.costs, least, rtol=1e-4)
+    assert np.all(solution.points[:, component] == bound)
+    np.testing.assert_allclose(solution.best, best, rtol=0, atol=2e-3)
+    np.testing.assert_allclose(solution.costs, least, rtol=1e-4)
 
 
 def test_a_component_without_effect_does_no_harm() -> None:
@@ -90,37 +92,37 @@ def test_a_component_without_effect_does_no_harm() -> None:
     best, _ = reference(decay, recorded, STARTS[0], BOX)
     wider = Box(np.append(BOX.lower, 0.0), np.append(BOX.upper, 1.0))
     starts = np.column_stack([STARTS, [0.0, 0.3, 0.7, 1.0]])
-    found = least_squares(
+    solution = least_squares(
         lambda p: decay(p[:, :3]),
         recorded,
         starts,
         wider,
         LeastSquaresSettings(iterations=60, least_gain=TIGHT),
     )
-    np.testing.assert_allclose(found.points[:, :3], np.tile(best, (4, 1)), rtol=0, atol=1e-3)
+    np.testing.assert_allclose(solution.points[:, :3], np.tile(best, (4, 1)), rtol=0, atol=1e-3)
     # Rounding, by some 1e-9 of the others' derivatives, is the only pull it feels.
-    np.testing.assert_allclose(found.points[:, 3], starts[:, 3], rtol=0, atol=1e-4)
+    np.testing.assert_allclose(solution.points[:, 3], starts[:, 3], rtol=0, atol=1e-4)
 
 
 def test_nothing_has_an_effect() -> None:
     recorded = wavering(2)
-    found = least_squares(lambda p: np.zeros((len(p), TIME.size)), recorded, STARTS, BOX)
-    np.testing.assert_array_equal(found.points, STARTS)
-    np.testing.assert_allclose(found.costs, np.mean(recorded**2))
+    solution = least_squares(lambda p: np.zeros((len(p), TIME.size)), recorded, STARTS, BOX)
+    np.testing.assert_array_equal(solution.points, STARTS)
+    np.testing.assert_allclose(solution.costs, np.mean(recorded**2))
 
 
 def test_a_perfect_start_stays() -> None:
     truth = np.array([[2.0, 1.3, 0.4]])
-    found = least_squares(decay, decay(truth)[0], truth, BOX)
-    np.testing.assert_array_equal(found.points, truth)
-    assert found.costs[0] == 0
+    solution = least_squares(decay, decay(truth)[0], truth, BOX)
+    np.testing.assert_array_equal(solution.points, truth)
+    assert solution.costs[0] == 0
 
 
 @pytest.mark.parametrize("iterations", [1, 2])
 def test_a_linear_problem_takes_an_iteration_or_two(iterations: int) -> None:
     rng = np.random.default_rng(3)
     matrix, truth = rng.normal(size=(3, 80)), np.array([1.0, 2.0, -0.3])
-    found = least_squares(
+    solution = least_squares(
         lambda p: p @ matrix,
         truth @ matrix,
         STARTS[:1],
@@ -130,7 +132,7 @@ def test_a_linear_problem_takes_an_iteration_or_two(iterations: int) -> None:
     # The least damping tried is 1e-3 of the diagonal, then 1e-4 of it: of the error, each time, some two of
     # these are left (the equations are well conditioned), and of the cost its square.
     before = np.mean(((truth - STARTS[0]) @ matrix) ** 2)
-    assert found.costs[0] <= before * {1: 3e-3, 2: 3e-7}[iterations] ** 2
+    assert solution.costs[0] <= before * {1: 3e-3, 2: 3e-7}[iterations] ** 2
 
 
 @given(start=INSIDE, seed=st.integers(0, 5), iterations=st.integers(0, 8))
@@ -142,19 +144,19 @@ def test_never_worse_than_its_start_and_never_outside(start: Array, seed: int, i
         return decay(points)
 
     starts = start[np.newaxis]
-    found = least_squares(simulate, recorded, starts, BOX, LeastSquaresSettings(iterations=iterations))
+    solution = least_squares(simulate, recorded, starts, BOX, LeastSquaresSettings(iterations=iterations))
     np.testing.assert_array_equal(starts[0], start)
     every = np.concatenate(asked)
     assert np.all((every >= BOX.lower) & (every <= BOX.upper))
-    assert found.costs[0] <= np.mean((recorded - decay(starts)[0]) ** 2)
-    assert found.costs[0] == np.mean((recorded - decay(found.points)[0]) ** 2)
+    assert solution.costs[0] <= np.mean((recorded - decay(starts)[0]) ** 2)
+    assert solution.costs[0] == np.mean((recorded - decay(solution.points)[0]) ** 2)
 
 
 def test_a_start_outside_the_box_is_moved_in() -> None:
-    found = least_squares(
+    solution = least_squares(
         decay, wavering(0), np.array([[9.0, -3.0, 0.0]]), BOX, LeastSquaresSettings(iterations=0)
     )
-    np.testing.assert_array_equal(found.points, [[5.0, 0.1, 0.0]])
+    np.testing.assert_array_equal(solution.points, [[5.0, 0.1, 0.0]])
 
 
 def test_starts_do_not_know_of_each_other() -> None:

@@ -197,8 +197,8 @@ def test_a_nuisance_is_an_actuator_of_other_lumped_parameters(
 def test_a_load_that_was_not_recorded_and_the_nuisance_have_one_sign() -> None:
     whole = simulate(THESIS, Chirp(), faults=TRUTH, model="averaged", load=0.1)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
-    found = diagnose(recording, THESIS, max_corrections=0, workers=1)
-    assert found.nuisances["load"].value == pytest.approx(0.1, abs=0.005)
+    diagnosis = diagnose(recording, THESIS, max_corrections=0, workers=1)
+    assert diagnosis.nuisances["load"].value == pytest.approx(0.1, abs=0.005)
 
 
 def test_units_are_those_of_the_description() -> None:

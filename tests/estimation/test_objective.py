@@ -143,21 +143,21 @@ def test_current_and_voltage_separate_load_and_heat_from_faults(
 
 
 def test_from_the_current_alone_the_shorts_are_as_uncertain_as_the_heat(seeing: Diagnosis) -> None:
-    found = diagnose(rig(0.0, 40.0, "current_A"), THESIS, nuisances=USUAL)
+    diagnosis = diagnose(rig(0.0, 40.0, "current_A"), THESIS, nuisances=USUAL)
     for name in ("short_a", "short_b", "short_c"):
-        low, high = found.interval[name]
+        low, high = diagnosis.interval[name]
         # 40 K lie 1.3 prior standard deviations off: within 1.96 of them.
         assert low <= getattr(TRUTH, name) <= high
-        wide, narrow = (one.components[name].standard_error for one in (found, seeing))
+        wide, narrow = (one.components[name].standard_error for one in (diagnosis, seeing))
         assert wide > 2 * narrow
 
 
 def test_a_recorded_temperature_is_taken_as_known() -> None:
     hot = rig(0.0, 40.0, "current_A", temperature_K=293.15 + 40.0)
-    found = diagnose(hot, THESIS, nuisances=USUAL)
-    assert list(found.nuisances) == ["load"]
+    diagnosis = diagnose(hot, THESIS, nuisances=USUAL)
+    assert list(diagnosis.nuisances) == ["load"]
     # As good as at nominal temperature: a random vector's bound of issue "From a recording to a diagnosis".
-    assert error_percent(TRUTH.vector, found.faults.vector) <= 2.5
+    assert error_percent(TRUTH.vector, diagnosis.faults.vector) <= 2.5
 
 
 def test_a_description_keeps_its_priors() -> None:

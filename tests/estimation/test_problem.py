@@ -213,14 +213,14 @@ def test_a_zero_error_of_the_position_does_not_start_beyond_an_end_stop() -> Non
 
 def test_at_rest_on_the_command() -> None:
     rest = np.full(ROWS, 1e-3)
-    found = initial_state(recorded(position_rad=rest, speed_rad_s=0 * rest, angle_rad=rest / RATIO), THESIS)
-    assert found.angle == pytest.approx(0.5)
-    assert (found.speed, found.rotor_offset) == (0.0, 0.0)
+    start = initial_state(recorded(position_rad=rest, speed_rad_s=0 * rest, angle_rad=rest / RATIO), THESIS)
+    assert start.angle == pytest.approx(0.5)
+    assert (start.speed, start.rotor_offset) == (0.0, 0.0)
 
 
 def test_without_position_the_user_is_where_it_was_commanded() -> None:
-    found = initial_state(recorded(), THESIS)
-    assert found == Initial(angle=1e-3 / RATIO)
+    start = initial_state(recorded(), THESIS)
+    assert start == Initial(angle=1e-3 / RATIO)
 
 
 @pytest.mark.parametrize("sampling", ["mean", "instant"])
@@ -229,22 +229,22 @@ def test_a_command_that_starts_with_speed_starts_where_it_is_at_0(sampling: str)
         return np.asarray(5e-3 * np.sin(20 * np.pi * t))
 
     rows = interval_means(sine) if sampling == "mean" else sine(TIME)
-    found = initial_state(recorded(sampling, command_rad=rows), THESIS)
+    start = initial_state(recorded(sampling, command_rad=rows), THESIS)
     # Two means of a straight line lead back to it exactly, and a sine is straight at 0 to the square of
     # 20 pi × INTERVAL, 2e-4; the first mean itself is off by a thousand times the bound.
-    assert abs(found.angle) * RATIO < 1e-3 * 20 * np.pi * 5e-3 * INTERVAL / 2
+    assert abs(start.angle) * RATIO < 1e-3 * 20 * np.pi * 5e-3 * INTERVAL / 2
 
 
 def test_an_offset_position_is_taken_from_the_record() -> None:
-    found = initial_state(recorded(position_rad=np.full(ROWS, 0.1), angle_rad=np.full(ROWS, 50.02)), THESIS)
-    assert found.angle == pytest.approx(50.0)
-    assert found.rotor_offset == 0.0
+    start = initial_state(recorded(position_rad=np.full(ROWS, 0.1), angle_rad=np.full(ROWS, 50.02)), THESIS)
+    assert start.angle == pytest.approx(50.0)
+    assert start.rotor_offset == 0.0
 
 
 def test_noise_on_the_position_is_no_offset() -> None:
     noise = np.random.default_rng(0).normal(0, 1e-5, ROWS)
-    found = initial_state(recorded(position_rad=1e-3 + noise), THESIS)
-    assert found == Initial(angle=1e-3 / RATIO)
+    start = initial_state(recorded(position_rad=1e-3 + noise), THESIS)
+    assert start == Initial(angle=1e-3 / RATIO)
 
 
 MOVING = interval_means(lambda t: 1e-3 + 0.2 * t + 3.0 * t**2)
@@ -269,10 +269,10 @@ def test_the_starting_speed(columns: dict[str, Array], speed: float) -> None:
 
 def test_what_moves_at_the_start_is_where_it_was_then() -> None:
     # The first mean is half an interval later, 2e-5 rad farther; the user's acceleration makes h² of it.
-    found = initial_state(recorded(position_rad=4e-3 + MOVING), THESIS)
-    assert found.angle * RATIO == pytest.approx(5e-3, abs=1.1 * INTERVAL**2)
-    found = initial_state(recorded(angle_rad=MOVING / RATIO + 0.5, speed_rad_s=SPEED), THESIS)
-    assert found.angle == pytest.approx(1e-3 / RATIO + 0.5, abs=1.1 * INTERVAL**2 / RATIO)
+    start = initial_state(recorded(position_rad=4e-3 + MOVING), THESIS)
+    assert start.angle * RATIO == pytest.approx(5e-3, abs=1.1 * INTERVAL**2)
+    start = initial_state(recorded(angle_rad=MOVING / RATIO + 0.5, speed_rad_s=SPEED), THESIS)
+    assert start.angle == pytest.approx(1e-3 / RATIO + 0.5, abs=1.1 * INTERVAL**2 / RATIO)
 
 
 @pytest.mark.parametrize("names", [["speed_rad_s"], []], ids=["with speed", "position alone"])
@@ -281,10 +281,10 @@ def test_where_it_moves_at_the_start_is_known_to_less_than_a_count(names: list[s
     count, speeds, off = 2.7e-5, {"speed_rad_s": SPEED}, list[float]()
     for share in np.linspace(0.0, 0.9, 10):
         position = count * np.round((4e-3 + MOVING + share * count) / count)
-        found = initial_state(
+        start = initial_state(
             recorded(position_rad=position, **{name: speeds[name] for name in names}), THESIS
         )
-        off.append((found.angle * RATIO - 5e-3) / count - share)
+        off.append((start.angle * RATIO - 5e-3) / count - share)
     assert np.sqrt(np.mean(np.square(off))) < 0.2, off
 
 
@@ -295,8 +295,8 @@ def test_a_shaft_at_rest_has_no_speed_though_the_command_moves_at_once(noise: fl
     shaken = whole["position_rad"] + np.random.default_rng(0).normal(0, noise, whole.samples)
     columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
     columns |= {"position_rad": shaken}
-    found = initial_state(Recording(columns, whole.sampling), actuator)
-    assert found.speed == 0.0
+    start = initial_state(Recording(columns, whole.sampling), actuator)
+    assert start.speed == 0.0
 
 
 def test_noise_on_the_speed_is_mostly_no_motion() -> None:
@@ -347,9 +347,9 @@ def test_a_short_is_located_whatever_the_resolvers_zero() -> None:
     assert initial_state(unwrapped, THESIS).rotor_offset == pytest.approx(-3.0, abs=0.02)
     recording = resolver_recording(-1.6, SHORT, wrapped=True)
     assert initial_state(recording, THESIS).rotor_offset == pytest.approx(-1.6, abs=0.02)
-    found = diagnose(recording, THESIS, nuisances=USUAL)
+    diagnosis = diagnose(recording, THESIS, nuisances=USUAL)
     # The figure for a single fault; half a sector wrong, a third of the short is seen elsewhere.
-    assert error_percent(SHORT.vector, found.faults.vector) <= 2.0
+    assert error_percent(SHORT.vector, diagnosis.faults.vector) <= 2.0
 
 
 CUT = 600
@@ -373,8 +373,8 @@ def test_a_recording_may_start_on_the_move(missing: list[str]) -> None:
     # Over ten rows the chirp's speed is a parabola to about a per cent.
     assert start.speed == pytest.approx(whole["speed_rad_s"][CUT], rel=0.02)
     assert start.rotor_offset == 0.0
-    found = diagnose(cut, THESIS, nuisances=USUAL)
-    assert error_percent(SHORT.vector, found.faults.vector) <= 2.0
+    diagnosis = diagnose(cut, THESIS, nuisances=USUAL)
+    assert error_percent(SHORT.vector, diagnosis.faults.vector) <= 2.0
 
 
 def test_a_manoeuvre_about_another_position() -> None:
@@ -383,8 +383,8 @@ def test_a_manoeuvre_about_another_position() -> None:
     start = Initial(angle=0.1 / RATIO)
     signals = run(REFERENCE, Plant.of(THESIS, SHORT.vector), inputs, start)
     exact = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command)}
-    found = diagnose(Recording(exact | signals), THESIS, nuisances=USUAL)
-    assert error_percent(SHORT.vector, found.faults.vector) <= 2.0
+    diagnosis = diagnose(Recording(exact | signals), THESIS, nuisances=USUAL)
+    assert error_percent(SHORT.vector, diagnosis.faults.vector) <= 2.0
 
 
 # The load, and the model itself.

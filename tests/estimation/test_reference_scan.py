@@ -11,23 +11,23 @@ VALUES = tuple(2.0 ** (i / 2) for i in range(11))
 
 @pytest.mark.parametrize("best", range(2, 9))
 def test_a_sharp_minimum_is_found_to_the_next_values(best: int) -> None:
-    found = scan(VALUES, lambda value: value, lambda value: 1 + math.log(value / VALUES[best]) ** 2 * 100)
-    assert found.value == found.estimate == pytest.approx(VALUES[best])
+    minimum = scan(VALUES, lambda value: value, lambda value: 1 + math.log(value / VALUES[best]) ** 2 * 100)
+    assert minimum.value == minimum.estimate == pytest.approx(VALUES[best])
     # Evenly distributed between the neighbours, a factor 2 apart.
-    assert found.deviation == pytest.approx(math.log(2) / math.sqrt(12))
+    assert minimum.deviation == pytest.approx(math.log(2) / math.sqrt(12))
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
 def test_a_minimum_between_two_values_is_found(share: float) -> None:
     true = VALUES[4] ** (1 - share) * VALUES[5] ** share
-    found = scan(VALUES, lambda value: value, lambda value: 0.1 + math.log(value / true) ** 2)
-    assert found.value == pytest.approx(true, rel=0.01)
+    minimum = scan(VALUES, lambda value: value, lambda value: 0.1 + math.log(value / true) ** 2)
+    assert minimum.value == pytest.approx(true, rel=0.01)
 
 
 def test_values_that_fit_alike_widen_the_error() -> None:
-    found = scan(VALUES, lambda value: value, lambda value: 1.0 if 2 <= value <= 8 else 3.0)
+    minimum = scan(VALUES, lambda value: value, lambda value: 1.0 if 2 <= value <= 8 else 3.0)
     lower, upper = 2 / math.sqrt(2), 8 * math.sqrt(2)
-    assert found.deviation == pytest.approx(math.log(upper / lower) / math.sqrt(12))
+    assert minimum.deviation == pytest.approx(math.log(upper / lower) / math.sqrt(12))
 
 
 @pytest.mark.parametrize("power", [-1, 0, 1])

@@ -20,7 +20,7 @@ def white(seed: int, rows: int = ROWS) -> Array:
 
 
 def repeated(scores: Sequence[Array], driving: Array = CHIRP) -> RepeatedErrors:
-    return repeated_errors([ScoreSeries(one, driving, 1e-3) for one in scores], BOTH)
+    return repeated_errors([ScoreSeries(score, driving, 1e-3) for score in scores], BOTH)
 
 
 def test_copies_know_no_more_than_one() -> None:

@@ -220,7 +220,7 @@ def test_a_position_is_judged_by_its_motion_wherever_its_zero_is() -> None:
         )
         found = replay(mirrored, THESIS, model="averaged")
         assert found.relative_error["position_rad"] == pytest.approx(2.0, rel=0.01)
-        assert any("position_rad deviates by" in one for one in found.warnings)
+        assert any("position_rad deviates by" in warning for warning in found.warnings)
 
 
 def test_a_model_that_is_nothing_like_the_recording_is_warned_of(healthy: Recording) -> None:

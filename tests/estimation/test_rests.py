@@ -96,8 +96,8 @@ def test_a_load_scatters_as_its_error_says_where_the_shaft_rests(count: int) -> 
         recording = recorded(load, seed)
         problem = problem_of(recording, THESIS, channels=CHANNELS)
         objective = faults_objective(problem, NUISANCES)
-        found = search(objective, SearchSettings(HYBRID, 10, 0), fitness="least_squares")
-        diagnosis = conclude(found, recording, "hybrid", "least_squares", 0)
+        result = search(objective, SearchSettings(HYBRID, 10, 0), fitness="least_squares")
+        diagnosis = conclude(result, recording, "hybrid", "least_squares", 0)
         assert diagnosis.explained
         estimate = diagnosis.nuisances["load"]
         scores.append((estimate.value - load) / estimate.standard_error)
@@ -114,8 +114,8 @@ def test_a_gain_scatters_as_its_error_says_in_slow_motion_between_rests() -> Non
         )
         recording = Recording({name: whole[name] for name in ("time_s", "command_rad", *CHANNELS)})
         objective = faults_objective(problem_of(recording, THESIS, channels=CHANNELS), NUISANCES)
-        found = search(objective, SearchSettings(HYBRID, 10, seed), fitness="least_squares")
-        gain = conclude(found, recording, "hybrid", "least_squares", seed, tests=False).components["gain"]
+        result = search(objective, SearchSettings(HYBRID, 10, seed), fitness="least_squares")
+        gain = conclude(result, recording, "hybrid", "least_squares", seed, tests=False).components["gain"]
         scores.append((gain.value - 0.5) / gain.standard_error)
     # Compared with its ripple, by the averaged model's derivatives, it was 4.2 standard errors off.
     assert np.sqrt(np.mean(np.square(scores))) < 2

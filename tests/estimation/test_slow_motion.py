@@ -47,7 +47,9 @@ def test_switching_errors_are_as_large_as_recordings_differ() -> None:
     mean = np.zeros((1, result.objective.channel_rows))
     mean[0, -100:] = 1 / (100 * result.objective.problem.weights[1])
     of_runs = float(np.atleast_2d(switching_scores(mean, errors))[0, 0])
-    of_recordings = float(np.var([one["position_rad"][-100:].mean() for one in recordings], ddof=1))
+    of_recordings = float(
+        np.var([recording["position_rad"][-100:].mean() for recording in recordings], ddof=1)
+    )
     assert 0.2 < of_runs / of_recordings < 5
 
 

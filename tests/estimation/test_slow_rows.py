@@ -39,7 +39,7 @@ def found(slow: Recording) -> Diagnosis:
 
 def test_a_healthy_unit_is_not_degraded_by_slow_rows(found: Diagnosis) -> None:
     assert found.explained
-    assert "degraded" not in {one.verdict for one in found.components.values()}
+    assert "degraded" not in {component.verdict for component in found.components.values()}
     for name in ("friction", "backlash", "short_a", "short_b", "short_c", "eccentricity", "gain"):
         low, high = found.interval[name]
         assert low <= getattr(Faults(), name) <= high

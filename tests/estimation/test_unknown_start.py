@@ -133,10 +133,10 @@ def test_every_row_before_a_corner_from_rest_is_compared(first: int, names: tupl
 
 
 def test_a_diagnosis_does_without_them_and_says_so() -> None:
-    found = diagnose(cut(700, *ELECTRICAL), THESIS, nuisances=USUAL)
-    assert found.explained
-    assert error_percent(FAULTS.vector, found.faults.vector) <= 2.0
-    (note,) = (one for one in found.recording_notes if "first row" in one)
+    diagnosis = diagnose(cut(700, *ELECTRICAL), THESIS, nuisances=USUAL)
+    assert diagnosis.explained
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) <= 2.0
+    (note,) = (one for one in diagnosis.recording_notes if "first row" in one)
     assert "position_rad" in note
 
 

@@ -42,7 +42,7 @@ def test_discrepancy_is_that_of_a_sobol_sequence(n: int, dimensions: int) -> Non
     """
 
     def rms(points: list[Array]) -> float:
-        return float(np.sqrt(np.mean([qmc.discrepancy(one, method="MD") for one in points])))
+        return float(np.sqrt(np.mean([qmc.discrepancy(point, method="MD") for point in points])))
 
     def sobol(seed: int) -> Array:
         power = int(n - 1).bit_length()
