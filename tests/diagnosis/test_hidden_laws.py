@@ -1,4 +1,4 @@
-"""What a motor or an inverter loses is no fault, although faults or another inertia would make up for it."""
+"""Laws of losses in motor and inverter: they are suspected and estimated, although faults could compensate."""
 
 from dataclasses import replace
 from functools import cache
@@ -37,28 +37,28 @@ def with_law(name: str, value: float) -> Actuator:
 
 
 def near_the_truth(recording: Recording, actuator: Actuator = THESIS) -> SearchResult:
-    """Return the estimate of `actuator` next to the true faults."""
+    """Return the estimate by `actuator` near the true faults."""
     objective = faults_objective(problem_of(recording, actuator), ("load",))
     return correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
 
 
 @cache
-def as_described() -> SearchResult:
-    """Return the estimate of a unit that is as described."""
+def estimate_as_described() -> SearchResult:
+    """Return the estimate for a unit as described."""
     return near_the_truth(on_a_rig(THESIS, FAULTS, 0.2))
 
 
 @pytest.mark.parametrize("value", [0.01, -0.01])
-def test_a_saturation_is_suspected_where_there_is_one(value: float) -> None:
+def test_a_saturation_is_suspected_and_sized(value: float) -> None:
     result = near_the_truth(on_a_rig(with_law("saturation", value), FAULTS, 0.2))
     assert "saturation" in suspected_laws(result, seed=0)
-    # A linear step, the other parameters making up for a part.
+    # A linear step; the other parameters compensate a part.
     assert hidden_scores(result, seed=0)["saturation"].values == pytest.approx([value * LIMIT], rel=0.4)
 
 
-def test_a_law_that_is_certain_and_leaves_as_much_is_an_alternative(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As of a current control that lags, which the lag of the speed feedback takes up for the most part."""
-    result = as_described()
+def test_a_certain_law_with_an_equal_residual_is_an_alternative(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Example: a lag of the current control, of which a lag of the speed feedback explains most."""
+    result = estimate_as_described()
     with_lag = near_the_truth(on_a_rig(THESIS, FAULTS, 0.2), with_law("speed-lag", 1e-4))
     scores = {"speed-lag": Score(np.array([1e-4]), np.array([[1e-10]]))}
     monkeypatch.setattr(deviations, "suspected_laws", lambda *_: scores)
@@ -79,8 +79,8 @@ def test_a_law_that_is_certain_and_leaves_as_much_is_an_alternative(monkeypatch:
         assert found.result.alternatives == alternatives
 
 
-def test_a_law_that_would_explain_as_well_is_named() -> None:
-    result = as_described()
+def test_an_alternative_law_has_a_note() -> None:
+    result = estimate_as_described()
     law = LAWS["cogging"]
     objective = with_free_law(result.objective, law, law.parameters[:4])
     point = objective.space.carried_over(result.point, result.objective.space)
@@ -94,14 +94,14 @@ def test_a_law_that_would_explain_as_well_is_named() -> None:
     assert note == f"{explanation}; the intervals include this alternative"
 
 
-def test_none_is_suspected_where_there_is_none_or_it_is_described() -> None:
-    assert suspected_laws(as_described(), seed=0) == {}
+def test_no_law_is_suspected_for_a_unit_as_described() -> None:
+    assert suspected_laws(estimate_as_described(), seed=0) == {}
     described = with_law("saturation", 0.01)
     assert suspected_laws(near_the_truth(on_a_rig(described, FAULTS, 0.2), described), seed=0) == {}
 
 
 @pytest.mark.evidence
-def test_a_saturation_that_nobody_described_is_no_fault() -> None:
+def test_an_undescribed_saturation_is_estimated_and_not_called_a_fault() -> None:
     diagnosis = diagnose(on_a_rig(with_law("saturation", 0.01), Faults(), 0.35), THESIS)
     assert diagnosis.explained
     assert diagnosis.laws == ("saturation",)
@@ -113,13 +113,13 @@ def test_a_saturation_that_nobody_described_is_no_fault() -> None:
 
 
 @pytest.mark.parametrize("value", [0.2, -0.1])
-def test_a_sine_in_the_back_emf_is_suspected_and_sized(value: float) -> None:
+def test_a_sine_share_of_the_back_emf_is_suspected_and_sized(value: float) -> None:
     result = near_the_truth(on_a_rig(with_law("emf-sine", value), FAULTS, 0.2))
     assert "emf-sine" in suspected_laws(result, seed=0)
     assert hidden_scores(result, seed=0)["emf-sine"].values == pytest.approx([value], rel=0.4)
 
 
-def test_hall_sensors_out_of_place_are_suspected_and_sized() -> None:
+def test_displaced_hall_sensors_are_suspected_and_sized() -> None:
     early = {"hall_a": 0.035, "hall_b": -0.025, "hall_c": 0.02}
     displaced = with_lumped_parameters(LAWS["hall-angles"].added_to(THESIS), early)
     result = near_the_truth(on_a_rig(displaced, FAULTS, 0.2))
@@ -134,13 +134,13 @@ def test_late_commutation_is_suspected_and_sized() -> None:
         on_a_rig(with_lumped_parameters(LAWS["commutation-lag"].added_to(THESIS), late), FAULTS, 0.3)
     )
     assert "commutation-lag" in suspected_laws(result, seed=0)
-    found = hidden_scores(result, seed=0)["commutation-lag"].values
-    # At speeds that differ little only the sum of both shows.
-    assert sum(found) == pytest.approx(0.03 + 3e-5 * 2 * typical_speed(THESIS), abs=0.01)
+    values = hidden_scores(result, seed=0)["commutation-lag"].values
+    # At nearly equal speeds, only the sum of both is identifiable.
+    assert sum(values) == pytest.approx(0.03 + 3e-5 * 2 * typical_speed(THESIS), abs=0.01)
 
 
 @pytest.mark.evidence
-def test_narrow_flats_of_the_back_emf_are_no_short(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_narrow_flats_of_the_back_emf_are_not_called_a_short(monkeypatch: pytest.MonkeyPatch) -> None:
     rivals = ("emf-flats", "emf-sine", "saturation", "inverter-drop")
     monkeypatch.setattr(hidden_laws, "HIDDEN", [law for law in hidden_laws.HIDDEN if law.name in rivals])
     monkeypatch.setattr(law_selection, "SUSPECTS", rivals)
@@ -155,7 +155,7 @@ def test_narrow_flats_of_the_back_emf_are_no_short(monkeypatch: pytest.MonkeyPat
     assert low <= 0.1 <= high
 
 
-def test_voltage_that_the_inverter_takes_is_no_other_inertia() -> None:
+def test_a_voltage_drop_of_the_inverter_is_not_read_as_inertia() -> None:
     diagnosis = diagnose(on_a_rig(with_law("inverter-drop", 1.0), Faults(0.3), 0.2), THESIS)
     assert diagnosis.explained
     assert diagnosis.laws == ("inverter-drop",)
