@@ -149,7 +149,7 @@ def test_the_phase_is_estimated_across_the_cut_of_its_circle(true: float) -> Non
 @pytest.mark.parametrize(("most", "least"), [(MAX_CORRECTIONS, 0.87), (0, 0.8)])
 def test_intervals_have_the_published_coverage(of_noisy: Diagnoses, most: int, least: float) -> None:
     inside = np.array([covered(k, d) for k, d in zip(NOISY_FAULTS, of_noisy[most], strict=True)])
-    # Published by component: 93 to 97 %. Less than 87 % of 24 independent 95 % intervals contain the truth once
+    # Published by component: 93 to 97 %. Fewer than 87 % of 24 independent 95 % intervals hold the truth once
     # in thirty times. Without correction, bias reduces the coverage to 92 %, unequal between components.
     assert inside.mean() >= least
     assert np.all(inside.mean(axis=0) >= 0.5)

@@ -179,7 +179,7 @@ def test_spikes_are_not_accepted_as_noise() -> None:
 
 def test_switching_absent_from_the_recording_does_not_account_for_a_residual() -> None:
     result = at_the_truth({"current_A": 1.3 * WHOLE["current_A"]})
-    # A chaotic model: half of the current is switching.
+    # A chaotic model: half of the current is switching, and the residual is a third of the variance of this.
     switching = float(np.mean(WHOLE["current_A"] ** 2)) / 4
     none = np.zeros_like(result.correction)
     chaotic = Discrepancy(none, none, switching, runs=16, slow_variance=switching)
@@ -215,7 +215,7 @@ DEVIATIONS = {"viscous": 0.05, "offset": 1e-3}
 
 
 def reasons_off_calibration(name: str, far: float) -> str:
-    """Return the reasons against an estimate that deviates by `far` standard errors from its calibrated value."""
+    """Return the reasons against an estimate `far` standard errors from its calibrated value."""
     deviation = DEVIATIONS[name]
     known = np.diag([deviation**2, 0.05**2])
     baseline = Baseline.of((name, "inertia"), known, ("healthy.csv",))

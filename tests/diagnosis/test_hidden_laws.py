@@ -1,4 +1,4 @@
-"""Laws of losses in motor and inverter: they are suspected and estimated, although faults could compensate."""
+"""Laws of losses in motor and inverter: suspected and estimated, although faults could compensate them."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""Identifiability of an estimate: information of further channels, and collinear sets with resolving channels."""
+"""Identifiability of an estimate: information of further channels, and channels that resolve collinearity."""
 
 import numpy as np
 import pytest

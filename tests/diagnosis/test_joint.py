@@ -222,8 +222,8 @@ def test_a_missing_law_is_estimated_from_all_recordings(monkeypatch: pytest.Monk
     monkeypatch.setattr(
         hidden_laws, "HIDDEN", [law for law in hidden_laws.HIDDEN if law.name in ("saturation", "speed-lag")]
     )
-    for asked in (first_look, sensor_lag):
-        monkeypatch.setattr(asked, "can_show_lag", lambda _: False)
+    for module in (first_look, sensor_lag):
+        monkeypatch.setattr(module, "can_show_lag", lambda _: False)
     unit = with_lumped_parameters(LAWS["saturation"].added_to(THESIS), {"saturation": 0.007})
     diagnosis = diagnose_joint([on_a_rig(unit, FAULTS, 0.2, seed=seed) for seed in range(2)], THESIS)
     assert diagnosis.explained

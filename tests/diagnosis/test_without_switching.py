@@ -1,4 +1,4 @@
-"""Drives that do not switch: what deviates from the description is found, and the models' step is no bias."""
+"""Drives without switching: deviations are selected, and the step of the model causes no bias."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def square(t: Array) -> Array:
 
 
 @pytest.mark.parametrize("share", [-0.1, pytest.param(0.1, marks=pytest.mark.evidence)])
-def test_an_inertia_that_deviates_is_found(share: float) -> None:
+def test_a_deviating_inertia_is_selected(share: float) -> None:
     inertia = lumped_parameters(DC, ("inertia",))["inertia"]
     diagnosis = diagnose(
         recorded(
@@ -41,12 +41,16 @@ def test_an_inertia_that_deviates_is_found(share: float) -> None:
     assert error_percent(FAULTS.vector, diagnosis.faults.vector) < 1
 
 
-def test_the_step_of_the_averaged_model_is_no_bias() -> None:
+def test_the_step_of_the_averaged_model_causes_no_bias() -> None:
     recording = recorded(DC, FAULTS, Chirp(duration=DURATION))
-    found, uncorrected = diagnose(recording, DC), diagnose(recording, DC, max_corrections=0)
-    errors = [float(error_percent(FAULTS.vector, one.faults.vector)) for one in (found, uncorrected)]
+    corrected, uncorrected = diagnose(recording, DC), diagnose(recording, DC, max_corrections=0)
+    errors = [
+        float(error_percent(FAULTS.vector, diagnosis.faults.vector)) for diagnosis in (corrected, uncorrected)
+    ]
     assert errors[0] < 0.5 * errors[1]
-    assert all(covered(FAULTS.vector, found)[NAMES.index(name)] for name in ("friction", "backlash", "gain"))
+    assert all(
+        covered(FAULTS.vector, corrected)[NAMES.index(name)] for name in ("friction", "backlash", "gain")
+    )
 
 
 @pytest.mark.parametrize("faults", [Faults(), FAULTS], ids=["healthy", "faulty"])
