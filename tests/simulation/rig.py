@@ -95,7 +95,7 @@ def errors_of_a_dc_motor(
     """
 
     def error(step: float) -> float:
-        got = record(
+        signals = record(
             AVERAGED,
             Step(duty),
             actuator,
@@ -104,9 +104,9 @@ def errors_of_a_dc_motor(
             step=step,
             sampling="instant",
         )
-        times = got["time_s"] + step  # at the end of a step
+        times = signals["time_s"] + step  # at the end of a step
         exact = solve_ivp(slopes, (0, times[-1]), [0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-9).y
-        return float(np.abs(got["current_A"] - exact[0]).max())
+        return float(np.abs(signals["current_A"] - exact[0]).max())
 
     return error(2e-5), error(5e-6)
 
@@ -149,20 +149,20 @@ class WindingEnergies(NamedTuple):
 
 
 def winding_energies(
-    got: dict[str, Array], faults: Faults, resistance: float, inductance: float, interval: float
+    signals: dict[str, Array], faults: Faults, resistance: float, inductance: float, interval: float
 ) -> WindingEnergies:
     """Return the energies of signals `got`, a row each `interval` [s], by line resistance and inductance.
 
     Currents and speeds count at the middle of each step, which leaves second orders only.
     """
     turns = np.array([1 - faults.short_a, 1 - faults.short_b, 1 - faults.short_c])[:, None]
-    after = np.stack([got[f"current_{phase}_A"] for phase in "abc"])
+    after = np.stack([signals[f"current_{phase}_A"] for phase in "abc"])
     middle = (np.pad(after, ((0, 0), (1, 0)))[:, :-1] + after) / 2
-    legs = np.stack([got[f"voltage_{phase}_V"] for phase in "abc"])
-    speed = got["speed_rad_s"]
+    legs = np.stack([signals[f"voltage_{phase}_V"] for phase in "abc"])
+    speed = signals["speed_rad_s"]
     return WindingEnergies(
         supplied=np.sum(legs * middle) * interval,
         joule=np.sum(resistance / 2 * turns * middle**2) * interval,
-        shaft=np.sum(got["torque_Nm"] * (speed + np.pad(speed, (1, 0))[:-1]) / 2) * interval,
+        shaft=np.sum(signals["torque_Nm"] * (speed + np.pad(speed, (1, 0))[:-1]) / 2) * interval,
         magnetic=np.sum(inductance / 4 * turns[:, 0] ** 2 * after[:, -1] ** 2),
     )

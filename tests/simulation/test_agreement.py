@@ -90,7 +90,7 @@ def test_mirroring_motor_and_command_mirrors_the_motion(k: Array, offset: float)
     # Seen from the other end of the shaft, phases b and c change places and every angle its sign.
     mirrored = k[[0, 1, 2, 4, 3, 5, 6, 7]] * np.array([1, 1, 1, 1, 1, 1, -1, 1])
     mirrored[6] += 1
-    got = record(
+    signals = record(
         AVERAGED, Chirp(), faults=Faults.from_vector(k), start=Initial(rotor_offset=offset), duration=0.3
     )
     image = record(
@@ -103,7 +103,7 @@ def test_mirroring_motor_and_command_mirrors_the_motion(k: Array, offset: float)
     for name in ("current_A", "speed_rad_s", "position_rad", "torque_Nm", "voltage_V"):
         # Rounding, amplified by sectors that start a step earlier or later where it decides: one sample
         # in a thousand at most.
-        far = np.abs(got[name] + image[name]) > 1e-6 * np.abs(got[name]).max()
+        far = np.abs(signals[name] + image[name]) > 1e-6 * np.abs(signals[name]).max()
         assert far.mean() < 5e-3, name
 
 
@@ -117,15 +117,15 @@ def test_relabelling_the_phases_changes_only_their_names(model: Model, k: Array)
     turned = Initial(rotor_offset=0.4 + np.pi / 3)
     command = Sine(8e-3, 15.0)
     options: dict[str, Any] = {"duration": 0.02, "interval": model.step}
-    got = record(model, command, faults=Faults.from_vector(k), start=Initial(rotor_offset=0.4), **options)
+    signals = record(model, command, faults=Faults.from_vector(k), start=Initial(rotor_offset=0.4), **options)
     other = record(model, command, faults=Faults.from_vector(relabelled), start=turned, **options)
-    names = {name: name for name in got}
+    names = {name: name for name in signals}
     if model is REFERENCE:
         for unit in ("current_{}_A", "voltage_{}_V"):
             names |= {unit.format(a): unit.format(b) for a, b in ("ab", "bc", "ca")}
     for name, new in names.items():
         np.testing.assert_allclose(
-            other[new], got[name], rtol=0, atol=1e-9 * np.abs(got[name]).max(), err_msg=name
+            other[new], signals[name], rtol=0, atol=1e-9 * np.abs(signals[name]).max(), err_msg=name
         )
 
 

@@ -87,12 +87,12 @@ def test_a_motion_smaller_than_the_gap_moves_nothing(amplitude: float) -> None:
 def test_the_motor_loses_the_gap_at_each_reversal(model: str, k2: float) -> None:
     width = 5e-3 * (1 + 9 * k2)
     chosen = MODELS[model]
-    got = record(chosen, Sine(5e-3, 8.0), faults=Faults(backlash=k2), duration=0.2, interval=chosen.step)
-    ahead = got["angle_rad"] - got["position_rad"] * 500
+    signals = record(chosen, Sine(5e-3, 8.0), faults=Faults(backlash=k2), duration=0.2, interval=chosen.step)
+    ahead = signals["angle_rad"] - signals["position_rad"] * 500
     # The user stands 250 motor radians away at most, which double precision resolves to 1e-13.
     assert ahead.max() == pytest.approx(width / 2, abs=1e-12)
     assert ahead.min() == pytest.approx(-width / 2, abs=1e-12)
     inside = np.abs(ahead) < width / 2 - 1e-9
-    moved = np.diff(got["position_rad"])
+    moved = np.diff(signals["position_rad"])
     assert inside.sum() > 10 * (k2 > 0)
     assert not moved[inside[1:]].any()

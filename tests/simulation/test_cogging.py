@@ -62,7 +62,7 @@ def test_a_coasting_shaft_exchanges_energy_with_the_ripple(model: Model) -> None
 
     errors = []
     for step in (model.step, model.step / 4):
-        got = record(
+        signals = record(
             model,
             lambda t: 0 * t,
             actuator,
@@ -72,10 +72,10 @@ def test_a_coasting_shaft_exchanges_energy_with_the_ripple(model: Model) -> None
             start=Initial(speed=w, rotor_offset=offset),
             sampling="instant",
         )
-        rotor = got["angle_rad"] + offset
+        rotor = signals["angle_rad"] + offset
         expected = np.sqrt(w**2 + 2 / INERTIA * (work(rotor) - work(offset)))
         assert np.ptp(expected) > 0.2
-        errors.append(np.abs(got["speed_rad_s"] - expected).max() / np.ptp(expected))
+        errors.append(np.abs(signals["speed_rad_s"] - expected).max() / np.ptp(expected))
     # Half a step early: n w Δt / 2 = 0.9 % at 50 µs.
     assert errors[0] < 0.015
     assert errors[1] < 0.3 * errors[0]
@@ -91,10 +91,10 @@ def test_the_motor_works_against_the_ripple_at_a_held_speed() -> None:
     ripple = [{"order": 4, "cos": 5e-3, "sin": 2e-3}]
     actuator = type(base).from_dict(base.model_dump() | {"ripple": ripple})
     speed = 20.0
-    got = record(
+    signals = record(
         AVERAGED, lambda t: speed * t / 500, actuator, duration=0.4, interval=5e-4, start=Initial(speed=speed)
     )
-    angle, torque = got["angle_rad"][400:], got["torque_Nm"][400:]
+    angle, torque = signals["angle_rad"][400:], signals["torque_Nm"][400:]
     # What the loop leaves is accelerating torque: J n w / GAP = 4 % late.
     expected = -(5e-3 * np.cos(4 * angle) + 2e-3 * np.sin(4 * angle))
     assert np.abs(torque - expected).max() < 0.06 * 5.4e-3

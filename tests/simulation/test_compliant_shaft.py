@@ -35,7 +35,7 @@ def idle(stiffness: float, damping: float = 0.0, backlash: float = 0.0) -> Actua
 
 def pushed(actuator: Actuator, step: float, duration: float = 0.02) -> dict[str, Array]:
     """Return what a constant load on the user does from rest, a row a step, with the user in motor angles."""
-    got = record(
+    signals = record(
         AVERAGED,
         lambda t: 0 * t,
         actuator,
@@ -45,7 +45,7 @@ def pushed(actuator: Actuator, step: float, duration: float = 0.02) -> dict[str,
         step=step,
         sampling="instant",
     )
-    return got | {"user": got["position_rad"] * 500}
+    return signals | {"user": signals["position_rad"] * 500}
 
 
 @given(twist=NUMBERS, rate=NUMBERS, half_gap=st.floats(0.0, 5.0), damping=st.floats(0.0, 5.0))
@@ -66,15 +66,15 @@ def test_it_swings_as_the_closed_form(ratio: float) -> None:
     actuator = idle(STIFFNESS, 2 * ratio * NATURAL * REDUCED)
     errors = []
     for step in (1e-5, 2.5e-6):
-        got = pushed(actuator, step)
-        t = got["time_s"]
+        signals = pushed(actuator, step)
+        t = signals["time_s"]
         damped = NATURAL * math.sqrt(1 - ratio**2)
         swing = np.cos(damped * t) + ratio / math.sqrt(1 - ratio**2) * np.sin(damped * t)
         final = LOAD * REDUCED / USER / STIFFNESS
         twist = final * (1 - np.exp(-ratio * NATURAL * t) * swing)
-        errors.append(np.abs(got["angle_rad"] - got["user"] - twist).max() / final)
+        errors.append(np.abs(signals["angle_rad"] - signals["user"] - twist).max() / final)
         # Both together are one inertia.
-        centre = (MOTOR * got["angle_rad"] + USER * got["user"]) / (MOTOR + USER)
+        centre = (MOTOR * signals["angle_rad"] + USER * signals["user"]) / (MOTOR + USER)
         expected = -LOAD / (MOTOR + USER) * t * (t + step) / 2
         np.testing.assert_allclose(centre, expected, rtol=1e-9, atol=1e-12)
     # Semi-implicit Euler: half a step early, ω Δt / 2 of the amplitude.
@@ -85,12 +85,12 @@ def test_it_swings_as_the_closed_form(ratio: float) -> None:
 def test_its_frequency_and_damping_at_the_step_of_a_fit() -> None:
     """Over ten periods the frequency is too high by (ω Δt)²/24 + ζ ω Δt / 2, the damping as described."""
     ratio = 0.02
-    got = pushed(idle(STIFFNESS, 2 * ratio * NATURAL * REDUCED), AVERAGED.step)
-    twist = got["angle_rad"] - got["user"]
+    signals = pushed(idle(STIFFNESS, 2 * ratio * NATURAL * REDUCED), AVERAGED.step)
+    twist = signals["angle_rad"] - signals["user"]
     final = LOAD * REDUCED / USER / STIFFNESS
     crossings = np.flatnonzero(np.diff(np.sign(twist - final)) != 0)
     share = (final - twist[crossings]) / (twist[crossings + 1] - twist[crossings])
-    times = got["time_s"][crossings] + share * AVERAGED.step
+    times = signals["time_s"][crossings] + share * AVERAGED.step
     frequency = (len(times) - 1) / 2 / (times[-1] - times[0])
     phase = NATURAL * AVERAGED.step
     high = 1 + phase**2 / 24 + ratio * phase / 2
@@ -102,27 +102,27 @@ def test_its_frequency_and_damping_at_the_step_of_a_fit() -> None:
 
 def test_it_has_its_gap() -> None:
     half = 2.5e-3
-    got = pushed(idle(STIFFNESS, 0.0, 2 * half), 1e-6, 0.01)
-    t, inside = got["time_s"], np.abs(got["angle_rad"] - got["user"]) <= half
+    signals = pushed(idle(STIFFNESS, 0.0, 2 * half), 1e-6, 0.01)
+    t, inside = signals["time_s"], np.abs(signals["angle_rad"] - signals["user"]) <= half
     alone = t < math.sqrt(2 * half * USER / LOAD) - 2e-6
     assert inside[alone].all()
-    assert np.abs(got["angle_rad"][alone]).max() < 1e-30  # the motor's torque is as good as none
-    np.testing.assert_allclose(got["user"][alone], -LOAD / USER * (t * (t + 1e-6) / 2)[alone], rtol=1e-9)
+    assert np.abs(signals["angle_rad"][alone]).max() < 1e-30  # the motor's torque is as good as none
+    np.testing.assert_allclose(signals["user"][alone], -LOAD / USER * (t * (t + 1e-6) / 2)[alone], rtol=1e-9)
     # Then the user takes the motor along.
-    assert got["angle_rad"][-1] < -half
+    assert signals["angle_rad"][-1] < -half
 
 
 @pytest.mark.parametrize("backlash", [0.0, 5e-3])
 def test_its_energy_is_what_the_load_did(backlash: float) -> None:
     errors = []
     for step in (4e-6, 1e-6):
-        got = pushed(idle(STIFFNESS, 0.0, backlash), step)
-        w = got["speed_rad_s"]
-        user_speed = np.gradient(got["user"], step)
-        twist = got["angle_rad"] - got["user"]
+        signals = pushed(idle(STIFFNESS, 0.0, backlash), step)
+        w = signals["speed_rad_s"]
+        user_speed = np.gradient(signals["user"], step)
+        twist = signals["angle_rad"] - signals["user"]
         beyond = np.maximum(np.abs(twist) - backlash / 2, 0.0)
         energy = MOTOR * w**2 / 2 + USER * user_speed**2 / 2 + STIFFNESS * beyond**2 / 2
-        work = -LOAD * got["user"]
+        work = -LOAD * signals["user"]
         errors.append(np.abs(energy - work)[1:-1].max() / work[-1])
     # Energy of semi-implicit Euler swings by ω Δt / 2; of the whole, the part that swings is less.
     assert errors[0] < 0.02
@@ -178,5 +178,5 @@ def test_no_side_has_more_friction_in_motion_than_at_rest() -> None:
     friction = {"static_friction_motor": most, "static_friction_user": 0.0}
     friction |= {"dynamic_friction_motor": 0.3 * most, "dynamic_friction_user": 0.2 * most}
     soft = altered(SHAFT, mechanics=friction)
-    got = record(AVERAGED, Step(0.0), soft, duration=0.05, load=1e-4)
-    assert np.max(got["position_rad"]) <= 0.0
+    signals = record(AVERAGED, Step(0.0), soft, duration=0.05, load=1e-4)
+    assert np.max(signals["position_rad"]) <= 0.0

@@ -20,10 +20,12 @@ def test_a_held_shaft_is_asked_for_gains_times_error(model: Model, k8: float) ->
         mechanics=LOCKED, controller=WIDE | {"integral_gain": 3.0}, motor={"torque_constant": 1e-6}
     )
     amplitude = 1e-4
-    got = record(model, Step(amplitude), actuator, faults=Faults(gain=k8), duration=2e-3, interval=model.step)
+    signals = record(
+        model, Step(amplitude), actuator, faults=Faults(gain=k8), duration=2e-3, interval=model.step
+    )
     error = (0.5 + k8) * 1e5 * amplitude
-    expected = (5e-2 * error + 3.0 * error * got["time_s"]) / 0.0752
-    np.testing.assert_allclose(got["reference_current_A"], expected, rtol=1e-10)  # sums of 2000 terms
+    expected = (5e-2 * error + 3.0 * error * signals["time_s"]) / 0.0752
+    np.testing.assert_allclose(signals["reference_current_A"], expected, rtol=1e-10)  # sums of 2000 terms
 
 
 @EACH_MODEL
@@ -32,12 +34,12 @@ def test_the_derivative_gain_answers_to_the_slope_of_the_error(model: Model) -> 
     actuator = altered(
         mechanics=LOCKED, controller=WIDE | {"derivative_gain": derivative}, motor={"torque_constant": 1e-6}
     )
-    got = record(model, Ramp(rate), actuator, duration=2e-3, interval=model.step)
-    error = 1e5 * rate * got["time_s"]
+    signals = record(model, Ramp(rate), actuator, duration=2e-3, interval=model.step)
+    error = 1e5 * rate * signals["time_s"]
     expected = (5e-2 * error + derivative * 1e5 * rate) / 0.0752
     # The first step has no slope yet. A difference of errors of up to 0.2, divided by a step of 1e-6.
-    np.testing.assert_allclose(got["reference_current_A"][1:], expected[1:], rtol=1e-8)
-    assert got["reference_current_A"][0] == 0
+    np.testing.assert_allclose(signals["reference_current_A"][1:], expected[1:], rtol=1e-8)
+    assert signals["reference_current_A"][0] == 0
 
 
 @EACH_MODEL
@@ -59,16 +61,16 @@ def test_the_drive_divides_by_its_own_torque_constant(model: Model) -> None:
     actuator = altered(
         mechanics=LOCKED, controller=WIDE | {"torque_constant": 0.1}, motor={"torque_constant": 0.02}
     )
-    got = record(model, Step(1e-4), actuator, duration=2e-4)
-    assert got["reference_current_A"][0] == pytest.approx(5e-2 * 10 / 0.1, rel=1e-12)
+    signals = record(model, Step(1e-4), actuator, duration=2e-4)
+    assert signals["reference_current_A"][0] == pytest.approx(5e-2 * 10 / 0.1, rel=1e-12)
 
 
 @EACH_MODEL
 def test_torque_is_limited(model: Model) -> None:
     actuator = altered(motor={"torque_limit": 0.5})
-    got = record(model, Step(1e-2), actuator, duration=0.02, interval=model.step)
-    assert got["torque_Nm"].max() == 0.5
-    assert 0.0752 * got["current_A"].max() > 0.6
+    signals = record(model, Step(1e-2), actuator, duration=0.02, interval=model.step)
+    assert signals["torque_Nm"].max() == 0.5
+    assert 0.0752 * signals["current_A"].max() > 0.6
 
 
 @EACH_MODEL
@@ -81,22 +83,22 @@ def test_the_drive_sees_the_speed_through_a_first_order_lag(model: Model, lag: f
         motor={"torque_constant": 1e-9},
     )
     acceleration = 0.05 / 2.5e-5
-    got = record(model, Step(0.0), actuator, load=-0.05, duration=0.02, sampling="instant")
-    t = got["time_s"]
+    signals = record(model, Step(0.0), actuator, load=-0.05, duration=0.02, sampling="instant")
+    t = signals["time_s"]
     late = lag * -np.expm1(-t / lag) if lag else 0.0
     # The filter takes a ramp as steps: half a step of it, 50 us at most, is gained or lost.
     expected = -5e-2 * acceleration * (t - late) / 0.0752
     bound = 5e-2 * acceleration * model.step / 0.0752
-    np.testing.assert_allclose(got["reference_current_A"], expected, rtol=1e-6, atol=bound)
+    np.testing.assert_allclose(signals["reference_current_A"], expected, rtol=1e-6, atol=bound)
 
 
 @pytest.mark.parametrize("lag", [0.0, 2e-3])
 def test_torque_follows_an_ideal_current_through_a_first_order_lag(lag: float) -> None:
     actuator = altered(mechanics=LOCKED, motor={"torque_lag": lag, "torque_limit": None}, electrical=None)
-    got = record(AVERAGED, Step(1.0), actuator, duration=0.01, interval=5e-5)
-    assert set(got["current_A"]) == {22.5}
-    risen = -np.expm1(-(got["time_s"] + 5e-5) / lag) if lag else 1.0
-    np.testing.assert_allclose(got["torque_Nm"], 0.0752 * 22.5 * risen, rtol=1e-12)  # sums of 200 steps
+    signals = record(AVERAGED, Step(1.0), actuator, duration=0.01, interval=5e-5)
+    assert set(signals["current_A"]) == {22.5}
+    risen = -np.expm1(-(signals["time_s"] + 5e-5) / lag) if lag else 1.0
+    np.testing.assert_allclose(signals["torque_Nm"], 0.0752 * 22.5 * risen, rtol=1e-12)  # sums of 200 steps
 
 
 NOISE_A = 0.3

@@ -68,9 +68,9 @@ def test_a_stalled_motor_has_the_torque_of_the_shapes_there(
     actuator = altered(
         motor=motor | {"torque_limit": None}, mechanics=LOCKED, controller={"current_limit": 10.0}
     )
-    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
-    assert got["torque_Nm"][-1] == pytest.approx(K * factor * got["current_A"][-1], rel=bound)
-    assert abs(got["current_A"][-1]) == pytest.approx(10.0, abs=0.6)
+    signals = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    assert signals["torque_Nm"][-1] == pytest.approx(K * factor * signals["current_A"][-1], rel=bound)
+    assert abs(signals["current_A"][-1]) == pytest.approx(10.0, abs=0.6)
 
 
 @pytest.mark.parametrize("drive", [{}, {"drive": {"kind": "six-step"}}], ids=["hysteresis", "six-step"])

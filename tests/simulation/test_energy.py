@@ -71,17 +71,17 @@ def dry(w: Array, static: float, dynamic: float, transmitted: Array | float, slo
     return np.asarray(level * np.tanh(w / FRICTION["transition_speed"]))
 
 
-def accounts(got: dict[str, Array], step: float, *, compliant: bool) -> dict[str, float]:
+def accounts(signals: dict[str, Array], step: float, *, compliant: bool) -> dict[str, float]:
     """Return the energies [J] of a run from rest whose rows are its steps, by closed forms of each law."""
 
     def before(x: Array) -> Array:
         return np.pad(x, (1, 0))[:-1]
 
-    current, w, theta = got["current_A"], got["speed_rad_s"], got["angle_rad"]
-    user = got["position_rad"] / RATIO
+    current, w, theta = signals["current_A"], signals["speed_rad_s"], signals["angle_rad"]
+    user = signals["position_rad"] / RATIO
     user_w = np.diff(user, prepend=0.0) / step
     i, w_mid, user_mid = ((x + before(x)) / 2 for x in (current, w, user_w))
-    torque = got["torque_Nm"] + sum(
+    torque = signals["torque_Nm"] + sum(
         (
             one["cos"] * np.cos(order * before(theta)) + one["sin"] * np.sin(order * before(theta))
             for one, order in ((RIPPLE[0], 6.0), (RIPPLE[1], SCREW))
@@ -113,7 +113,7 @@ def accounts(got: dict[str, Array], step: float, *, compliant: bool) -> dict[str
         for one, n in order
     )
     return {
-        "electrical": float(np.sum(got["voltage_V"] * i) * step),
+        "electrical": float(np.sum(signals["voltage_V"] * i) * step),
         "ripple": ripple,
         "heat": float(
             np.sum(R_S * (before(current) ** 2 + before(current) * current + current**2) / 3) * step
@@ -138,8 +138,8 @@ def test_energy_is_kept_with_every_law_on(drive: str, compliant: bool) -> None:
     actuator = with_every_law(drive, compliant=compliant)
     missing = []
     for step in (5e-5, 6.25e-6):
-        got = record(AVERAGED, Sine(0.02, 6.0), actuator, duration=0.21, interval=step, step=step)
-        e = accounts(got, step, compliant=compliant)
+        signals = record(AVERAGED, Sine(0.02, 6.0), actuator, duration=0.21, interval=step, step=step)
+        e = accounts(signals, step, compliant=compliant)
         supplied = e.pop("electrical") + e.pop("ripple")
         missing.append(abs(supplied - sum(e.values())) / supplied)
         assert e["heat"] > 0.02 * supplied

@@ -19,9 +19,9 @@ RATE = 0.1
 
 def steady(model: Model, *, load: float = 0.0, sign: int = 1, **faults: float) -> dict[str, float]:
     """Return each channel's mean over the last 0.1 s of a ramp of 0.4 s, at constant speed."""
-    got = record(model, Ramp(sign * RATE), faults=Faults(**faults), load=load, duration=0.4)
-    assert np.mean(got["speed_rad_s"][-500:]) == pytest.approx(sign * RATE / TAU, rel=1e-4)
-    return {name: float(np.mean(values[-500:])) for name, values in got.items()}
+    signals = record(model, Ramp(sign * RATE), faults=Faults(**faults), load=load, duration=0.4)
+    assert np.mean(signals["speed_rad_s"][-500:]) == pytest.approx(sign * RATE / TAU, rel=1e-4)
+    return {name: float(np.mean(values[-500:])) for name, values in signals.items()}
 
 
 def bound(model: Model) -> float:
@@ -58,35 +58,35 @@ def test_an_offset_is_a_load_that_is_always_there(model: Model) -> None:
 @EACH_MODEL
 def test_a_sampled_load_acts_when_it_says(model: Model) -> None:
     on = 0.3
-    got = record(model, Ramp(RATE), load=Sampled([0, on, on + 1e-6, 1], [0, 0, 0.1, 0.1]), duration=0.6)
-    before = np.mean(got["current_A"][1000:1500])
-    after = np.mean(got["current_A"][-500:])
+    signals = record(model, Ramp(RATE), load=Sampled([0, on, on + 1e-6, 1], [0, 0, 0.1, 0.1]), duration=0.6)
+    before = np.mean(signals["current_A"][1000:1500])
+    after = np.mean(signals["current_A"][-500:])
     assert after - before == pytest.approx(0.1 / K, rel=5 * bound(model))
     # The speed drops by 0.1 N·m / (GAP × the loop's gain) and settles within J / GAP = 0.5 ms.
-    assert np.mean(got["current_A"][1510:1600]) == pytest.approx(after, rel=0.1)
+    assert np.mean(signals["current_A"][1510:1600]) == pytest.approx(after, rel=0.1)
 
 
 @EACH_MODEL
 @pytest.mark.parametrize("short", [0.3, 0.6])
 def test_equal_shorts_weaken_torque_and_back_emf_and_the_resistance(model: Model, short: float) -> None:
     turns = 1 - short
-    got = steady(model, short_a=short, short_b=short, short_c=short)
+    signals = steady(model, short_a=short, short_b=short, short_c=short)
     current = (COULOMB + VISCOUS * RATE / TAU) / (K * turns)
-    assert got["current_A"] == pytest.approx(current, rel=bound(model))
+    assert signals["current_A"] == pytest.approx(current, rel=bound(model))
     voltage = K * turns * RATE / TAU + R_S * turns * current
     # The idle leg of the reference model switches, too, and takes 1 % of the line's voltage with it.
-    assert got["voltage_V"] == pytest.approx(voltage, rel=0.03 if model is REFERENCE else bound(model))
+    assert signals["voltage_V"] == pytest.approx(voltage, rel=0.03 if model is REFERENCE else bound(model))
 
 
 @pytest.mark.parametrize("phase", ["short_a", "short_b", "short_c"])
 @pytest.mark.parametrize("model", [AVERAGED, REFERENCE], ids=["averaged", "reference"])
 def test_a_single_short_is_felt_in_the_two_sectors_of_its_phase(model: Model, phase: str) -> None:
-    got = record(model, Ramp(RATE), faults=Faults(**{phase: 0.5}), duration=0.4)
-    rotor = np.degrees(2 * got["angle_rad"][1000:])
+    signals = record(model, Ramp(RATE), faults=Faults(**{phase: 0.5}), duration=0.4)
+    rotor = np.degrees(2 * signals["angle_rad"][1000:])
     idle = np.round(rotor / 60).astype(int) % 3  # 0: a idles, 1: c, 2: b (thesis 4.4)
     middle = np.abs(rotor / 60 - np.round(rotor / 60)) < 0.2
     healthy_sector = {"short_a": 0, "short_b": 2, "short_c": 1}[phase]
-    current = got["current_A"][1000:]
+    current = signals["current_A"][1000:]
     whole = current[middle & (idle == healthy_sector)].mean()
     weak = current[middle & (idle != healthy_sector)].mean()
     # k is 1 in one sector and (1 + 0.5) / 2 in the others; at constant torque the currents are inverse, but
@@ -98,8 +98,8 @@ def test_a_single_short_is_felt_in_the_two_sectors_of_its_phase(model: Model, ph
 @pytest.mark.parametrize("k7", [0.0, 0.25, 0.6])
 def test_eccentricity_modulates_current_once_a_turn_at_its_phase(model: Model, k7: float) -> None:
     z, phi = 0.42 * 0.5, (2 * k7 - 1) * math.pi
-    got = record(model, Ramp(RATE), faults=Faults(eccentricity=0.5, eccentricity_phase=k7), duration=0.4)
-    theta = got["angle_rad"][1000:]
+    signals = record(model, Ramp(RATE), faults=Faults(eccentricity=0.5, eccentricity_phase=k7), duration=0.4)
+    theta = signals["angle_rad"][1000:]
     third = 2 * np.pi / 3 * np.arange(3)[:, None]
     factors = 1 + z * np.cos(theta + phi + third)
     idle = np.round(np.degrees(2 * theta) / 60).astype(int) % 3
@@ -108,7 +108,7 @@ def test_eccentricity_modulates_current_once_a_turn_at_its_phase(model: Model, k
     expected = (COULOMB + VISCOUS * RATE / TAU) / K / mean
     # The speed loop evens the torque out but for J dw/dt and a settling of 0.5 ms after each sector.
     middle = np.abs(np.degrees(2 * theta) / 60 - np.round(np.degrees(2 * theta) / 60)) < 0.3
-    away = got["current_A"][1000:] - expected
+    away = signals["current_A"][1000:] - expected
     assert rms(away[middle]) < 0.1 * rms(expected - expected.mean()) + (0.15 if model is REFERENCE else 0)
 
 
@@ -127,8 +127,8 @@ def test_the_ends_of_the_phase_are_one_fault(model: Model) -> None:
 @EACH_MODEL
 @pytest.mark.parametrize("k8", [0.0, 1.0])
 def test_gain_sets_the_following_error(model: Model, k8: float) -> None:
-    got = record(model, Ramp(RATE), faults=Faults(gain=k8), duration=0.4)
-    lag = np.mean((RATE * (got["time_s"] + INTERVAL / 2) - got["position_rad"])[-500:])
+    signals = record(model, Ramp(RATE), faults=Faults(gain=k8), duration=0.4)
+    lag = np.mean((RATE * (signals["time_s"] + INTERVAL / 2) - signals["position_rad"])[-500:])
     # The speed demand, G G_prop error, is the speed and what the torque takes from it, k I / GAP.
     current = (COULOMB + VISCOUS * RATE / TAU) / K
     expected = (RATE / TAU + K * current / 5e-2) / ((0.5 + k8) * 1e5)
@@ -138,10 +138,10 @@ def test_gain_sets_the_following_error(model: Model, k8: float) -> None:
 
 def regression(model: Model, faults: Faults, actuator: Actuator = THESIS) -> tuple[float, float]:
     """Return k [V·s/rad] and R [ohm] from a plain regression of the line voltage over the default chirp."""
-    got = record(model, Chirp(), actuator, faults=faults)
-    current, speed = got["current_A"], got["speed_rad_s"]
+    signals = record(model, Chirp(), actuator, faults=faults)
+    current, speed = signals["current_A"], signals["speed_rad_s"]
     columns = np.stack([speed, current, np.gradient(current, INTERVAL)], axis=1)
-    (k, resistance, _inductance), *_ = np.linalg.lstsq(columns, got["voltage_V"])
+    (k, resistance, _inductance), *_ = np.linalg.lstsq(columns, signals["voltage_V"])
     return float(k), float(resistance)
 
 
@@ -172,15 +172,15 @@ def test_line_voltage_of_the_lighter_models(model: Model) -> None:
 
 @pytest.mark.parametrize("model", [AVERAGED, MODELS["monitor"]], ids=["averaged", "monitor"])
 def test_line_voltage_stays_within_the_supply(model: Model) -> None:
-    got = record(model, Sine(2e-2, 15.0), duration=0.1, interval=model.step)
-    assert np.abs(got["voltage_V"]).max() == pytest.approx(48.0, rel=1e-12)
+    signals = record(model, Sine(2e-2, 15.0), duration=0.1, interval=model.step)
+    assert np.abs(signals["voltage_V"]).max() == pytest.approx(48.0, rel=1e-12)
 
 
 def test_without_electrical_part_the_current_is_its_reference() -> None:
     ideal = altered(electrical=None)
-    got = record(AVERAGED, Sine(2e-2, 15.0), ideal, duration=0.1, interval=5e-5)
-    assert np.array_equal(got["current_A"], got["reference_current_A"])
-    assert np.abs(got["current_A"]).max() == 22.5
+    signals = record(AVERAGED, Sine(2e-2, 15.0), ideal, duration=0.1, interval=5e-5)
+    assert np.array_equal(signals["current_A"], signals["reference_current_A"])
+    assert np.abs(signals["current_A"]).max() == 22.5
     # With windings, the supply takes its time.
     slow = record(AVERAGED, Sine(2e-2, 15.0), duration=0.1, interval=5e-5)
     assert np.abs(slow["current_A"] - slow["reference_current_A"]).max() > 1
@@ -242,8 +242,8 @@ def test_electrical_lumped_parameters_stand_for_the_actuators_own(
 
 
 def test_a_held_shaft_stays_held_whatever_the_faults() -> None:
-    got = record(
+    signals = record(
         REFERENCE, Chirp(), altered(mechanics=LOCKED), faults=Faults(0.2, 0.3, 0.5, 0.1, 0, 1, 0.2, 1)
     )
-    assert not got["speed_rad_s"].any()
-    assert not got["position_rad"].any()
+    assert not signals["speed_rad_s"].any()
+    assert not signals["position_rad"].any()

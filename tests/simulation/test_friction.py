@@ -94,17 +94,17 @@ def test_a_pushed_shaft_breaks_away_and_stops_by_the_closed_form(model: Model) -
     # Pushed by just less than f_s for 10 ms, by 0.3 N·m for 20 ms, then let go.
     on, off, push, edge = 10e-3, 30e-3, 0.3, 1e-9
     load = Sampled([on, on + edge, off, off + edge], [-0.999 * static, -push, -push, 0])
-    got = record(model, rest, DRIFTING, load=load, duration=0.1, interval=1e-3, sampling="instant")
-    t = got["time_s"]
+    signals = record(model, rest, DRIFTING, load=load, duration=0.1, interval=1e-3, sampling="instant")
+    t = signals["time_s"]
     slope = (push - dynamic) / inertia
     fastest = slope * (off - on)
     stop = off + inertia * fastest / dynamic  # 81 ms
     expected = slope * np.clip(t - on, 0, off - on) - dynamic / inertia * np.clip(t - off, 0, stop - off)
     # The push starts and ends at a step, and a row shows the end of its step.
-    np.testing.assert_allclose(got["speed_rad_s"], expected, rtol=0, atol=2.01 * slope * model.step)
-    assert not got["speed_rad_s"][t < on].any()
-    assert got["speed_rad_s"][(t > on) & (t < stop - 2 * model.step)].all()
-    assert not got["speed_rad_s"][t > stop + 2 * model.step].any()
+    np.testing.assert_allclose(signals["speed_rad_s"], expected, rtol=0, atol=2.01 * slope * model.step)
+    assert not signals["speed_rad_s"][t < on].any()
+    assert signals["speed_rad_s"][(t > on) & (t < stop - 2 * model.step)].all()
+    assert not signals["speed_rad_s"][t > stop + 2 * model.step].any()
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -147,8 +147,8 @@ def test_a_rotor_turned_ten_thousand_times_points_where_it_should() -> None:
 
 
 def test_a_run_starts_at_its_speed_and_angle() -> None:
-    got = record(AVERAGED, rest, DRIFTING, duration=1e-3, interval=5e-5, start=Initial(3.0, speed=50.0))
+    signals = record(AVERAGED, rest, DRIFTING, duration=1e-3, interval=5e-5, start=Initial(3.0, speed=50.0))
     # The first row shows the end of the first step: friction has braked for 50 us.
     speed = 50.0 - 0.05 * 1.689 / 2.5e-5 * 5e-5
-    assert got["speed_rad_s"][0] == pytest.approx(speed, rel=1e-9)
-    assert got["angle_rad"][0] == pytest.approx(3.0 + speed * 5e-5, rel=1e-9)
+    assert signals["speed_rad_s"][0] == pytest.approx(speed, rel=1e-9)
+    assert signals["angle_rad"][0] == pytest.approx(3.0 + speed * 5e-5, rel=1e-9)

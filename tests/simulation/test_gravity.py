@@ -47,8 +47,8 @@ def released(
 @pytest.mark.parametrize("side", [1, -1])
 def test_released_from_the_horizontal_it_swings_to_hanging_down(model: Model, side: int) -> None:
     quarter = float(ellipk(0.5)) / SMALL_SWINGS
-    got = released(arm(), side * math.pi / 2, 2 * quarter, model.step, model)
-    t, position = got["time_s"], side * got["position_rad"]
+    signals = released(arm(), side * math.pi / 2, 2 * quarter, model.step, model)
+    t, position = signals["time_s"], side * signals["position_rad"]
     assert position[0] == pytest.approx(math.pi / 2, rel=1e-6)
     assert np.all(np.diff(position[1:-2]) < 0)  # down, through, and up on the other side
     down = np.interp(0.0, -position, t)
@@ -60,8 +60,8 @@ def test_released_from_the_horizontal_it_swings_to_hanging_down(model: Model, si
 def test_its_period_is_that_of_a_pendulum(amplitude: float) -> None:
     expected = 4 * float(ellipk(math.sin(amplitude / 2) ** 2)) / SMALL_SWINGS
     for step in (5e-5, 1.25e-5):
-        got = released(arm(), amplitude, 4.2 * expected, step)
-        t, position = got["time_s"], got["position_rad"]
+        signals = released(arm(), amplitude, 4.2 * expected, step)
+        t, position = signals["time_s"], signals["position_rad"]
         rising = np.flatnonzero((position[:-1] < 0) & (position[1:] >= 0))
         share = -position[rising] / (position[rising + 1] - position[rising])
         times = t[rising] + 5e-4 * share
@@ -75,16 +75,16 @@ def test_it_moves_as_another_integrator_says(angle: float, gear_ratio: float) ->
     viscous, duration, position = 1e-4, 0.3, 1.0
     actuator = arm(angle, gear_ratio, viscous)
     for step in (5e-5, 1.25e-5):
-        got = released(actuator, position, duration, step)
+        signals = released(actuator, position, duration, step)
 
         def slopes(_: float, y: Array) -> list[float]:
             theta, w = y
             return [w, (-WEIGHT * math.sin(gear_ratio * theta + angle) - viscous * w) / INERTIA]
 
         end = solve_ivp(
-            slopes, (0, duration), [position / gear_ratio, 0.0], "DOP853", got["time_s"], rtol=1e-10
+            slopes, (0, duration), [position / gear_ratio, 0.0], "DOP853", signals["time_s"], rtol=1e-10
         )
-        error = np.abs(got["speed_rad_s"] - end.y[1]).max() / np.abs(end.y[1]).max()
+        error = np.abs(signals["speed_rad_s"] - end.y[1]).max() / np.abs(end.y[1]).max()
         # Up to a step is lost at each of at most six reversals, at 63 rad/s.
         assert error < 6.5 * SMALL_SWINGS * step
 
@@ -92,10 +92,10 @@ def test_it_moves_as_another_integrator_says(angle: float, gear_ratio: float) ->
 def test_a_turn_is_a_turn() -> None:
     # The direction that is carried must not drift: a weight that is whirled around keeps its energy.
     start = Initial(speed=800.0)
-    got = record(
+    signals = record(
         AVERAGED, lambda t: 0 * t, arm(), duration=5.0, interval=1e-3, start=start, sampling="instant"
     )
-    energy = INERTIA / 2 * got["speed_rad_s"] ** 2 - WEIGHT * np.cos(got["angle_rad"])
+    energy = INERTIA / 2 * signals["speed_rad_s"] ** 2 - WEIGHT * np.cos(signals["angle_rad"])
     # Semi-implicit Euler lets the energy swing by w M Δt / 2 = 2e-3 J of 8 J.
     assert np.ptp(energy) < 5e-3
-    assert abs(np.polyfit(got["time_s"], energy, 1)[0]) < 1e-4
+    assert abs(np.polyfit(signals["time_s"], energy, 1)[0]) < 1e-4

@@ -86,7 +86,7 @@ def test_a_row_is_the_mean_of_its_steps_or_the_first_of_them(model: Model) -> No
     ],
 )
 def test_an_instant_at_the_start_is_the_start(model: Model, steps_a_row: int) -> None:
-    got = record(
+    signals = record(
         model,
         Sine(8e-3, 15.0),
         duration=8 * model.step,
@@ -95,7 +95,7 @@ def test_an_instant_at_the_start_is_the_start(model: Model, steps_a_row: int) ->
         sampling="instant",
         start=Initial(angle=1.0, speed=40.0),
     )
-    assert [got[name][0] for name in MOTION] == [1.0 / 500, 40.0, 1.0]
+    assert [signals[name][0] for name in MOTION] == [1.0 / 500, 40.0, 1.0]
 
 
 @EACH_MODEL

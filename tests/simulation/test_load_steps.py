@@ -73,9 +73,9 @@ def test_a_run_is_that_under_the_same_load_by_time(model: Model, drive: str) -> 
         inputs = Inputs.of(Chirp(), load, samples=500, interval=DURATION / 500, step=model.step)
         return observe_batch(model, Plant.of(actuator, faults[:count], parameters), inputs, workers=1)
 
-    got = ran(17, 0.05, steps)
+    signals = ran(17, 0.05, steps)
     for lane in (0, 16):
         expected = ran(1, by_time(STEPS * [sizes[lane], 1.0, 1.0]), {})[0]
         scale = np.abs(expected).max(axis=1, keepdims=True)
         # A load by time is taken at the start of an integration step, that of a step at its middle.
-        np.testing.assert_allclose(got[lane] / scale, expected / scale, rtol=0, atol=2e-3)
+        np.testing.assert_allclose(signals[lane] / scale, expected / scale, rtol=0, atol=2e-3)

@@ -69,10 +69,10 @@ def test_a_run_is_that_under_the_same_load_by_time(model: Model, drive: str) -> 
     loads = np.random.default_rng(5).uniform(-0.2, 0.2, (7, 17))
     faults = np.tile(Faults(friction=0.2).vector, (17, 1))
     actuator = THESIS if drive == "hysteresis" else altered(drive={"kind": drive, **CURRENT_LOOP})
-    got = ran(model, actuator, faults, 0.05, loads)
+    signals = ran(model, actuator, faults, 0.05, loads)
     for lane in (0, 16):
         spline = spline_of(loads[:, lane], DURATION)
         expected = ran(model, actuator, faults[:1], lambda t, s=spline: 0.05 + s(t), None)[0]
         # Rounding alone, but where a switching is on the edge.
         scale = np.abs(expected).max(axis=1, keepdims=True)
-        np.testing.assert_allclose(got[lane] / scale, expected / scale, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(signals[lane] / scale, expected / scale, rtol=0, atol=1e-6)

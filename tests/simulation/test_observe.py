@@ -115,19 +115,23 @@ def test_a_hinge_moment_in_models_with_one_winding(model: Model, form: dict[str,
     faults, duration = Faults.from_vector(FAULTS[0]), 0.1
     steps = round(duration / model.step)
     expected = scalar_winding.simulate(HINGED, faults, sine, steps, model.step, **form)
-    got = record(model, Sine(8e-3, 15.0), HINGED, faults=faults, duration=duration, interval=model.step)
+    signals = record(model, Sine(8e-3, 15.0), HINGED, faults=faults, duration=duration, interval=model.step)
     for name, values in expected.items():
         # As in test_oracles: what carrying the rotor's cos and sin makes in 0.1 s.
-        np.testing.assert_allclose(got[name], values, rtol=0, atol=1e-8 * np.abs(values).max(), err_msg=name)
+        np.testing.assert_allclose(
+            signals[name], values, rtol=0, atol=1e-8 * np.abs(values).max(), err_msg=name
+        )
 
 
 def test_a_hinge_moment_in_the_reference_model() -> None:
     faults, steps = Faults.from_vector(FAULTS[0]), 10_000
     expected = scalar_reference.simulate(HINGED, faults, sine, steps)
-    got = record(REFERENCE, Sine(8e-3, 15.0), HINGED, faults=faults, duration=steps * 1e-6, interval=1e-6)
+    signals = record(REFERENCE, Sine(8e-3, 15.0), HINGED, faults=faults, duration=steps * 1e-6, interval=1e-6)
     for name, values in expected.items():
         # As in test_oracles: rounding alone, as long as all legs switch in the same step.
-        np.testing.assert_allclose(got[name], values, rtol=0, atol=1e-10 * np.abs(values).max(), err_msg=name)
+        np.testing.assert_allclose(
+            signals[name], values, rtol=0, atol=1e-10 * np.abs(values).max(), err_msg=name
+        )
 
 
 def test_a_hinge_moment_alone_is_a_spring() -> None:

@@ -45,7 +45,7 @@ def test_reference_model(
     expected = scalar_reference.simulate(
         actuator, faults, scalar(command), steps, load=load, rotor_offset=rotor_offset
     )
-    got = record(
+    signals = record(
         REFERENCE,
         command,
         actuator,
@@ -55,11 +55,13 @@ def test_reference_model(
         load=load,
         start=Initial(rotor_offset=rotor_offset),
     )
-    assert {"time_s", *expected} == set(got)
+    assert {"time_s", *expected} == set(signals)
     for name, values in expected.items():
         # Rounding alone: as long as all legs switch in the same step, Euler steps keep the
         # difference below some 1e-13 of the largest value (measured); one leg off by a step makes 0.06 A.
-        np.testing.assert_allclose(got[name], values, rtol=0, atol=1e-10 * np.abs(values).max(), err_msg=name)
+        np.testing.assert_allclose(
+            signals[name], values, rtol=0, atol=1e-10 * np.abs(values).max(), err_msg=name
+        )
 
 
 @pytest.mark.parametrize(
@@ -93,7 +95,7 @@ def test_models_with_one_winding(model: Model, form: dict[str, Any], k: Array, a
         rotor_offset=1.3,
         **form,
     )
-    got = record(
+    signals = record(
         model,
         command,
         actuator,
@@ -103,11 +105,13 @@ def test_models_with_one_winding(model: Model, form: dict[str, Any], k: Array, a
         load=0.03,
         start=Initial(rotor_offset=1.3),
     )
-    assert {"time_s", *expected} == set(got)
+    assert {"time_s", *expected} == set(signals)
     for name, values in expected.items():
         # The rotor's carried cos and sin err by angle⁶ / 720 a step, 1e-14 at 300 rad/s and 50 µs; the
         # loop makes 1e-10 A of it over 2000 steps (measured). A wrong N or sector makes 0.1 A.
-        np.testing.assert_allclose(got[name], values, rtol=0, atol=1e-8 * np.abs(values).max(), err_msg=name)
+        np.testing.assert_allclose(
+            signals[name], values, rtol=0, atol=1e-8 * np.abs(values).max(), err_msg=name
+        )
 
 
 def test_modulated_shorts_follow_the_sector_without_eccentricity() -> None:
@@ -117,6 +121,8 @@ def test_modulated_shorts_follow_the_sector_without_eccentricity() -> None:
     expected = scalar_winding.simulate(
         THESIS, faults, scalar(command), steps, model.step, averaged=False, shorts="modulated"
     )
-    got = record(model, command, faults=faults, duration=0.05, interval=model.step)
+    signals = record(model, command, faults=faults, duration=0.05, interval=model.step)
     for name, values in expected.items():
-        np.testing.assert_allclose(got[name], values, rtol=0, atol=1e-8 * np.abs(values).max(), err_msg=name)
+        np.testing.assert_allclose(
+            signals[name], values, rtol=0, atol=1e-8 * np.abs(values).max(), err_msg=name
+        )

@@ -73,7 +73,7 @@ def test_a_loop_moves_as_its_equation(
 
     errors = []
     for step in (5e-5, 1.25e-5):
-        got = record(
+        signals = record(
             AVERAGED,
             Sine(AMPLITUDE, OMEGA / (2 * math.pi)),
             actuator,
@@ -82,15 +82,15 @@ def test_a_loop_moves_as_its_equation(
             step=step,
             sampling="instant",
         )
-        t = got["time_s"]
+        t = signals["time_s"]
         end = solve_ivp(slopes, (0, t[-1]), [0.0, 0.0, 0.0], "LSODA", t, rtol=1e-10, atol=1e-12)
         theta, w, summed = end.y
         asked = np.array([torque(*one) for one in zip(t, theta, w, summed, strict=True)])
         errors.append(
             [
-                np.abs(got["position_rad"] - RATIO * theta).max() / (RATIO * np.abs(theta).max()),
-                np.abs(got["speed_rad_s"] - w).max() / np.abs(w).max(),
-                np.abs(got["torque_Nm"] - asked)[1:].max() / np.abs(asked).max(),
+                np.abs(signals["position_rad"] - RATIO * theta).max() / (RATIO * np.abs(theta).max()),
+                np.abs(signals["speed_rad_s"] - w).max() / np.abs(w).max(),
+                np.abs(signals["torque_Nm"] - asked)[1:].max() / np.abs(asked).max(),
             ]
         )
     # Explicit: a loop of bandwidth GAP / J = 800 /s is half a step late, 2 %; the torque of the first step,

@@ -78,10 +78,10 @@ def test_a_shaft_under_a_swinging_load_moves_as_the_equations_say() -> None:
     for dt in (1e-4, 2.5e-5):
         options: dict[str, Any] = {"duration": 0.1, "interval": 1e-4, "step": dt, "sampling": "instant"}
         start = Initial(speed=-20.0)
-        got = record(AVERAGED, np.zeros_like, loaded(), load=swinging, start=start, **options)
-        t = got["time_s"]
+        signals = record(AVERAGED, np.zeros_like, loaded(), load=swinging, start=start, **options)
+        t = signals["time_s"]
         exact = solve_ivp(slopes, (0, t[-1]), [-20.0, 0.0], "LSODA", t, rtol=1e-9, atol=1e-9, max_step=1e-4)
-        errors.append(float(rms(got["speed_rad_s"] - exact.y[0]) / rms(exact.y[0])))
+        errors.append(float(rms(signals["speed_rad_s"] - exact.y[0]) / rms(exact.y[0])))
     # As in test_smooth_friction: the load, held over each step, is half a step late.
     assert errors[0] < 0.02
     assert errors[1] < errors[0] / 3
@@ -90,7 +90,7 @@ def test_a_shaft_under_a_swinging_load_moves_as_the_equations_say() -> None:
 @pytest.mark.parametrize("compliant", [False, True], ids=["rigid", "compliant"])
 def test_a_slow_torque_below_the_level_draws_a_hysteresis(compliant: bool) -> None:
     shaft = {"transmission": {"stiffness": 20.0, "damping": 1e-3}} if compliant else {}
-    got = record(
+    signals = record(
         AVERAGED,
         np.zeros_like,
         loaded(mechanics=FREE | DRY | ({"backlash": 0.0} if compliant else {}), **shaft),
@@ -98,7 +98,7 @@ def test_a_slow_torque_below_the_level_draws_a_hysteresis(compliant: bool) -> No
         duration=4.0,
         interval=1e-3,
     )
-    angle = got["angle_rad"]
+    angle = signals["angle_rad"]
     # They slide as they bend: dz/dθ = 1 - sgn(ω) z/z_s, whose integral is a logarithm there and another back.
     sliding = LEVEL / STIFFNESS
     assert -angle[1999] == pytest.approx(-sliding * math.log(1 - 0.5), rel=0.015)
@@ -111,8 +111,8 @@ def test_bristles_in_a_closed_loop(model: Model) -> None:
     user = dict.fromkeys(("viscous_user", "static_friction_user", "dynamic_friction_user"), 0.0)
     mechanics = DRY | {"viscous_motor": 0.0} | user
     actuator = altered(mechanics=mechanics, friction=BRISTLES | {"stribeck_speed": 20.0})
-    got = record(model, Sine(5e-3, 15.0), actuator, duration=0.05, interval=model.step)
-    w, torque = got["speed_rad_s"], got["torque_Nm"]
+    signals = record(model, Sine(5e-3, 15.0), actuator, duration=0.05, interval=model.step)
+    w, torque = signals["speed_rad_s"], signals["torque_Nm"]
     z, impulse = 0.0, np.zeros(w.size)
     friction = 0.0
     for i, speed in enumerate(w):

@@ -31,10 +31,10 @@ def test_a_stalled_motor_has_the_torque_that_the_flux_leaves(
 ) -> None:
     start = Initial(rotor_offset=math.radians(30))
     actuator = saturating(THESIS, value, mechanics=LOCKED, controller={"current_limit": 15.0})
-    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
-    current = got["current_A"][-1]
+    signals = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    current = signals["current_A"][-1]
     assert abs(current) == pytest.approx(15.0, abs=0.6)
-    assert got["torque_Nm"][-1] == pytest.approx(K * (1 - value * abs(current)) * current, rel=bound)
+    assert signals["torque_Nm"][-1] == pytest.approx(K * (1 - value * abs(current)) * current, rel=bound)
 
 
 @pytest.mark.parametrize("value", [0.02, -0.02])

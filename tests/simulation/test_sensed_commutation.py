@@ -138,8 +138,8 @@ def test_a_stalled_motor_has_the_torque_of_the_phases_that_conduct(
         mechanics=LOCKED,
         controller={"current_limit": 10.0},
     )
-    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
-    torque, current = got["torque_Nm"][-1], got["current_A"][-1]
+    signals = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    torque, current = signals["torque_Nm"][-1], signals["current_A"][-1]
     assert torque == pytest.approx(K * current, rel=bound)
     # Hysteresis holds the current of the phases, PI control the equivalent current.
     assert abs(current) == pytest.approx(10.0 if drive else 10.0 * factor, abs=0.6 if not drive else 0.1)

@@ -39,13 +39,13 @@ def test_an_idle_legs_diodes_oppose_its_current_and_then_block() -> None:
 def test_locked_rotor_current_settles_at_its_demand(model: Model, sign: int) -> None:
     held = altered(SIX_STEP, mechanics=LOCKED, controller={"current_limit": 2.0})
     start = Initial(rotor_offset=math.radians(30))
-    got = record(model, Step(sign * 1e-2), held, duration=0.01, interval=PERIOD, start=start)
+    signals = record(model, Step(sign * 1e-2), held, duration=0.01, interval=PERIOD, start=start)
     # The current is sampled where the ripple, 1.6 A from peak to peak, passes its mean but for R T / L / 12.
     rest = 0.02 if model is REFERENCE else 1e-4
-    assert sign * got["current_A"][-1] == pytest.approx(2.0, abs=rest)
-    assert sign * got["voltage_V"][-1] == pytest.approx(2.0 * R_S, abs=rest * R_S)
+    assert sign * signals["current_A"][-1] == pytest.approx(2.0, abs=rest)
+    assert sign * signals["voltage_V"][-1] == pytest.approx(2.0 * R_S, abs=rest * R_S)
     # k_i Σ e T = R i over the samples; the averaged model's values come at the ends of its steps.
-    area = np.sum(2.0 - sign * got["current_A"]) * PERIOD
+    area = np.sum(2.0 - sign * signals["current_A"]) * PERIOD
     assert area == pytest.approx(2.0 * (R_S / 3350.0 - PERIOD), abs=rest * 0.01 + 1e-5)
 
 
@@ -57,15 +57,15 @@ def test_locked_rotor_current_settles_at_its_demand(model: Model, sign: int) -> 
 def test_a_current_swings_as_far_as_the_averaged_model_says(held_A: float, faults: Faults) -> None:
     held = altered(SIX_STEP, mechanics=LOCKED, controller={"current_limit": held_A})
     start = Initial(rotor_offset=math.radians(30))
-    got = record(REFERENCE, Step(1e-2), held, duration=0.01, interval=1e-6, start=start, faults=faults)
+    signals = record(REFERENCE, Step(1e-2), held, duration=0.01, interval=1e-6, start=start, faults=faults)
     last = slice(-round(4 * PERIOD / 1e-6), None)
-    phases = np.array([np.mean(got[f"current_{phase}_A"][last]) for phase in "abc"])
+    phases = np.array([np.mean(signals[f"current_{phase}_A"][last]) for phase in "abc"])
     turns = np.array([1 - faults.short_a, 1 - faults.short_b, 1 - faults.short_c])
     inductance = L_S / 2 * np.sum(turns[np.abs(phases) > 1.0] ** 2)
-    duty = np.mean(got["voltage_V"][last]) / V_DC
+    duty = np.mean(signals["voltage_V"][last]) / V_DC
     swing = half_ripple(V_DC, duty, PERIOD / (4 * inductance))
     # A period is 1/7 of L / R, or 1/5 with the shorts.
-    assert np.ptp(got["current_A"][last]) / 2 == pytest.approx(swing, rel=0.05)
+    assert np.ptp(signals["current_A"][last]) / 2 == pytest.approx(swing, rel=0.05)
 
 
 @BOTH
@@ -77,15 +77,15 @@ def test_no_load_speed_is_supply_over_back_emf_constant(model: Model, sign: int)
         controller={"current_limit": 1e3, "speed_limit": None},
         motor={"torque_limit": None},
     )
-    got = record(model, Step(sign * 1e6), unbraked, duration=0.3)
-    assert got["speed_rad_s"][-1] == pytest.approx(sign * V_DC / K_E, rel=5e-3)
+    signals = record(model, Step(sign * 1e6), unbraked, duration=0.3)
+    assert signals["speed_rad_s"][-1] == pytest.approx(sign * V_DC / K_E, rel=5e-3)
 
 
 def test_idle_phase_carries_no_current_but_while_it_commutates() -> None:
-    got = record(REFERENCE, Sine(8e-3, 15.0), SIX_STEP, duration=0.03, interval=1e-6)
-    phases = np.stack([got[f"current_{phase}_A"] for phase in "abc"])
+    signals = record(REFERENCE, Sine(8e-3, 15.0), SIX_STEP, duration=0.03, interval=1e-6)
+    phases = np.stack([signals[f"current_{phase}_A"] for phase in "abc"])
     np.testing.assert_allclose(phases.sum(axis=0), 0, atol=1e-9)
-    electrical = np.degrees(2 * got["angle_rad"])
+    electrical = np.degrees(2 * signals["angle_rad"])
     from_edge = np.abs((electrical[None] - 120 * np.arange(3)[:, None] + 90) % 180 - 90)
     idle = from_edge < 29.9
     # Of the time that a phase idles, the commutation is what its inductance takes.
@@ -130,8 +130,8 @@ def test_commutation_is_the_star_with_its_diode_solved_by_another_integrator(spe
 @pytest.mark.parametrize("faults", [Faults(), FAULTY], ids=["healthy", "faulty"])
 def test_windings_conserve_power(faults: Faults) -> None:
     actuator = altered(SIX_STEP, motor={"torque_limit": None})
-    got = record(REFERENCE, Sine(8e-3, 15.0), actuator, faults=faults, duration=0.05, interval=1e-6)
-    energies = winding_energies(got, faults, R_S, L_S, 1e-6)
+    signals = record(REFERENCE, Sine(8e-3, 15.0), actuator, faults=faults, duration=0.05, interval=1e-6)
+    energies = winding_energies(signals, faults, R_S, L_S, 1e-6)
     # A diode that ends a current within a step leaves the rest of that step: 1e-4 of the power, measured.
     assert energies.error < 3e-4
     assert energies.shaft > 0.1 * energies.supplied
@@ -160,28 +160,28 @@ def test_switched_off_the_motor_has_no_current(actuator: Actuator) -> None:
         return (t < 0.02).astype(float)
 
     for model in (REFERENCE, AVERAGED):
-        got = record(model, Sine(8e-3, 15.0), actuator, duration=0.04, enabled=enabled)
-        off = got["time_s"] > 0.0201
+        signals = record(model, Sine(8e-3, 15.0), actuator, duration=0.04, enabled=enabled)
+        off = signals["time_s"] > 0.0201
         for name in ("current_A", "torque_Nm", "voltage_V"):
-            assert np.any(got[name][~off])
-            assert not np.any(got[name][off])
+            assert np.any(signals[name][~off])
+            assert not np.any(signals[name][off])
 
 
 @BOTH
 def test_switched_off_a_load_below_static_friction_moves_nothing(model: Model) -> None:
     load = 0.9 * SIX_STEP.mechanics.static_friction
-    got = record(model, Step(0.0), SIX_STEP, duration=0.02, load=load, enabled=np.zeros_like)
-    assert not np.any(got["angle_rad"])
+    signals = record(model, Step(0.0), SIX_STEP, duration=0.02, load=load, enabled=np.zeros_like)
+    assert not np.any(signals["angle_rad"])
 
 
 def test_a_lag_of_the_torque_takes_the_ripple_that_helps_to_break_away() -> None:
     lagging = altered(SIX_STEP, motor={"torque_lag": 5e-4})
-    got = [
+    signals = [
         record(model, Chirp(2e-3, stop_hz=5.0), lagging, duration=0.2, interval=1e-3)["current_A"]
         for model in (REFERENCE, AVERAGED)
     ]
     # Measured: 1 %, and 14 % where the ripple helps as without a lag.
-    assert rms(got[1] - got[0]) < 0.03 * rms(got[0])
+    assert rms(signals[1] - signals[0]) < 0.03 * rms(signals[0])
 
 
 @pytest.mark.parametrize("torque", [0.09, -0.09])

@@ -158,11 +158,11 @@ def test_a_screw_locks_itself_from_a_factor_of_one_on(by_external: float, moves:
     actuator = altered(
         IDLE, friction={"load_external": by_external, "coulomb_asymmetry": 0.0, "quadratic": 0.0}
     )
-    got = record(AVERAGED, still, actuator, load=LOAD, duration=0.02, sampling="instant")
-    assert bool(np.any(got["speed_rad_s"])) is moves
+    signals = record(AVERAGED, still, actuator, load=LOAD, duration=0.02, sampling="instant")
+    assert bool(np.any(signals["speed_rad_s"])) is moves
     if moves:  # what friction leaves of the load
-        expected = -(1 - by_external) * LOAD / INERTIA * got["time_s"]
-        np.testing.assert_allclose(got["speed_rad_s"], expected, rtol=1e-9, atol=1e-12)
+        expected = -(1 - by_external) * LOAD / INERTIA * signals["time_s"]
+        np.testing.assert_allclose(signals["speed_rad_s"], expected, rtol=1e-9, atol=1e-12)
 
 
 def solved(friction: Callable[[float, float], float], t: Array, w: float) -> Array:
@@ -243,7 +243,7 @@ def test_a_shaft_under_a_swinging_load_moves_as_the_smooth_equation_says(law: st
     actuator = altered(IDLE, mechanics=DRY | VISCOUS, friction={"transition_speed": 3.0} | described)
     errors = []
     for step in (1e-4, 2.5e-5):
-        got = record(
+        signals = record(
             AVERAGED,
             still,
             actuator,
@@ -254,8 +254,8 @@ def test_a_shaft_under_a_swinging_load_moves_as_the_smooth_equation_says(law: st
             start=Initial(speed=-20.0),
             sampling="instant",
         )
-        expected = solved(friction, got["time_s"], -20.0)
-        errors.append(float(rms(got["speed_rad_s"] - expected) / rms(expected)))
+        expected = solved(friction, signals["time_s"], -20.0)
+        errors.append(float(rms(signals["speed_rad_s"] - expected) / rms(expected)))
     # The load, held over each step, is half a step late: 2π 40 Hz × 1e-4 s / 2 = 1.3 %.
     assert errors[0] < 0.02
     # First order, down to what the smooth sign differs from tanh: 0.005 of dry friction near standstill.
@@ -268,8 +268,8 @@ def test_all_laws_of_friction_in_a_closed_loop(model: Model) -> None:
     user = dict.fromkeys(("viscous_user", "static_friction_user", "dynamic_friction_user"), 0.0)
     described = LAWS["all"][0] | {"transition_speed": 3.0, "load_motor": 0.1}
     actuator = altered(mechanics=DRY | VISCOUS | user, friction=described)
-    got = record(model, Sine(5e-3, 15.0), actuator, load=0.05, duration=0.1, interval=model.step)
-    w, torque = got["speed_rad_s"], got["torque_Nm"]
+    signals = record(model, Sine(5e-3, 15.0), actuator, load=0.05, duration=0.1, interval=model.step)
+    w, torque = signals["speed_rad_s"], signals["torque_Nm"]
     level = 0.015 + np.abs(0.1 * torque + 0.3 * 0.05) + np.exp(-((w / 20.0) ** 2)) * (0.015 + 0.2 * 0.05)
     friction = level * (1 + 0.3 * np.sign(w)) * np.tanh(w / 3.0)
     friction += 2e-5 * w * (1 - 0.4 * np.sign(w)) + 2e-6 * w * np.abs(w)

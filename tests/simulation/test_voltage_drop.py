@@ -23,18 +23,18 @@ def losing(actuator: Actuator = THESIS, /, kind: str = "hysteresis", **sections:
 
 @pytest.mark.parametrize("duty", [0.5, -0.2])
 def test_a_stalled_servo_has_what_the_bridge_leaves(duty: float) -> None:
-    got = record(AVERAGED, Step(duty), losing(kind="voltage", mechanics=LOCKED, **SERVO), duration=0.02)
+    signals = record(AVERAGED, Step(duty), losing(kind="voltage", mechanics=LOCKED, **SERVO), duration=0.02)
     left = duty * V_DC - math.copysign(DROP, duty)
-    assert got["current_A"][-1] == pytest.approx(left / R_S, rel=1e-6)
-    assert got["voltage_V"][-1] == pytest.approx(duty * V_DC, rel=1e-6)
+    assert signals["current_A"][-1] == pytest.approx(left / R_S, rel=1e-6)
+    assert signals["voltage_V"][-1] == pytest.approx(duty * V_DC, rel=1e-6)
 
 
 @pytest.mark.parametrize(("model", "bound"), [(AVERAGED, 1e-3), (REFERENCE, 0.01)], ids=lambda x: str(x)[:30])
 def test_a_stalled_motor_at_the_end_of_its_supply(model: Model, bound: float) -> None:
     start = Initial(rotor_offset=math.radians(30))
     actuator = losing(mechanics=LOCKED, controller={"current_limit": 100.0})
-    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
-    assert got["current_A"][-1] == pytest.approx((V_DC - DROP) / R_S, rel=bound)
+    signals = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    assert signals["current_A"][-1] == pytest.approx((V_DC - DROP) / R_S, rel=bound)
 
 
 def test_a_dc_motor_follows_its_differential_equation() -> None:

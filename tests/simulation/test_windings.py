@@ -37,23 +37,23 @@ def rise(t: Array, resistance: float = R_S, inductance: float = L_S) -> Array:
 def test_current_rises_in_a_locked_rotor(model: Model, electrical_degrees: float, sign: int) -> None:
     # Phases halfway along their flats; the demand, 22.5 A, is not reached within three time constants.
     start = Initial(rotor_offset=math.radians(electrical_degrees) / 2)
-    got = record(
+    signals = record(
         model, Step(sign * 1e-2), HELD, duration=1e-3, interval=model.step, step=model.step, start=start
     )
-    expected = sign * rise(got["time_s"] + model.step)  # a row shows the end of its step
+    expected = sign * rise(signals["time_s"] + model.step)  # a row shows the end of its step
     # Explicit Euler (reference) errs by V/R × step / (2 L/R) / e at most; the others are exact.
     bound = V_DC / R_S * model.step * R_S / L_S / 2 / math.e * 1.01 if model is REFERENCE else 1e-12
-    np.testing.assert_allclose(got["current_A"], expected, rtol=0, atol=bound)
-    assert not got["speed_rad_s"].any()
-    assert sign * got["current_A"][-1] > 21
+    np.testing.assert_allclose(signals["current_A"], expected, rtol=0, atol=bound)
+    assert not signals["speed_rad_s"].any()
+    assert sign * signals["current_A"][-1] > 21
 
 
 def test_euler_error_of_the_locked_rotor_halves_with_the_step() -> None:
     start = Initial(rotor_offset=math.radians(30))
     errors = []
     for step in (2e-6, 1e-6, 5e-7):
-        got = record(REFERENCE, Step(1e-2), HELD, duration=6e-4, interval=step, step=step, start=start)
-        errors.append(np.abs(got["current_A"] - rise(got["time_s"] + step)).max())
+        signals = record(REFERENCE, Step(1e-2), HELD, duration=6e-4, interval=step, step=step, start=start)
+        errors.append(np.abs(signals["current_A"] - rise(signals["time_s"] + step)).max())
     # The next order is step R/L / 2 = 0.3 % of the first.
     np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2, rtol=0.01)
 
@@ -76,7 +76,7 @@ def test_current_rises_in_a_shorted_winding(
     model: Model, electrical_degrees: float, turns: float, squares: float
 ) -> None:
     actuator = altered(mechanics=LOCKED, controller={"current_limit": 1e3})
-    got = record(
+    signals = record(
         model,
         Step(1e-2),
         actuator,
@@ -85,19 +85,19 @@ def test_current_rises_in_a_shorted_winding(
         interval=model.step,
         start=Initial(rotor_offset=math.radians(electrical_degrees) / 2),
     )
-    expected = rise(got["time_s"] + model.step, R_S * turns, L_S * squares)
-    np.testing.assert_allclose(got["current_A"], expected, rtol=1e-11)  # rounding of 100 steps
+    expected = rise(signals["time_s"] + model.step, R_S * turns, L_S * squares)
+    np.testing.assert_allclose(signals["current_A"], expected, rtol=1e-11)  # rounding of 100 steps
 
 
 @EACH_MODEL
 @pytest.mark.parametrize("sign", [1, -1])
 def test_no_load_speed_is_supply_over_back_emf_constant(model: Model, sign: int) -> None:
-    got = record(model, Step(sign * 1e6), UNBRAKED, duration=0.3)
+    signals = record(model, Step(sign * 1e6), UNBRAKED, duration=0.3)
     # The electromechanical time constant J R / k² is 9.4 ms: e⁻³² is left. In the reference model the idle
     # phase's ripple adds torque on the ramps of its trapezoid: 0.1 % of the speed, measured.
     bound = 5e-3 if model is REFERENCE else 1e-9
-    assert got["speed_rad_s"][-1] == pytest.approx(sign * V_DC / K_E, rel=bound)
-    assert abs(got["reference_current_A"][-1]) == 1e3
+    assert signals["speed_rad_s"][-1] == pytest.approx(sign * V_DC / K_E, rel=bound)
+    assert abs(signals["reference_current_A"][-1]) == 1e3
 
 
 @pytest.mark.parametrize("model", [AVERAGED, monitor()], ids=["averaged", "monitor"])
@@ -105,30 +105,32 @@ def test_no_load_speed_is_supply_over_back_emf_constant(model: Model, sign: int)
 def test_speed_falls_with_torque_along_the_straight_line(model: Model, short: float) -> None:
     turns, load = 1 - short, 0.2
     faults = Faults(short_a=short, short_b=short, short_c=short)
-    got = record(model, Step(1e6), UNBRAKED, faults=faults, load=load, duration=0.4)
+    signals = record(model, Step(1e6), UNBRAKED, faults=faults, load=load, duration=0.4)
     current = load / (K_E * turns)
-    assert got["current_A"][-1] == pytest.approx(current, rel=1e-9)
-    assert got["speed_rad_s"][-1] == pytest.approx((V_DC - R_S * turns * current) / (K_E * turns), rel=1e-9)
+    assert signals["current_A"][-1] == pytest.approx(current, rel=1e-9)
+    assert signals["speed_rad_s"][-1] == pytest.approx(
+        (V_DC - R_S * turns * current) / (K_E * turns), rel=1e-9
+    )
 
 
 def energies(step: float, faults: Faults) -> dict[str, float]:
     """Return what the legs supply over a run of the reference model, and where it goes, all in J."""
     actuator = altered(motor={"torque_limit": None})
-    got = record(
+    signals = record(
         REFERENCE, Sine(8e-3, 15.0), actuator, faults=faults, duration=0.05, interval=step, step=step
     )
     turns = np.array([1 - faults.short_a, 1 - faults.short_b, 1 - faults.short_c])[:, None]
-    after = np.stack([got[f"current_{phase}_A"] for phase in "abc"])
-    legs = np.stack([got[f"voltage_{phase}_V"] for phase in "abc"])
+    after = np.stack([signals[f"current_{phase}_A"] for phase in "abc"])
+    legs = np.stack([signals[f"voltage_{phase}_V"] for phase in "abc"])
     before = np.pad(after, ((0, 0), (1, 0)))[:, :-1]
-    w = got["speed_rad_s"]
+    w = signals["speed_rad_s"]
     w_before = np.pad(w, (1, 0))[:-1]
     friction = 0.05 * 1.689 * (1 + 2 * faults.friction)
     viscous = 30 / math.pi * 1e-6 + 4.5e-7
     return {
         "supplied": float(np.sum(legs * (before + after) / 2) * step),
         "joule": float(np.sum(R_S / 2 * turns * ((before + after) / 2) ** 2) * step),
-        "shaft": float(np.sum(got["torque_Nm"] * (w + w_before) / 2) * step),
+        "shaft": float(np.sum(signals["torque_Nm"] * (w + w_before) / 2) * step),
         "magnetic": float(np.sum(L_S / 4 * turns[:, 0] ** 2 * after[:, -1] ** 2)),
         "kinetic": J / 2 * float(w[-1]) ** 2,
         "dry": friction * float(np.sum(np.abs(w))) * step,
@@ -191,7 +193,7 @@ def test_currents_between_switchings_are_those_of_another_integrator(rotor: floa
     after: list[Array] = []
     legs: list[Array] = []
     for step in (1e-6, 5e-7):
-        got = record(
+        signals = record(
             REFERENCE,
             Step(0.1),
             actuator,
@@ -201,11 +203,11 @@ def test_currents_between_switchings_are_those_of_another_integrator(rotor: floa
             step=step,
             start=Initial(speed=w, rotor_offset=rotor),
         )
-        voltages = np.stack([got[f"voltage_{phase}_V"] for phase in "abc"])
+        voltages = np.stack([signals[f"voltage_{phase}_V"] for phase in "abc"])
         assert (voltages == voltages[:, :1]).all()
-        assert np.abs(got["speed_rad_s"] - w).max() < 1e-12
+        assert np.abs(signals["speed_rad_s"] - w).max() < 1e-12
         legs.append(voltages[:, 0])
-        after.append(np.stack([got[f"current_{phase}_A"][-1] for phase in "abc"]))
+        after.append(np.stack([signals[f"current_{phase}_A"][-1] for phase in "abc"]))
     assert set(legs[0]) == {V_DC / 2, -V_DC / 2}
     turns = np.array([0.9, 0.7, 0.5])
     expected = solved(legs[0], seconds, turns, 0.42, 0.4 * np.pi, rotor, w)
