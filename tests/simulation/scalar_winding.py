@@ -1,4 +1,4 @@
-"""The monitor and averaged models a second time: scalar, from docs/physics.md, sections 4 and 5, alone."""
+"""Independent monitor and averaged models: scalar, written only from docs/physics.md, sections 4 and 5."""
 
 import math
 from collections.abc import Callable
@@ -52,7 +52,7 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
 
     i = theta = w = seen = felt = output = integral = 0.0
     previous: float | None = None
-    # The drive may see the speed, and the shaft feel the torque, with a lag.
+    # Speed feedback and torque may have a lag.
     unseen, unfelt = (math.exp(-dt / lag) if lag else 0.0 for lag in (c.speed_lag, actuator.motor.torque_lag))
     trace = []
     for n in range(steps):
@@ -60,8 +60,8 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
         seen = w + (seen - w) * unseen
         error = min(max(wanted, -c.speed_limit), c.speed_limit) - seen
         slope = 0.0 if previous is None else (error - previous) / dt
-        asked = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
-        reference = min(max(asked / actuator.drive_constant, -c.current_limit), c.current_limit)
+        demanded_torque = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
+        reference = min(max(demanded_torque / actuator.drive_constant, -c.current_limit), c.current_limit)
         integral += error * dt
         previous = error
 
@@ -97,7 +97,7 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
         i = new
         torque = min(max(k * i, -actuator.motor.torque_limit), actuator.motor.torque_limit)
         felt = torque = torque + (felt - torque) * unfelt
-        # The load stiffness acts on where the user is when the step starts.
+        # The load stiffness acts on the position of the user at the start of the step.
         active = torque - load - m.offset - m.hinge * (m.gear_ratio * output) - m.viscous * w
         if w == 0.0:
             sticks = abs(active) <= static
