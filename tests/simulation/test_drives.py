@@ -100,7 +100,7 @@ def test_a_stalled_motor_has_the_current_by_source_and_winding_resistance(
     )
     start = Initial(rotor_offset=math.radians(30))
     signals = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
-    # In the reference model the current of the idle phase ripples by its hysteresis of 0.5 A.
+    # In the reference model the idle phase has a ripple of 0.5 A by its hysteresis, and draws current.
     assert signals["current_A"][-1] == pytest.approx(V_DC / (R_S + source), rel=bound)
 
 

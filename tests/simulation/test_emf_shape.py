@@ -55,7 +55,7 @@ def test_without_loss_and_sine_share_the_shape_is_the_trapezoid() -> None:
         (SINE, 20.0, math.cos(math.radians(20))),
         (SINE, -25.0, math.cos(math.radians(25))),
         (NARROW, 10.0, 1.0),
-        # 5 degrees before the takeover by the other phase, at 35 of the 45 degrees of its ramp.
+        # 5 degrees before commutation, where the outgoing phase is at 35 of the 45 degrees of its ramp.
         (NARROW, 25.0, (1 + 35 / 45) / 2),
         (NARROW | {"sine_share": 0.5}, 25.0, (1 + 35 / 45) / 4 + math.cos(math.radians(25)) / 2),
     ],
