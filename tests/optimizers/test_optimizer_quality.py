@@ -77,7 +77,7 @@ def test_the_result_of_random_search_has_its_theoretical_distribution() -> None:
     best_values = [RandomSearch(*box(2), 10, 20).minimise(sphere, seed).fitness for seed in range(200)]
 
     def chance_of_at_most(r_squared: Any) -> Any:
-        """Return the probability of one of 200 points in a disc about the optimum (in the box to r = 0.78)."""
+        """Return the probability of one of 200 points in a disc about the optimum, in the box to r = 0.78."""
         return 1 - (1 - np.pi * r_squared / 4) ** 200
 
     # A correct sample is rejected with a probability of 1 %; these seeds are fixed.
@@ -385,7 +385,7 @@ def our_result(make: type[Optimizer[Any]], function: Function, half_width: float
     optimizer = make(*box(DIMENSIONS, half_width), POPULATION, ITERATIONS)
     state = optimizer.init(seed)
     if make is GreyWolf:
-        # niapy lowers `a` before its first move, the authors' code after it: niapy is one iteration ahead, and
+        # niapy lowers `a` before its first move, the authors' code after it: it is one iteration ahead, and
         # its pack is narrower at the end. Otherwise they must agree.
         state = replace(state, iteration=1)
     for _ in range(ITERATIONS):
