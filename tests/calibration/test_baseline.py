@@ -151,7 +151,11 @@ def test_the_nuisances_of_each_day_are_reported(calibrated: Calibration) -> None
     assert "The 3 recordings scatter" in text
     # With its load, each recording is explained: 0.1 N·m correspond to half of the rms current.
     assert calibrated.relative_error["current_A"] < 0.1
-    assert [one["recording"] for one in calibrated.to_dict()["recordings"]] == ["day 1", "day 2", "day 3"]
+    assert [recording["recording"] for recording in calibrated.to_dict()["recordings"]] == [
+        "day 1",
+        "day 2",
+        "day 3",
+    ]
 
 
 @pytest.mark.usefixtures("no_model_error")

@@ -154,7 +154,7 @@ def test_parameters_kept_from_the_description_are_reported_as_not_measured(calib
     kept = json.loads(calibration.to_json())["kept"]
     assert kept["backlash"] == {"value": UNIT.mechanics.backlash, "unit": "rad"}
     assert not set(kept) & set(FREE)
-    (line,) = [one for one in calibration.notes() if "not measured by this calibration" in one]
+    (line,) = [note for note in calibration.notes() if "not measured by this calibration" in note]
     assert f"backlash {UNIT.mechanics.backlash:.4g} rad" in line
     assert "(in its described ratio to coulomb)" in line
 

@@ -45,13 +45,13 @@ def errors(calibration: Calibration) -> Array:
 
 def test_repetitions_do_not_reduce_the_error_of_unmodelled_torque() -> None:
     days = [recorded(RIPPLED, i, 0.02) for i in range(4)]
-    together, alone = fitted(days), fitted(days[:1])
-    assert together.error_correlation is not None
-    assert together.error_correlation > 0.8
+    joint, alone = fitted(days), fitted(days[:1])
+    assert joint.error_correlation is not None
+    assert joint.error_correlation > 0.8
     # A reduction by sqrt(4) would be 0.5.
-    np.testing.assert_allclose(errors(together) / errors(alone), 1.0, atol=0.15)
-    assert "not averaged away in the standard errors" in str(together)
-    assert json.loads(together.to_json())["error_correlation"] == together.error_correlation
+    np.testing.assert_allclose(errors(joint) / errors(alone), 1.0, atol=0.15)
+    assert "not averaged away in the standard errors" in str(joint)
+    assert json.loads(joint.to_json())["error_correlation"] == joint.error_correlation
     assert alone.error_correlation is None
 
 
@@ -64,8 +64,8 @@ def test_a_copy_of_a_recording_is_refused() -> None:
 
 def test_repetitions_reduce_the_error_of_noise() -> None:
     days = [recorded(THESIS, i, 0.1) for i in range(4)]
-    together = fitted(days)
+    joint = fitted(days)
     alone = np.sqrt(np.mean([errors(fitted([day])) ** 2 for day in days], axis=0))
-    assert together.error_correlation is None
-    np.testing.assert_allclose(errors(together) / alone, 0.5, atol=0.1)
-    assert "averaged away" not in str(together)
+    assert joint.error_correlation is None
+    np.testing.assert_allclose(errors(joint) / alone, 0.5, atol=0.1)
+    assert "averaged away" not in str(joint)

@@ -64,8 +64,8 @@ def test_a_complete_model_has_no_warning(commands: tuple[Command, ...]) -> None:
 def test_a_residual_beyond_the_limit_of_a_diagnosis_has_a_warning(
     chirp: Calibration, slow: Calibration
 ) -> None:
-    assert not any("diagnosis allows" in one for one in chirp.warnings)
-    (warning,) = [one for one in slow.warnings if "diagnosis allows" in one]
+    assert not any("diagnosis allows" in message for message in chirp.warnings)
+    (warning,) = [message for message in slow.warnings if "diagnosis allows" in message]
     share = slow.relative_error["current_A"]
     assert share > 0.05
     assert warning.startswith(
@@ -90,7 +90,7 @@ def test_a_missing_law_has_a_warning_with_the_residual() -> None:
     assert "times what noise and switching explain" in warning
     assert "--laws auto" in warning
     assert f"{100 * calibration.relative_error['current_A']:.2g} % of current_A" in warning
-    ratios = [one["residual_over_noise"] for one in calibration.to_dict()["recordings"]]
+    ratios = [recording["residual_over_noise"] for recording in calibration.to_dict()["recordings"]]
     assert f"up to {max(ratios):.2g} times" in warning
 
 

@@ -259,10 +259,10 @@ def test_a_wrong_scale_is_plausible_for_one_sensor_and_not_for_two(scaled: tuple
     for channel in scaled:
         point[objective.space.coordinates.index(f"{channel.split('_')[0]}_scale")] = 10 / 5
     result = SearchResult.at(objective, point).reweighted()
-    said = reasons(replace(result, correction=np.full_like(result.correction, 1e-12)))
+    listed_reasons = reasons(replace(result, correction=np.full_like(result.correction, 1e-12)))
     expected = "several sensors seem to have another scale at once (voltage_scale +10 %, speed_scale +10 %)"
-    assert (expected in said) == (len(scaled) == 2)
-    assert bool(said) == (len(scaled) == 2)
+    assert (expected in listed_reasons) == (len(scaled) == 2)
+    assert bool(listed_reasons) == (len(scaled) == 2)
 
 
 def test_two_reversed_sensors_are_reported_as_reversed() -> None:
@@ -274,8 +274,8 @@ def test_two_reversed_sensors_are_reported_as_reversed() -> None:
     # A unit of the coordinate is five standard deviations of 1 %.
     point[-2:] = -200 / 5
     result = SearchResult.at(objective, point).reweighted()
-    said = reasons(replace(result, correction=np.full_like(result.correction, 1e-12)))
-    assert "voltage and speed are reversed; correct their wires" in said
+    listed_reasons = reasons(replace(result, correction=np.full_like(result.correction, 1e-12)))
+    assert "voltage and speed are reversed; correct their wires" in listed_reasons
 
 
 @pytest.mark.parametrize("kind", ["delay", "scale", "offset"])
@@ -313,9 +313,9 @@ def test_an_error_within_rounding_is_not_suspected() -> None:
 
 
 def test_an_early_channel_is_reported_with_its_correction_in_the_description() -> None:
-    said = str(SensorScore("delay", "voltage_V", -7.5e-5, 1e-6))
-    assert "some 0.075 ms early" in said
-    assert "state delay_s = -7.5e-05 for it under [channels]" in said
+    sentence = str(SensorScore("delay", "voltage_V", -7.5e-5, 1e-6))
+    assert "some 0.075 ms early" in sentence
+    assert "state delay_s = -7.5e-05 for it under [channels]" in sentence
     assert "[channels]" not in str(
         SensorScore("delay", "", -7.5e-5, 1e-6)
     )  # all channels: an error of the command

@@ -65,18 +65,20 @@ def test_a_certain_law_with_an_equal_residual_is_an_alternative(monkeypatch: pyt
     monkeypatch.setattr(deviations, "search_with_law", lambda *_: with_lag)
     monkeypatch.setattr(deviations, "without_law", lambda *_: result)
     monkeypatch.setattr(deviations, "acts", lambda *_: True)
-    monkeypatch.setattr(deviations, "_with_nuisances", lambda found, laws, *_: Selection(found, laws=laws))
+    monkeypatch.setattr(
+        deviations, "_with_nuisances", lambda selection, laws, *_: Selection(selection, laws=laws)
+    )
     for share, kept, alternatives in ((0.9, True, ()), (1.01, False, (with_lag,)), (1.1, False, ())):
         monkeypatch.setattr(
             deviations, "share_of_residual", lambda tried, _, of=share: of if tried is with_lag else 1.0
         )
         monkeypatch.setattr(
-            deviations, "suspected_laws", lambda found, _: {} if found is with_lag else scores
+            deviations, "suspected_laws", lambda selection, _: {} if selection is with_lag else scores
         )
         settings = SearchSettings(method_named("hybrid"), 2, 0)
-        found = deviations._with_hidden_laws(result, Selection(result), settings)
-        assert found.laws == (("speed-lag",) if kept else ())
-        assert found.result.alternatives == alternatives
+        selection = deviations._with_hidden_laws(result, Selection(result), settings)
+        assert selection.laws == (("speed-lag",) if kept else ())
+        assert selection.result.alternatives == alternatives
 
 
 def test_an_alternative_law_has_a_note() -> None:

@@ -90,11 +90,11 @@ def test_a_law_is_proposed_only_if_it_explains_and_its_parameter_is_known(diagno
     unexplained = replace(diagnosis, explained=False).with_laws(diagnosis.laws)
     assert unexplained.laws == ()
     assert not any("stribeck" in name for name in unexplained.to_dict()["nuisances"])
-    unknown_values = {name: replace(one, known=False) for name, one in diagnosis.nuisances.items()}
+    unknown_values = {name: replace(result, known=False) for name, result in diagnosis.nuisances.items()}
     unknown = replace(diagnosis, nuisances=unknown_values).with_laws(diagnosis.laws)
-    for one in (unexplained, unknown):
-        assert one.law_parameters == {}
-        assert "emaphm calibrate --laws" not in str(one)
+    for result in (unexplained, unknown):
+        assert result.law_parameters == {}
+        assert "emaphm calibrate --laws" not in str(result)
     assert diagnosis.with_laws(diagnosis.laws).laws == diagnosis.laws
 
 

@@ -94,7 +94,7 @@ def test_calibration_estimates_parameters_within_their_tolerances() -> None:
     calibration = calibrate(days, with_tolerances(**STATED), ("inertia",), max_corrections=1, workers=1)
     assert set(calibration.parameters) == {"inertia", "torque_constant"}
     true = WEAKER["inertia"] * lumped_parameters(THESIS, ("inertia",))["inertia"]
-    errors = [abs(one.parameters["inertia"].value / true - 1) for one in (exact, calibration)]
+    errors = [abs(estimate.parameters["inertia"].value / true - 1) for estimate in (exact, calibration)]
     # The inertia is identified in proportion to the torque constant, which deviates by 8 %.
     assert errors[0] > 0.04
     assert errors[1] < 0.01

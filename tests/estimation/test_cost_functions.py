@@ -42,7 +42,7 @@ def test_zero_for_equal_currents_and_quadratic_in_the_difference(
     simulated = recorded + np.array([[0.0], [1.0], [2.0], [-1.0]]) * difference
     equal, once, twice, mirrored = COST_FUNCTIONS[name](recorded, simulated, 2e-4)
     assert equal == 0
-    # Rounding of the differences: 1e-14 of currents of 50 A; dI/dt scales all alike.
+    # Rounding of the differences: 1e-14 of currents of 50 A; dI/dt scales all of them equally.
     assert twice == pytest.approx(4 * once, rel=1e-9, abs=1e-20)
     assert mirrored == pytest.approx(once, rel=1e-9, abs=1e-20)
     assert np.all(np.asarray([once, twice]) >= 0)

@@ -180,9 +180,9 @@ def test_a_residual_common_to_two_channels_counts_once() -> None:
     # Equal except for the lower limit of the score variance, which counts twice.
     np.testing.assert_allclose(twice, once, rtol=2 * LEAST_SCORE_VARIANCE)
     # Independent noise in each channel has the information of two recordings.
-    apart = np.concatenate([white, np.random.default_rng(5).normal(0, 0.1, SAMPLES)])
+    independent = np.concatenate([white, np.random.default_rng(5).normal(0, 0.1, SAMPLES)])
     halved = np.diag(
-        sandwich_covariance(np.tile(DERIVATIVES, 2)[np.newaxis], apart, WIDE, channels=2).covariance
+        sandwich_covariance(np.tile(DERIVATIVES, 2)[np.newaxis], independent, WIDE, channels=2).covariance
     ) / np.diag(once)
     np.testing.assert_allclose(halved, 0.5, rtol=0.4)
 

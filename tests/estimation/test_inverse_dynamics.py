@@ -206,13 +206,13 @@ def test_repetitions_reduce_the_error_of_noise_and_not_that_of_unmodelled_fricti
     def result_of(recordings: list[Recording]) -> InverseDynamicsResult:
         return inverse_dynamics(recordings, ACTUATOR, free, position_hz=40.0, regression_hz=20.0)
 
-    together, copies = result_of(days), result_of(days[:1] * 4)
+    joint, copies = result_of(days), result_of(days[:1] * 4)
     alone = [result_of([day]).standard_errors for day in days]
-    assert (together.error_correlation is None) == (size == 0)
+    assert (joint.error_correlation is None) == (size == 0)
     for name in free:
         single_error = np.sqrt(np.mean([errors[name] ** 2 for errors in alone]))
         # Each standard error is known to some 5 %.
-        assert together.standard_errors[name] / single_error == pytest.approx(ratio, abs=0.15)
+        assert joint.standard_errors[name] / single_error == pytest.approx(ratio, abs=0.15)
         assert copies.standard_errors[name] / alone[0][name] == pytest.approx(1, abs=0.15)
 
 
@@ -594,10 +594,10 @@ def test_a_position_in_coarse_counts_does_not_contradict_the_gains(amplitude: fl
 
 @given(noise=st.floats(0.0, 5.0), error=st.floats(0.0, 0.1))
 def test_the_error_of_a_gain_covers_its_bias_by_noise(noise: float, error: float) -> None:
-    found, noisier = (ParameterEstimate(40.0 / (1 + i * noise), error, "-") for i in (1, 2))
-    allowed = allowing_for_noise(found, noisier)
+    estimate, noisier = (ParameterEstimate(40.0 / (1 + i * noise), error, "-") for i in (1, 2))
+    allowed = allowing_for_noise(estimate, noisier)
     assert allowed is not None
-    assert allowed.standard_error == pytest.approx(math.hypot(error, 40.0 - found.value), abs=1e-9)
+    assert allowed.standard_error == pytest.approx(math.hypot(error, 40.0 - estimate.value), abs=1e-9)
 
 
 def test_a_deviating_gain_has_the_unit_of_the_coordinates(plain: Recording) -> None:

@@ -165,10 +165,10 @@ def test_a_start_outside_the_box_is_projected_onto_it() -> None:
 
 def test_each_start_is_independent_of_the_others() -> None:
     recorded = decay_with_trend(4)
-    together = least_squares(decay, recorded, STARTS, BOX)
+    batch = least_squares(decay, recorded, STARTS, BOX)
     for i, start in enumerate(STARTS):
         alone = least_squares(decay, recorded, start[np.newaxis], BOX)
-        np.testing.assert_array_equal(alone.points[0], together.points[i])
+        np.testing.assert_array_equal(alone.points[0], batch.points[i])
 
 
 def test_iterations_are_reported() -> None:

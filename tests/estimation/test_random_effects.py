@@ -65,9 +65,9 @@ def coverage_of_next(count: int, between: float) -> Array:
         # The second parameter scatters from day to day, as friction does; the first does not.
         days = np.array([0.0, 1.0]) * rng.normal(0.0, between, (count, 1))
         given = days + rng.multivariate_normal(np.zeros(2), within, count)
-        together = random_effects(given, np.array([with_prior(within)] * count), WEAK)
+        combined = random_effects(given, np.array([with_prior(within)] * count), WEAK)
         coming = np.array([0.0, rng.normal(0.0, between)])
-        inside.append(np.abs(coming - together.mean) < 1.96 * np.sqrt(np.diag(together.covariance)))
+        inside.append(np.abs(coming - combined.mean) < 1.96 * np.sqrt(np.diag(combined.covariance)))
     return np.asarray(np.mean(inside, axis=0))
 
 

@@ -266,8 +266,8 @@ def test_notes_on_the_recording_are_reported(healthy: Recording) -> None:
 def test_several_recordings_have_a_joint_error(healthy: Recording, shorted: Recording) -> None:
     result = replay_all([healthy, shorted], THESIS)
     answer = result.to_dict()
-    assert answer["recordings"] == [replay(one, THESIS).to_dict() for one in (healthy, shorted)]
-    singles = [one["rms_error"]["current_A"] for one in answer["recordings"]]
+    assert answer["recordings"] == [replay(recording, THESIS).to_dict() for recording in (healthy, shorted)]
+    singles = [recording["rms_error"]["current_A"] for recording in answer["recordings"]]
     assert answer["rms_error"]["current_A"] == pytest.approx(np.sqrt(np.mean(np.square(singles))))
     assert min(singles) < answer["rms_error"]["current_A"] < max(singles)
     text = str(result)

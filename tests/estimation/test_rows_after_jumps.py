@@ -53,6 +53,6 @@ def test_all_rows_are_compared_without_jumps_or_without_pwm_or_means(
 def test_masks_of_rows_are_combined() -> None:
     objective = faults_objective(problem(PMSM, square), None)
     early, late = (np.arange(objective.problem.samples) < 10), (np.arange(objective.problem.samples) > 1200)
-    both = objective.ignoring({"current_A": early}).ignoring({"current_A": late, "voltage_V": late})
-    np.testing.assert_array_equal(both.problem.unusable["current_A"], early | late)
-    np.testing.assert_array_equal(both.problem.unusable["voltage_V"], late)
+    combined = objective.ignoring({"current_A": early}).ignoring({"current_A": late, "voltage_V": late})
+    np.testing.assert_array_equal(combined.problem.unusable["current_A"], early | late)
+    np.testing.assert_array_equal(combined.problem.unusable["voltage_V"], late)

@@ -50,16 +50,18 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
     low, high = (stop / m.gear_ratio for stop in m.end_stops)
 
     i, legs = [0.0, 0.0, 0.0], [-1, -1, -1]
-    theta = w = seen = felt = output = integral = 0.0
+    theta = w = sensed_speed = felt = output = integral = 0.0
     previous: float | None = None
     # Speed feedback and torque may have a lag.
-    unseen, unfelt = (math.exp(-dt / lag) if lag else 0.0 for lag in (c.speed_lag, actuator.motor.torque_lag))
+    speed_decay, torque_decay = (
+        math.exp(-dt / lag) if lag else 0.0 for lag in (c.speed_lag, actuator.motor.torque_lag)
+    )
     trace = []
     for n in range(steps):
         # 1. Controller.
         wanted = gain * (command(n * dt) - m.gear_ratio * output)
-        seen = w + (seen - w) * unseen
-        error = min(max(wanted, -c.speed_limit), c.speed_limit) - seen
+        sensed_speed = w + (sensed_speed - w) * speed_decay
+        error = min(max(wanted, -c.speed_limit), c.speed_limit) - sensed_speed
         slope = 0.0 if previous is None else (error - previous) / dt
         demanded_torque = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
         reference = min(max(demanded_torque / actuator.drive_constant, -c.current_limit), c.current_limit)
@@ -91,7 +93,7 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
         # 5. Torque.
         torque = sum(K[p] * s[p] * i[p] for p in range(3))
         torque = min(max(torque, -actuator.motor.torque_limit), actuator.motor.torque_limit)
-        felt = torque = torque + (felt - torque) * unfelt
+        felt = torque = torque + (felt - torque) * torque_decay
         # 6. Mechanics.
         # The load stiffness acts on the position of the user at the start of the step.
         active = torque - load - m.offset - m.hinge * (m.gear_ratio * output) - m.viscous * w

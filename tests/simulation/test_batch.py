@@ -105,8 +105,8 @@ def test_a_batch_without_rows_has_no_rows() -> None:
 def test_lumped_parameters_may_differ_between_rows() -> None:
     masses = np.array([1e-5, 2.5e-5, 5e-5])
     given = Inputs.of(Chirp(), samples=500, interval=INTERVAL, step=AVERAGED.step)
-    together = currents(AVERAGED, Plant.of(THESIS, np.tile(DRAWN[0], (3, 1)), {"inertia": masses}), given)
-    for row, inertia in zip(together, masses, strict=True):
+    batch = currents(AVERAGED, Plant.of(THESIS, np.tile(DRAWN[0], (3, 1)), {"inertia": masses}), given)
+    for row, inertia in zip(batch, masses, strict=True):
         alone = currents(AVERAGED, Plant.of(THESIS, DRAWN[0], {"inertia": inertia}), given)[0]
         assert np.array_equal(row, alone)
-    assert rms(together[0] - together[2]) > 0.1
+    assert rms(batch[0] - batch[2]) > 0.1

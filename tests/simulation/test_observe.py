@@ -37,11 +37,11 @@ FAULTS = np.random.default_rng(5).random((20, 8)) * np.array([1, 1, 0.7, 0.7, 0.
 def test_a_batch_observes_the_channels_of_single_runs(model: Model) -> None:
     inputs = Inputs.of(Chirp(), samples=100, interval=2e-4, step=model.step)
     plant = Plant.of(THESIS, FAULTS[:3])
-    together = observe_batch(model, plant, inputs).transpose(1, 0, 2)
-    assert together.shape == (len(OBSERVABLE), 3, 100)
+    batch = observe_batch(model, plant, inputs).transpose(1, 0, 2)
+    assert batch.shape == (len(OBSERVABLE), 3, 100)
     for i in range(3):
         alone = run(model, Plant.of(THESIS, FAULTS[i]), inputs)
-        for channel, name in zip(together, OBSERVABLE, strict=True):
+        for channel, name in zip(batch, OBSERVABLE, strict=True):
             # The same laws with another order of additions; switching may amplify rounding over 20 ms.
             np.testing.assert_allclose(channel[i], alone[name], rtol=0, atol=1e-6)
 
