@@ -1,4 +1,4 @@
-"""From healthy recordings of a unit to diagnoses of it: what calibration knows, and what it does not."""
+"""Baselines: calibration by healthy recordings of a unit, and diagnoses with the baseline as a prior."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -37,13 +37,13 @@ TRUTH = Faults(friction=0.2, short_a=0.15, gain=0.55)
 
 
 def with_baseline(deviations: Mapping[str, float], actuator: Actuator = THESIS) -> Actuator:
-    """Return the description with a baseline of independent parameters."""
+    """Return the description with a baseline of independent parameters with these standard deviations."""
     covariance = np.diag([s**2 for s in deviations.values()])
     baseline = Baseline.of(tuple(deviations), covariance, ("healthy.csv",))
     return actuator.model_copy(update={"baseline": baseline})
 
 
-def of_a_day(
+def recorded_on_a_day(
     actuator: Actuator,
     *,
     load: float = 0.0,
@@ -53,7 +53,7 @@ def of_a_day(
     seed: int = 0,
     stop_hz: float = 15.0,
 ) -> Recording:
-    """Return what a rig records; copper gains 0.393 % a kelvin, NdFeB loses 0.11 %."""
+    """Return a recording of a rig; copper gains 0.393 %/K, NdFeB loses 0.11 %/K."""
     cold = lumped_parameters(actuator, ("resistance", "torque_constant"))
     changed = {
         "offset": load,
@@ -69,43 +69,43 @@ def of_a_day(
 
 @pytest.fixture(scope="module")
 def healthy() -> list[Recording]:
-    """Return three days of the healthy unit: another load, another temperature, another manoeuvre."""
+    """Return recordings of the healthy unit on three days that differ in load, temperature and manoeuvre."""
     return [
-        of_a_day(UNIT, load=0.1, temperature_rise_K=20.0, seed=1),
-        of_a_day(UNIT, load=-0.05, temperature_rise_K=-10.0, seed=2, stop_hz=12.0),
-        of_a_day(UNIT, load=0.02, temperature_rise_K=35.0, seed=3),
+        recorded_on_a_day(UNIT, load=0.1, temperature_rise_K=20.0, seed=1),
+        recorded_on_a_day(UNIT, load=-0.05, temperature_rise_K=-10.0, seed=2, stop_hz=12.0),
+        recorded_on_a_day(UNIT, load=0.02, temperature_rise_K=35.0, seed=3),
     ]
 
 
 @pytest.fixture(scope="module")
 def calibrated(healthy: list[Recording]) -> Calibration:
-    # Corrected once, to save time: no claim below needs what further corrections add.
+    # One correction only, to save time: the checks below do not need the accuracy of further corrections.
     return calibrate(healthy, THESIS, FREE, max_corrections=1, workers=1)
 
 
-def found_again(calibrated: Calibration, recordings: list[Recording]) -> tuple[str, ...]:
+def warnings_of_recalibration(calibrated: Calibration, recordings: list[Recording]) -> tuple[str, ...]:
     return calibrate(recordings, calibrated.actuator, FREE, max_corrections=0, workers=1).warnings
 
 
-def test_a_calibration_that_leaves_out_earlier_recordings_says_so(
+def test_a_calibration_that_leaves_out_earlier_recordings_has_a_warning(
     calibrated: Calibration, healthy: list[Recording]
 ) -> None:
-    (lost,) = found_again(calibrated, healthy[:2])
-    assert lost.startswith("this calibration takes the place of the one before, by day 3: ")
+    (warning,) = warnings_of_recalibration(calibrated, healthy[:2])
+    assert warning.startswith("this calibration takes the place of the one before, by day 3: ")
     assert earlier_warnings(calibrated.actuator, calibrated.actuator) == ()
 
 
-def test_another_unit_contradicts_the_calibration_before(calibrated: Calibration) -> None:
+def test_another_unit_contradicts_the_earlier_calibration(calibrated: Calibration) -> None:
     other = with_lumped_parameters(UNIT, {"inertia": 0.8 * lumped_parameters(UNIT, ("inertia",))["inertia"]})
-    warnings = found_again(calibrated, [of_a_day(other, seed=5)])
-    (contradiction,) = (one for one in warnings if "contradicts" in one)
+    warnings = warnings_of_recalibration(calibrated, [recorded_on_a_day(other, seed=5)])
+    (contradiction,) = (warning for warning in warnings if "contradicts" in warning)
     assert "by day 1, day 2, day 3" in contradiction
     assert "inertia by " in contradiction
 
 
 @pytest.fixture(scope="module")
 def faulty() -> Recording:
-    return of_a_day(UNIT, load=0.08, temperature_rise_K=15.0, faults=TRUTH, seed=4)
+    return recorded_on_a_day(UNIT, load=0.08, temperature_rise_K=15.0, faults=TRUTH, seed=4)
 
 
 @pytest.fixture(scope="module")
@@ -113,67 +113,74 @@ def diagnosed(faulty: Recording, calibrated: Calibration) -> Diagnosis:
     return diagnose(faulty, calibrated.actuator, workers=1)
 
 
-# What several recordings tell.
+# Calibration by several recordings.
 
 
 @pytest.mark.evidence
-def test_a_unit_is_found_on_days_of_unknown_load_and_heat(calibrated: Calibration) -> None:
+def test_parameters_are_estimated_under_unknown_loads_and_temperatures(calibrated: Calibration) -> None:
     true = lumped_parameters(UNIT, FREE)
-    for name, found in calibrated.parameters.items():
-        # Of five normal deviates, one in 3000 cases has one beyond 4.
-        assert abs(found.value - true[name]) < 4 * found.standard_error
-        assert found.identifiable
-    # Three temperatures of 30 K each, by the coefficients of copper and magnets.
+    for name, estimate in calibrated.parameters.items():
+        # In one of 3000 cases, one of five normal deviates exceeds 4.
+        assert abs(estimate.value - true[name]) < 4 * estimate.standard_error
+        assert estimate.identifiable
+    # Three temperatures with a standard deviation of 30 K, by the coefficients of copper and magnets.
     relative = {name: p.standard_error / p.value for name, p in calibrated.parameters.items()}
     assert relative["resistance"] == pytest.approx(0.00393 * 30 / 3**0.5, rel=0.25)
     assert relative["torque_constant"] == pytest.approx(0.0011 * 30 / 3**0.5, rel=0.25)
     assert relative["inertia"] < 0.01
 
 
-def test_the_baseline_is_what_calibration_knows(calibrated: Calibration) -> None:
+def test_the_baseline_has_the_covariance_of_the_calibration(calibrated: Calibration) -> None:
     baseline = calibrated.actuator.baseline
     assert baseline is not None
     assert baseline.names == FREE
     assert baseline.recordings == ("day 1", "day 2", "day 3")
     relative = [p.standard_error / p.value for p in calibrated.parameters.values()]
     np.testing.assert_allclose(np.sqrt(np.diag(baseline.covariance)), relative, rtol=1e-12)
-    # Heat raises the one and lowers the other.
+    # Heat raises the resistance and lowers the torque constant.
     rows = np.array(baseline.covariance)
     assert rows[3, 4] / np.sqrt(rows[3, 3] * rows[4, 4]) < -0.8
 
 
 def test_the_nuisances_of_each_day_are_reported(calibrated: Calibration) -> None:
     loads = [day["load"] for day in calibrated.nuisances]
-    # Of a friction of 0.08 N·m that is known to some percent.
+    # Friction of 0.08 N·m is known to some percent.
     np.testing.assert_allclose(loads, [0.1, -0.05, 0.02], atol=0.01)
     text = str(calibrated)
     assert "Estimated with the parameters in day 2: load -0.0" in text
     assert "The 3 recordings scatter" in text
-    # Under its own load each is explained: 0.1 N·m alone are half as much as the current's rms.
+    # With its load, each recording is explained: 0.1 N·m correspond to half of the rms current.
     assert calibrated.relative_error["current_A"] < 0.1
-    assert [one["recording"] for one in calibrated.to_dict()["recordings"]] == ["day 1", "day 2", "day 3"]
+    assert [recording["recording"] for recording in calibrated.to_dict()["recordings"]] == [
+        "day 1",
+        "day 2",
+        "day 3",
+    ]
 
 
 @pytest.mark.usefixtures("no_model_error")
-def test_an_uninformative_recording_does_not_spoil_the_others(healthy: list[Recording]) -> None:
+def test_an_uninformative_recording_does_not_increase_the_errors(healthy: list[Recording]) -> None:
     # The current alone has information on torques in proportion to the torque constant, and no resistance.
-    poor = of_a_day(UNIT, load=0.1, temperature_rise_K=20.0, channels=("current_A",), seed=5)
-    # Without correction, in a fourth of the time.
-    without_poor, with_poor = (
-        calibrate(days, THESIS, FREE, max_corrections=0, workers=1) for days in (healthy, [*healthy, poor])
+    uninformative = recorded_on_a_day(
+        UNIT, load=0.1, temperature_rise_K=20.0, channels=("current_A",), seed=5
+    )
+    # Without correction, which takes a quarter of the time.
+    without_uninformative, with_uninformative = (
+        calibrate(days, THESIS, FREE, max_corrections=0, workers=1)
+        for days in (healthy, [*healthy, uninformative])
     )
     for name in FREE:
-        before, after = without_poor.parameters[name], with_poor.parameters[name]
+        before, after = without_uninformative.parameters[name], with_uninformative.parameters[name]
         assert abs(after.value - before.value) < 2 * before.standard_error
         assert after.standard_error < 1.5 * before.standard_error
-    assert with_poor.parameters["resistance"].standard_error == pytest.approx(
-        without_poor.parameters["resistance"].standard_error, rel=0.3
+    assert with_uninformative.parameters["resistance"].standard_error == pytest.approx(
+        without_uninformative.parameters["resistance"].standard_error, rel=0.3
     )
-    alone = calibrate(poor, THESIS, FREE, max_corrections=0, workers=1)
+    alone = calibrate(uninformative, THESIS, FREE, max_corrections=0, workers=1)
     assert not any(p.identifiable for p in alone.parameters.values())
     covariance = np.array(alone.actuator.baseline.covariance)  # type: ignore[union-attr]
     ratio = np.array([1.0, 0.0, 0.0, -1.0, 0.0])
-    # But inertia over torque constant is known, to the 3.3 % of 30 K or so.
+    # However, the ratio of inertia to torque constant is known to about 3.3 %, by a temperature of 30 K.
     assert ratio @ covariance @ ratio < 0.06**2
 
 
@@ -183,28 +190,30 @@ def test_friction_that_differs_from_day_to_day_widens_the_baseline() -> None:
         with_lumped_parameters(UNIT, {"coulomb": lumped_parameters(UNIT, ("coulomb",))["coulomb"] * f})
         for f in (0.9, 1.0, 1.1)
     ]
-    wandering = [of_a_day(day, seed=i) for i, day in enumerate(days)]
-    steady = [of_a_day(UNIT, seed=i) for i in range(3)]
+    wandering = [recorded_on_a_day(day, seed=i) for i, day in enumerate(days)]
+    steady = [recorded_on_a_day(UNIT, seed=i) for i in range(3)]
     names = ("inertia", "coulomb")
-    # Without correction, whose bias the days have in common.
-    both = [
+    # Without correction: its bias is common to all days.
+    calibrations = [
         calibrate(days, UNIT, names, nuisances=(), max_corrections=0, workers=1)
         for days in (wandering, steady)
     ]
-    wide, narrow = (c.parameters["coulomb"].standard_error / c.parameters["coulomb"].value for c in both)
-    assert both[0].birge_ratio is not None
-    assert both[0].birge_ratio > 3
-    assert "those above include it" in str(both[0])
-    # A scatter of 10 %, known from three values: at least that, and many times what one day's noise makes.
+    wide, narrow = (
+        c.parameters["coulomb"].standard_error / c.parameters["coulomb"].value for c in calibrations
+    )
+    assert calibrations[0].birge_ratio is not None
+    assert calibrations[0].birge_ratio > 3
+    assert "those above include it" in str(calibrations[0])
+    # A scatter of 10 % from three values: the error is at least that, and many times that by noise.
     assert wide > 0.1
     assert narrow < 0.02
 
 
-# What a diagnosis does with it.
+# Diagnoses with a baseline.
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_axes_and_priors_are_the_covariance(seed: int) -> None:
+def test_axes_and_priors_reproduce_the_covariance(seed: int) -> None:
     names = ("inertia", "coulomb", "offset")
     root = np.random.default_rng(seed).normal(0.0, 0.02, (3, 3)) * np.array([[1.0], [1.0], [0.1]])
     actuator = THESIS.model_copy(update={"baseline": Baseline.of(names, root @ root.T, ("a",))})
@@ -216,23 +225,23 @@ def test_axes_and_priors_are_the_covariance(seed: int) -> None:
     np.testing.assert_allclose(prior[0, 1:], 0.0)
 
 
-def test_what_is_known_well_enough_takes_no_time() -> None:
+def test_accurately_known_parameters_are_not_estimated() -> None:
     known = with_baseline({"inertia": 0.9 * LEAST_DEVIATION, "coulomb": 0.5 * LEAST_DEVIATION})
     assert NuisanceSet.of(known, (), ()).names == ()
     half = NuisanceSet.of(with_baseline({"inertia": 0.02, "coulomb": 0.5 * LEAST_DEVIATION}), (), ())
     assert half.names == ("baseline inertia",)
 
 
-def test_what_is_not_known_at_all_is_no_wider_than_a_description() -> None:
-    one = ParameterVariation.of_unit(with_baseline({"resistance": 3.4}))
-    assert np.exp(one.priors[0]) == pytest.approx(START_FACTOR)
+def test_the_prior_of_an_unknown_parameter_is_no_wider_than_that_of_a_description() -> None:
+    variation = ParameterVariation.of_unit(with_baseline({"resistance": 3.4}))
+    assert np.exp(variation.priors[0]) == pytest.approx(START_FACTOR)
 
 
-def test_a_baseline_composes_with_the_unknowns_of_the_day() -> None:
+def test_a_baseline_is_combined_with_the_nuisances_of_a_recording() -> None:
     actuator = with_baseline({"inertia": 0.05, "coulomb": 0.04, "offset": 0.01, "resistance": 0.1})
     unknown = NuisanceSet.of(actuator, ("load", "temperature", "inertia"), ())
-    one = np.random.default_rng(0).normal(0.0, 0.2, (1, unknown.priors.size)) * unknown.priors
-    values = unknown.values(one)
+    point = np.random.default_rng(0).normal(0.0, 0.2, (1, unknown.priors.size)) * unknown.priors
+    values = unknown.values(point)
     day = {name: float(value[0]) for name, value in values.items()}
     described = lumped_parameters(actuator, ("coulomb", "inertia", "offset", "resistance", "torque_constant"))
     expected = {
@@ -244,28 +253,30 @@ def test_a_baseline_composes_with_the_unknowns_of_the_day() -> None:
         * (1 + 0.00393 * day["temperature"]),
         "torque_constant": described["torque_constant"] * (1 - 0.0011 * day["temperature"]),
     }
-    found = {name: float(value[0]) for name, value in unknown.lumped_parameters(actuator, values).items()}
-    assert found == pytest.approx(expected, rel=1e-12)
+    parameters = {
+        name: float(value[0]) for name, value in unknown.lumped_parameters(actuator, values).items()
+    }
+    assert parameters == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_deviation_is_an_actuator_of_other_values() -> None:
-    # What the rig in software records of the other actuator, the described one has under the deviation.
+def test_a_deviation_acts_as_a_change_of_lumped_parameters() -> None:
+    # The recording of the other actuator equals the output of the described one under the deviation.
     whole = simulate(
         with_lumped_parameters(THESIS, {"inertia": 1.06 * 2.5e-5}), Chirp(), faults=TRUTH, model="averaged"
     )
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
     fit = faults_objective(problem_of(recording, with_baseline({"inertia": 0.03}), channels=None), ())
     point = fit.space.points(TRUTH.vector)
-    plain = np.sqrt(np.mean((fit.target - fit.outputs(point[np.newaxis])[0])[:-1] ** 2))
+    described_rms = np.sqrt(np.mean((fit.target - fit.outputs(point[np.newaxis])[0])[:-1] ** 2))
     point[-1] = np.log(1.06) * np.sign(fit.space.nuisances.meaning[0, 0])
-    away = np.sqrt(np.mean((fit.target - fit.outputs(point[np.newaxis])[0])[:-1] ** 2))
-    # The command is recorded as means and interpolated: that much is left.
-    assert away < 0.2 * plain
+    deviating_rms = np.sqrt(np.mean((fit.target - fit.outputs(point[np.newaxis])[0])[:-1] ** 2))
+    # The remaining error is that of the command, which is recorded as means and interpolated.
+    assert deviating_rms < 0.2 * described_rms
     assert fit.space.nuisance_values(point[np.newaxis])["baseline inertia"][0] == pytest.approx(np.log(1.06))
 
 
-def test_friction_is_known_no_better_than_its_baseline() -> None:
-    # A fault multiplies all friction by 1 + 2 k: of 5 % in the healthy friction, 0.025 (1 + 2 k) are left.
+def test_friction_is_no_more_accurate_than_its_baseline() -> None:
+    # A fault k multiplies all friction by 1 + 2 k: 5 % of healthy friction are an error of 0.025 (1 + 2 k).
     recording = simulate(THESIS, Chirp(duration=0.2), duration=0.2, faults=Faults(friction=0.3), noise=0.05)
     recording = Recording({name: recording[name] for name in ("time_s", "command_rad", *VOLTAGE)})
     frictionless = with_lumped_parameters(THESIS, {"viscous": 0.0})
@@ -276,33 +287,37 @@ def test_friction_is_known_no_better_than_its_baseline() -> None:
     deviation = loose.nuisances["baseline coulomb"]
     assert deviation.standard_error == pytest.approx(0.05, rel=0.15)
     assert not deviation.known
-    # One number for two collinear parameters.
+    # The two parameters are collinear.
     covariance = loose.covariance[np.ix_([0, -1], [0, -1])]
     assert abs(covariance[0, 1]) / np.sqrt(covariance[0, 0] * covariance[1, 1]) > 0.95
     assert loose.coordinates[-1] == "baseline coulomb"
 
 
-def test_a_calibrated_unit_is_diagnosed_where_its_description_misleads(
+def test_a_calibrated_unit_is_diagnosed_without_the_bias_of_its_description(
     faulty: Recording, diagnosed: Diagnosis
 ) -> None:
     truth = TRUTH.vector
-    misled = diagnose(faulty, THESIS, nuisances=USUAL, max_corrections=0, workers=1)
-    seen = [i for i in range(8) if i != 6]  # without eccentricity its direction means nothing
-    found, wrong = (np.abs(d.faults.vector - truth)[seen].max() for d in (diagnosed, misled))
-    # Units of a kind differ by 8 %: friction by 0.04, shorts by as much.
-    assert found < 0.02 < wrong
+    biased = diagnose(faulty, THESIS, nuisances=USUAL, max_corrections=0, workers=1)
+    indices = [i for i in range(8) if i != 6]  # without eccentricity, its direction has no meaning
+    calibrated_error, biased_error = (
+        np.abs(d.faults.vector - truth)[indices].max() for d in (diagnosed, biased)
+    )
+    # Units of a kind differ by 8 %, which is 0.04 in friction and in shorts.
+    assert calibrated_error < 0.02 < biased_error
     assert diagnosed.explained
     errors = [component.standard_error for component in diagnosed.components.values()]
     # Eight normal estimates are all within four standard errors in 1999 of 2000 cases.
-    assert np.all(np.abs(diagnosed.faults.vector - truth)[seen] < 4 * np.array(errors)[seen])
+    assert np.all(np.abs(diagnosed.faults.vector - truth)[indices] < 4 * np.array(errors)[indices])
 
 
 def test_deviations_are_reported_in_text_and_json(diagnosed: Diagnosis) -> None:
     text = str(diagnosed)
     assert "Not identifiable from the recording: inertia, viscous, coulomb" in text
-    shown = replace(diagnosed.nuisances[f"{BASELINE}inertia"], value=0.06, standard_error=0.001, known=True)
+    deviation = replace(
+        diagnosed.nuisances[f"{BASELINE}inertia"], value=0.06, standard_error=0.001, known=True
+    )
     assert "Deviation of the unit from its description: inertia +6.18 ± 0.11 %." in str(
-        replace(diagnosed, nuisances={**diagnosed.nuisances, f"{BASELINE}inertia": shown})
+        replace(diagnosed, nuisances={**diagnosed.nuisances, f"{BASELINE}inertia": deviation})
     )
     names = [BASELINE + name for name in FREE]
     nuisances = diagnosed.to_dict()["nuisances"]
@@ -313,13 +328,13 @@ def test_deviations_are_reported_in_text_and_json(diagnosed: Diagnosis) -> None:
     assert len(diagnosed.coordinates) == len(diagnosed.covariance)
 
 
-def test_naming_no_nuisance_keeps_the_baseline(faulty: Recording, calibrated: Calibration) -> None:
-    # The recording's unknowns are the recording's; the baseline belongs to the description.
+def test_without_nuisances_the_baseline_is_estimated(faulty: Recording, calibrated: Calibration) -> None:
+    # Nuisances belong to the recording; the baseline belongs to the description.
     fit = faults_objective(problem_of(faulty, calibrated.actuator, channels=None), ())
     assert fit.space.nuisances.quantities == tuple(BASELINE + name for name in FREE)
 
 
-# What is refused, and what stands in a file.
+# Refusals and files.
 
 
 def test_a_second_calibration_replaces_the_first(healthy: list[Recording], calibrated: Calibration) -> None:
@@ -329,13 +344,13 @@ def test_a_second_calibration_replaces_the_first(healthy: list[Recording], calib
     assert baseline.recordings == ("day 1",)
     assert again.actuator.name == calibrated.actuator.name == "thesis, calibrated"
     fresh = calibrate(healthy[:1], THESIS, FREE, max_corrections=0, workers=1)
-    # The first one's covariance is no prior: one recording is known as one recording is.
+    # The first covariance is no prior: the errors are those of a single recording.
     assert again.parameters["resistance"].standard_error == pytest.approx(
         fresh.parameters["resistance"].standard_error, rel=0.1
     )
 
 
-def test_what_cannot_be_calibrated_together_is_refused(
+def test_contradictory_choices_for_a_calibration_are_refused(
     healthy: list[Recording], calibrated: Calibration
 ) -> None:
     with pytest.raises(MethodError, match=r"^no recording to calibrate from; give one .* or several$"):
@@ -350,7 +365,7 @@ def test_what_cannot_be_calibrated_together_is_refused(
         calibrate(healthy, THESIS, ("inertia",), nuisances=("laod",))
 
 
-def test_a_calibrated_description_survives_a_file(calibrated: Calibration, tmp_path: Path) -> None:
+def test_a_calibrated_description_is_unchanged_by_a_file(calibrated: Calibration, tmp_path: Path) -> None:
     path = tmp_path / "unit-7.toml"
     calibrated.actuator.to_toml(path, comments=str(calibrated))
     assert Actuator.from_toml(path) == calibrated.actuator

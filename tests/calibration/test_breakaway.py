@@ -1,4 +1,4 @@
-"""What acts at rest is known as well as the reference model shows it, not as the averaged model would."""
+"""Errors of friction at rest, by sensitivities of the reference model and not of the averaged model."""
 
 import pytest
 
@@ -15,7 +15,7 @@ WARNING = "times as large by the reference model"
 
 
 def calibrated(described: Actuator) -> tuple[Calibration, float]:
-    """Return the calibration of a unit with a tenth less static friction than described, and that."""
+    """Return the calibration of a unit with 10 % less static friction than described, and that friction."""
     static = 0.9 * described.mechanics.static_friction
     unit = with_lumped_parameters(described, {"static": static})
     recordings = []
@@ -27,19 +27,19 @@ def calibrated(described: Actuator) -> tuple[Calibration, float]:
     return calibrate(recordings, described, ["coulomb", "static"], nuisances=[]), static
 
 
-def test_the_ripple_of_comparators_hides_the_static_friction() -> None:
-    found, truth = calibrated(THESIS)
-    static, coulomb = found.parameters["static"], found.parameters["coulomb"]
-    assert any(WARNING in one for one in found.warnings)
-    # 18 standard errors by the sensitivities of the averaged model.
+def test_the_ripple_of_comparators_increases_the_error_of_static_friction() -> None:
+    calibration, truth = calibrated(THESIS)
+    static, coulomb = calibration.parameters["static"], calibration.parameters["coulomb"]
+    assert any(WARNING in warning for warning in calibration.warnings)
+    # With the sensitivities of the averaged model, the deviation was 18 standard errors.
     assert abs(static.value - truth) < 2 * static.standard_error
     assert coulomb.standard_error < 0.01 * coulomb.value
     assert abs(coulomb.value - THESIS.mechanics.dynamic_friction) < 3 * coulomb.standard_error
 
 
-def test_the_leaps_of_stick_slip_are_looked_over() -> None:
-    found, truth = calibrated(Actuator.six_step())
-    static = found.parameters["static"]
-    # 3 % off, 90 standard errors, by the sensitivities of the averaged model.
+def test_the_error_of_static_friction_covers_the_leaps_of_stick_slip() -> None:
+    calibration, truth = calibrated(Actuator.six_step())
+    static = calibration.parameters["static"]
+    # With the sensitivities of the averaged model, the deviation was 3 %, 90 standard errors.
     assert static.standard_error < 0.05 * truth
     assert abs(static.value - truth) < 2 * static.standard_error

@@ -1,4 +1,4 @@
-"""Campaign files: what they say of each recording, and what is wrong in them."""
+"""Campaign files: the values that they give for each recording, and messages on their errors."""
 
 from pathlib import Path
 
@@ -48,7 +48,7 @@ SEMICOLONS = CSV.replace("; ", " ").replace(",", ";")
 
 
 @pytest.mark.parametrize(("name", "text"), [("c.toml", TOML), ("c.csv", CSV), ("d.csv", SEMICOLONS)])
-def test_toml_and_csv_say_the_same(
+def test_toml_and_csv_give_the_same_campaign(
     folder: Path, name: str, text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = written(folder, name, text)
@@ -59,7 +59,7 @@ def test_toml_and_csv_say_the_same(
     assert (dict(first.known), first.free) == ({"load": 0.1, "position_gain": 4e4}, ())
     assert (dict(second.known), second.free) == ({"temperature": 300.5}, ("torque_constant", "viscous"))
     assert second.place == f"{path}, row 2"
-    # One value a row of the recording, as if it had been recorded.
+    # The value is in each row of the recording, as if it had been recorded.
     assert set(first.completed()["load_Nm"]) == {0.1}
     assert set(second.completed()["temperature_K"]) == {300.5}
 
@@ -91,7 +91,7 @@ def test_a_recording_is_no_campaign(folder: Path) -> None:
         ("file,load\n,1\n", "row 1: column 'file' is missing"),
     ],
 )
-def test_what_is_wrong_in_a_row_is_said(folder: Path, text: str, message: str) -> None:
+def test_errors_in_a_row_are_named(folder: Path, text: str, message: str) -> None:
     path = written(folder, "c.csv", text)
     with pytest.raises(MethodError, match=message) as caught:
         read_campaign(path, THESIS)
@@ -110,7 +110,7 @@ def test_what_is_wrong_in_a_row_is_said(folder: Path, text: str, message: str) -
         ("recording = [", "not valid TOML"),
     ],
 )
-def test_what_is_wrong_in_a_toml_is_said(folder: Path, text: str, message: str) -> None:
+def test_errors_in_a_toml_are_named(folder: Path, text: str, message: str) -> None:
     with pytest.raises(MethodError, match=message):
         read_campaign(written(folder, "c.toml", text), THESIS)
 
@@ -121,7 +121,7 @@ def test_a_recording_that_cannot_be_read_is_named_with_its_row(folder: Path) -> 
         read_campaign(written(folder, "c.csv", "file\nlogs/a.csv\nlogs/b.csv\n"), THESIS)
 
 
-def test_channels_are_those_of_the_actuator(folder: Path) -> None:
+def test_channels_are_named_by_the_actuator(folder: Path) -> None:
     log = folder / "logs" / "a.csv"
     log.write_text(log.read_text(encoding="utf-8").replace("current_A", "amps"), encoding="utf-8")
     named = Actuator.from_dict(THESIS.model_dump() | {"channels": {"current_A": "amps"}})

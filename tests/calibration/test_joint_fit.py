@@ -1,4 +1,4 @@
-"""Several recordings in one fit: what they share, what is each one's own, and what they contradict."""
+"""Joint fits of several recordings: shared parameters, parameters of one recording, and contradictions."""
 
 import json
 import re
@@ -35,7 +35,7 @@ def recorded(
     channels: tuple[str, ...] = CHANNELS,
     load: float = 0.0,
 ) -> Recording:
-    """Return what the averaged model records at its own steps, so that only the noise is unexplained."""
+    """Return a recording of the averaged model at its steps, of which only the noise is unexplained."""
     with_load = with_lumped_parameters(actuator, {"offset": load})
     whole = simulate(
         with_load,
@@ -60,68 +60,70 @@ def unit(**factors: float) -> Actuator:
     )
 
 
-def test_recordings_of_other_lengths_commands_and_channels_share_one_fit() -> None:
+def test_recordings_with_different_lengths_commands_and_channels_are_fitted_jointly() -> None:
     true = unit(inertia=1.9, viscous=0.6, coulomb=0.7)
     days = [
         recorded(true, 1, load=0.05, duration=0.25),
         recorded(true, 2, stop_hz=9.0, channels=CHANNELS[:3], load=-0.03),
         recorded(true, 3, duration=0.2, channels=CHANNELS[:4]),
     ]
-    found = fitted(days)
+    calibration = fitted(days)
     described = lumped_parameters(true, FREE)
-    for name, parameter in found.parameters.items():
-        # Of three normal deviates, one in 5000 cases has one beyond 4.
+    for name, parameter in calibration.parameters.items():
+        # In one of 5000 cases, one of three normal deviates exceeds 4.
         assert abs(parameter.value - described[name]) < 4 * parameter.standard_error
         assert (parameter.identifiable, parameter.doubtful, parameter.at_bound) == (True, False, False)
-    np.testing.assert_allclose([one["load"] for one in found.nuisances], [0.05, -0.03, 0.0], atol=2e-3)
-    assert len(found.replays) == 3
-    # Three recordings know more than the first alone.
+    np.testing.assert_allclose(
+        [nuisance["load"] for nuisance in calibration.nuisances], [0.05, -0.03, 0.0], atol=2e-3
+    )
+    assert len(calibration.replays) == 3
+    # Three recordings contain more information than the first alone.
     alone = fitted(days[0])
-    assert found.parameters["inertia"].standard_error < 1.1 * alone.parameters["inertia"].standard_error
+    assert calibration.parameters["inertia"].standard_error < 1.1 * alone.parameters["inertia"].standard_error
 
 
-def test_the_arrow_is_the_jacobian_of_all_rows() -> None:
+def test_the_normal_equations_are_those_of_the_jacobian_of_all_rows() -> None:
     rows = [CampaignRow(recorded(THESIS, 1)), CampaignRow(recorded(THESIS, 2, duration=0.2))]
     variation = ParameterVariation.free(THESIS, FREE)
     joint = joint_objective(rows, THESIS, variation, ("load", "current_offset"), 1)
     point = np.random.default_rng(0).normal(0.0, 0.05, joint.box.lower.size)
     assert point.size == 3 + 2 + 2
-    (at,) = joint.evaluate(point[np.newaxis])
-    ((normal, gradient),) = joint.normal_equations([at])
+    (evaluation,) = joint.evaluate(point[np.newaxis])
+    ((normal, gradient),) = joint.normal_equations([evaluation])
 
-    def every_row(points: np.ndarray) -> np.ndarray:
+    def residual_rows(points: np.ndarray) -> np.ndarray:
         outcomes = joint.evaluate(points)
         priors = points[:, :3] * (20**0.5 / variation.priors)
-        return np.hstack([-np.array([np.concatenate(one.residual) for one in outcomes]), priors])
+        return np.hstack([-np.array([np.concatenate(outcome.residual) for outcome in outcomes]), priors])
 
-    outputs = every_row(point[np.newaxis])
-    (dense,) = one_sided_jacobians(every_row, point[np.newaxis], outputs, joint.box, joint.step)
+    outputs = residual_rows(point[np.newaxis])
+    (dense,) = one_sided_jacobians(residual_rows, point[np.newaxis], outputs, joint.box, joint.step)
     np.testing.assert_allclose(normal, dense @ dense.T, rtol=1e-9, atol=1e-9 * np.abs(normal).max())
     np.testing.assert_allclose(gradient, -dense @ outputs[0], rtol=1e-6, atol=1e-9 * np.abs(gradient).max())
-    assert at.cost == pytest.approx(float(np.sum(outputs**2)))
-    # What is one recording's own has nothing to do with the other's.
+    assert evaluation.cost == pytest.approx(float(np.sum(outputs**2)))
+    # Parameters of one recording are independent of those of the other.
     assert not np.any(normal[3:5, 5:7])
 
 
-def test_recordings_that_each_fit_well_but_contradict_each_other_end_in_no_confident_mean() -> None:
-    # As three logs of a real servo: a common value fits none of them.
+def test_contradicting_recordings_have_a_doubtful_parameter_with_a_large_error() -> None:
+    # Like three logs of a real servo: no common value fits any of them.
     days = [recorded(unit(inertia=f), i) for i, f in enumerate((1.6, 0.35, 1.45))]
-    found = fitted(days)
-    inertia = found.parameters["inertia"]
+    calibration = fitted(days)
+    inertia = calibration.parameters["inertia"]
     assert inertia.doubtful
     for factor in (1.6, 0.35, 1.45):
         assert abs(inertia.value - factor * 2.5e-5) < 2 * inertia.standard_error
         assert "the recordings contradict each other: alone they would have" in inertia.reason
-    told = json.loads(found.to_json())
-    assert told["parameters"]["inertia"]["doubtful"] is True
-    assert told["parameters"]["inertia"]["reason"] == inertia.reason
-    # Alone, each has its own.
-    asked = [float(value) for value in re.findall(r"([\d.e-]+) ±", inertia.reason)]
-    np.testing.assert_allclose(asked, [f * 2.5e-5 for f in (1.6, 0.35, 1.45)], rtol=0.02)
-    assert found.birge_ratio is not None
-    assert found.birge_ratio > 10
-    assert max(one.misfit_ratio or 0.0 for one in found.recordings) > 2
-    text = str(found)
+    answer = json.loads(calibration.to_json())
+    assert answer["parameters"]["inertia"]["doubtful"] is True
+    assert answer["parameters"]["inertia"]["reason"] == inertia.reason
+    # The reason gives the value of each recording alone.
+    values = [float(value) for value in re.findall(r"([\d.e-]+) ±", inertia.reason)]
+    np.testing.assert_allclose(values, [f * 2.5e-5 for f in (1.6, 0.35, 1.45)], rtol=0.02)
+    assert calibration.birge_ratio is not None
+    assert calibration.birge_ratio > 10
+    assert max(recording.misfit_ratio or 0.0 for recording in calibration.recordings) > 2
+    text = str(calibration)
     assert "inertia is doubtful" in text
     assert "times as well as with the others" in text
 
@@ -131,27 +133,29 @@ def test_recordings_of_one_unit_are_not_doubtful() -> None:
     assert not any(p.doubtful for p in fitted(days).parameters.values())
 
 
-def test_a_known_value_holds_for_its_recording_alone() -> None:
+def test_a_known_value_applies_only_to_its_recording() -> None:
     gains = (1e5, 4e4)
     days = [recorded(unit(inertia=1.3, position_gain=g / 1e5), i) for i, g in enumerate(gains)]
     rows = [CampaignRow(day, {"position_gain": g}) for day, g in zip(days, gains, strict=True)]
     known, assumed = fitted(rows), fitted(days)
     assert known.parameters["inertia"].value == pytest.approx(1.3 * 2.5e-5, rel=0.01)
     assert known.relative_error["position_rad"] < 0.1 * assumed.relative_error["position_rad"]
-    assert [one.known["position_gain"] for one in known.recordings] == list(gains)
-    # The unit's description keeps its own.
+    assert [recording.known["position_gain"] for recording in known.recordings] == list(gains)
+    # The description of the unit keeps its value.
     assert known.actuator.controller.position_gain == THESIS.controller.position_gain
 
 
 def test_a_known_load_is_no_nuisance() -> None:
     days = [recorded(THESIS, i, load=load) for i, load in enumerate((0.05, -0.08))]
     rows = [CampaignRow(day, {"load": load}) for day, load in zip(days, (0.05, -0.08), strict=True)]
-    found = fitted(rows)
-    assert found.nuisances == ({}, {})
-    assert found.parameters["coulomb"].value == pytest.approx(THESIS.mechanics.dynamic_friction, rel=0.01)
+    calibration = fitted(rows)
+    assert calibration.nuisances == ({}, {})
+    assert calibration.parameters["coulomb"].value == pytest.approx(
+        THESIS.mechanics.dynamic_friction, rel=0.01
+    )
 
 
-def test_a_known_value_may_be_0_or_of_the_other_sign() -> None:
+def test_a_known_value_may_be_0_or_have_the_opposite_sign() -> None:
     described = with_lumped_parameters(THESIS, {"offset": 0.05})
     loads = (0.0, -0.08)
     days = [recorded(unit(inertia=1.3), i, load=load) for i, load in enumerate(loads)]
@@ -161,7 +165,7 @@ def test_a_known_value_may_be_0_or_of_the_other_sign() -> None:
     )
 
 
-def test_only_a_load_that_acts_shows_the_scale_of_the_torques() -> None:
+def test_the_scale_of_torques_is_identifiable_only_with_a_nonzero_load() -> None:
     day = recorded(THESIS, 1, channels=CHANNELS[:4])
     kept = {name: day[name] for name in CHANNELS[:4]}
     for load, is_open in ((0.0, True), (0.1, False)):
@@ -170,23 +174,27 @@ def test_only_a_load_that_acts_shows_the_scale_of_the_torques() -> None:
         assert only_ratios([CampaignRow(loaded)], THESIS, free) is is_open
 
 
-def test_a_parameter_may_be_each_recordings_own() -> None:
+def test_a_parameter_may_be_free_for_each_recording() -> None:
     strengths = (0.9, 1.08)
     days = [recorded(unit(torque_constant=f, coulomb=1.2), i) for i, f in enumerate(strengths)]
-    found = fitted([CampaignRow(day, free=("torque_constant",)) for day in days])
-    for one, factor in zip(found.recordings, strengths, strict=True):
-        assert one.own["torque_constant"] == pytest.approx(0.0752 * factor, rel=0.01)
-    assert found.parameters["coulomb"].value == pytest.approx(
+    calibration = fitted([CampaignRow(day, free=("torque_constant",)) for day in days])
+    for recording, factor in zip(calibration.recordings, strengths, strict=True):
+        assert recording.own["torque_constant"] == pytest.approx(0.0752 * factor, rel=0.01)
+    assert calibration.parameters["coulomb"].value == pytest.approx(
         1.2 * THESIS.mechanics.dynamic_friction, rel=0.01
     )
-    # Shared too, it is their mean, and known no better than they differ.
-    both = fitted([CampaignRow(day, free=("torque_constant",)) for day in days], (*FREE, "torque_constant"))
-    assert both.parameters["torque_constant"].value == pytest.approx(0.0752 * np.mean(strengths), rel=0.02)
-    assert both.parameters["torque_constant"].standard_error > 0.05 * 0.0752
+    # A parameter that is also shared is the mean, and its error includes the difference.
+    shared_and_own = fitted(
+        [CampaignRow(day, free=("torque_constant",)) for day in days], (*FREE, "torque_constant")
+    )
+    assert shared_and_own.parameters["torque_constant"].value == pytest.approx(
+        0.0752 * np.mean(strengths), rel=0.02
+    )
+    assert shared_and_own.parameters["torque_constant"].standard_error > 0.05 * 0.0752
 
 
-def test_a_parameter_at_its_bound_is_said_so() -> None:
-    # A viscous friction that is not there: its estimate falls to the bound of the search.
+def test_a_parameter_at_its_bound_is_reported() -> None:
+    # Without viscous friction in the unit, its estimate falls to the bound of the search.
     days = [recorded(with_lumped_parameters(THESIS, {"viscous": 0.0}), i) for i in range(2)]
     guess = with_lumped_parameters(THESIS, {"viscous": 1e-3})
     viscous = fitted(days, actuator=guess).parameters["viscous"]
@@ -196,9 +204,9 @@ def test_a_parameter_at_its_bound_is_said_so() -> None:
     assert "at its bound" in viscous.reason
 
 
-def test_what_acts_alike_is_named_with_what_would_separate_it() -> None:
-    # Heat raises the resistance and lowers the torque constant, as another motor's may be.
-    found = calibrate(
+def test_collinear_parameters_are_named_with_the_channel_that_would_separate_them() -> None:
+    # Heat raises the resistance and lowers the torque constant; another motor may differ in the same way.
+    calibration = calibrate(
         [recorded(THESIS, i) for i in range(2)],
         THESIS,
         ("coulomb", "torque_constant", "resistance"),
@@ -206,12 +214,14 @@ def test_what_acts_alike_is_named_with_what_would_separate_it() -> None:
         max_corrections=0,
         workers=1,
     )
-    (alike,) = found.collinear_sets
-    assert set(alike.members) == {"torque_constant", "resistance", "temperature"}
-    assert alike.channels == ("temperature_K",)
-    assert "act alike in these recordings" in str(found)
-    assert "collinear" in next(line for line in str(found).splitlines() if line.startswith("resistance"))
-    assert found.to_dict()["collinear"][0]["channels"] == ("temperature_K",)
+    (group,) = calibration.collinear_sets
+    assert set(group.members) == {"torque_constant", "resistance", "temperature"}
+    assert group.channels == ("temperature_K",)
+    assert "act alike in these recordings" in str(calibration)
+    assert "collinear" in next(
+        line for line in str(calibration).splitlines() if line.startswith("resistance")
+    )
+    assert calibration.to_dict()["collinear"][0]["channels"] == ("temperature_K",)
 
 
 @pytest.mark.parametrize(
@@ -241,7 +251,7 @@ def test_a_load_that_is_recorded_and_given_is_refused() -> None:
         fitted([CampaignRow(loaded, {"load": 0.1})])
 
 
-def test_bristles_follow_the_common_factor_of_all_torques() -> None:
+def test_the_parameters_of_bristles_scale_with_the_common_factor_of_all_torques() -> None:
     names = ("inertia", "coulomb", "presliding_stiffness", "presliding_damping", "torque_constant", "supply")
     bristles = LAWS["presliding"].added_to(THESIS)
     effects = common_factor(bristles, names, np.zeros(len(names)))

@@ -1,4 +1,4 @@
-"""Laws are chosen by the error in recordings left out of the fit, and their parameters found."""
+"""Selection of laws by the error in held-out recordings, and estimation of their parameters."""
 
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
@@ -40,7 +40,7 @@ def recordings_of(actuator: Actuator) -> list[Recording]:
 
 @pytest.fixture
 def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave two laws to choose from: each, and each pair, has kernels of its own to compile."""
+    """Restrict the choice to two laws: each law and each pair requires the compilation of its kernels."""
     few = (LAWS["stribeck"], LAWS["directional"])
     monkeypatch.setattr(description, "laws_to_calibrate", lambda _: few)
 
@@ -53,55 +53,57 @@ def calibrated(
 
 
 @pytest.mark.usefixtures("few_laws")
-def test_the_law_that_a_machine_has_is_chosen_and_no_other() -> None:
-    found = calibrated(STRIBECK, "auto")
-    assert found.laws == ("stribeck",)
-    assert found.parameters["stribeck_speed"].value == pytest.approx(20.0, rel=0.05)
-    assert found.parameters["static"].value == pytest.approx(0.14, rel=0.02)
-    assert found.parameters["coulomb"].value == pytest.approx(0.075, rel=0.02)
-    assert found.actuator.friction is not None
-    assert found.actuator.friction.stribeck_speed == found.parameters["stribeck_speed"].value
-    trials = found.to_dict()["selection"]
-    assert [one["law"] for one in trials[:3]] == ["none", "stribeck", "directional"]
-    assert [one["law"] for one in trials if one["chosen"]] == ["none", "stribeck"]
-    none, stribeck = trials[0], next(one for one in trials if one["law"] == "stribeck")
+def test_the_law_of_the_machine_is_chosen_and_no_other() -> None:
+    calibration = calibrated(STRIBECK, "auto")
+    assert calibration.laws == ("stribeck",)
+    assert calibration.parameters["stribeck_speed"].value == pytest.approx(20.0, rel=0.05)
+    assert calibration.parameters["static"].value == pytest.approx(0.14, rel=0.02)
+    assert calibration.parameters["coulomb"].value == pytest.approx(0.075, rel=0.02)
+    assert calibration.actuator.friction is not None
+    assert calibration.actuator.friction.stribeck_speed == calibration.parameters["stribeck_speed"].value
+    trials = calibration.to_dict()["selection"]
+    assert [trial["law"] for trial in trials[:3]] == ["none", "stribeck", "directional"]
+    assert [trial["law"] for trial in trials if trial["chosen"]] == ["none", "stribeck"]
+    none, stribeck = trials[0], next(trial for trial in trials if trial["law"] == "stribeck")
     assert stribeck["held_out_error"] < 0.5 * none["held_out_error"]
-    # Held-out data are no easier than those of the fit.
+    # The error in held-out data is no smaller than that in the fitted data.
     assert none["held_out_error"] >= 0.99 * none["training_error"]
-    assert all(one["seconds"] > 0 and one["evaluations"] > 0 for one in trials)
-    assert "stribeck + directional" in str(found)
+    assert all(trial["seconds"] > 0 and trial["evaluations"] > 0 for trial in trials)
+    assert "stribeck + directional" in str(calibration)
 
 
 @pytest.mark.usefixtures("few_laws")
-def test_a_machine_without_further_laws_gets_none() -> None:
-    found = calibrated(with_lumped_parameters(THESIS, {"inertia": 2.7e-5, "coulomb": 0.075}), "auto")
-    assert found.laws == ()
-    assert found.parameters["inertia"].value == pytest.approx(2.7e-5, rel=0.01)
-    assert found.actuator.friction == THESIS.friction
+def test_no_law_is_chosen_for_a_machine_without_further_laws() -> None:
+    calibration = calibrated(with_lumped_parameters(THESIS, {"inertia": 2.7e-5, "coulomb": 0.075}), "auto")
+    assert calibration.laws == ()
+    assert calibration.parameters["inertia"].value == pytest.approx(2.7e-5, rel=0.01)
+    assert calibration.actuator.friction == THESIS.friction
 
 
-def test_bristles_are_tried_with_the_stribeck_speed_that_they_need(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Soft bristles: a Stribeck speed alone gains 1 %, less than what is asked of a law.
+def test_bristles_are_evaluated_with_the_stribeck_speed_that_they_require(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Soft bristles: a Stribeck speed alone reduces the error by 1 %, less than the requirement for a law.
     few = (LAWS["stribeck"], LAWS["presliding"])
     monkeypatch.setattr(description, "laws_to_calibrate", lambda _: few)
     bristles = with_lumped_parameters(
         LAWS["presliding"].added_to(THESIS, 60.0),
         {"stribeck_speed": 2.0, "presliding_stiffness": 0.84, "presliding_damping": 2e-3},
     )
-    found = calibrated(bristles, "auto")
-    assert found.laws == ("stribeck", "presliding")
-    assert found.parameters["presliding_stiffness"].value == pytest.approx(0.84, rel=0.05)
-    # A machine without bristles gets none with it: they must be worth more than the speed alone.
+    calibration = calibrated(bristles, "auto")
+    assert calibration.laws == ("stribeck", "presliding")
+    assert calibration.parameters["presliding_stiffness"].value == pytest.approx(0.84, rel=0.05)
+    # No bristles are chosen for a machine without them: they must reduce the error more than the speed alone.
     assert calibrated(STRIBECK, "auto").laws == ("stribeck",)
 
 
-def chosen_of(
+def laws_chosen_by(
     errors: Mapping[tuple[str, ...], float], candidates: Sequence[str], monkeypatch: pytest.MonkeyPatch
 ) -> list[str]:
-    """Return the laws that are chosen where the errors by laws are known; a third law changes nothing."""
+    """Return the chosen laws for given errors by laws; a third law does not change the error."""
 
     class Table(law_selection._Trials):
-        """Fits whose errors are known, about the same of four recordings; a third law changes nothing."""
+        """Fits with given errors, nearly equal in four recordings; a third law does not change the error."""
 
         def fit(self, names: tuple[str, ...]) -> Any:
             logs = np.log(errors.get(names, errors[names[:2]])) + 1e-3 * np.arange(4) * len(names)
@@ -133,7 +135,7 @@ def chosen_of(
         (0.87, 0.84, ["presliding", "cogging"]),
     ],
 )
-def test_a_law_that_was_worth_it_before_another_came_is_kept(
+def test_a_law_that_was_sufficient_before_another_law_is_kept(
     monkeypatch: pytest.MonkeyPatch, with_compliance: float, with_cogging: float, expected: list[str]
 ) -> None:
     errors = {
@@ -145,31 +147,35 @@ def test_a_law_that_was_worth_it_before_another_came_is_kept(
         ("presliding", "cogging"): with_cogging,
     }
 
-    assert chosen_of(errors, ("presliding", "compliance", "cogging"), monkeypatch) == expected
+    assert laws_chosen_by(errors, ("presliding", "compliance", "cogging"), monkeypatch) == expected
 
 
-def test_a_law_that_helps_only_while_another_is_missing_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Nearly every law gains a few percent while the one that the machine has is missing.
+def test_a_law_that_reduces_the_error_only_without_another_law_is_not_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Without the true law, nearly every law reduces the error by a few percent.
     errors = {(): 1.0, ("stribeck",): 0.35, ("quadratic",): 0.96, ("stribeck", "quadratic"): 0.3485}
-    assert chosen_of(errors, ("stribeck", "quadratic"), monkeypatch) == ["stribeck"]
+    assert laws_chosen_by(errors, ("stribeck", "quadratic"), monkeypatch) == ["stribeck"]
 
 
-def test_named_laws_are_added_and_the_usual_parameters_are_free() -> None:
-    found = calibrated(STRIBECK, ["stribeck"], None, days=1)
-    assert {*FREE, "stribeck_speed", "static"} <= set(found.parameters)
-    assert found.parameters["stribeck_speed"].value == pytest.approx(20.0, rel=0.05)
-    assert (found.laws, found.selection) == (("stribeck",), ())
+def test_named_laws_are_added_to_the_default_free_parameters() -> None:
+    calibration = calibrated(STRIBECK, ["stribeck"], None, days=1)
+    assert {*FREE, "stribeck_speed", "static"} <= set(calibration.parameters)
+    assert calibration.parameters["stribeck_speed"].value == pytest.approx(20.0, rel=0.05)
+    assert (calibration.laws, calibration.selection) == (("stribeck",), ())
 
 
-def test_a_law_that_is_not_determined_is_named_with_its_manoeuvre() -> None:
-    # Without a load that changes and at one temperature, heat has no effect to be seen.
-    found = calibrated(THESIS, ["viscous-temperature"])
-    assert found.unexcited == {"viscous-temperature": LAWS["viscous-temperature"].excited_by}
-    assert not found.parameters["viscous_temperature"].identifiable
-    assert "These recordings do not determine the law 'viscous-temperature'; recordings at" in str(found)
+def test_an_unidentifiable_law_is_named_with_the_required_manoeuvre() -> None:
+    # With a constant load and at one temperature, heat has no identifiable effect.
+    calibration = calibrated(THESIS, ["viscous-temperature"])
+    assert calibration.unexcited == {"viscous-temperature": LAWS["viscous-temperature"].excited_by}
+    assert not calibration.parameters["viscous_temperature"].identifiable
+    assert "These recordings do not determine the law 'viscous-temperature'; recordings at" in str(
+        calibration
+    )
 
 
-def test_what_cannot_be_chosen_is_refused() -> None:
+def test_impossible_choices_of_laws_are_refused() -> None:
     days = recordings_of(THESIS)
     with pytest.raises(MethodError, match="two recordings at least; add one of another manoeuvre, or name"):
         calibrate(days[0], THESIS, FREE, laws="auto")

@@ -1,4 +1,4 @@
-"""The learned error of a model: made-up errors of known size and memory, and diagnoses that know theirs."""
+"""The learned error of a model: synthetic errors of known size and correlation, and diagnoses that use it."""
 
 from pathlib import Path
 
@@ -28,11 +28,11 @@ INTERVAL = 1e-3
 ROWS = 4000
 
 DECAY = 0.97
-"""Of an oscillation, from one row to the next."""
+"""Decay of an oscillation from one row to the next."""
 
 
 def autoregressive(memory_s: float, rows: int, rng: np.random.Generator) -> Array:
-    """Return a series of variance 1 with the correlation exp(-t / memory), from its definition."""
+    """Return a series of variance 1 with the correlation exp(-t / memory_s), from its definition."""
     share = float(np.exp(-INTERVAL / memory_s))
     values = np.empty(rows)
     values[0] = rng.normal()
@@ -42,7 +42,7 @@ def autoregressive(memory_s: float, rows: int, rng: np.random.Generator) -> Arra
 
 
 def terms(rng: np.random.Generator) -> Array:
-    """Return what a variance may be linear in: a motor that speeds up and down, and no load."""
+    """Return the terms of the variance, (4, rows), of a motor with oscillating speed and no load."""
     time = INTERVAL * np.arange(ROWS)
     speed = 50 * np.sin(2 * np.pi * rng.uniform(0.5, 1.0) * time)
     return np.stack([np.ones(ROWS), speed**2, np.zeros(ROWS), np.gradient(speed, INTERVAL) ** 2])
@@ -51,93 +51,93 @@ def terms(rng: np.random.Generator) -> Array:
 @pytest.mark.parametrize("memory_s", [0.0, 5e-3, 20e-3])
 def test_the_integral_time_is_that_of_the_process(memory_s: float) -> None:
     rng = np.random.default_rng(1)
-    made = [autoregressive(memory_s, ROWS, rng) if memory_s else rng.normal(size=ROWS) for _ in range(3)]
+    series = [autoregressive(memory_s, ROWS, rng) if memory_s else rng.normal(size=ROWS) for _ in range(3)]
     share = float(np.exp(-INTERVAL / memory_s)) if memory_s else 0.0
     true = INTERVAL * (1 + share) / (1 - share)
-    # The peak of a spectrum from so few rows, less what chance makes of it, is within a factor 2.
-    assert true / 2 < integral_time(made, [INTERVAL] * 3) < 2 * true
-    assert integral_time(made, [INTERVAL] * 3) >= INTERVAL
+    # The peak of a spectrum from so few rows, minus its expected random part, is within a factor of 2.
+    assert true / 2 < integral_time(series, [INTERVAL] * 3) < 2 * true
+    assert integral_time(series, [INTERVAL] * 3) >= INTERVAL
 
 
 @pytest.mark.parametrize("seconds", [(2.0, 2.0, 2.0, 2.0), (1.0, 1.6, 2.4, 4.0)])
 @pytest.mark.parametrize("frequency", [80.0, 300.0])
-def test_an_oscillation_is_remembered_whatever_the_lengths(
+def test_the_integral_time_of_an_oscillation_is_right_for_any_lengths(
     seconds: tuple[float, ...], frequency: float
 ) -> None:
     turn = 2 * np.pi * frequency * INTERVAL
-    # Of an autoregressive process of second order: the peak of its spectrum over its variance.
+    # For an autoregressive process of second order: the peak of its spectrum over its variance.
     angles = np.linspace(0, np.pi, 100_001)
     filtered = 1 - 2 * DECAY * np.cos(turn) * np.exp(-1j * angles) + DECAY**2 * np.exp(-2j * angles)
     true = INTERVAL * np.max(np.abs(filtered) ** -2) / np.mean(np.abs(filtered) ** -2)
-    found = []
+    estimates = []
     for seed in range(8):
         rng = np.random.default_rng(seed)
         drawn = [rng.normal(size=round(s / INTERVAL) + 1000) for s in seconds]
-        made = [lfilter([1], [1, -2 * DECAY * np.cos(turn), DECAY**2], one)[1000:] for one in drawn]
-        found.append(integral_time(made, [INTERVAL] * 4))
-    assert 0.7 * true < np.median(found) < 1.5 * true
+        series = [lfilter([1], [1, -2 * DECAY * np.cos(turn), DECAY**2], noise)[1000:] for noise in drawn]
+        estimates.append(integral_time(series, [INTERVAL] * 4))
+    assert 0.7 * true < np.median(estimates) < 1.5 * true
 
 
-def test_a_constant_error_is_remembered_all_along() -> None:
-    # Less the standard error of a spectrum of 2 degrees of freedom, which is as large as it is.
+def test_the_integral_time_of_a_constant_is_half_its_length() -> None:
+    # The length minus the standard error of a spectrum with 2 degrees of freedom, which equals its value.
     assert integral_time([np.ones(ROWS)], [INTERVAL]) == pytest.approx(ROWS * INTERVAL / 2)
 
 
-def test_white_noise_is_what_is_left_below_a_slow_error() -> None:
+def test_white_noise_is_separated_from_a_slow_error() -> None:
     rng = np.random.default_rng(2)
     residual = rng.normal(0.0, 0.3, ROWS) + autoregressive(0.1, ROWS, rng)
-    # Of 500 rows a band; the slow error has next to nothing in the last.
+    # Bands of 500 rows each; the slow error is negligible in the last band.
     assert white_noise(residual) == pytest.approx(0.3, rel=0.15)
 
 
-def test_an_error_that_grows_with_speed_is_told_from_a_constant_one() -> None:
+def test_an_error_that_grows_with_speed_is_separated_from_a_constant_one() -> None:
     rng = np.random.default_rng(3)
     left_out = []
     for _ in range(3):
         rows = terms(rng)
         deviation = np.sqrt(0.1**2 + (0.02 * np.sqrt(rows[1])) ** 2)
         left_out.append(HeldOutResidual(deviation * autoregressive(3e-3, ROWS, rng), 0.0, rows, INTERVAL))
-    found = channel_error(left_out)
-    assert found.speed == pytest.approx(0.02, rel=0.3)
-    # A floor has a share of the variance at least.
-    assert 0.05 < found.floor < 0.35
-    assert found.load == 0.0
-    assert found.recordings == 3
-    # Independent stretches of 2 T, 600 in each: their rms are alike to some percent.
-    assert found.scatter < 0.1
+    error = channel_error(left_out)
+    assert error.speed == pytest.approx(0.02, rel=0.3)
+    # The floor has at least a minimum share of the variance.
+    assert 0.05 < error.floor < 0.35
+    assert error.load == 0.0
+    assert error.recordings == 3
+    # 600 independent sections of 2 T in each recording: their rms values agree within some percent.
+    assert error.scatter < 0.1
 
 
-def test_noise_is_no_error_of_the_model() -> None:
+def test_noise_is_not_attributed_to_the_model() -> None:
     rng = np.random.default_rng(4)
     left_out = [HeldOutResidual(rng.normal(0.0, 1.0, ROWS), 1.0, terms(rng), INTERVAL) for _ in range(3)]
     error = channel_error(left_out)
-    # A hundredth of the variance is left to it.
+    # A hundredth of the variance is attributed to the model.
     assert error.floor <= 0.2
 
 
-def test_recordings_that_differ_by_rounding_do_not_scatter() -> None:
+def test_recordings_that_differ_by_rounding_have_no_scatter() -> None:
     rng = np.random.default_rng(5)
     rows, residual = terms(rng), rng.normal(size=ROWS)
     for ulps in range(1, 40):
-        # Whatever rounding leaves of two equal recordings on whichever processor.
+        # Rounding errors between two equal recordings, on any processor.
         other = residual * (1 + ulps * np.finfo(float).eps)
-        left_out = [HeldOutResidual(one, 0.0, rows, INTERVAL) for one in (residual, other)]
+        left_out = [HeldOutResidual(values, 0.0, rows, INTERVAL) for values in (residual, other)]
         assert channel_error(left_out).scatter == 0.0
 
 
-def test_the_more_recordings_scatter_the_more_is_healthy() -> None:
+def test_the_largest_healthy_ratio_grows_with_the_scatter_of_recordings() -> None:
     def bound(scatter: float, recordings: int) -> float:
         error = ChannelError(floor=1.0, correlation_time=1e-3, scatter=scatter, recordings=recordings)
         return largest_healthy_ratio(error)
 
-    # Student's t of 2 degrees of freedom has 2.92 at 95 %, of 29 it has 1.70 (tables).
+    # Student's t at 95 % is 2.92 for 2 degrees of freedom, and 1.70 for 29 (tables).
     assert bound(0.1, 3) == pytest.approx(np.exp(2.920 * 0.1 * (4 / 3) ** 0.5), rel=1e-3)
     assert bound(0.1, 30) == pytest.approx(np.exp(1.699 * 0.1 * (31 / 30) ** 0.5), rel=1e-3)
     assert bound(0.0, 3) == 1.1
     assert bound(1.0, 2) == 3.0
 
 
-def test_it_is_written_with_units_and_read_again(tmp_path: Path) -> None:
+def test_a_model_error_is_written_with_units_and_read_back(tmp_path: Path) -> None:
     error = ChannelError(floor=0.2, speed=1e-3, correlation_time=0.01, scatter=0.05, recordings=3)
     learned = THESIS.model_copy(update={"model_error": ModelError(current_A=error)})
     path = tmp_path / "unit.toml"
@@ -168,7 +168,7 @@ def test_it_is_written_with_units_and_read_again(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_is_impossible_is_named(toml: str, pieces: tuple[str, ...], tmp_path: Path) -> None:
+def test_impossible_model_errors_are_refused(toml: str, pieces: tuple[str, ...], tmp_path: Path) -> None:
     path = tmp_path / "unit.toml"
     THESIS.to_toml(path)
     path.write_text(path.read_text(encoding="utf-8") + "\n" + toml + "\n", encoding="utf-8")
@@ -178,7 +178,7 @@ def test_what_is_impossible_is_named(toml: str, pieces: tuple[str, ...], tmp_pat
         assert piece in str(caught.value)
 
 
-# A plant whose friction is smooth, which nobody named: three healthy recordings teach how wrong the model is.
+# A plant with undescribed smooth friction: the error of the model is learned from three healthy recordings.
 
 SMOOTH = ForeignFeatures(friction=Stribeck(speed=20.0, smoothing=1.0))
 FREE = ("inertia", "viscous", "coulomb")
@@ -195,16 +195,16 @@ def recorded(seed: int, faults: Faults = Faults()) -> Recording:  # noqa: B008 -
 
 @pytest.fixture(scope="module")
 def unit() -> Actuator:
-    # Uncorrected, in a tenth of the time: the current's error comes out within 2 % of the corrected one's.
+    # Without correction, in a tenth of the time: the error of the current is within 2 % of that with it.
     days = [recorded(seed) for seed in range(3)]
     return calibrate(days, THESIS, FREE, max_corrections=0, workers=1).actuator
 
 
-def test_a_healthy_recording_of_a_plant_that_the_model_lacks_is_no_worse_than_healthy(unit: Actuator) -> None:
+def test_a_healthy_recording_of_an_unmodelled_plant_is_explained_by_the_model_error(unit: Actuator) -> None:
     diagnosis = diagnose(recorded(10), unit, nuisances=THESIS.nuisances.estimated, workers=1)
     assert diagnosis.explained
-    for one in diagnosis.components.values():
-        assert one.verdict != "degraded"
+    for component in diagnosis.components.values():
+        assert component.verdict != "degraded"
     compared = diagnosis.model_error["current_A"]
     assert compared.ratio == pytest.approx(1.0, abs=0.15)
     assert compared.recordings == 3
@@ -213,7 +213,7 @@ def test_a_healthy_recording_of_a_plant_that_the_model_lacks_is_no_worse_than_he
     assert diagnosis.to_dict()["model_error"]["current_A"]["as_healthy"] is True
 
 
-def test_noise_that_no_healthy_recording_had_explains_nothing(unit: Actuator) -> None:
+def test_noise_beyond_that_of_healthy_recordings_is_not_explained(unit: Actuator) -> None:
     noisy = recorded(12)
     rng = np.random.default_rng(6)
     columns = {name: noisy[name] for name in noisy}
@@ -225,27 +225,27 @@ def test_noise_that_no_healthy_recording_had_explains_nothing(unit: Actuator) ->
 
 
 @pytest.mark.usefixtures("one_search", "unrefined")
-def test_without_it_the_model_does_not_explain_that_recording(unit: Actuator) -> None:
+def test_without_the_model_error_that_recording_is_not_explained(unit: Actuator) -> None:
     bare = unit.model_copy(update={"model_error": NOT_LEARNED})
     diagnosis = diagnose(recorded(10), bare, nuisances=THESIS.nuisances.estimated, workers=1)
     assert not diagnosis.explained
     assert diagnosis.model_error == {}
 
 
-def test_a_large_fault_is_still_told_from_healthy(unit: Actuator) -> None:
+def test_a_large_fault_is_detected_with_a_model_error(unit: Actuator) -> None:
     faulty = recorded(11, Faults(short_a=0.4))
     diagnosis = diagnose(faulty, unit, nuisances=THESIS.nuisances.estimated, workers=1)
     low, high = diagnosis.interval["short_a"]
     assert VERDICT.healthy_margin < low < 0.4 < high
 
 
-def test_one_recording_teaches_no_error() -> None:
-    one = calibrate([recorded(0)], THESIS, FREE, workers=1, max_corrections=0)
-    assert one.actuator.model_error == NOT_LEARNED
+def test_no_model_error_is_learned_from_one_recording() -> None:
+    calibration = calibrate([recorded(0)], THESIS, FREE, workers=1, max_corrections=0)
+    assert calibration.actuator.model_error == NOT_LEARNED
 
 
 def test_the_ripple_that_faults_add_is_no_reason_against_an_estimate() -> None:
-    # What a calibration with three healthy recordings of this plant learned: its lag, and its model's error.
+    # Values learned by a calibration with three healthy recordings of this plant: lag and model error.
     current = ChannelError(floor=0.035, noise=0.057, correlation_time=1e-3, scatter=0.02, recordings=3)
     voltage = ChannelError(floor=1.9, noise=1.5, correlation_time=2.7e-3, scatter=0.033, recordings=3)
     drive = Drive(kind="hysteresis", current_lag=22.6e-6)
@@ -262,28 +262,28 @@ def test_the_ripple_that_faults_add_is_no_reason_against_an_estimate() -> None:
     assert np.abs(diagnosis.faults.vector - faults.vector).max() < 0.05
 
 
-def test_what_the_learned_error_leaves_undecided_is_laid_at_its_door() -> None:
-    # Known of the recording, to some hundredths; the calibration is what makes the rest of the interval.
+def test_the_reason_names_the_model_error_where_it_makes_a_verdict_undecided() -> None:
+    # The recording identifies these to some hundredths; the rest of the interval is by the calibration.
     whole = simulate(THESIS, Chirp(duration=0.2), faults=Faults(short_b=0.15), duration=0.2, noise=0.05)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
     poor = ModelError(faults=ApparentFaults(short_b=0.1, gain=0.3, recordings=3))
-    found = diagnose(recording, THESIS.model_copy(update={"model_error": poor}))
+    diagnosis = diagnose(recording, THESIS.model_copy(update={"model_error": poor}))
     for name in ("short_b", "gain"):
-        assert found.components[name].verdict == "cannot tell"
-        assert found.components[name].reason == OF_MODEL_ERROR
+        assert diagnosis.components[name].verdict == "cannot tell"
+        assert diagnosis.components[name].reason == OF_MODEL_ERROR
     assert OF_MODEL_ERROR not in {
-        found.components[name].reason for name in ("friction", "backlash", "short_a")
+        diagnosis.components[name].reason for name in ("friction", "backlash", "short_a")
     }
 
 
 @pytest.mark.parametrize(("apparent", "said"), [(0.05, False), (0.15, True)])
-def test_a_description_that_hides_faults_is_said_to_lack_a_law(apparent: float, *, said: bool) -> None:
+def test_a_model_error_that_hides_faults_has_a_note_with_advice(apparent: float, *, said: bool) -> None:
     learned = ModelError(faults=ApparentFaults(gain=apparent, recordings=3))
     for laws_tried, advice in (
         (False, "Let laws be tried (--laws auto)"),
         (True, "Calibrate on more manoeuvres"),
     ):
         lines = model_error_notes(learned, "rotary", laws_tried=laws_tried)
-        # Student's t of three degrees of freedom: 3.18 standard deviations.
-        found = [line for line in lines if "Faults up to some 0.5 may not be found" in line]
-        assert [advice in line for line in found] == [True] * said
+        # Student's t for three degrees of freedom: 3.18 standard deviations.
+        notes = [line for line in lines if "Faults up to some 0.5 may not be found" in line]
+        assert [advice in line for line in notes] == [True] * said

@@ -1,4 +1,4 @@
-"""A calibration on motion that never reverses says so, and claims nothing of friction apart from a load."""
+"""Calibration on motion without reversal: a warning, and friction confounded with the load."""
 
 import math
 
@@ -38,31 +38,31 @@ def opposite(times: Array) -> Array:
     return -ramp(times)
 
 
-def test_a_ramp_leaves_friction_and_load_as_open_as_before() -> None:
-    found = calibrated(ramp)
-    assert {name for one in found.collinear_sets for name in one.members} == {"coulomb", "offset"}
-    (warning,) = found.warnings
+def test_on_a_ramp_friction_and_load_are_not_identifiable() -> None:
+    calibration = calibrated(ramp)
+    assert {name for group in calibration.collinear_sets for name in group.members} == {"coulomb", "offset"}
+    (warning,) = calibration.warnings
     assert "moves one way only" in warning
     assert "coulomb and offset are known no better than before" in warning
-    # Of the logarithm, within the factor that is searched.
-    assert found.actuator.baseline is not None
-    assert found.actuator.baseline.deviations["coulomb"] >= math.log(WIDEST_FACTOR)
-    assert not found.parameters["coulomb"].identifiable
+    # Standard deviation of the logarithm, at the factor of the search range.
+    assert calibration.actuator.baseline is not None
+    assert calibration.actuator.baseline.deviations["coulomb"] >= math.log(WIDEST_FACTOR)
+    assert not calibration.parameters["coulomb"].identifiable
 
 
 @pytest.mark.parametrize("commands", [(there_and_back,), (ramp, opposite)])
-def test_a_reversal_separates_them(commands: tuple[Command, ...]) -> None:
-    found = calibrated(*commands)
+def test_a_reversal_separates_friction_and_load(commands: tuple[Command, ...]) -> None:
+    calibration = calibrated(*commands)
     for name, true in {"coulomb": 0.08, "offset": 0.03}.items():
-        one = found.parameters[name]
-        assert one.identifiable
-        assert abs(one.value - true) < 4 * one.standard_error
-        assert one.standard_error < 0.1 * true
-    assert found.warnings == ()
+        parameter = calibration.parameters[name]
+        assert parameter.identifiable
+        assert abs(parameter.value - true) < 4 * parameter.standard_error
+        assert parameter.standard_error < 0.1 * true
+    assert calibration.warnings == ()
 
 
-def test_what_does_not_act_alike_keeps_its_standard_error() -> None:
-    found = calibrated(ramp, free=("coulomb",))
-    assert found.warnings == ()
-    assert abs(found.parameters["coulomb"].value - 0.11) < 0.05
-    assert found.parameters["coulomb"].identifiable
+def test_friction_alone_keeps_its_standard_error_on_a_ramp() -> None:
+    calibration = calibrated(ramp, free=("coulomb",))
+    assert calibration.warnings == ()
+    assert abs(calibration.parameters["coulomb"].value - 0.11) < 0.05
+    assert calibration.parameters["coulomb"].identifiable

@@ -1,4 +1,4 @@
-"""Where laws are chosen, the reference model finds those that the averaged model hardly shows."""
+"""Selection, by the reference model, of laws to which the averaged model is insensitive."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,7 +24,7 @@ COMPLIANT = THESIS.model_copy(update={"transmission": Transmission(stiffness=985
 LAGGING = with_lumped_parameters(LAWS["sensor-lag"].added_to(THESIS), {"current_lag": 2e-5})
 
 
-def found(
+def description_by(
     asked: Callable[..., Description], machine: Actuator, settings: FitSettings = SETTINGS
 ) -> Description:
     whole = simulate(machine, Chirp(duration=0.15), model="reference", duration=0.15, seed=1)
@@ -40,19 +40,19 @@ def found(
         (with_lag_that_shows, LAGGING, "sensor-lag", "The current sensors lag, by the reference model"),
     ],
 )
-def test_a_law_that_the_reference_model_shows_is_taken_and_none_that_is_missing(
+def test_a_law_identified_by_the_reference_model_is_selected_only_if_it_exists(
     asked: Callable[..., Description], machine: Actuator, law: str, note: str
 ) -> None:
-    there = found(asked, machine)
-    assert [one.name for one in there.laws] == [law]
-    assert there.free == (*FREE, *LAWS[law].parameters)
-    assert LAWS[law].is_in(there.actuator)
-    assert note in there.law_notes[0]
-    missing = found(asked, THESIS)
-    assert (missing.laws, missing.free, missing.law_notes) == ((), FREE, ())
-    assert missing.actuator == THESIS
+    with_law = description_by(asked, machine)
+    assert [selected_law.name for selected_law in with_law.laws] == [law]
+    assert with_law.free == (*FREE, *LAWS[law].parameters)
+    assert LAWS[law].is_in(with_law.actuator)
+    assert note in with_law.law_notes[0]
+    without_law = description_by(asked, THESIS)
+    assert (without_law.laws, without_law.free, without_law.law_notes) == ((), FREE, ())
+    assert without_law.actuator == THESIS
 
 
-def test_nothing_is_asked_of_the_reference_model_where_corrections_are_turned_off() -> None:
+def test_no_law_of_the_reference_model_is_selected_without_corrections() -> None:
     for asked, machine in ((with_shaft_that_shows, COMPLIANT), (with_lag_that_shows, LAGGING)):
-        assert found(asked, machine, replace(SETTINGS, max_corrections=0)).laws == ()
+        assert description_by(asked, machine, replace(SETTINGS, max_corrections=0)).laws == ()

@@ -1,4 +1,4 @@
-"""Repetitions of a manoeuvre: their noise is averaged away, a friction that the model lacks is not."""
+"""Repetitions of a manoeuvre: they reduce the error by noise, and not that by unmodelled torque."""
 
 import json
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("no_model_error")
 
 FREE = ("inertia", "viscous")
 RIPPLED = Actuator.from_dict(THESIS.model_dump(exclude_none=True) | {"ripple": [{"order": 7, "cos": 0.02}]})
-"""A torque that depends on the position, which the description lacks."""
+"""An actuator with a torque per position that the description lacks."""
 
 
 def recorded(actuator: Actuator, seed: int, noise: float) -> Recording:
@@ -39,19 +39,19 @@ def fitted(days: list[Recording]) -> Calibration:
     return calibrate(days, THESIS, FREE, nuisances=(), max_corrections=0, workers=1)
 
 
-def errors(found: Calibration) -> Array:
-    return np.array([found.parameters[name].standard_error for name in FREE])
+def errors(calibration: Calibration) -> Array:
+    return np.array([calibration.parameters[name].standard_error for name in FREE])
 
 
-def test_a_torque_that_the_model_lacks_is_not_averaged_away() -> None:
+def test_repetitions_do_not_reduce_the_error_of_unmodelled_torque() -> None:
     days = [recorded(RIPPLED, i, 0.02) for i in range(4)]
-    together, alone = fitted(days), fitted(days[:1])
-    assert together.error_correlation is not None
-    assert together.error_correlation > 0.8
-    # As sqrt(4) it would be 0.5.
-    np.testing.assert_allclose(errors(together) / errors(alone), 1.0, atol=0.15)
-    assert "not averaged away in the standard errors" in str(together)
-    assert json.loads(together.to_json())["error_correlation"] == together.error_correlation
+    joint, alone = fitted(days), fitted(days[:1])
+    assert joint.error_correlation is not None
+    assert joint.error_correlation > 0.8
+    # A reduction by sqrt(4) would be 0.5.
+    np.testing.assert_allclose(errors(joint) / errors(alone), 1.0, atol=0.15)
+    assert "not averaged away in the standard errors" in str(joint)
+    assert json.loads(joint.to_json())["error_correlation"] == joint.error_correlation
     assert alone.error_correlation is None
 
 
@@ -62,10 +62,10 @@ def test_a_copy_of_a_recording_is_refused() -> None:
         fitted([day, copy])
 
 
-def test_noise_is_averaged_away() -> None:
+def test_repetitions_reduce_the_error_of_noise() -> None:
     days = [recorded(THESIS, i, 0.1) for i in range(4)]
-    together = fitted(days)
+    joint = fitted(days)
     alone = np.sqrt(np.mean([errors(fitted([day])) ** 2 for day in days], axis=0))
-    assert together.error_correlation is None
-    np.testing.assert_allclose(errors(together) / alone, 0.5, atol=0.1)
-    assert "averaged away" not in str(together)
+    assert joint.error_correlation is None
+    np.testing.assert_allclose(errors(joint) / alone, 0.5, atol=0.1)
+    assert "averaged away" not in str(joint)

@@ -1,4 +1,4 @@
-"""Parameters that act alike: which sets are reported, and what is advised to separate them."""
+"""Collinear parameters: reported sets, and advised manoeuvres and channels to separate them."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -17,11 +17,11 @@ from emaphm.simulation import Initial
 
 NAMES = ("viscous", "coulomb", "offset")
 COULOMB = 0.02
-"""Of the calibrated actuator, at the motor [N·m]."""
+"""Coulomb friction of the calibrated actuator, at the motor [N·m]."""
 
 
 def fit(description: Actuator, errors: tuple[float, float, float]) -> Any:
-    """Return the end of a fit that started from `description`.
+    """Return the result of a fit that started from `description`.
 
     `errors` are standard errors of the parameters: of the logarithm of the first two, of the third [N·m].
     """
@@ -38,24 +38,24 @@ def fit(description: Actuator, errors: tuple[float, float, float]) -> Any:
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
 @pytest.mark.parametrize(("offset", "is_reported"), [(0.014, False), (0.03, True)])
-def test_what_acts_alike_does_not_depend_on_the_description_that_was_started_from(
+def test_collinear_sets_do_not_depend_on_the_starting_description(
     factor: float, offset: float, is_reported: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(separation, "_channel_information", lambda *_: {})
     monkeypatch.setattr(separation, "_manoeuvre_information", lambda *_: {})
     calibrated = with_lumped_parameters(THESIS, {"coulomb": COULOMB})
     started = with_lumped_parameters(THESIS, {"coulomb": factor * COULOMB})
-    # The offset's error by the friction that was found, whatever was described.
-    found = separation.collinear_parameters(
+    # The error of the offset is relative to the estimated friction, for any described friction.
+    groups = separation.collinear_parameters(
         fit(started, (0.018, 0.018, offset * COULOMB)), calibrated, seed=0
     )
-    assert [one.members for one in found] == [NAMES] * is_reported
+    assert [group.members for group in groups] == [NAMES] * is_reported
 
 
 def recorded_from(
     start: float, command: list[float], coordinates: str = "rotary", stops: tuple[float, float] | None = None
 ) -> Any:
-    """Return what is known of a recording that began at rest at `start`, between end stops."""
+    """Return the properties of a recording that began at rest at `start`, between end stops."""
     mechanics = THESIS.mechanics.model_copy(update={"end_stops": stops})
     problem = SimpleNamespace(
         actuator=SimpleNamespace(coordinates=coordinates, mechanics=mechanics),
@@ -66,15 +66,15 @@ def recorded_from(
     return SimpleNamespace(terms=[SimpleNamespace(objective=SimpleNamespace(problem=problem))])
 
 
-def test_advised_manoeuvres_stay_where_the_recorded_one_was() -> None:
-    # As far as it went from its start; where a stop is too near for that, within what it covered.
+def test_advised_manoeuvres_are_within_the_range_of_the_recorded_one() -> None:
+    # The amplitude is the recorded distance from the start; near a stop, the recorded range is used.
     for stops, size, about in ((None, 0.3, 0.1), ((0.0, 1.0), 0.15, 0.25)):
-        found = separation._manoeuvres(recorded_from(0.1, [0.1, 0.4], stops=stops))
-        slow, ramp, chirp = found
+        manoeuvres = separation._manoeuvres(recorded_from(0.1, [0.1, 0.4], stops=stops))
+        slow, ramp, chirp = manoeuvres
         assert f"{size:g} rad about {about:g} rad at" in slow
         assert f"{size:g} rad about {about:g} rad up to" in chirp
         assert f"from {about:g} to {about + size:g} rad in 2 s" in ramp
-        for driving in found.values():
+        for driving in manoeuvres.values():
             assert driving.command(np.zeros(1)) == pytest.approx(about)
             farthest = np.abs(driving.command(np.linspace(0.0, 2.0, 2001)) - about).max()
             assert farthest == pytest.approx(size, rel=1e-3)
@@ -91,18 +91,20 @@ def test_advised_manoeuvres_have_units(coordinates: str, unit: str) -> None:
 @pytest.mark.parametrize(
     ("recorded", "free"),
     [
-        # The current along the flux is held at 0; that across it is the equivalent current.
+        # The current along the flux is controlled to 0; the current across it is the equivalent current.
         ("current_A", ("viscous", "coulomb", "offset")),
         ("current_q_A", ("inertia", "viscous", "coulomb")),
     ],
 )
-def test_a_current_that_is_the_recorded_one_or_none_is_not_advised(
+def test_a_current_equal_to_the_recorded_one_or_0_is_not_advised(
     recorded: str, free: tuple[str, ...]
 ) -> None:
     pmsm = Actuator.pmsm()
     whole = simulate(pmsm, Ramp(0.2), model="averaged", noise=0.3)
     kept = {name: whole[name] for name in ("time_s", "command_rad", recorded)}
-    found = calibrate(Recording(kept, whole.sampling), pmsm, free, nuisances=(), max_corrections=0, workers=1)
-    assert found.collinear_sets
-    for one in found.collinear_sets:
-        assert not {"current_A", "current_q_A", "current_d_A"} & set(one.channels)
+    calibration = calibrate(
+        Recording(kept, whole.sampling), pmsm, free, nuisances=(), max_corrections=0, workers=1
+    )
+    assert calibration.collinear_sets
+    for group in calibration.collinear_sets:
+        assert not {"current_A", "current_q_A", "current_d_A"} & set(group.channels)

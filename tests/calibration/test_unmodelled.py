@@ -1,4 +1,4 @@
-"""A model that lacks something says so where recordings of few manoeuvres cannot show what that changes."""
+"""Unmodelled laws: warnings of a calibration on few manoeuvres, and widened standard errors."""
 
 import pytest
 
@@ -11,7 +11,7 @@ from emaphm.simulated_recording import simulate
 
 DC = Actuator.dc()
 LOADED = with_lumped_parameters(DC, {"hinge": 0.5})
-"""A machine with a load that nobody described: a spring."""
+"""A machine with an undescribed load: a spring."""
 
 CHIRP, SLOW = Chirp(duration=0.5), Sine(2e-2, 2.0)
 
@@ -35,35 +35,37 @@ def slow() -> Calibration:
     return calibrated(LOADED, SLOW)
 
 
-def of_few(found: Calibration) -> list[str]:
-    return [one for one in found.warnings if "that is no noise" in one]
+def warnings_on_few_manoeuvres(calibration: Calibration) -> list[str]:
+    return [warning for warning in calibration.warnings if "that is no noise" in warning]
 
 
-def test_one_manoeuvre_does_not_show_what_another_would_ask_for(
+def test_one_manoeuvre_with_a_structured_residual_has_a_warning(
     chirp: Calibration, slow: Calibration
 ) -> None:
-    # The truth is outside of what the chirp claims with 95 %.
+    # The truth is outside the 95 % interval by the chirp.
     inertia, true = chirp.parameters["inertia"], lumped_parameters(DC, ("inertia",))["inertia"]
     assert abs(inertia.value - true) > 2 * inertia.standard_error
-    for one in (chirp, slow):
-        (warning,) = of_few(one)
+    for calibration in (chirp, slow):
+        (warning,) = warnings_on_few_manoeuvres(calibration)
         assert "of current_A that is no noise, and one manoeuvre cannot show" in warning
 
 
-def test_manoeuvres_that_contradict_each_other_show_it_themselves() -> None:
-    found = calibrated(LOADED, CHIRP, SLOW)
-    assert found.scattered
-    assert of_few(found) == []
+def test_contradicting_manoeuvres_need_no_such_warning() -> None:
+    calibration = calibrated(LOADED, CHIRP, SLOW)
+    assert calibration.scattered
+    assert warnings_on_few_manoeuvres(calibration) == []
 
 
 @pytest.mark.parametrize("commands", [(CHIRP,), (CHIRP, CHIRP)])
-def test_a_model_that_lacks_nothing_has_no_warning(commands: tuple[Command, ...]) -> None:
+def test_a_complete_model_has_no_warning(commands: tuple[Command, ...]) -> None:
     assert calibrated(DC, *commands).warnings == ()
 
 
-def test_more_than_a_diagnosis_allows_is_said(chirp: Calibration, slow: Calibration) -> None:
-    assert not any("diagnosis allows" in one for one in chirp.warnings)
-    (warning,) = [one for one in slow.warnings if "diagnosis allows" in one]
+def test_a_residual_beyond_the_limit_of_a_diagnosis_has_a_warning(
+    chirp: Calibration, slow: Calibration
+) -> None:
+    assert not any("diagnosis allows" in message for message in chirp.warnings)
+    (warning,) = [message for message in slow.warnings if "diagnosis allows" in message]
     share = slow.relative_error["current_A"]
     assert share > 0.05
     assert warning.startswith(
@@ -77,27 +79,27 @@ STICKING = with_lumped_parameters(
 )
 
 
-def of_a_law(found: Calibration) -> list[str]:
-    return [one for one in found.warnings if "lacks a law" in one]
+def warnings_on_a_law(calibration: Calibration) -> list[str]:
+    return [warning for warning in calibration.warnings if "lacks a law" in warning]
 
 
-def test_a_law_that_is_missing_is_said_with_what_is_left() -> None:
-    found = calibrated(STICKING, CHIRP, SLOW)
-    (warning,) = of_a_law(found)
+def test_a_missing_law_has_a_warning_with_the_residual() -> None:
+    calibration = calibrated(STICKING, CHIRP, SLOW)
+    (warning,) = warnings_on_a_law(calibration)
     assert warning.startswith("in 2 of 2 recordings, the residual is up to ")
     assert "times what noise and switching explain" in warning
     assert "--laws auto" in warning
-    assert f"{100 * found.relative_error['current_A']:.2g} % of current_A" in warning
-    ratios = [one["residual_over_noise"] for one in found.to_dict()["recordings"]]
+    assert f"{100 * calibration.relative_error['current_A']:.2g} % of current_A" in warning
+    ratios = [recording["residual_over_noise"] for recording in calibration.to_dict()["recordings"]]
     assert f"up to {max(ratios):.2g} times" in warning
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_description_that_has_every_law_is_not_said_to_lack_one(seed: int) -> None:
+def test_a_description_with_all_laws_has_no_such_warning(seed: int) -> None:
     noise = (0.005, 0.02, 0.1)[seed % 3]
     whole = simulate(STICKING, (CHIRP, SLOW)[seed % 2], model="averaged", noise=noise, seed=seed)
     columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
-    found = calibrate(
+    calibration = calibrate(
         Recording(columns, whole.sampling, "day"),
         STICKING,
         ("inertia", "coulomb"),
@@ -105,11 +107,11 @@ def test_a_description_that_has_every_law_is_not_said_to_lack_one(seed: int) -> 
         max_corrections=0,
         workers=1,
     )
-    assert of_a_law(found) == []
+    assert warnings_on_a_law(calibration) == []
 
 
-def test_what_a_missing_law_leaves_widens_the_standard_errors() -> None:
-    without, having = (
+def test_the_residual_of_a_missing_law_widens_the_standard_errors() -> None:
+    without, with_law = (
         calibrate(
             Recording(
                 {name: whole[name] for name in ("time_s", "command_rad", "current_A")}, whole.sampling, "day"
@@ -124,7 +126,7 @@ def test_what_a_missing_law_leaves_widens_the_standard_errors() -> None:
         for described in (DC, STICKING)
     )
     true = DC.mechanics.dynamic_friction
-    assert abs(having.value - true) < 3 * having.standard_error
-    # Coulomb friction takes what the law would: many of the errors that noise makes.
-    assert abs(without.value - true) > 10 * having.standard_error
+    assert abs(with_law.value - true) < 3 * with_law.standard_error
+    # Coulomb friction compensates the missing law, by many of the standard errors by noise.
+    assert abs(without.value - true) > 10 * with_law.standard_error
     assert abs(without.value - true) < 4 * without.standard_error

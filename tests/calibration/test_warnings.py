@@ -1,4 +1,4 @@
-"""A calibration of a recording with a wrong sign or unit says so, however small its standard errors are."""
+"""Warnings of a calibration by a recording with a wrong sign or unit, regardless of small standard errors."""
 
 import json
 
@@ -31,7 +31,7 @@ def scaled(recording: Recording, **factors: float) -> Recording:
     return Recording(kept | changed, recording.sampling, "monday")
 
 
-def found(recording: Recording, actuator: Actuator = THESIS, loop: str = "closed") -> Calibration:
+def calibrated(recording: Recording, actuator: Actuator = THESIS, loop: str = "closed") -> Calibration:
     return calibrate(
         recording,
         actuator,
@@ -44,15 +44,15 @@ def found(recording: Recording, actuator: Actuator = THESIS, loop: str = "closed
 
 
 @pytest.mark.parametrize("loop", ["closed", "measured"])
-def test_a_right_recording_has_no_warning(recording: Recording, loop: str) -> None:
-    result = found(scaled(recording), loop=loop)
+def test_a_correct_recording_has_no_warning(recording: Recording, loop: str) -> None:
+    result = calibrated(scaled(recording), loop=loop)
     assert result.warnings == ()
     assert "Warning" not in str(result)
     assert json.loads(result.to_json())["warnings"] == []
 
 
 def test_a_current_of_the_wrong_sign_is_named(recording: Recording) -> None:
-    result = found(scaled(recording, current_A=-1.0))
+    result = calibrated(scaled(recording, current_A=-1.0))
     sign, unlike = result.warnings
     assert sign.startswith("monday: current_A is -")
     assert "of the opposite sign: negate current_A" in sign
@@ -68,14 +68,14 @@ def test_a_position_in_another_unit_is_named(
     recording: Recording, actuator: Actuator, factor: float, unit: str
 ) -> None:
     foreign = scaled(recording, command_rad=factor, position_rad=factor)
-    result = found(foreign, actuator, "measured")
-    assert any(f"as of a position in {unit}: convert" in one for one in result.warnings)
-    # Least squares by the motion reach any value.
+    result = calibrated(foreign, actuator, "measured")
+    assert any(f"as of a position in {unit}: convert" in warning for warning in result.warnings)
+    # Least squares by measured motion are not limited to a range of values.
     inertia = result.parameters["inertia"]
     assert inertia.value == pytest.approx(2.5e-5 / factor, rel=0.1)
     assert "beyond the factor of 30" in inertia.reason
 
 
-def test_what_refuses_a_calibration_names_the_sign_too(recording: Recording) -> None:
+def test_the_refusal_of_a_calibration_names_the_sign(recording: Recording) -> None:
     with pytest.raises(ValueError, match="opposite sign"):
-        found(scaled(recording, current_A=-1.0), loop="measured")
+        calibrated(scaled(recording, current_A=-1.0), loop="measured")

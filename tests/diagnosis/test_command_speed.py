@@ -1,4 +1,4 @@
-"""A command whose unit is wrong asks for speeds that no motor has; a step does so in single rows only."""
+"""A command in a wrong unit requires speeds beyond any motor; a step requires them only in single rows."""
 
 import numpy as np
 import pytest
@@ -13,12 +13,12 @@ from emaphm.simulated_recording import simulate
 
 
 @pytest.mark.parametrize("command", [Chirp(), Step(), Ramp()])
-def test_a_command_of_the_actuator_is_not_noted(command: Command) -> None:
+def test_a_possible_command_has_no_note(command: Command) -> None:
     assert notes_on_command(problem(command, 1.0)) == ()
 
 
 @pytest.mark.parametrize("factor", [180 / np.pi, 1e3])
-def test_a_command_in_a_smaller_unit_is_noted(factor: float) -> None:
+def test_a_command_in_a_smaller_unit_has_a_note(factor: float) -> None:
     (note,) = notes_on_command(problem(Chirp(), factor))
     assert "check the unit of command_rad" in note
 
@@ -30,9 +30,9 @@ def problem(command: Command, factor: float) -> Problem:
     return problem_of(Recording(columns), THESIS, channels=None)
 
 
-def test_a_command_that_no_motor_can_follow_leaves_no_hint_on_another_sensor() -> None:
+def test_a_note_on_the_command_replaces_hints_on_the_units_of_other_channels() -> None:
     residual = "current_A: the residual of 298 % is more than noise accounts for"
     hints = (residual, "voltage_V: the residual of 128 % is too large; its unit may be wrong")
-    off = problem(Chirp(), 180 / np.pi)
-    assert with_command(hints, off) == (*notes_on_command(off), residual)
+    wrong_unit = problem(Chirp(), 180 / np.pi)
+    assert with_command(hints, wrong_unit) == (*notes_on_command(wrong_unit), residual)
     assert with_command(hints, problem(Chirp(), 1.0)) == hints

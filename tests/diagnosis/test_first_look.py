@@ -1,4 +1,4 @@
-"""A first look shows what deviates, and lets what is as described alone."""
+"""The first look: it indicates deviations of inertia, supply and lag, and none of a unit as described."""
 
 import numpy as np
 import pytest
@@ -19,18 +19,18 @@ from emaphm.simulated_recording import simulate
 
 FAULTS = Faults(0.3, 0.4, 0.0, 0.25, 0.1, 0.35, 0.7, 0.4)
 LAG = LAWS["sensor-lag"].added_to(THESIS)
-OFF = 0.1
+SHARE = 0.1
 
 
-def off(**shares: float) -> Actuator:
+def with_deviation(**shares: float) -> Actuator:
     nominal = lumped_parameters(THESIS, tuple(shares))
     return with_lumped_parameters(
         THESIS, {name: (1 + share) * nominal[name] for name, share in shares.items()}
     )
 
 
-def seen(present: Actuator, described: Actuator = THESIS) -> FirstLook:
-    """Return a first look at the true faults, of a recording of the actuator that is `present`."""
+def first_look_at(present: Actuator, described: Actuator = THESIS) -> FirstLook:
+    """Return the first look at the true faults for a recording of the actuator `present`."""
     whole = simulate(present, Chirp(), faults=FAULTS, noise=0.05, adc_bits=12)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
     objective = faults_objective(problem_of(recording, described, workers=1), ("load",))
@@ -44,42 +44,42 @@ def either_inertia(result: SearchResult) -> tuple[MapObjective, Array]:
     column = objective.space.coordinates.index("inertia")
     unit = float(objective.space.nuisances.meaning[-1, -1])
     points = np.tile(point, (2, 1))
-    points[:, column] = np.array([-OFF, OFF]) / unit
+    points[:, column] = np.array([-SHARE, SHARE]) / unit
     return objective, points
 
 
-def test_a_supply_that_is_known_well_is_not_looked_for() -> None:
+def test_an_accurately_known_supply_is_not_examined() -> None:
     nuisances = THESIS.nuisances.model_copy(update={"supply": 5e-3})
-    found = seen(THESIS, THESIS.model_copy(update={"nuisances": nuisances}))
-    assert not found.shows_supply
+    look = first_look_at(THESIS, THESIS.model_copy(update={"nuisances": nuisances}))
+    assert not look.shows_supply
 
 
 @pytest.mark.parametrize(
     ("present", "shown"),
     [
         (THESIS, (False, False, False)),
-        (off(inertia=OFF), (True, None, None)),
-        (off(supply=-OFF), (None, True, None)),
+        (with_deviation(inertia=SHARE), (True, None, None)),
+        (with_deviation(supply=-SHARE), (None, True, None)),
         (with_lumped_parameters(LAG, {"current_lag": 1e-5}), (None, None, True)),
     ],
     ids=["as described", "inertia", "supply", "lag"],
 )
-def test_what_deviates_is_worth_a_closer_look(
+def test_deviations_are_indicated(
     present: Actuator, shown: tuple[bool | None, bool | None, bool | None]
 ) -> None:
-    look = seen(present)
-    found = (look.shows_inertia, look.shows_supply, look.shows_lag)
-    # A deviation may make another one look worth it; not the other way round.
-    assert all(asked is None or one == asked for one, asked in zip(found, shown, strict=True))
+    look = first_look_at(present)
+    indicated = (look.shows_inertia, look.shows_supply, look.shows_lag)
+    # A deviation may cause an indication of another one, but a unit as described may not.
+    assert all(expected is None or flag == expected for flag, expected in zip(indicated, shown, strict=True))
 
 
-def test_the_heavier_side_is_the_better_one() -> None:
-    lighter, heavier = seen(off(inertia=OFF)).inertia
+def test_the_residual_is_smaller_with_the_heavier_inertia() -> None:
+    lighter, heavier = first_look_at(with_deviation(inertia=SHARE)).inertia
     assert heavier < 1 < FIRST_LOOK.inertia < lighter
 
 
-def test_nothing_is_run_where_the_lag_is_described() -> None:
-    look = seen(LAG, LAG)
+def test_a_described_lag_is_indicated_without_runs() -> None:
+    look = first_look_at(LAG, LAG)
     assert look.shows_inertia
     assert look.shows_supply
     assert look.shows_lag

@@ -1,4 +1,4 @@
-"""A channel of another scale has to follow its quantity: more of it is explained than of noise."""
+"""A channel with a wrong scale must follow its quantity: a larger share of it is explained than of noise."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ ROWS, PARAMETERS = 1500, 12
 
 
 def fitted_residual(signal: float, seed: int) -> tuple[Array, Array]:
-    """Return white noise with `signal` times a sine, and what a fit with twelve functions leaves of it."""
+    """Return white noise with `signal` times a sine, and its residual after a fit with twelve functions."""
     random = np.random.default_rng(seed)
     sine = np.sin(np.linspace(0, 20, ROWS))
     functions = np.column_stack([sine, random.normal(size=(ROWS, PARAMETERS - 1))])
@@ -30,40 +30,40 @@ def fitted_residual(signal: float, seed: int) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize(("signal", "followed"), [(0.0, False), (0.35, True), (1.0, True)])
-def test_a_signal_well_below_the_noise_is_followed_and_noise_is_not(signal: float, followed: bool) -> None:
+def test_a_signal_below_the_noise_is_followed_and_noise_is_not(signal: float, followed: bool) -> None:
     results = {is_followed(*fitted_residual(signal, seed), PARAMETERS) for seed in range(200)}
     assert results == {followed}
 
 
 @pytest.mark.parametrize("name", ["current", "voltage", "position"])
 @pytest.mark.parametrize("noise", [0.0, 2.0])
-def test_rows_in_another_order_are_not_explained_by_a_scale_of_0(name: str, noise: float) -> None:
+def test_permuted_rows_are_not_explained_by_a_scale_of_0(name: str, noise: float) -> None:
     whole = simulate(THESIS, Chirp(), model="averaged", noise=noise, duration=0.3, seed=7)
-    channel = next(one for one in whole if one.startswith(f"{name}_") and one.count("_") == 1)
+    channel = next(column for column in whole if column.startswith(f"{name}_") and column.count("_") == 1)
     channels = dict.fromkeys(("current_A", channel))
-    columns = {one: whole[one] for one in ("time_s", "command_rad", *channels)}
+    columns = {column: whole[column] for column in ("time_s", "command_rad", *channels)}
     columns[channel] = np.random.default_rng(8).permutation(columns[channel])
-    said = scaled_reasons(columns, name, -1.0, float(columns[channel].mean()))
-    assert f"{channel} does not follow its quantity" in said
+    reasons = scaled_reasons(columns, name, -1.0, float(columns[channel].mean()))
+    assert f"{channel} does not follow its quantity" in reasons
 
 
 @pytest.mark.parametrize("factor", [0.3, -1.0])
-def test_another_scale_under_noise_is_one(factor: float) -> None:
+def test_a_wrong_scale_is_accepted_in_noise(factor: float) -> None:
     whole = simulate(THESIS, Chirp(), model="averaged", noise=0.05, duration=0.3, seed=9)
-    columns = {one: whole[one] for one in ("time_s", "command_rad", "current_A")}
+    columns = {column: whole[column] for column in ("time_s", "command_rad", "current_A")}
     noise = np.random.default_rng(10).normal(0, 4 * abs(factor), whole.samples)
     columns["current_A"] = factor * columns["current_A"] + noise
     assert scaled_reasons(columns, "current", factor - 1, 0.0) == ""
 
 
 def scaled_reasons(columns: dict[str, Array], name: str, scale: float, zero: float) -> str:
-    """Return the reasons against healthy faults with a scale and a zero of sensor `name`."""
+    """Return the reasons against healthy faults with a scale and a zero error of the sensor `name`."""
     named = (f"{name}_scale", f"{name}_offset")
     objective = faults_objective(problem_of(Recording(columns), THESIS, channels=None), named)
     point = objective.space.points(HEALTHY)
     units = objective.space.nuisance_values(np.ones((1, objective.space.dimensions)))
-    for one, value in zip(named, (scale, zero), strict=True):
-        point[objective.space.coordinates.index(one)] = value / units[one][0]
+    for nuisance, value in zip(named, (scale, zero), strict=True):
+        point[objective.space.coordinates.index(nuisance)] = value / units[nuisance][0]
     result = SearchResult.at(objective, point).reweighted()
     jacobians = jacobians_at(result.objective, result.point, np.random.default_rng(0))
     return "; ".join(reasons_against(result, jacobians, {}, 0, moves=True))

@@ -1,4 +1,4 @@
-"""What a motor or an inverter loses is no fault, although faults or another inertia would make up for it."""
+"""Laws of losses in motor and inverter: suspected and estimated, although faults could compensate them."""
 
 from dataclasses import replace
 from functools import cache
@@ -37,50 +37,52 @@ def with_law(name: str, value: float) -> Actuator:
 
 
 def near_the_truth(recording: Recording, actuator: Actuator = THESIS) -> SearchResult:
-    """Return the estimate of `actuator` next to the true faults."""
+    """Return the estimate by `actuator` near the true faults."""
     objective = faults_objective(problem_of(recording, actuator), ("load",))
     return correct_bias(objective, objective.space.points(FAULTS.vector[np.newaxis]), 2, seed=0)
 
 
 @cache
-def as_described() -> SearchResult:
-    """Return the estimate of a unit that is as described."""
+def estimate_as_described() -> SearchResult:
+    """Return the estimate for a unit as described."""
     return near_the_truth(on_a_rig(THESIS, FAULTS, 0.2))
 
 
 @pytest.mark.parametrize("value", [0.01, -0.01])
-def test_a_saturation_is_suspected_where_there_is_one(value: float) -> None:
+def test_a_saturation_is_suspected_and_sized(value: float) -> None:
     result = near_the_truth(on_a_rig(with_law("saturation", value), FAULTS, 0.2))
     assert "saturation" in suspected_laws(result, seed=0)
-    # A linear step, the other parameters making up for a part.
+    # A linear step; the other parameters compensate a part.
     assert hidden_scores(result, seed=0)["saturation"].values == pytest.approx([value * LIMIT], rel=0.4)
 
 
-def test_a_law_that_is_certain_and_leaves_as_much_is_an_alternative(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As of a current control that lags, which the lag of the speed feedback takes up for the most part."""
-    result = as_described()
+def test_a_certain_law_with_an_equal_residual_is_an_alternative(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Example: a lag of the current control, of which a lag of the speed feedback explains most."""
+    result = estimate_as_described()
     with_lag = near_the_truth(on_a_rig(THESIS, FAULTS, 0.2), with_law("speed-lag", 1e-4))
     scores = {"speed-lag": Score(np.array([1e-4]), np.array([[1e-10]]))}
     monkeypatch.setattr(deviations, "suspected_laws", lambda *_: scores)
     monkeypatch.setattr(deviations, "search_with_law", lambda *_: with_lag)
     monkeypatch.setattr(deviations, "without_law", lambda *_: result)
     monkeypatch.setattr(deviations, "acts", lambda *_: True)
-    monkeypatch.setattr(deviations, "_with_nuisances", lambda found, laws, *_: Selection(found, laws=laws))
+    monkeypatch.setattr(
+        deviations, "_with_nuisances", lambda selection, laws, *_: Selection(selection, laws=laws)
+    )
     for share, kept, alternatives in ((0.9, True, ()), (1.01, False, (with_lag,)), (1.1, False, ())):
         monkeypatch.setattr(
             deviations, "share_of_residual", lambda tried, _, of=share: of if tried is with_lag else 1.0
         )
         monkeypatch.setattr(
-            deviations, "suspected_laws", lambda found, _: {} if found is with_lag else scores
+            deviations, "suspected_laws", lambda selection, _: {} if selection is with_lag else scores
         )
         settings = SearchSettings(method_named("hybrid"), 2, 0)
-        found = deviations._with_hidden_laws(result, Selection(result), settings)
-        assert found.laws == (("speed-lag",) if kept else ())
-        assert found.result.alternatives == alternatives
+        selection = deviations._with_hidden_laws(result, Selection(result), settings)
+        assert selection.laws == (("speed-lag",) if kept else ())
+        assert selection.result.alternatives == alternatives
 
 
-def test_a_law_that_would_explain_as_well_is_named() -> None:
-    result = as_described()
+def test_an_alternative_law_has_a_note() -> None:
+    result = estimate_as_described()
     law = LAWS["cogging"]
     objective = with_free_law(result.objective, law, law.parameters[:4])
     point = objective.space.carried_over(result.point, result.objective.space)
@@ -94,32 +96,32 @@ def test_a_law_that_would_explain_as_well_is_named() -> None:
     assert note == f"{explanation}; the intervals include this alternative"
 
 
-def test_none_is_suspected_where_there_is_none_or_it_is_described() -> None:
-    assert suspected_laws(as_described(), seed=0) == {}
+def test_no_law_is_suspected_for_a_unit_as_described() -> None:
+    assert suspected_laws(estimate_as_described(), seed=0) == {}
     described = with_law("saturation", 0.01)
     assert suspected_laws(near_the_truth(on_a_rig(described, FAULTS, 0.2), described), seed=0) == {}
 
 
 @pytest.mark.evidence
-def test_a_saturation_that_nobody_described_is_no_fault() -> None:
-    found = diagnose(on_a_rig(with_law("saturation", 0.01), Faults(), 0.35), THESIS)
-    assert found.explained
-    assert found.laws == ("saturation",)
-    components = {name: one for name, one in found.components.items() if name != "eccentricity_phase"}
-    assert {one.verdict for one in components.values()} == {"healthy"}
-    value = found.nuisances["baseline saturation"]
+def test_an_undescribed_saturation_is_estimated_and_not_called_a_fault() -> None:
+    diagnosis = diagnose(on_a_rig(with_law("saturation", 0.01), Faults(), 0.35), THESIS)
+    assert diagnosis.explained
+    assert diagnosis.laws == ("saturation",)
+    components = {name: one for name, one in diagnosis.components.items() if name != "eccentricity_phase"}
+    assert {component.verdict for component in components.values()} == {"healthy"}
+    value = diagnosis.nuisances["baseline saturation"]
     assert value.value == pytest.approx(0.01, abs=4 * value.standard_error)
     assert value.standard_error < 0.001
 
 
 @pytest.mark.parametrize("value", [0.2, -0.1])
-def test_a_sine_in_the_back_emf_is_suspected_and_sized(value: float) -> None:
+def test_a_sine_share_of_the_back_emf_is_suspected_and_sized(value: float) -> None:
     result = near_the_truth(on_a_rig(with_law("emf-sine", value), FAULTS, 0.2))
     assert "emf-sine" in suspected_laws(result, seed=0)
     assert hidden_scores(result, seed=0)["emf-sine"].values == pytest.approx([value], rel=0.4)
 
 
-def test_hall_sensors_out_of_place_are_suspected_and_sized() -> None:
+def test_displaced_hall_sensors_are_suspected_and_sized() -> None:
     early = {"hall_a": 0.035, "hall_b": -0.025, "hall_c": 0.02}
     displaced = with_lumped_parameters(LAWS["hall-angles"].added_to(THESIS), early)
     result = near_the_truth(on_a_rig(displaced, FAULTS, 0.2))
@@ -134,33 +136,33 @@ def test_late_commutation_is_suspected_and_sized() -> None:
         on_a_rig(with_lumped_parameters(LAWS["commutation-lag"].added_to(THESIS), late), FAULTS, 0.3)
     )
     assert "commutation-lag" in suspected_laws(result, seed=0)
-    found = hidden_scores(result, seed=0)["commutation-lag"].values
-    # At speeds that differ little only the sum of both shows.
-    assert sum(found) == pytest.approx(0.03 + 3e-5 * 2 * typical_speed(THESIS), abs=0.01)
+    values = hidden_scores(result, seed=0)["commutation-lag"].values
+    # At nearly equal speeds, only the sum of both is identifiable.
+    assert sum(values) == pytest.approx(0.03 + 3e-5 * 2 * typical_speed(THESIS), abs=0.01)
 
 
 @pytest.mark.evidence
-def test_narrow_flats_of_the_back_emf_are_no_short(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_narrow_flats_of_the_back_emf_are_not_called_a_short(monkeypatch: pytest.MonkeyPatch) -> None:
     rivals = ("emf-flats", "emf-sine", "saturation", "inverter-drop")
     monkeypatch.setattr(hidden_laws, "HIDDEN", [law for law in hidden_laws.HIDDEN if law.name in rivals])
     monkeypatch.setattr(law_selection, "SUSPECTS", rivals)
-    found = diagnose(on_a_rig(with_law("emf-flats", 0.35), Faults(0.2, short_b=0.1), 0.2), THESIS)
-    assert found.explained
-    assert found.laws == ("emf-flats",)
-    loss = found.nuisances["baseline flat_loss"]
+    diagnosis = diagnose(on_a_rig(with_law("emf-flats", 0.35), Faults(0.2, short_b=0.1), 0.2), THESIS)
+    assert diagnosis.explained
+    assert diagnosis.laws == ("emf-flats",)
+    loss = diagnosis.nuisances["baseline flat_loss"]
     assert abs(loss.value - np.log(0.35 / 0.2)) <= 4 * loss.standard_error
     assert loss.standard_error < 0.05
-    assert found.components["friction"].value == pytest.approx(0.2, abs=0.01)
-    low, high = found.components["short_b"].interval95
+    assert diagnosis.components["friction"].value == pytest.approx(0.2, abs=0.01)
+    low, high = diagnosis.components["short_b"].interval95
     assert low <= 0.1 <= high
 
 
-def test_voltage_that_the_inverter_takes_is_no_other_inertia() -> None:
-    found = diagnose(on_a_rig(with_law("inverter-drop", 1.0), Faults(0.3), 0.2), THESIS)
-    assert found.explained
-    assert found.laws == ("inverter-drop",)
-    assert found.selected == ()
-    assert found.components["friction"].value == pytest.approx(0.3, abs=0.01)
-    drop = found.nuisances["baseline voltage_drop"]
+def test_a_voltage_drop_of_the_inverter_is_not_read_as_inertia() -> None:
+    diagnosis = diagnose(on_a_rig(with_law("inverter-drop", 1.0), Faults(0.3), 0.2), THESIS)
+    assert diagnosis.explained
+    assert diagnosis.laws == ("inverter-drop",)
+    assert diagnosis.selected == ()
+    assert diagnosis.components["friction"].value == pytest.approx(0.3, abs=0.01)
+    drop = diagnosis.nuisances["baseline voltage_drop"]
     assert abs(drop.value - np.log(1.0 / (0.01 * 48.0))) <= 4 * drop.standard_error
     assert drop.standard_error < 0.1

@@ -1,4 +1,4 @@
-"""One diagnosis of several recordings of a unit: it knows more than each, and names the odd one out."""
+"""Joint diagnosis of several recordings of a unit: smaller errors, and detection of contradictions."""
 
 import json
 from pathlib import Path
@@ -29,8 +29,8 @@ IDEAL = Actuator.from_dict(
     THESIS.model_dump()
     | {"electrical": None, "nuisances": THESIS.nuisances.model_dump(exclude_none=True) | {"delay": 1e-6}}
 )
-"""Its current loop is ideal: the reference model has no ripple either. Its channels are synchronous, so that
-no delay is taken for another gain."""
+"""With an ideal current loop, the reference model has no ripple. The channels are synchronous, so that
+no delay is confounded with a gain."""
 
 FAULTS = Faults(friction=0.3, backlash=0.4, gain=0.4)
 
@@ -44,7 +44,7 @@ def recorded(
     duration: float = 0.15,
     channels: tuple[str, ...] = CHANNELS,
 ) -> Recording:
-    """Return what the reference model records, so that only the noise is unexplained."""
+    """Return a recording of the reference model, of which only the noise is unexplained."""
     whole = simulate(
         actuator,
         Chirp(stop_hz=stop_hz, duration=duration),
@@ -62,11 +62,11 @@ def joint(recordings: list[Recording], **options: Any) -> JointDiagnosis:
 
 
 def errors(diagnosis: JointDiagnosis) -> np.ndarray:
-    """Return the standard errors of the coordinates, which have no bounds."""
+    """Return the standard errors of the coordinates, without regard to their bounds."""
     return np.asarray(np.sqrt(np.diag(diagnosis.covariance)))
 
 
-def test_a_delay_that_looks_alike_leaves_the_gain_open_as_in_one_recording() -> None:
+def test_a_delay_confounded_with_the_gain_leaves_it_undecided() -> None:
     whole = simulate(THESIS, Chirp(duration=0.2), duration=0.2, noise=0.05, adc_bits=12)
     late = np.clip(np.arange(whole.samples) - 1, 0, None)
     day = Recording(
@@ -78,36 +78,39 @@ def test_a_delay_that_looks_alike_leaves_the_gain_open_as_in_one_recording() -> 
     assert "0.2 ms late" in gain.reason
 
 
-def test_the_residual_is_that_of_the_rows_that_are_compared() -> None:
+def test_the_residual_is_that_of_the_compared_rows() -> None:
     day = recorded(FAULTS, 2)
     columns = {name: np.array(day[name]) for name in CHANNELS}
     columns["current_A"][1500:3000] = columns["current_A"][1500]
-    found = joint([Recording(columns, "instant", "day 2")])
-    (one,) = found.recordings
-    assert one.misfit_ratio == pytest.approx(1.0, abs=0.02)
-    assert found.residual_rms_A == pytest.approx(one.residual_rms_A)
+    diagnosis = joint([Recording(columns, "instant", "day 2")])
+    (recording,) = diagnosis.recordings
+    assert recording.misfit_ratio == pytest.approx(1.0, abs=0.02)
+    assert diagnosis.residual_rms_A == pytest.approx(recording.residual_rms_A)
 
 
-def test_of_one_recording_it_is_the_diagnosis_of_that_recording() -> None:
+def test_the_joint_diagnosis_of_one_recording_is_its_diagnosis() -> None:
     day = recorded(FAULTS, 1)
     together = joint([day])
     alone = diagnose(day, IDEAL, nuisances=("load",))
     for name in NAMES:
-        one, other = together.components[name], alone.components[name]
-        # The same data: no more apart than a descent stops short, far less than an error.
-        assert abs(one.value - other.value) < 0.3 * other.standard_error
-        assert one.standard_error == pytest.approx(other.standard_error, rel=0.2)
-        assert (one.verdict, one.identifiable) == (other.verdict, other.identifiable)
+        estimate, single_estimate = together.components[name], alone.components[name]
+        # The same data: the difference is the tolerance of the descent, far less than an error.
+        assert abs(estimate.value - single_estimate.value) < 0.3 * single_estimate.standard_error
+        assert estimate.standard_error == pytest.approx(single_estimate.standard_error, rel=0.2)
+        assert (estimate.verdict, estimate.identifiable) == (
+            single_estimate.verdict,
+            single_estimate.identifiable,
+        )
     assert together.explained
     assert together.relative_residual == pytest.approx(alone.relative_residual, rel=0.02)
     assert set(alone.to_dict()) <= set(together.to_dict())
 
 
 @pytest.mark.evidence
-def test_n_recordings_have_the_error_of_one_over_the_root_of_n() -> None:
+def test_the_error_falls_with_the_root_of_the_number_of_recordings() -> None:
     days = [recorded(FAULTS, seed, duration=0.3) for seed in range(4)]
     alone, four = np.array([errors(joint([day])) for day in days]), joint(days)
-    # Of four equal recordings 2; the four errors are estimates, each good to a third or so.
+    # Four equal recordings have a ratio of 2; each of the four errors is accurate to about a third.
     ratio = np.sqrt(np.mean(alone**2, axis=0)) / errors(four)
     np.testing.assert_allclose(ratio, 2.0, rtol=0.25)
     assert four.explained
@@ -115,7 +118,7 @@ def test_n_recordings_have_the_error_of_one_over_the_root_of_n() -> None:
 
 
 @pytest.mark.evidence
-def test_the_intervals_hold_the_truth() -> None:
+def test_the_intervals_of_joint_diagnoses_have_their_coverage() -> None:
     rng, inside = np.random.default_rng(0), []
     for case in range(5):
         friction, backlash, gain = rng.random(3)
@@ -130,25 +133,25 @@ def test_the_intervals_hold_the_truth() -> None:
             )
             for i, load in enumerate(loads)
         ]
-        found = joint(days)
+        diagnosis = joint(days)
         inside += [
-            covered(faults.vector, found)[NAMES.index(name)] for name in ("friction", "backlash", "gain")
+            covered(faults.vector, diagnosis)[NAMES.index(name)] for name in ("friction", "backlash", "gain")
         ]
-    # Of 15 intervals of 95 %, 13 are inside in all but 4 of 100 draws.
+    # At least 13 of 15 intervals of 95 % contain the truth in all but 4 of 100 draws.
     assert sum(inside) >= 13
 
 
-def test_the_reference_model_corrects_every_recording() -> None:
+def test_the_reference_model_corrects_each_recording() -> None:
     faults, days = Faults(friction=0.3, short_b=0.2, eccentricity=0.4, gain=0.4), []
     for seed in range(3):
         whole = simulate(THESIS, Chirp(duration=0.15), faults=faults, duration=0.15, noise=0.05, seed=seed)
         days.append(Recording({name: whole[name] for name in CHANNELS[:3]}))
-    found = diagnose_joint(days, THESIS, nuisances=USUAL, max_corrections=2)
+    diagnosis = diagnose_joint(days, THESIS, nuisances=USUAL, max_corrections=2)
     alone = diagnose(days[0], THESIS, nuisances=USUAL, max_corrections=2)
-    assert found.explained
-    assert sum(covered(faults.vector, found)) >= 7
-    # Of three recordings 1 / 1.7; the bound keeps that of a short near healthy from its own.
-    ratio = np.sqrt(np.diag(alone.covariance))[: len(found.coordinates)] / errors(found)
+    assert diagnosis.explained
+    assert sum(covered(faults.vector, diagnosis)) >= 7
+    # Three recordings have errors of 1 / 1.7; a bound limits the error of a short near healthy.
+    ratio = np.sqrt(np.diag(alone.covariance))[: len(diagnosis.coordinates)] / errors(diagnosis)
     assert 1.3 < np.median(ratio) < 2.6
 
 
@@ -159,94 +162,98 @@ def test_recordings_may_differ_in_length_command_channels_and_load() -> None:
         recorded(FAULTS, 2, stop_hz=9.0, duration=0.3, channels=CHANNELS[:3]),
         recorded(FAULTS, 3, actuator=loaded),
     ]
-    found = joint(days)
-    assert sum(covered(FAULTS.vector, found)) >= 7
-    assert found.explained
-    loads = [one.nuisances["load"].value for one in found.recordings]
+    diagnosis = joint(days)
+    assert sum(covered(FAULTS.vector, diagnosis)) >= 7
+    assert diagnosis.explained
+    loads = [recording.nuisances["load"].value for recording in diagnosis.recordings]
     np.testing.assert_allclose(loads, [0.0, 0.0, 0.06], atol=3e-3)
-    assert [one.channels for one in found.recordings] == [CHANNELS[2:], CHANNELS[2:3], CHANNELS[2:]]
-    assert found.time_s.shape == found.recorded.shape == found.modelled.shape
-    assert np.all(np.diff(found.time_s) > 0)
+    assert [recording.channels for recording in diagnosis.recordings] == [
+        CHANNELS[2:],
+        CHANNELS[2:3],
+        CHANNELS[2:],
+    ]
+    assert diagnosis.time_s.shape == diagnosis.recorded.shape == diagnosis.modelled.shape
+    assert np.all(np.diff(diagnosis.time_s) > 0)
 
 
-def test_the_sensors_of_each_are_checked_and_what_speaks_against_each_is_said() -> None:
+def test_sensor_faults_and_reasons_are_reported_with_the_name_of_the_recording() -> None:
     first, second = recorded(FAULTS, 1), recorded(FAULTS, 2)
     current = np.array(second["current_A"])
     rows = slice(current.size // 4, current.size // 2)
     current[rows] = current[rows.start]
     spoilt = second.with_channels({**second.channels, "current_A": current}, ["a note on both", "on one"])
-    found = joint([first.with_channels(first.channels, ["a note on both"]), spoilt])
-    assert found.explained
-    notes = [line for line in found.notes() if "on both" in line or "on one" in line]
+    diagnosis = joint([first.with_channels(first.channels, ["a note on both"]), spoilt])
+    assert diagnosis.explained
+    notes = [line for line in diagnosis.notes() if "on both" in line or "on one" in line]
     assert notes == ["2 recordings: a note on both.", "2 recordings: day 2: on one."]
-    assert [(one.channel, one.kind) for one in found.sensor_faults] == [("current_A", "frozen")]
-    said = [line for line in found.notes() if "is frozen" in line]
-    assert len(said) == 1
-    assert said[0].startswith("Sensor fault: day 2: current_A is frozen")
-    assert found.faults.vector == pytest.approx(FAULTS.vector, abs=0.01)
-    # Of another actuator, whichever comes first: its reason is said, with its name.
+    assert [(fault.channel, fault.kind) for fault in diagnosis.sensor_faults] == [("current_A", "frozen")]
+    fault_notes = [line for line in diagnosis.notes() if "is frozen" in line]
+    assert len(fault_notes) == 1
+    assert fault_notes[0].startswith("Sensor fault: day 2: current_A is frozen")
+    assert diagnosis.faults.vector == pytest.approx(FAULTS.vector, abs=0.01)
+    # The reason against a recording of another actuator is reported with its name, in any order.
     inertia = lumped_parameters(IDEAL, ("inertia",))["inertia"]
     other = recorded(FAULTS, 3, actuator=with_lumped_parameters(IDEAL, {"inertia": 1.5 * inertia}))
     for days in ([first, other], [other, first]):
-        assert any(one.startswith("day 3: ") for one in joint(days, max_corrections=0).reasons)
+        assert any(reason.startswith("day 3: ") for reason in joint(days, max_corrections=0).reasons)
 
 
-def test_a_recording_that_contradicts_the_others_is_named_and_no_component_is_judged() -> None:
+def test_a_contradicting_recording_is_named_and_no_component_has_a_verdict() -> None:
     other = recorded(Faults(friction=0.6, backlash=0.4, gain=0.4), 7)
-    found = joint([recorded(FAULTS, 0), other, recorded(FAULTS, 1)])
-    assert found.contradicting == ("day 7",)
-    assert "friction" in found.contradicted
-    assert not found.explained
-    assert {one.verdict for one in found.components.values()} == {"cannot tell"}
-    assert [one.contradicts for one in found.recordings] == [False, True, False]
-    assert found.recordings[1].misfit_ratio > 1.5
-    assert found.recordings[1].alone[0] == pytest.approx(0.6, abs=0.02)
-    assert "Contradicting the others: day 7. " in str(found)
+    diagnosis = joint([recorded(FAULTS, 0), other, recorded(FAULTS, 1)])
+    assert diagnosis.contradicting == ("day 7",)
+    assert "friction" in diagnosis.contradicted
+    assert not diagnosis.explained
+    assert {component.verdict for component in diagnosis.components.values()} == {"cannot tell"}
+    assert [recording.contradicts for recording in diagnosis.recordings] == [False, True, False]
+    assert diagnosis.recordings[1].misfit_ratio > 1.5
+    assert diagnosis.recordings[1].alone[0] == pytest.approx(0.6, abs=0.02)
+    assert "Contradicting the others: day 7. " in str(diagnosis)
 
 
-def test_of_two_that_contradict_each_other_neither_is_believed() -> None:
-    found = joint([recorded(FAULTS, 1), recorded(Faults(friction=0.6), 2)])
-    assert found.contradicting == ("day 1", "day 2")
-    assert {one.verdict for one in found.components.values()} == {"cannot tell"}
+def test_of_two_contradicting_recordings_neither_is_accepted() -> None:
+    diagnosis = joint([recorded(FAULTS, 1), recorded(Faults(friction=0.6), 2)])
+    assert diagnosis.contradicting == ("day 1", "day 2")
+    assert {component.verdict for component in diagnosis.components.values()} == {"cannot tell"}
 
 
-def test_a_law_that_the_description_lacks_is_common_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Which of the laws it is stands in `test_hidden_laws.py`; a lag of the current sensors is none of them.
+def test_a_missing_law_is_estimated_from_all_recordings(monkeypatch: pytest.MonkeyPatch) -> None:
+    # `test_hidden_laws.py` tests which law is selected; a lag of the current sensors is excluded here.
     monkeypatch.setattr(
         hidden_laws, "HIDDEN", [law for law in hidden_laws.HIDDEN if law.name in ("saturation", "speed-lag")]
     )
-    for asked in (first_look, sensor_lag):
-        monkeypatch.setattr(asked, "can_show_lag", lambda _: False)
+    for module in (first_look, sensor_lag):
+        monkeypatch.setattr(module, "can_show_lag", lambda _: False)
     unit = with_lumped_parameters(LAWS["saturation"].added_to(THESIS), {"saturation": 0.007})
-    found = diagnose_joint([on_a_rig(unit, FAULTS, 0.2, seed=seed) for seed in range(2)], THESIS)
-    assert found.explained
-    assert found.laws == ("saturation",)
-    (name,) = found.nuisances
+    diagnosis = diagnose_joint([on_a_rig(unit, FAULTS, 0.2, seed=seed) for seed in range(2)], THESIS)
+    assert diagnosis.explained
+    assert diagnosis.laws == ("saturation",)
+    (name,) = diagnosis.nuisances
     assert name == "baseline saturation"
-    assert abs(found.nuisances[name].value - 0.007) <= 4 * found.nuisances[name].standard_error
-    assert found.nuisances[name].standard_error < 1e-3
-    assert not any(name in one.nuisances for one in found.recordings)
-    assert "Found: saturation +0.0" in str(found)
-    # Without the law, a saturation of 0.01 made shorts of 0.02 to 0.05.
-    off = np.abs(found.faults.vector - FAULTS.vector)
+    assert abs(diagnosis.nuisances[name].value - 0.007) <= 4 * diagnosis.nuisances[name].standard_error
+    assert diagnosis.nuisances[name].standard_error < 1e-3
+    assert not any(name in recording.nuisances for recording in diagnosis.recordings)
+    assert "Found: saturation +0.0" in str(diagnosis)
+    # Without the law, a saturation of 0.01 caused shorts of 0.02 to 0.05.
+    off = np.abs(diagnosis.faults.vector - FAULTS.vector)
     assert max(np.delete(off, NAMES.index("eccentricity_phase"))) < 0.01
 
 
 @pytest.mark.evidence
-def test_a_load_that_varies_is_one_recording_s_own() -> None:
+def test_a_varying_load_belongs_to_its_recording() -> None:
     def under(load: Load, seed: int) -> Recording:
         options: dict[str, Any] = {"duration": 0.2, "noise": 0.05, "adc_bits": 12, "seed": seed}
         whole = simulate(THESIS, Chirp(duration=0.2), faults=FAULTS, load=load, **options)
         return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
 
-    found = diagnose_joint([under(0.02, 1), under(lambda t: 0.08 * np.sin(30 * t), 2)], THESIS)
-    assert found.explained
-    assert found.selected == ("load_variation", "hinge")
-    assert [one.load is not None for one in found.recordings] == [False, True]
-    off = np.abs(found.faults.vector - FAULTS.vector)
+    diagnosis = diagnose_joint([under(0.02, 1), under(lambda t: 0.08 * np.sin(30 * t), 2)], THESIS)
+    assert diagnosis.explained
+    assert diagnosis.selected == ("load_variation", "hinge")
+    assert [recording.load is not None for recording in diagnosis.recordings] == [False, True]
+    off = np.abs(diagnosis.faults.vector - FAULTS.vector)
     assert max(np.delete(off, NAMES.index("eccentricity_phase"))) < 0.01
-    assert "load varies from -0.0" in str(found)
-    assert "load_variation_" not in str(found)
+    assert "load varies from -0.0" in str(diagnosis)
+    assert "load_variation_" not in str(diagnosis)
 
 
 def test_recordings_of_different_units_are_refused() -> None:
@@ -259,12 +266,12 @@ def test_recordings_of_different_units_are_refused() -> None:
     assert joint(days[:2], max_corrections=0).explained
 
 
-def test_no_recording_is_refused() -> None:
+def test_an_empty_list_of_recordings_is_refused() -> None:
     with pytest.raises(MethodError, match="no recording to diagnose"):
         joint([])
 
 
-def test_the_command_prints_one_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_one_json_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = [tmp_path / f"day{i}.csv" for i in range(2)]
     for i, path in enumerate(files):
         whole = simulate(
@@ -275,10 +282,10 @@ def test_the_command_prints_one_object(tmp_path: Path, capsys: pytest.CaptureFix
     assert main([*arguments, "--json"]) == 0
     out, err = capsys.readouterr()
     assert (out.count("\n"), err) == (1, "")
-    told = json.loads(out)
-    assert [one["recording"] for one in told["recordings"]] == list(map(str, files))
-    assert told["suspected"] == []
-    low, high = told["faults"]["friction"]["interval95"]
+    answer = json.loads(out)
+    assert [recording["recording"] for recording in answer["recordings"]] == list(map(str, files))
+    assert answer["suspected"] == []
+    low, high = answer["faults"]["friction"]["interval95"]
     assert low < 0.3 < high
     assert main([*arguments, "--nuisance", "none", "--no-correction"]) == 0
     assert "contradicts the others" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""A load that steps while an actuator is recorded: found with the faults, and not taken for them."""
+"""A load that steps during a recording: estimated with the faults, which it does not bias."""
 
 from itertools import combinations
 from typing import Any
@@ -36,16 +36,16 @@ def ramp(time: Any, instant: float, rise: float) -> Any:
     return np.interp(time, [instant - rise / 2, instant + rise / 2], [0.0, 1.0])
 
 
-def put_on(time: Any) -> Any:
+def load_on(time: Any) -> Any:
     return 0.03 + 0.1 * ramp(time, 0.15, 8e-3)
 
 
-def put_on_and_off(time: Any) -> Any:
+def load_on_and_off(time: Any) -> Any:
     return 0.03 - 0.08 * (ramp(time, 0.1, 1e-9) - ramp(time, 0.17, 1e-9))
 
 
 def swinging_and_stepping(time: Any) -> Any:
-    return 0.05 * np.sin(2 * np.pi * 3 * np.asarray(time)) + put_on(time)
+    return 0.05 * np.sin(2 * np.pi * 3 * np.asarray(time)) + load_on(time)
 
 
 def recorded(load: Any, actuator: Actuator = THESIS) -> Recording:
@@ -55,40 +55,40 @@ def recorded(load: Any, actuator: Actuator = THESIS) -> Recording:
 
 
 @pytest.fixture(scope="module")
-def found(one_search: None, unrefined: None) -> Diagnosis:  # noqa: ARG001 - patch what it calls
-    """Return what is found of a load that nobody named."""
-    return diagnose(recorded(put_on), THESIS, workers=1)
+def diagnosis(one_search: None, unrefined: None) -> Diagnosis:  # noqa: ARG001 - patches for the diagnosis
+    """Return the diagnosis with a load that is not named as a nuisance."""
+    return diagnose(recorded(load_on), THESIS, workers=1)
 
 
-def test_faults_are_found_under_a_load_that_steps(found: Diagnosis) -> None:
-    assert found.explained
-    assert (found.selected, found.laws) == ((LOAD_STEP,), ())
-    assert all(covered(TRUTH.vector, found))
-    degraded = {name for name, one in found.components.items() if one.verdict == "degraded"}
+def test_faults_are_estimated_under_a_load_that_steps(diagnosis: Diagnosis) -> None:
+    assert diagnosis.explained
+    assert (diagnosis.selected, diagnosis.laws) == ((LOAD_STEP,), ())
+    assert all(covered(TRUTH.vector, diagnosis))
+    degraded = {name for name, one in diagnosis.components.items() if one.verdict == "degraded"}
     assert degraded == {"friction", "short_a", "gain"}
 
 
-def test_the_step_is_found_with_them(found: Diagnosis) -> None:
-    load = found.load
+def test_the_step_of_the_load_is_estimated(diagnosis: Diagnosis) -> None:
+    load = diagnosis.load
     assert load is not None
     (step,) = load.steps
     assert step.size == pytest.approx(0.1, abs=2e-3)
     assert step.time_s == pytest.approx(0.15, abs=1e-3)
     assert step.rise_s == pytest.approx(8e-3, abs=5e-3)
-    rows = found.time_s + (found.time_s[1] - found.time_s[0]) / 2
-    off = np.abs(load.value - put_on(rows))
-    assert np.max(off / load.standard_error) < 4
-    # Its instant is not known to a row: so much the less is the load in the rows about it.
-    about = np.abs(rows - 0.15) < 10e-3
-    assert load.standard_error[about].max() > 3 * load.standard_error[~about].max()
+    rows = diagnosis.time_s + (diagnosis.time_s[1] - diagnosis.time_s[0]) / 2
+    error = np.abs(load.value - load_on(rows))
+    assert np.max(error / load.standard_error) < 4
+    # The instant is uncertain by more than a row, so that the load in the rows about it is more uncertain.
+    near_step = np.abs(rows - 0.15) < 10e-3
+    assert load.standard_error[near_step].max() > 3 * load.standard_error[~near_step].max()
 
 
-def test_it_is_said_in_one_line_and_drawn(found: Diagnosis) -> None:
-    (line,) = [line for line in found.notes() if line.startswith("The load steps by +0.1")]
+def test_the_load_is_reported_in_one_line_and_drawn(diagnosis: Diagnosis) -> None:
+    (line,) = [line for line in diagnosis.notes() if line.startswith("The load steps by +0.1")]
     assert "load_Nm" in line
-    assert not any("load_step" in line for line in found.notes())
-    assert [axis.get_ylabel() for axis in draw_external_load(found).axes] == ["load [N·m]"]
-    described = found.to_dict()["nuisances"]
+    assert not any("load_step" in line for line in diagnosis.notes())
+    assert [axis.get_ylabel() for axis in draw_external_load(diagnosis).axes] == ["load [N·m]"]
+    described = diagnosis.to_dict()["nuisances"]
     assert described["load_step_1"]["unit"] == "N·m"
     assert described["load_step_1_time"]["unit"] == described["load_step_1_rise"]["unit"] == "s"
 
@@ -96,68 +96,72 @@ def test_it_is_said_in_one_line_and_drawn(found: Diagnosis) -> None:
 @pytest.mark.parametrize(
     ("load", "names", "steps"),
     [
-        (put_on_and_off, (LOAD_STEP,), [(-0.08, 0.1), (0.08, 0.17)]),
+        (load_on_and_off, (LOAD_STEP,), [(-0.08, 0.1), (0.08, 0.17)]),
         (swinging_and_stepping, LOADS, [(0.1, 0.15)]),
     ],
     ids=["a load put on and taken off", "one that swings too"],
 )
-def test_a_load_has_as_many_parameters_as_it_takes(
+def test_a_load_has_as_many_parameters_as_required(
     load: Any, names: tuple[str, ...], steps: list[tuple[float, float]]
 ) -> None:
-    loaded = _loaded(recorded(load))
+    loaded = selection_with_load(recorded(load))
     assert loaded is not None
     result = loaded.result
     assert loaded.nuisances == names
     assert result.residual_is_expected
-    values = _values(result)
-    got = [(values[f"load_step_{i + 1}"], values[f"load_step_{i + 1}_time"]) for i in range(len(steps))]
-    np.testing.assert_allclose(got, steps, atol=5e-3)
+    values = values_of_nuisances(result)
+    estimated_steps = [
+        (values[f"load_step_{i + 1}"], values[f"load_step_{i + 1}_time"]) for i in range(len(steps))
+    ]
+    np.testing.assert_allclose(estimated_steps, steps, atol=5e-3)
     faults = result.objective.space.faults(result.point[np.newaxis])[0]
     np.testing.assert_allclose(faults[[0, 2, 7]], TRUTH.vector[[0, 2, 7]], atol=0.03)
 
 
-def test_a_load_that_rises_with_the_position_is_one_parameter() -> None:
-    loaded = _loaded(recorded(0.03, with_lumped_parameters(THESIS, {"hinge": -16.0})))
+def test_a_load_proportional_to_the_position_has_one_parameter() -> None:
+    loaded = selection_with_load(recorded(0.03, with_lumped_parameters(THESIS, {"hinge": -16.0})))
     assert loaded is not None
     assert loaded.nuisances == (HINGE,)
     assert loaded.result.residual_is_expected
-    assert _values(loaded.result)[HINGE] == pytest.approx(-16.0, abs=0.5)
+    assert values_of_nuisances(loaded.result)[HINGE] == pytest.approx(-16.0, abs=0.5)
     faults = loaded.result.objective.space.faults(loaded.result.point[np.newaxis])[0]
     np.testing.assert_allclose(faults[[0, 2, 7]], TRUTH.vector[[0, 2, 7]], atol=0.03)
 
 
-def test_a_step_cannot_be_asked_for() -> None:
+def test_a_step_of_the_load_cannot_be_requested_as_a_nuisance() -> None:
     with pytest.raises(MethodError, match="unknown nuisance 'load_step_1'"):
-        diagnose(recorded(put_on), THESIS, nuisances=("load", "load_step_1"), workers=1)
+        diagnose(recorded(load_on), THESIS, nuisances=("load", "load_step_1"), workers=1)
 
 
-def test_another_law_of_friction_is_no_load() -> None:
+def test_another_law_of_friction_is_not_read_as_a_varying_load() -> None:
     stribeck = with_lumped_parameters(LAWS["stribeck"].added_to(THESIS), {"stribeck_speed": 20.0})
-    assert _loaded(recorded(0.03, stribeck)) is None
+    assert selection_with_load(recorded(0.03, stribeck)) is None
 
 
-def test_the_best_instants_leave_least() -> None:
+def test_the_best_instants_have_the_smallest_residual() -> None:
     rng = np.random.default_rng(3)
-    columns, left = rng.normal(size=(6, 40)), rng.normal(size=40)
+    columns, residual = rng.normal(size=(6, 40)), rng.normal(size=40)
     columns[5] = 0.0  # a step after the last row
     sets = np.array(list(combinations(range(6), 2)))
-    rests = [np.linalg.lstsq(columns[pair].T, left, rcond=None)[0] @ columns[pair] - left for pair in sets]
-    squares = [float(np.mean(rest**2)) for rest in rests]
-    best, mean_square = best_set(left, columns, sets)
+    residuals = [
+        np.linalg.lstsq(columns[pair].T, residual, rcond=None)[0] @ columns[pair] - residual for pair in sets
+    ]
+    squares = [float(np.mean(residual_of_pair**2)) for residual_of_pair in residuals]
+    best, mean_square = best_set(residual, columns, sets)
     np.testing.assert_array_equal(best, sets[int(np.argmin(squares))])
     assert mean_square == pytest.approx(min(squares), rel=1e-6)
 
 
-def test_steps_that_do_nothing_leave_all() -> None:
-    left = np.ones(40)
-    _, mean_square = best_set(left, np.zeros((6, 40)), np.array(list(combinations(range(6), 2))))
+def test_steps_without_effect_do_not_reduce_the_residual() -> None:
+    residual = np.ones(40)
+    _, mean_square = best_set(residual, np.zeros((6, 40)), np.array(list(combinations(range(6), 2))))
     assert mean_square == 1.0
 
 
-def _loaded(recording: Recording) -> Selection | None:
-    """Return the estimate with a load that varies, as a diagnosis asks for it where nothing is explained.
+def selection_with_load(recording: Recording) -> Selection | None:
+    """Return the estimate with a varying load, like a diagnosis of an unexplained recording.
 
-    Next to the true faults: how they are searched for is not tested here.
+    The start is near the true faults: the search for faults is not tested here.
     """
     method = method_named("hybrid")
     objective = objective_for(recording, THESIS, method, AVERAGED, None, 1)
@@ -166,6 +170,6 @@ def _loaded(recording: Recording) -> Selection | None:
     return with_varying_load(searched, SearchSettings(method, 10, 0))
 
 
-def _values(result: SearchResult) -> dict[str, float]:
+def values_of_nuisances(result: SearchResult) -> dict[str, float]:
     values = result.objective.space.nuisance_values(result.point[np.newaxis])
     return {name: float(value[0]) for name, value in values.items()}

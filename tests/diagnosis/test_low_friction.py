@@ -1,4 +1,4 @@
-"""Friction below healthy, as of a lost preload: found, sized, said, drawn; the thesis's methods stop at 0."""
+"""Friction below healthy, as of a lost preload: estimates and reports; methods of the thesis stop at 0."""
 
 import json
 
@@ -31,40 +31,42 @@ def factor(request: pytest.FixtureRequest) -> float:
 
 
 @pytest.fixture(scope="module")
-def found(factor: float) -> Diagnosis:
+def diagnosis(factor: float) -> Diagnosis:
     return diagnose(recorded(Faults(friction=(factor - 1) / 2)), THESIS, workers=1)
 
 
-def test_it_is_found_within_its_interval_and_nothing_else_is(found: Diagnosis, factor: float) -> None:
-    friction = found.components["friction"]
-    assert found.explained
+def test_low_friction_is_estimated_within_its_interval_without_other_faults(
+    diagnosis: Diagnosis, factor: float
+) -> None:
+    friction = diagnosis.components["friction"]
+    assert diagnosis.explained
     low, high = friction.interval95
     assert low <= (factor - 1) / 2 <= high
-    # Of the order of the published errors, 0.4 % in the median over all components together.
+    # Of the order of the published errors, with a median of 0.4 % over all components.
     assert high - low < 0.01
-    assert {name for name, one in found.components.items() if one.verdict == "degraded"} == {"friction"}
+    assert {name for name, one in diagnosis.components.items() if one.verdict == "degraded"} == {"friction"}
 
 
-def test_it_is_said_in_the_table_the_report_and_the_json(found: Diagnosis, factor: float) -> None:
-    words = f"dry friction × {found.faults.physical(THESIS)['friction_factor']:.3f}, below healthy"
+def test_low_friction_is_reported_in_table_report_and_json(diagnosis: Diagnosis, factor: float) -> None:
+    words = f"dry friction × {diagnosis.faults.physical(THESIS)['friction_factor']:.3f}, below healthy"
     assert float(words.split()[3].rstrip(",")) == pytest.approx(factor, abs=0.01)
-    assert words in str(found)
-    assert words in component_table(found, None).rows[0]
-    assert words in " ".join(headline(found).sentences)
-    read = json.loads(found.to_json())
+    assert words in str(diagnosis)
+    assert words in component_table(diagnosis, None).rows[0]
+    assert words in " ".join(headline(diagnosis).sentences)
+    read = json.loads(diagnosis.to_json())
     assert read["faults"]["friction"]["value"] < 0
     assert Faults.from_vector(read["k"]).friction == read["k"][0] < 0
 
 
-def test_its_interval_is_on_the_axis(found: Diagnosis) -> None:
-    axis = draw_faults(found).axes[0]
-    low, high = found.interval["friction"]
+def test_the_interval_of_low_friction_is_on_the_axis(diagnosis: Diagnosis) -> None:
+    axis = draw_faults(diagnosis).axes[0]
+    low, high = diagnosis.interval["friction"]
     assert axis.get_xlim()[0] < low
     assert [low, high] in [list(np.asarray(line.get_xdata())) for line in axis.get_lines()]
 
 
-def test_the_posterior_agrees() -> None:
-    # Of three faults alone, and what the fitted model makes itself: the chain is soon done.
+def test_the_posterior_of_low_friction_agrees_with_its_interval() -> None:
+    # Only three faults, and a recording of the fitted model itself: the chain converges quickly.
     ideal = Actuator.from_dict(THESIS.model_dump() | {"electrical": None})
     whole = simulate(
         ideal,
@@ -77,13 +79,15 @@ def test_the_posterior_agrees() -> None:
     )
     kept = Recording({name: whole[name] for name in KEPT[:3]}, "instant")
     recording = acquire(kept, noise={"current_A": 0.3}, seed=0)
-    found = diagnose(recording, ideal, workers=1, nuisances=(), posterior=True)
-    assert found.posterior is not None
-    assert found.posterior.interval95["friction"] == pytest.approx(found.interval["friction"], abs=2e-3)
-    assert draw_posterior(found).axes[0].get_xlim()[1] < 0
+    diagnosis = diagnose(recording, ideal, workers=1, nuisances=(), posterior=True)
+    assert diagnosis.posterior is not None
+    assert diagnosis.posterior.interval95["friction"] == pytest.approx(
+        diagnosis.interval["friction"], abs=2e-3
+    )
+    assert draw_posterior(diagnosis).axes[0].get_xlim()[1] < 0
 
 
-def test_a_method_of_the_thesis_searches_from_healthy_up() -> None:
-    ended = diagnose(recorded(Faults(friction=-0.3), duration=0.1), THESIS, method="de", workers=1)
-    assert ended.faults.friction >= 0
-    assert ended.interval["friction"][0] >= 0
+def test_a_method_of_the_thesis_does_not_search_below_healthy() -> None:
+    diagnosis = diagnose(recorded(Faults(friction=-0.3), duration=0.1), THESIS, method="de", workers=1)
+    assert diagnosis.faults.friction >= 0
+    assert diagnosis.interval["friction"][0] >= 0

@@ -1,4 +1,4 @@
-"""What is off its description is found where a recording shows it, and nothing is where it is not."""
+"""Selection of nuisances: identifiable deviations are selected, and none for an actuator as described."""
 
 from types import SimpleNamespace
 from typing import Any, cast
@@ -44,12 +44,12 @@ def of_heavy() -> tuple[Recording, Diagnosis]:
     """Return a recording of faults with ten percent more inertia than described, and its diagnosis."""
     recording = recorded(heavier(0.1), FAULTS[1], 1)
     with pytest.MonkeyPatch.context() as patched:
-        # As if so short a recording were worth threads: two groups of actuators are shared out already.
+        # Threads are forced for this short recording: two groups of actuators are already distributed.
         patched.setattr(running, "WORTH_A_THREAD", 1)
         return recording, diagnose(recording, THESIS, workers=2)
 
 
-def test_ten_percent_of_inertia_are_selected(of_heavy: tuple[Recording, Diagnosis]) -> None:
+def test_a_deviation_of_inertia_of_ten_percent_is_selected(of_heavy: tuple[Recording, Diagnosis]) -> None:
     _, diagnosis = of_heavy
     assert diagnosis.selected == ("inertia",)
     inertia = diagnosis.nuisances["inertia"]
@@ -58,37 +58,42 @@ def test_ten_percent_of_inertia_are_selected(of_heavy: tuple[Recording, Diagnosi
     assert "inertia" in diagnosis.to_dict()["suspected"]
 
 
-def test_taken_as_known_they_read_as_faults(of_heavy: tuple[Recording, Diagnosis]) -> None:
-    recording, found = of_heavy
+def test_a_deviation_of_inertia_taken_as_known_biases_the_faults(
+    of_heavy: tuple[Recording, Diagnosis],
+) -> None:
+    recording, with_inertia = of_heavy
     taken_as_known = diagnose(recording, THESIS, nuisances=("load", "temperature"))
     assert taken_as_known.selected == ()
-    before, after = (error_percent(FAULTS[1].vector, one.faults.vector) for one in (taken_as_known, found))
+    before, after = (
+        error_percent(FAULTS[1].vector, diagnosis.faults.vector)
+        for diagnosis in (taken_as_known, with_inertia)
+    )
     assert after <= before / 4
 
 
 @pytest.mark.parametrize("case", range(len(FAULTS)))
 def test_nothing_is_suspected_of_the_actuator_as_described(case: int) -> None:
-    found = diagnose(recorded(THESIS, FAULTS[case], case), THESIS)
-    assert (found.selected, found.laws, found.sensor_faults) == ((), (), ())
-    assert tuple(found.nuisances) == THESIS.nuisances.estimated
+    diagnosis = diagnose(recorded(THESIS, FAULTS[case], case), THESIS)
+    assert (diagnosis.selected, diagnosis.laws, diagnosis.sensor_faults) == ((), (), ())
+    assert tuple(diagnosis.nuisances) == THESIS.nuisances.estimated
 
 
-def test_a_deviation_that_every_actuator_may_have_is_not_selected() -> None:
-    # Without noise on four channels, a thousandth of scale stands out of the standard errors.
+def test_a_small_deviation_usual_in_every_actuator_is_not_selected() -> None:
+    # Without noise on four channels, a scale error of 0.001 is larger than the standard errors.
     whole = simulate(THESIS, Chirp(duration=0.2), duration=0.2)
     assert diagnose(whole, THESIS).selected == ()
 
 
-def test_an_offset_of_the_current_sensors_is_found() -> None:
+def test_an_offset_of_the_current_sensors_is_selected() -> None:
     whole = recorded(THESIS, FAULTS[1])
     columns = {name: whole[name] + 0.1 if name == "current_A" else whole[name] for name in whole}
-    found = diagnose(Recording(columns), THESIS)
-    assert found.selected == ("current_offset",)
-    assert found.nuisances["current_offset"].value == pytest.approx(0.1, abs=0.03)
+    diagnosis = diagnose(Recording(columns), THESIS)
+    assert diagnosis.selected == ("current_offset",)
+    assert diagnosis.nuisances["current_offset"].value == pytest.approx(0.1, abs=0.03)
 
 
-def test_what_is_not_identifiable_is_not_selected() -> None:
-    # From the current alone, inertia looks like friction and shorts.
+def test_a_nuisance_that_is_not_identifiable_is_not_selected() -> None:
+    # With the current alone, inertia is confounded with friction and shorts.
     whole = recorded(heavier(0.1), FAULTS[1])
     alone = Recording({name: whole[name] for name in SHOWN[:3]})
     assert "inertia" not in diagnose(alone, THESIS).selected
@@ -97,20 +102,20 @@ def test_what_is_not_identifiable_is_not_selected() -> None:
 def test_the_selection_does_not_depend_on_the_number_of_threads(
     of_heavy: tuple[Recording, Diagnosis],
 ) -> None:
-    recording, two = of_heavy
-    one = diagnose(recording, THESIS, workers=1)
-    assert one.selected == two.selected == ("inertia",)
-    np.testing.assert_array_equal(one.covariance, two.covariance)
-    assert one.faults == two.faults
+    recording, with_two_threads = of_heavy
+    with_one_thread = diagnose(recording, THESIS, workers=1)
+    assert with_one_thread.selected == with_two_threads.selected == ("inertia",)
+    np.testing.assert_array_equal(with_one_thread.covariance, with_two_threads.covariance)
+    assert with_one_thread.faults == with_two_threads.faults
 
 
 @pytest.mark.evidence
-def test_an_inertia_is_likelier_than_a_voltage_of_another_scale_that_explains_as_much() -> None:
-    # Five percent are one standard deviation of the one's prior, and five of the other's.
-    found = diagnose(recorded(heavier(0.05), Faults(), 2), THESIS, seed=2)
-    assert found.selected == ("inertia",)
-    assert found.nuisances["inertia"].value == pytest.approx(0.05, abs=0.01)
-    assert found.components["friction"].value == pytest.approx(0.0, abs=0.01)
+def test_of_equal_explanations_the_more_probable_inertia_is_selected() -> None:
+    # Five percent are one standard deviation of the prior of inertia, and five of the voltage scale's.
+    diagnosis = diagnose(recorded(heavier(0.05), Faults(), 2), THESIS, seed=2)
+    assert diagnosis.selected == ("inertia",)
+    assert diagnosis.nuisances["inertia"].value == pytest.approx(0.05, abs=0.01)
+    assert diagnosis.components["friction"].value == pytest.approx(0.0, abs=0.01)
 
 
 def space_of(*names: str) -> ParameterSpace:
@@ -118,7 +123,7 @@ def space_of(*names: str) -> ParameterSpace:
     return ParameterSpace(zeros, ones, tuple(map(CARTESIAN_NAMES.index, names)), {}, NO_NUISANCES)
 
 
-def test_rivals_add_their_spread_by_their_probability() -> None:
+def test_rivals_add_covariance_by_their_probability() -> None:
     objective = SimpleNamespace(space=space_of("friction", "gain"))
     lacking = SimpleNamespace(space=space_of("gain"))
     best = SearchResult.at(cast("Any", objective), np.array([0.3, 0.5]), correction=np.zeros(1))
@@ -127,7 +132,7 @@ def test_rivals_add_their_spread_by_their_probability() -> None:
         SearchResult.at(cast("Any", lacking), np.array([0.4]), correction=np.zeros(1)),
     ]
     added = with_rivals(best, others, np.array([0.0, 2 * np.log(4)])).scatter - best.scatter
-    # Probabilities of 1, 1 and 1/4 to 1; the second says nothing of friction, which is nominal in it.
+    # Relative probabilities of 1, 1 and 1/4; friction, not estimated in the second rival, is nominal there.
     first, second = np.array([0.2, 0.0]), np.array([-0.3, -0.1])
     expected = (np.outer(first, first) + np.outer(second, second) / 4) / 2.25
     np.testing.assert_allclose(added, expected, atol=1e-12)
@@ -135,7 +140,7 @@ def test_rivals_add_their_spread_by_their_probability() -> None:
 
 @pytest.mark.parametrize("tolerances", [{}, {"tolerances": {"torque_constant": 0.1, "resistance": 0.05}}])
 @pytest.mark.parametrize("factor", [-1.0, 1.5])
-def test_a_grossly_wrong_scale_is_begun_at_its_size(factor: float, tolerances: dict[str, Any]) -> None:
+def test_the_start_for_a_grossly_wrong_scale_is_its_size(factor: float, tolerances: dict[str, Any]) -> None:
     healthy = recorded(THESIS, Faults())
     wrong = healthy.with_channels({**healthy.channels, "voltage_V": factor * healthy["voltage_V"]}, [])
     described = Actuator.from_dict(THESIS.model_dump(exclude_none=True) | tolerances)

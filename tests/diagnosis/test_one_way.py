@@ -1,4 +1,4 @@
-"""A manoeuvre that never reverses names no small fault, and no friction that may be a load."""
+"""Manoeuvres without reversal: no verdict on small faults, or on friction confounded with a load."""
 
 import numpy as np
 import pytest
@@ -43,17 +43,17 @@ def verdicts(result: SearchResult) -> dict[str, str]:
     return {name: after[name].verdict for name in ("friction", "short_a", "short_b")}
 
 
-def test_a_step_names_large_faults_alone() -> None:
-    found = verdicts(at_the_truth(step))
-    assert found == {"friction": "cannot tell", "short_a": "cannot tell", "short_b": "degraded"}
+def test_after_a_step_only_large_faults_are_called_degraded() -> None:
+    found_verdicts = verdicts(at_the_truth(step))
+    assert found_verdicts == {"friction": "cannot tell", "short_a": "cannot tell", "short_b": "degraded"}
 
 
-def test_a_large_friction_is_named_where_the_load_is_known() -> None:
+def test_a_large_friction_is_called_degraded_where_the_load_is_known() -> None:
     assert verdicts(at_the_truth(step, ()))["friction"] == "degraded"
 
 
 @pytest.mark.parametrize(("command", "one_way"), [(step, True), (there_and_back, False)])
-def test_what_goes_back_is_not_one_way(command: Command, one_way: bool) -> None:
+def test_a_manoeuvre_that_returns_is_not_one_way(command: Command, one_way: bool) -> None:
     result = at_the_truth(command)
     assert moves_one_way(result.objective, result.point) is one_way
     if not one_way:

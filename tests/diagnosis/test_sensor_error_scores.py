@@ -1,4 +1,4 @@
-"""The regression of a score test, against ordinary least squares, and where nothing answers."""
+"""The regression of a score test: against ordinary least squares, and without any response."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -18,19 +18,19 @@ def problem() -> Problem:
     return problem_of(Recording({**columns, "current_A": rng.normal(size=400)}), THESIS)
 
 
-def test_sizes_and_step_are_those_of_least_squares_of_all() -> None:
+def test_sizes_and_step_are_those_of_a_joint_least_squares_fit() -> None:
     rng = np.random.default_rng(1)
     mean, derivatives, residual = rng.normal(size=(4, 400)), rng.normal(size=(2, 400)), rng.normal(size=400)
     step, sizes, covariance = regressed(mean, derivatives, residual, problem())
-    together = np.linalg.lstsq(np.vstack([mean, derivatives]).T, residual)[0]
-    np.testing.assert_allclose(sizes, together[4:], rtol=1e-6)
-    # The step is that of the others for the sizes alone: what the residual asks of them comes on top.
-    asked = np.linalg.lstsq(mean.T, residual)[0]
-    np.testing.assert_allclose(asked + step, together[:4], rtol=1e-6)
+    joint = np.linalg.lstsq(np.vstack([mean, derivatives]).T, residual)[0]
+    np.testing.assert_allclose(sizes, joint[4:], rtol=1e-6)
+    # The step of the other parameters compensates only the sizes; their own step by the residual is added.
+    own_step = np.linalg.lstsq(mean.T, residual)[0]
+    np.testing.assert_allclose(own_step + step, joint[:4], rtol=1e-6)
     assert np.all(np.linalg.eigvalsh(covariance) > 0)
 
 
-def test_an_actuator_that_answers_to_nothing_has_no_score() -> None:
+def test_without_a_response_the_step_is_0() -> None:
     nothing = np.zeros((4, 400))
     derivative = np.random.default_rng(2).normal(size=(1, 400))
     step, sizes, _ = regressed(nothing, derivative, derivative[0], problem())
@@ -39,27 +39,29 @@ def test_an_actuator_that_answers_to_nothing_has_no_score() -> None:
 
 
 def estimate_with(residual: np.ndarray) -> Any:
-    """Return what a score test reads of an estimate of four faults that has left a `residual` (400,)."""
+    """Return the parts of an estimate of four faults with a `residual` (400,) that a score test reads."""
     space = SimpleNamespace(prior_deviations=np.full(4, 1e6), dimensions=4, columns=range(4))
     objective = SimpleNamespace(channel_rows=400, space=space, rows_of_priors=np.ones(4), problem=problem())
     return SimpleNamespace(objective=objective, residual=residual, point=np.zeros(4))
 
 
-def test_what_an_estimate_is_off_does_not_pass_for_one_more_parameter() -> None:
+def test_the_error_of_an_estimate_is_not_attributed_to_a_further_parameter() -> None:
     rng = np.random.default_rng(3)
-    fitted, more = rng.normal(size=(4, 400)), rng.normal(size=(1, 400))
-    # The recording answers a fifth as much as fitted, and half the further parameter's way.
-    answered = 0.2 * fitted + 0.4 * more
-    answered[1:] += 0.2 * rng.normal(size=(3, 400))
+    fitted, further = rng.normal(size=(4, 400)), rng.normal(size=(1, 400))
+    # The recording responds a fifth as much as fitted, and partly like the further parameter.
+    response = 0.2 * fitted + 0.4 * further
+    response[1:] += 0.2 * rng.normal(size=(3, 400))
     draws = rng.normal(0.0, 0.1, (60, 400))
-    off = np.linalg.solve(fitted @ answered.T, fitted @ draws.T)
+    errors = np.linalg.solve(fitted @ response.T, fitted @ draws.T)
     scores, plain = [], []
-    for residual in draws - off.T @ answered:
-        sizes, covariance = answered_sizes(estimate_with(residual), (fitted, more), (answered, more))
+    for residual in draws - errors.T @ response:
+        sizes, covariance = answered_sizes(estimate_with(residual), (fitted, further), (response, further))
         scores.append(float(sizes[0] / covariance[0, 0] ** 0.5))
-        _, sizes, covariance = regressed(fitted, more, residual, problem())
+        _, sizes, covariance = regressed(fitted, further, residual, problem())
         plain.append(float(sizes[0] / covariance[0, 0] ** 0.5))
     assert 0.75 < np.std(scores) < 1.25
     assert np.std(plain) > 1.5
-    sizes, _ = answered_sizes(estimate_with(draws[0] + 0.3 * more[0]), (fitted, more), (answered, more))
+    sizes, _ = answered_sizes(
+        estimate_with(draws[0] + 0.3 * further[0]), (fitted, further), (response, further)
+    )
     assert abs(sizes[0] - 0.3) < 0.05

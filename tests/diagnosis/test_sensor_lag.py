@@ -1,4 +1,4 @@
-"""A lag of the drive's current sensors shows in the ripple, whatever the residual as a whole."""
+"""A lag of the drive's current sensors: identified from the ripple, independently of the total residual."""
 
 from dataclasses import replace
 
@@ -34,20 +34,20 @@ def at_the_truth(lag: float, actuator: Actuator = THESIS, noise: float = 0.05) -
 
 
 @pytest.mark.parametrize("lag", [5e-6, 2e-5])
-def test_a_lag_is_suspected_where_there_is_one(lag: float) -> None:
+def test_an_undescribed_lag_is_suspected(lag: float) -> None:
     assert is_lag_suspected(at_the_truth(lag), seed=0)
 
 
-def test_none_is_suspected_of_a_prompt_sensor_or_one_whose_lag_is_described() -> None:
+def test_no_lag_is_suspected_without_a_lag_or_with_a_described_one() -> None:
     assert not is_lag_suspected(at_the_truth(0.0), seed=0)
     assert not is_lag_suspected(at_the_truth(2e-5, LAG.added_to(THESIS)), seed=0)
 
 
-def test_none_is_suspected_where_noise_hides_the_ripple() -> None:
+def test_no_lag_is_suspected_where_noise_hides_the_ripple() -> None:
     assert not is_lag_suspected(at_the_truth(0.0, noise=1.0), seed=0)
 
 
-def test_a_law_that_is_added_leaves_what_a_nuisance_with_a_wider_prior_means() -> None:
+def test_an_added_law_keeps_the_scale_of_a_nuisance_with_a_wider_prior() -> None:
     objective, _ = with_nuisances(at_the_truth(0.0), (), ("current_scale",))
     point = np.full(objective.space.dimensions, 0.01)
     before = objective.space.nuisance_values(point[np.newaxis])
@@ -58,32 +58,32 @@ def test_a_law_that_is_added_leaves_what_a_nuisance_with_a_wider_prior_means() -
         assert {name: after[name] for name in before} == before
 
 
-def test_a_lag_is_not_tried_where_the_drive_senses_no_current() -> None:
+def test_no_lag_is_suspected_where_the_drive_senses_no_current() -> None:
     result = at_the_truth(0.0)
     problem = replace(result.objective.problem, actuator=Actuator.pmsm())
     assert not is_lag_suspected(replace(result, objective=replace(result.objective, problem=problem)), seed=0)
 
 
-def test_a_lag_is_suspected_too_where_the_estimate_has_taken_up_what_it_could_of_it() -> None:
+def test_a_lag_is_suspected_where_the_estimate_has_compensated_a_part() -> None:
     truth = at_the_truth(4e-5)
-    taken_up = correct_bias(truth.objective, truth.point[np.newaxis], 3, seed=0)
-    assert taken_up.residual_is_expected
-    assert is_lag_suspected(taken_up, seed=0)
+    compensated = correct_bias(truth.objective, truth.point[np.newaxis], 3, seed=0)
+    assert compensated.residual_is_expected
+    assert is_lag_suspected(compensated, seed=0)
 
 
 @pytest.mark.parametrize("lag", [0.0, 2e-6])
-def test_a_lag_is_taken_only_where_it_leaves_clearly_less(lag: float) -> None:
+def test_a_lag_is_selected_only_if_it_clearly_reduces_the_residual(lag: float) -> None:
     truth = at_the_truth(lag)
-    found = with_sensor_lag(truth, truth, SearchSettings(method_named("hybrid"), 2, seed=0))
+    with_lag = with_sensor_lag(truth, truth, SearchSettings(method_named("hybrid"), 2, seed=0))
     if not lag:
-        assert found is None
+        assert with_lag is None
     else:
-        assert found is not None
-        assert found.residual_variance < 0.8 * truth.residual_variance
+        assert with_lag is not None
+        assert with_lag.residual_variance < 0.8 * truth.residual_variance
 
 
-def test_none_is_suspected_of_a_unit_whose_model_error_was_learned() -> None:
-    # What its model leaves of the ripple has directions of its own.
+def test_no_lag_is_suspected_for_a_unit_with_a_learned_model_error() -> None:
+    # The residual of the model in the ripple has its own directions.
     error = ChannelError(floor=0.02, correlation_time=1e-3, scatter=0.1, recordings=3)
     calibrated = THESIS.model_copy(update={"model_error": ModelError(current_A=error)})
     assert not is_lag_suspected(at_the_truth(2e-5, calibrated), seed=0)

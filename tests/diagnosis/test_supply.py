@@ -1,4 +1,4 @@
-"""A supply that deviates is found by the ripple that it makes, and a described one is left alone."""
+"""A deviating supply is estimated from the ripple, and a described one is not changed."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ from emaphm.simulated_recording import simulate
 
 SHOWN = ("time_s", "command_rad", "current_A", "voltage_V")
 FAULTS = Faults(0.95, 0.5, 0.5, 0.05, 0.35, 0.35, 0.25, 0.25)
-"""Of which all supplies tried were found; where friction is small, some recordings are explained without."""
+"""With these faults, all tested supplies were found; with small friction, some are explained without one."""
 
 ROWS = 2500
 
@@ -36,48 +36,48 @@ def recorded(supply: float, *, duration: float = 0.3) -> Recording:
     return Recording({name: whole[name] for name in SHOWN})
 
 
-def check(found: Diagnosis, supply: float) -> None:
-    estimate = found.nuisances["supply"]
+def check(diagnosis: Diagnosis, supply: float) -> None:
+    estimate = diagnosis.nuisances["supply"]
     assert abs(estimate.value - supply) <= max(SUPPLY_SCAN.step, 3 * estimate.standard_error)
     assert estimate.known
-    assert found.explained
-    assert error_percent(FAULTS.vector, found.faults.vector) < 1.0
-    assert f"supply {estimate}" in str(found)
+    assert diagnosis.explained
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) < 1.0
+    assert f"supply {estimate}" in str(diagnosis)
 
 
-def test_a_supply_that_deviates_is_found() -> None:
-    found = diagnose(recorded(-0.1), THESIS, workers=2)
-    assert found.selected == ("supply",)
-    assert found.to_dict()["suspected"] == ["supply"]
-    check(found, -0.1)
+def test_a_deviating_supply_is_selected() -> None:
+    diagnosis = diagnose(recorded(-0.1), THESIS, workers=2)
+    assert diagnosis.selected == ("supply",)
+    assert diagnosis.to_dict()["suspected"] == ["supply"]
+    check(diagnosis, -0.1)
 
 
-def test_none_is_named_where_the_inductance_is_open() -> None:
-    # The ripple's slope is voltage by inductance: which of them is off, it does not show.
+def test_no_supply_is_selected_where_the_inductance_has_a_tolerance() -> None:
+    # The slope of the ripple is voltage by inductance: it does not identify which of the two deviates.
     unit = THESIS.model_copy(update={"tolerances": Tolerances(inductance=0.2)})
-    found = diagnose(recorded(-0.1), unit, workers=2)
-    assert "supply" not in found.selected
-    assert found.explained
-    for name, (low, high) in found.interval.items():
+    diagnosis = diagnose(recorded(-0.1), unit, workers=2)
+    assert "supply" not in diagnosis.selected
+    assert diagnosis.explained
+    for name, (low, high) in diagnosis.interval.items():
         assert low - 0.01 <= getattr(FAULTS, name) <= high + 0.01
 
 
 @pytest.mark.evidence
-def test_a_supply_that_somebody_named_is_located() -> None:
-    found = diagnose(recorded(-0.1), THESIS, nuisances=("load", "temperature", "supply"), workers=2)
-    assert found.selected == ()
-    check(found, -0.1)
+def test_a_named_supply_is_located() -> None:
+    diagnosis = diagnose(recorded(-0.1), THESIS, nuisances=("load", "temperature", "supply"), workers=2)
+    assert diagnosis.selected == ()
+    check(diagnosis, -0.1)
 
 
 def test_a_recorded_supply_is_known() -> None:
     whole = recorded(-0.1)
     assert THESIS.electrical is not None
     supply = 0.9 * THESIS.electrical.supply + np.random.default_rng(1).normal(0.0, 0.5, whole.samples)
-    found = diagnose(whole.with_channels({**whole.channels, "supply_V": supply}), THESIS, workers=2)
-    assert found.selected == ()
-    assert "supply" not in found.nuisances
-    assert found.explained
-    assert error_percent(FAULTS.vector, found.faults.vector) < 1.0
+    diagnosis = diagnose(whole.with_channels({**whole.channels, "supply_V": supply}), THESIS, workers=2)
+    assert diagnosis.selected == ()
+    assert "supply" not in diagnosis.nuisances
+    assert diagnosis.explained
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) < 1.0
 
 
 def test_a_recorded_supply_that_is_not_positive_is_refused() -> None:
@@ -87,7 +87,7 @@ def test_a_recorded_supply_that_is_not_positive_is_refused() -> None:
         diagnose(spoilt, THESIS)
 
 
-def test_a_law_that_is_tried_leaves_the_supply_where_it_was_located() -> None:
+def test_an_added_law_keeps_the_located_supply() -> None:
     nuisances = NuisanceSet.of(THESIS, ("load", "supply"), (), located={"supply": Located(-0.1, 0.01)})
     objective = MapObjective.of(
         problem_of(recorded(-0.1, duration=0.1), THESIS), ParameterSpace.of(THESIS, nuisances)
@@ -103,43 +103,43 @@ def profile(powers: Array) -> SupplyProfile:
     return SupplyProfile(SUPPLY_SCAN.step * np.array(steps, float), powers, 0.05, ROWS)
 
 
-def test_a_profile_without_a_dip_says_no_more_than_the_prior() -> None:
+def test_a_profile_without_a_minimum_gives_the_prior() -> None:
     flat = profile(np.ones(13))
     located, share = flat.located
     assert located.value == pytest.approx(0.0, abs=1e-15)
     assert share == 1.0
-    # A normal distribution of 5 %, on steps of 2 % and cut at 12 %: its variance within ±2.4 deviations.
+    # A normal distribution of 5 %, in steps of 2 % and cut at 12 %: its variance within ±2.4 deviations.
     assert located.deviation == pytest.approx(0.046, abs=0.003)
     assert not flat.promising
 
 
-def test_a_dip_that_stands_out_locates_the_supply() -> None:
+def test_a_significant_minimum_locates_the_supply() -> None:
     powers = np.ones(13)
     powers[2] = 0.6
     located, share = profile(powers).located
     assert located.value == pytest.approx(-0.1, abs=1e-6)
     assert share == pytest.approx(0.6)
-    # Nothing else is likely: what remains is an even distribution within a step.
+    # All other values are improbable: a uniform distribution within a step remains.
     assert located.deviation == pytest.approx(SUPPLY_SCAN.step / 12**0.5, rel=0.05)
     assert profile(powers).promising
 
 
-def test_a_supply_between_two_that_fit_alike_is_located_between_them() -> None:
+def test_a_supply_is_located_between_two_equal_minima() -> None:
     powers = np.ones(13)
     powers[2] = powers[3] = 0.7
     located, _ = profile(powers).located
-    # The smaller of the two, 1.6 deviations of the prior off, is the likelier one; the other is 2 off.
+    # The smaller deviation, 1.6 standard deviations of the prior, is more probable than the other, 2.
     other = np.exp((1.6**2 - 2.0**2) / 2)
     assert located.value == pytest.approx((-0.08 - 0.1 * other) / (1 + other), abs=1e-4)
 
 
-def test_a_dip_by_chance_leaves_the_supply_uncertain() -> None:
+def test_a_random_minimum_leaves_the_supply_uncertain() -> None:
     powers = np.ones(13)
     powers[2] = 0.95
     located, _ = profile(powers).located
     assert abs(located.value) < SUPPLY_SCAN.certain * located.deviation
 
 
-def test_a_drive_whose_supply_acts_otherwise_is_not_scanned() -> None:
+def test_only_a_drive_with_hysteresis_has_its_supply_scanned() -> None:
     for actuator, scanned in ((THESIS, True), (Actuator.pmsm(), False)):
         assert is_scanned(actuator) == scanned

@@ -1,4 +1,4 @@
-"""A unit that is not as its data sheet says: what tolerances make of its recordings."""
+"""A unit that deviates from its data sheet: diagnosis and calibration with tolerances."""
 
 import math
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
 WEAKER = {"torque_constant": 0.92, "inertia": 1.07}
-"""Factors of the unit's parameters: about as far off as a data sheet's ± 10 % allows."""
+"""Factors of the unit's parameters: about the limit of ± 10 % in a data sheet."""
 
 STATED = {"torque_constant": 0.1, "inertia": 0.1}
 
@@ -42,61 +42,61 @@ def recorded(
     return Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")})
 
 
-def test_a_healthy_unit_within_its_tolerances_is_healthy() -> None:
-    # A weaker magnet is not to be told from a warmer winding and shorts in all phases: neither is claimed.
-    found = diagnose(recorded(), with_tolerances(**STATED), workers=1)
-    assert found.explained
-    assert not [name for name, one in found.components.items() if one.verdict == "degraded"]
+def test_a_healthy_unit_within_its_tolerances_is_not_called_degraded() -> None:
+    # A weaker magnet, a warmer winding and shorts in all phases are confounded: no verdict names one of them.
+    diagnosis = diagnose(recorded(), with_tolerances(**STATED), workers=1)
+    assert diagnosis.explained
+    assert not [name for name, one in diagnosis.components.items() if one.verdict == "degraded"]
     for name, factor in WEAKER.items():
-        estimate = found.nuisances[f"baseline {name}"]
-        # One in 3000 units has one of two normal estimates beyond 3.8 standard errors.
+        estimate = diagnosis.nuisances[f"baseline {name}"]
+        # In one of 3000 units, one of two normal estimates deviates by more than 3.8 standard errors.
         assert abs(estimate.value - math.log(factor)) < 3.8 * estimate.standard_error
 
 
-def test_a_fault_of_such_a_unit_is_found_and_in_its_interval() -> None:
+def test_faults_of_a_unit_within_its_tolerances_are_in_their_intervals() -> None:
     truth = Faults(friction=0.4, short_b=0.3, gain=0.6)
-    found = diagnose(recorded(truth), with_tolerances(**STATED), workers=1)
-    assert found.explained
+    diagnosis = diagnose(recorded(truth), with_tolerances(**STATED), workers=1)
+    assert diagnosis.explained
     for name in ("friction", "short_a", "short_b", "short_c", "gain"):
-        low, high = found.components[name].interval95
+        low, high = diagnosis.components[name].interval95
         assert low - 0.01 <= getattr(truth, name) <= high + 0.01
-    assert found.components["short_b"].verdict == "degraded"
-    assert found.components["short_a"].verdict != "degraded"
+    assert diagnosis.components["short_b"].verdict == "degraded"
+    assert diagnosis.components["short_a"].verdict != "degraded"
 
 
 @pytest.mark.evidence
-def test_one_that_is_farther_off_than_its_tolerance_is_not_explained() -> None:
-    # An inertia that is too large may pass for shorts in all phases and a friction below healthy.
+def test_a_unit_beyond_its_tolerance_is_not_explained() -> None:
+    # An inertia that is too large may be read as shorts in all phases and friction below healthy.
     recording = recorded(factors={"inertia": 0.85})
-    found = diagnose(recording, with_tolerances(torque_constant=0.1, inertia=0.02), workers=1)
-    assert not found.explained
-    assert any("more than its tolerance of ± 10 % accounts for" in reason for reason in found.reasons)
+    diagnosis = diagnose(recording, with_tolerances(torque_constant=0.1, inertia=0.02), workers=1)
+    assert not diagnosis.explained
+    assert any("more than its tolerance of ± 10 % accounts for" in reason for reason in diagnosis.reasons)
 
 
-def test_a_baseline_counts_in_place_of_a_tolerance() -> None:
-    # Of the calibration's inertia, not of the data sheet's.
+def test_a_baseline_replaces_a_tolerance() -> None:
+    # The prior is that of the calibrated inertia, and not that of the data sheet.
     calibrated = calibrate(
         [recorded()], with_tolerances(**STATED), ("inertia",), max_corrections=0, workers=1
     )
     assert calibrated.actuator.tolerances is None
-    both = calibrated.actuator.model_copy(update={"tolerances": Tolerances(inertia=0.5, resistance=0.1)})
-    unknown = NuisanceSet.of(both, (), ())
-    assert unknown.quantities.count("baseline inertia") == 1
-    deviations = dict(zip(unknown.quantities, unknown.prior_deviations, strict=True))
+    with_both = calibrated.actuator.model_copy(update={"tolerances": Tolerances(inertia=0.5, resistance=0.1)})
+    nuisances = NuisanceSet.of(with_both, (), ())
+    assert nuisances.quantities.count("baseline inertia") == 1
+    deviations = dict(zip(nuisances.quantities, nuisances.prior_deviations, strict=True))
     assert deviations["baseline inertia"] < 0.1
     assert deviations["baseline resistance"] == pytest.approx(math.log(1.1) / 2)
 
 
 @pytest.mark.evidence
-def test_calibration_estimates_what_has_a_tolerance_within_it() -> None:
+def test_calibration_estimates_parameters_within_their_tolerances() -> None:
     days = [recorded(seed=seed, amplitude=a) for seed, a in ((1, 5e-3), (2, 8e-3))]
     exact = calibrate(days, THESIS, ("inertia",), max_corrections=1, workers=1)
-    found = calibrate(days, with_tolerances(**STATED), ("inertia",), max_corrections=1, workers=1)
-    assert set(found.parameters) == {"inertia", "torque_constant"}
+    calibration = calibrate(days, with_tolerances(**STATED), ("inertia",), max_corrections=1, workers=1)
+    assert set(calibration.parameters) == {"inertia", "torque_constant"}
     true = WEAKER["inertia"] * lumped_parameters(THESIS, ("inertia",))["inertia"]
-    errors = [abs(one.parameters["inertia"].value / true - 1) for one in (exact, found)]
-    # The current shows the inertia in proportion to the torque constant, which is 8 % off.
+    errors = [abs(estimate.parameters["inertia"].value / true - 1) for estimate in (exact, calibration)]
+    # The inertia is identified in proportion to the torque constant, which deviates by 8 %.
     assert errors[0] > 0.04
     assert errors[1] < 0.01
-    covariance = np.array(found.actuator.baseline.covariance)  # type: ignore[union-attr]
+    covariance = np.array(calibration.actuator.baseline.covariance)  # type: ignore[union-attr]
     assert np.sqrt(covariance.diagonal()).max() <= math.log(1.1) / 2

@@ -1,4 +1,4 @@
-"""From an estimate and its covariance to statements: bounds, the phase's circle, what counts as explained."""
+"""Verdicts from an estimate and its covariance: bounds, circle of the phase, limits of residuals."""
 
 from dataclasses import replace
 from typing import Any
@@ -23,14 +23,14 @@ from strategies import fault_vectors
 SPACE = ParameterSpace.of(THESIS)
 
 
-def judged(errors: Any = 0.01, **faults: float) -> dict[str, Estimate]:
+def estimates_of(errors: Any = 0.01, **faults: float) -> dict[str, Estimate]:
     """Return the estimates of `faults` whose coordinates have independent standard `errors`."""
     point = SPACE.points(Faults.from_mapping(faults).vector)
     return estimates(SPACE, point, np.diag(np.broadcast_to(errors, 8) ** 2.0))
 
 
 def test_an_interval_is_196_standard_errors_either_way() -> None:
-    friction = judged(friction=0.5)["friction"]
+    friction = estimates_of(friction=0.5)["friction"]
     assert friction.value == 0.5
     assert friction.standard_error == pytest.approx(0.01)
     assert friction.interval95 == pytest.approx((0.4804, 0.5196), abs=1e-6)
@@ -41,11 +41,13 @@ def test_an_interval_is_196_standard_errors_either_way() -> None:
     error=st.floats(1e-4, 1.0),
     shrink=st.lists(st.floats(0, 1), min_size=8, max_size=8),
 )
-def test_values_and_intervals_keep_to_their_range(faults: Array, error: float, shrink: list[float]) -> None:
-    faults[5] *= 1 - 1e-12  # the circle itself is another test's
-    found = estimates(SPACE, SPACE.points(faults), np.diag((error * (np.array(shrink) + 1e-3)) ** 2))
-    assert tuple(found) == NAMES
-    for name, estimate in found.items():
+def test_values_and_intervals_are_within_their_limits(
+    faults: Array, error: float, shrink: list[float]
+) -> None:
+    faults[5] *= 1 - 1e-12  # another test covers the circle itself
+    result = estimates(SPACE, SPACE.points(faults), np.diag((error * (np.array(shrink) + 1e-3)) ** 2))
+    assert tuple(result) == NAMES
+    for name, estimate in result.items():
         low, high = estimate.interval95
         assert low <= estimate.value <= high
         assert high - low <= np.ptp(estimate.limits)
@@ -56,38 +58,38 @@ def test_values_and_intervals_keep_to_their_range(faults: Array, error: float, s
 
 
 @given(faults=fault_vectors(), error=st.floats(1e-4, 1.0))
-def test_an_interval_allows_what_a_component_is_called(faults: Array, error: float) -> None:
+def test_a_verdict_is_consistent_with_its_interval(faults: Array, error: float) -> None:
     faults[5] *= 1 - 1e-12
-    found = estimates(SPACE, SPACE.points(faults), np.eye(8) * error**2)
+    components = estimates(SPACE, SPACE.points(faults), np.eye(8) * error**2)
     for name in set(NAMES) - {"eccentricity_phase"}:
-        (low, high), healthy = found[name].interval95, getattr(Faults(), name)
-        if found[name].verdict == "degraded":
+        (low, high), healthy = components[name].interval95, getattr(Faults(), name)
+        if components[name].verdict == "degraded":
             assert max(low - healthy, healthy - high) > 0.02
-        if found[name].verdict == "healthy":
+        if components[name].verdict == "healthy":
             assert max(high - healthy, healthy - low) <= 0.1
 
 
 @given(faults=fault_vectors(), error=st.floats(1e-4, 0.1))
-def test_what_is_known_is_undecided_only_where_its_interval_is(faults: Array, error: float) -> None:
-    faults[2] = 0.0  # three equal shorts are undecided for a reason of their own
+def test_an_identifiable_component_is_undecided_only_by_its_interval(faults: Array, error: float) -> None:
+    faults[2] = 0.0  # three equal shorts are undecided for another reason
     faults[5] *= 1 - 1e-12
-    found = estimates(SPACE, SPACE.points(faults), np.eye(8) * error**2)
+    components = estimates(SPACE, SPACE.points(faults), np.eye(8) * error**2)
     for name in set(NAMES) - {"eccentricity_phase"}:
-        (low, high), healthy = found[name].interval95, getattr(Faults(), name)
+        (low, high), healthy = components[name].interval95, getattr(Faults(), name)
         near, far = max(low - healthy, healthy - high), max(high - healthy, healthy - low)
-        assert (found[name].verdict == "cannot tell") == (near <= 0.02 and far > 0.1)
+        assert (components[name].verdict == "cannot tell") == (near <= 0.02 and far > 0.1)
 
 
 @pytest.mark.parametrize("name", ["friction", "backlash", "short_a", "short_b", "short_c", "eccentricity"])
 @pytest.mark.parametrize(
     ("value", "verdict"),
-    # Half an interval is 0.0196; healthy is what reaches to 0.02 or below.
+    # Half an interval is 0.0196; the verdict is healthy if the interval reaches 0.02 or less.
     [(0.0, "healthy"), (0.03, "healthy"), (0.0395, "healthy"), (0.0397, "degraded"), (0.9, "degraded")],
 )
-def test_healthy_is_an_interval_that_nearly_reaches_the_healthy_value(
+def test_a_component_is_healthy_if_its_interval_nearly_reaches_the_healthy_value(
     name: str, value: float, verdict: str
 ) -> None:
-    assert judged(**{name: value})[name].verdict == verdict
+    assert estimates_of(**{name: value})[name].verdict == verdict
 
 
 @pytest.mark.parametrize(
@@ -95,69 +97,71 @@ def test_healthy_is_an_interval_that_nearly_reaches_the_healthy_value(
     [(0.2, "degraded"), (0.4603, "degraded"), (0.4605, "healthy"), (0.5395, "healthy"), (0.5397, "degraded")],
 )
 def test_a_gain_may_be_degraded_either_way(value: float, verdict: str) -> None:
-    assert judged(gain=value)["gain"].verdict == verdict
+    assert estimates_of(gain=value)["gain"].verdict == verdict
 
 
 def test_an_interval_of_half_the_range_is_not_identifiable_but_may_be_degraded() -> None:
     # The interval is 0.5 long at a standard error of 0.1276.
-    assert judged(0.127, friction=0.5)["friction"].identifiable
-    open_ = judged(0.128, friction=0.5)["friction"]
+    assert estimates_of(0.127, friction=0.5)["friction"].identifiable
+    open_ = estimates_of(0.128, friction=0.5)["friction"]
     assert (open_.verdict, open_.identifiable) == ("degraded", False)
     assert "anywhere in the interval" in open_.reason
-    assert judged(0.128, friction=0.1)["friction"].verdict == "cannot tell"
-    assert "does not constrain" in judged(0.15, friction=0.3)["friction"].reason
+    assert estimates_of(0.128, friction=0.1)["friction"].verdict == "cannot tell"
+    assert "does not constrain" in estimates_of(0.15, friction=0.3)["friction"].reason
 
 
-def test_what_only_the_bounds_of_the_range_confine_is_not_degraded() -> None:
-    # A gain "known" to 0 to 0.35, but for the bound at 0 to -0.24 to 0.35.
-    gain = judged(0.15, gain=0.056)["gain"]
+def test_an_interval_limited_only_by_the_bounds_is_not_degraded() -> None:
+    # The interval of the gain is 0 to 0.35; without the bound at 0 it would be -0.24 to 0.35.
+    gain = estimates_of(0.15, gain=0.056)["gain"]
     assert gain.interval95 == pytest.approx((0.0, 0.35), abs=1e-3)
     assert (gain.verdict, gain.identifiable) == ("cannot tell", False)
     assert "does not constrain" in gain.reason
-    friction = judged(0.15, friction=0.9)["friction"]
+    friction = estimates_of(0.15, friction=0.9)["friction"]
     assert (friction.verdict, friction.limits) == ("cannot tell", (-0.45, 1.0))
 
 
 @given(faults=fault_vectors(), error=st.floats(1e-4, 1.0))
 def test_a_degraded_component_is_never_called_unconstrained(faults: Array, error: float) -> None:
     faults[5] *= 1 - 1e-12
-    found = estimates(SPACE, SPACE.points(faults), np.eye(8) * error**2)
-    for name, one in found.items():
-        if one.verdict != "cannot tell":
-            assert "does not constrain" not in one.reason
+    components = estimates(SPACE, SPACE.points(faults), np.eye(8) * error**2)
+    for name, estimate in components.items():
+        if estimate.verdict != "cannot tell":
+            assert "does not constrain" not in estimate.reason
             if name != "eccentricity_phase":
-                # By its own error, and not only by the bounds of the range.
-                assert one.interval95[1] - one.interval95[0] <= 0.5 or 3.92 * error >= 0.5
-                assert not (3.92 * error > 0.5 and one.interval95[1] - one.interval95[0] < 3.91 * error)
+                # Constrained by its error, and not only by the bounds of the range.
+                assert estimate.interval95[1] - estimate.interval95[0] <= 0.5 or 3.92 * error >= 0.5
+                assert not (
+                    3.92 * error > 0.5 and estimate.interval95[1] - estimate.interval95[0] < 3.91 * error
+                )
 
 
-def test_equal_shorts_in_all_windings_may_be_the_magnet() -> None:
+def test_equal_shorts_in_all_windings_are_undecided() -> None:
     for shorts in ((0.2, 0.2, 0.2), (0.2, 0.5, 0.205)):
-        found = judged(short_a=shorts[0], short_b=shorts[1], short_c=shorts[2])
+        components = estimates_of(short_a=shorts[0], short_b=shorts[1], short_c=shorts[2])
         for name in ("short_a", "short_b", "short_c"):
-            assert found[name].verdict == "cannot tell"
-            assert "weaker magnet" in found[name].reason
-    different = judged(short_a=0.2, short_b=0.3, short_c=0.5)
+            assert components[name].verdict == "cannot tell"
+            assert "weaker magnet" in components[name].reason
+    different = estimates_of(short_a=0.2, short_b=0.3, short_c=0.5)
     assert {different[name].verdict for name in ("short_a", "short_b", "short_c")} == {"degraded"}
-    assert judged(short_b=0.2)["short_b"].verdict == "degraded"
+    assert estimates_of(short_b=0.2)["short_b"].verdict == "degraded"
 
 
 @pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
-def test_where_the_prior_is_nearly_all_there_is_the_search_may_have_ended_anywhere(value: float) -> None:
-    # 0.7 of the prior's 0.289.
-    assert judged(0.203, friction=value)["friction"].interval95 == (-0.45, 1.0)
-    assert judged(0.203, friction=value)["friction"].unconstrained
-    assert judged(0.203, friction=value)["friction"].verdict == "cannot tell"
-    assert judged(0.2, friction=1.0)["friction"].interval95 == pytest.approx((0.608, 1.0), abs=1e-3)
+def test_an_error_close_to_the_prior_makes_a_component_unconstrained(value: float) -> None:
+    # 0.7 of the standard deviation of the prior, 0.289.
+    assert estimates_of(0.203, friction=value)["friction"].interval95 == (-0.45, 1.0)
+    assert estimates_of(0.203, friction=value)["friction"].unconstrained
+    assert estimates_of(0.203, friction=value)["friction"].verdict == "cannot tell"
+    assert estimates_of(0.2, friction=1.0)["friction"].interval95 == pytest.approx((0.608, 1.0), abs=1e-3)
 
 
 @pytest.mark.parametrize(
     ("value", "verdict"),
-    # Half an interval is 0.0196, as above the healthy value.
+    # Half an interval is 0.0196, the same as above the healthy value.
     [(-0.0395, "healthy"), (-0.0397, "degraded"), (-0.45, "degraded")],
 )
 def test_friction_may_be_degraded_below_healthy(value: float, verdict: str) -> None:
-    friction = judged(0.01, friction=value)["friction"]
+    friction = estimates_of(0.01, friction=value)["friction"]
     assert friction.verdict == verdict
     assert friction.interval95[0] == pytest.approx(max(value - 0.0196, -0.45), abs=1e-6)
     words = physical_text(Faults(friction=value), THESIS)["friction"]
@@ -166,11 +170,13 @@ def test_friction_may_be_degraded_below_healthy(value: float, verdict: str) -> N
 
 @pytest.mark.parametrize(
     ("value", "verdict"),
-    # Half an interval is 0.0588: from 0 to 0.0988, 0.1008, and then 0.0193 and 0.0212 to more.
+    # Half an interval is 0.0588: from 0 to 0.0988 and 0.1008; lower ends of 0.0193 and 0.0212.
     [(0.04, "healthy"), (0.042, "cannot tell"), (0.078, "cannot tell"), (0.08, "degraded")],
 )
-def test_health_is_not_claimed_where_a_relevant_fault_may_hide(value: float, verdict: str) -> None:
-    friction = judged(0.03, friction=value)["friction"]
+def test_a_component_is_not_called_healthy_if_its_interval_has_relevant_faults(
+    value: float, verdict: str
+) -> None:
+    friction = estimates_of(0.03, friction=value)["friction"]
     assert friction.verdict == verdict
     assert friction.identifiable
     assert ("relevant faults" in friction.reason) == (verdict == "cannot tell")
@@ -179,21 +185,21 @@ def test_health_is_not_claimed_where_a_relevant_fault_may_hide(value: float, ver
 def test_the_reason_of_a_collinear_component_names_the_others() -> None:
     group = CollinearSet(("friction", "short_a", "load"), ("current_A",))
     point = SPACE.points(Faults(friction=0.1, short_a=0.5).vector)
-    found = estimates(SPACE, point, np.eye(8) * 0.05**2, [group])
-    # What is degraded whatever its partners are needs no excuse.
-    assert found["short_a"].verdict == "degraded"
-    assert found["short_a"].reason == ""
-    assert found["friction"].verdict == "cannot tell"
-    assert found["friction"].reason == "only its combined effect with short_a and load is identifiable"
+    components = estimates(SPACE, point, np.eye(8) * 0.05**2, [group])
+    # A component that is degraded in any case has no reason.
+    assert components["short_a"].verdict == "degraded"
+    assert components["short_a"].reason == ""
+    assert components["friction"].verdict == "cannot tell"
+    assert components["friction"].reason == "only its combined effect with short_a and load is identifiable"
 
 
-def test_what_an_actuator_cannot_show_has_a_reason() -> None:
+def test_a_component_without_effect_has_a_reason() -> None:
     ideal = Actuator.from_dict(THESIS.model_dump() | {"electrical": None})
     space = ParameterSpace.of(ideal)
-    found = estimates(space, space.points(HEALTHY), np.eye(space.dimensions) * 1e-6)
-    assert tuple(found) == NAMES
+    components = estimates(space, space.points(HEALTHY), np.eye(space.dimensions) * 1e-6)
+    assert tuple(components) == NAMES
     for name in NAMES[2:7]:
-        assert found[name] == Estimate(
+        assert components[name] == Estimate(
             getattr(Faults(), name),
             PRIOR_DEVIATION,
             (0.0, 1.0),
@@ -201,11 +207,11 @@ def test_what_an_actuator_cannot_show_has_a_reason() -> None:
             verdict="cannot tell",
             reason=space.fixed[name],
         )
-    assert [found[name].verdict for name in ("friction", "backlash", "gain")] == ["healthy"] * 3
+    assert [components[name].verdict for name in ("friction", "backlash", "gain")] == ["healthy"] * 3
 
 
 @pytest.mark.parametrize("errors", [(0.05, 0.05), (0.08, 0.01)])
-def test_a_centred_rotor_is_outside_its_interval_in_one_recording_of_twenty(
+def test_the_interval_of_eccentricity_has_its_coverage_for_a_centred_rotor(
     errors: tuple[float, float],
 ) -> None:
     draws, centred = 500, SPACE.points(HEALTHY)
@@ -219,10 +225,10 @@ def test_a_centred_rotor_is_outside_its_interval_in_one_recording_of_twenty(
     assert outside / draws == pytest.approx(0.05, abs=3 * np.sqrt(0.05 * 0.95 / draws))
 
 
-def test_without_eccentricity_its_direction_has_no_meaning() -> None:
-    found = judged(0.01, eccentricity=0.0)
-    assert (found["eccentricity"].value, found["eccentricity"].verdict) == (0.0, "healthy")
-    phase = found["eccentricity_phase"]
+def test_without_eccentricity_the_phase_is_undefined() -> None:
+    components = estimates_of(0.01, eccentricity=0.0)
+    assert (components["eccentricity"].value, components["eccentricity"].verdict) == (0.0, "healthy")
+    phase = components["eccentricity_phase"]
     assert not phase.identifiable
     assert (phase.verdict, phase.interval95) == ("cannot tell", (0.0, 1.0))
     assert phase.standard_error == pytest.approx(PRIOR_DEVIATION)
@@ -230,34 +236,34 @@ def test_without_eccentricity_its_direction_has_no_meaning() -> None:
 
 
 @pytest.mark.parametrize(("radius", "known"), [(0.0395, False), (0.0397, True), (0.5, True)])
-def test_a_direction_is_known_once_the_eccentricity_is_degraded(radius: float, known: bool) -> None:
-    assert judged(0.01, eccentricity=radius)["eccentricity_phase"].identifiable == known
+def test_the_phase_is_identifiable_once_the_eccentricity_is_degraded(radius: float, known: bool) -> None:
+    assert estimates_of(0.01, eccentricity=radius)["eccentricity_phase"].identifiable == known
 
 
 @pytest.mark.parametrize("phase", [0.02, 0.3, 0.5, 0.77, 0.99])
-def test_radius_and_phase_against_draws_from_the_covariance(phase: float) -> None:
+def test_errors_of_radius_and_phase_agree_with_draws_from_the_covariance(phase: float) -> None:
     faults = Faults(eccentricity=0.4, eccentricity_phase=phase)
     point = SPACE.points(faults.vector)
     block = np.array([[4e-4, -1.5e-4], [-1.5e-4, 2e-4]])
     spread = np.eye(8) * 1e-6
     spread[5:7, 5:7] = block
-    found = estimates(SPACE, point, spread)
+    components = estimates(SPACE, point, spread)
     draws = np.random.default_rng(0).multivariate_normal(point[5:7], block, 20_000)
     turned = np.arctan2(draws[:, 1], draws[:, 0]) / (2 * np.pi) + 0.5 - phase
-    # 20,000 draws know a deviation to 0.5 %; curvature adds (0.02 / 0.4)² = 0.25 %.
-    assert found["eccentricity"].standard_error == pytest.approx(np.hypot(*draws.T).std(), rel=0.02)
-    assert found["eccentricity_phase"].standard_error == pytest.approx(
+    # The deviation of 20,000 draws is accurate to 0.5 %; curvature adds (0.02 / 0.4)² = 0.25 %.
+    assert components["eccentricity"].standard_error == pytest.approx(np.hypot(*draws.T).std(), rel=0.02)
+    assert components["eccentricity_phase"].standard_error == pytest.approx(
         (turned - np.round(turned)).std(), rel=0.02
     )
 
 
 @pytest.mark.parametrize(("along", "across"), [(0.001, 0.1), (0.02, 0.05), (0.05, 0.001), (0.03, 0.03)])
 @pytest.mark.parametrize("radius", [0.01, 0.1, 0.4])
-def test_the_interval_of_a_radius_holds_draws_of_whatever_direction(
+def test_the_interval_of_a_radius_covers_draws_of_any_direction(
     radius: float, along: float, across: float
 ) -> None:
     spread = np.eye(8) * 1e-6
-    # Turned by half a turn, as a phase of 0 is.
+    # Rotated by half a turn, like a phase of 0.
     spread[5:7, 5:7] = np.diag([along**2, across**2])
     point = SPACE.points(Faults(eccentricity=radius, eccentricity_phase=0.0).vector)
     draws = np.random.default_rng(1).multivariate_normal(point[5:7], spread[5:7, 5:7], 20_000)
@@ -267,24 +273,24 @@ def test_the_interval_of_a_radius_holds_draws_of_whatever_direction(
     assert 0.85 < np.mean((size >= low) & (size <= high)) < 0.99
 
 
-def test_the_interval_of_a_phase_runs_past_the_cut_of_its_circle() -> None:
-    low, high = judged(0.05, eccentricity=0.5, eccentricity_phase=0.99)["eccentricity_phase"].interval95
+def test_the_interval_of_a_phase_may_pass_the_cut_of_its_circle() -> None:
+    low, high = estimates_of(0.05, eccentricity=0.5, eccentricity_phase=0.99)["eccentricity_phase"].interval95
     # 1.96 × 0.05 / (2 pi 0.5) = 0.0312.
     assert (low, high) == pytest.approx((0.9588, 1.0212), abs=1e-3)
 
 
-def test_the_phase_shares_the_verdict_of_the_eccentricity() -> None:
-    assert judged(0.01, eccentricity=0.30)["eccentricity_phase"].verdict == "degraded"
+def test_the_phase_has_the_verdict_of_the_eccentricity() -> None:
+    assert estimates_of(0.01, eccentricity=0.30)["eccentricity_phase"].verdict == "degraded"
 
 
-def test_an_eccentricity_of_open_direction_is_not_called_insignificant() -> None:
+def test_an_eccentricity_of_unknown_direction_may_be_degraded() -> None:
     point = SPACE.points(Faults(eccentricity=0.06).vector)
     errors = np.full(8, 0.001)
     errors[[i for i, name in enumerate(SPACE.coordinates) if name == "eccentricity_y"]] = 0.05
-    found = estimates(SPACE, point, np.diag(errors**2))
-    assert found["eccentricity"].verdict == "degraded"
-    assert found["eccentricity_phase"].verdict == "cannot tell"
-    assert "not its direction" in found["eccentricity_phase"].reason
+    components = estimates(SPACE, point, np.diag(errors**2))
+    assert components["eccentricity"].verdict == "degraded"
+    assert components["eccentricity_phase"].verdict == "cannot tell"
+    assert "not its direction" in components["eccentricity_phase"].reason
 
 
 def test_full_eccentricity_in_any_direction_is_a_fault_vector() -> None:
@@ -296,15 +302,15 @@ def test_full_eccentricity_in_any_direction_is_a_fault_vector() -> None:
         assert Faults(*values).eccentricity == pytest.approx(1.0)
 
 
-def test_without_an_explanation_nothing_is_called_healthy_or_degraded() -> None:
-    found = judged([0.01] * 4 + [0.2] + [0.01] * 3, friction=0.5, short_c=0.5)
-    assert {"healthy", "degraded", "cannot tell"} == {one.verdict for one in found.values()}
-    judged_anew = unexplained(found, ("short_c",))
-    assert tuple(judged_anew) == NAMES
-    for name, one in judged_anew.items():
-        # Values and intervals stay; what the description cannot show keeps that reason.
-        reason = found[name].reason if name == "short_c" else NOT_EXPLAINED
-        assert one == replace(found[name], verdict="cannot tell", reason=reason)
+def test_without_an_explanation_no_component_has_a_verdict() -> None:
+    components = estimates_of([0.01] * 4 + [0.2] + [0.01] * 3, friction=0.5, short_c=0.5)
+    assert {"healthy", "degraded", "cannot tell"} == {estimate.verdict for estimate in components.values()}
+    undecided = unexplained(components, ("short_c",))
+    assert tuple(undecided) == NAMES
+    for name, estimate in undecided.items():
+        # Values and intervals are unchanged; a component without effect keeps its reason.
+        reason = components[name].reason if name == "short_c" else NOT_EXPLAINED
+        assert estimate == replace(components[name], verdict="cannot tell", reason=reason)
 
 
 TIME = np.arange(2500) / 5000
@@ -321,7 +327,7 @@ def test_noise_of_any_size_is_explained(noise: float) -> None:
 
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 @pytest.mark.parametrize(("corrected", "limit"), [(False, 0.05), (True, 0.02)])
-def test_a_misfit_of_some_percent_is_the_limit(noise: float, corrected: bool, limit: float) -> None:
+def test_the_limit_of_a_misfit_is_some_percent(noise: float, corrected: bool, limit: float) -> None:
     white = np.random.default_rng(0).normal(0, noise, CURRENT.size)
     rms = np.sqrt(np.mean(CURRENT**2))
     assert residual_within_limits(
@@ -346,13 +352,13 @@ def test_structure_twice_as_large_as_the_noise_is_not_explained() -> None:
 
 
 @given(noise=st.floats(1e-3, 1.0), seed=st.integers(0, 50))
-def test_the_noise_on_a_smooth_signal_is_measured(noise: float, seed: int) -> None:
+def test_the_noise_of_a_smooth_signal_is_measured(noise: float, seed: int) -> None:
     white = np.random.default_rng(seed).normal(0, noise, CURRENT.size)
-    # 2,500 rows, their second differences correlated, know it to some 2 %; the signal's own second
-    # difference is 3 (2 pi 8 / 5000)² / sqrt(12) = 9e-5.
+    # From 2,500 rows with correlated second differences, it is accurate to some 2 %; the second
+    # difference of the signal is 3 (2 pi 8 / 5000)² / sqrt(12) = 9e-5.
     assert noise_level(CURRENT + white) == pytest.approx(noise, rel=0.1, abs=1e-4)
 
 
-def test_a_parabola_has_the_noise_of_its_curvature_only() -> None:
+def test_the_noise_level_of_a_parabola_is_that_of_its_curvature() -> None:
     assert noise_level(5 * TIME) == pytest.approx(0, abs=1e-12)
     assert noise_level(np.arange(100.0) ** 2) == pytest.approx(2 / np.sqrt(6))

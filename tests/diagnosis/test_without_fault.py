@@ -1,4 +1,4 @@
-"""Faults that a recording does not need: a refit with the component healthy explains it as well."""
+"""Faults that are not required: a refit with the component healthy explains the recording equally well."""
 
 from cases import THESIS, USUAL
 from emaphm import Faults, diagnose
@@ -9,8 +9,8 @@ from emaphm.study.record import actuator_on
 from emaphm.study.rig import Rig
 
 
-def test_a_load_on_a_motion_one_way_is_no_friction() -> None:
-    """On a ramp, friction and a load that nobody recorded differ by the breakaway alone."""
+def test_a_load_in_a_motion_without_reversal_is_not_called_friction() -> None:
+    """On a ramp, friction and an unrecorded load differ only at the breakaway."""
     whole = simulate(
         actuator_on(Rig(label="ramp"), THESIS, 43),
         Ramp(1 / 30),
@@ -22,5 +22,5 @@ def test_a_load_on_a_motion_one_way_is_no_friction() -> None:
         seed=43,
     )
     columns = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "position_rad")}
-    found = diagnose(Recording(columns), THESIS, nuisances=USUAL, seed=43, workers=1)
-    assert found.components["friction"].verdict == "cannot tell"
+    diagnosis = diagnose(Recording(columns), THESIS, nuisances=USUAL, seed=43, workers=1)
+    assert diagnosis.components["friction"].verdict == "cannot tell"

@@ -1,4 +1,4 @@
-"""Drives that do not switch: what deviates from the description is found, and the models' step is no bias."""
+"""Drives without switching: deviations are selected, and the step of the model causes no bias."""
 
 import numpy as np
 import pytest
@@ -28,32 +28,36 @@ def square(t: Array) -> Array:
 
 
 @pytest.mark.parametrize("share", [-0.1, pytest.param(0.1, marks=pytest.mark.evidence)])
-def test_an_inertia_that_deviates_is_found(share: float) -> None:
+def test_a_deviating_inertia_is_selected(share: float) -> None:
     inertia = lumped_parameters(DC, ("inertia",))["inertia"]
-    found = diagnose(
+    diagnosis = diagnose(
         recorded(
             with_lumped_parameters(DC, {"inertia": (1 + share) * inertia}), FAULTS, Chirp(duration=DURATION)
         ),
         DC,
     )
-    assert found.selected == ("inertia",)
-    assert found.nuisances["inertia"].value == pytest.approx(share, abs=0.01)
-    assert error_percent(FAULTS.vector, found.faults.vector) < 1
+    assert diagnosis.selected == ("inertia",)
+    assert diagnosis.nuisances["inertia"].value == pytest.approx(share, abs=0.01)
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) < 1
 
 
-def test_the_step_of_the_averaged_model_is_no_bias() -> None:
+def test_the_step_of_the_averaged_model_causes_no_bias() -> None:
     recording = recorded(DC, FAULTS, Chirp(duration=DURATION))
-    found, uncorrected = diagnose(recording, DC), diagnose(recording, DC, max_corrections=0)
-    errors = [float(error_percent(FAULTS.vector, one.faults.vector)) for one in (found, uncorrected)]
+    corrected, uncorrected = diagnose(recording, DC), diagnose(recording, DC, max_corrections=0)
+    errors = [
+        float(error_percent(FAULTS.vector, diagnosis.faults.vector)) for diagnosis in (corrected, uncorrected)
+    ]
     assert errors[0] < 0.5 * errors[1]
-    assert all(covered(FAULTS.vector, found)[NAMES.index(name)] for name in ("friction", "backlash", "gain"))
+    assert all(
+        covered(FAULTS.vector, corrected)[NAMES.index(name)] for name in ("friction", "backlash", "gain")
+    )
 
 
 @pytest.mark.parametrize("faults", [Faults(), FAULTS], ids=["healthy", "faulty"])
 def test_a_square_wave_is_explained(faults: Faults) -> None:
-    found = diagnose(recorded(DC, faults, square), DC)
-    assert found.explained
-    assert found.sensor_faults == ()
+    diagnosis = diagnose(recorded(DC, faults, square), DC)
+    assert diagnosis.explained
+    assert diagnosis.sensor_faults == ()
     for name in ("friction", "backlash", "gain"):
         expected = "healthy" if faults == Faults() else "degraded"
-        assert found.components[name].verdict == expected
+        assert diagnosis.components[name].verdict == expected

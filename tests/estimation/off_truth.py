@@ -1,4 +1,4 @@
-"""Results at points that are off the truth, as the reference model sees them."""
+"""Search results at a given distance from the truth, with their discrepancy by the reference model."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,13 +13,13 @@ from emaphm.estimation.space.parameter_space import ParameterSpace
 
 
 def objective_of(truth: Array, duration: float = 0.5) -> MapObjective:
-    """Return the objective of finding the faults of a noisy recording of the reference model."""
+    """Return the objective for the faults of a noisy recording of the reference model."""
     recording = reference_recordings([truth], noise=0.05, duration=duration)[0]
     return MapObjective.of(problem_of(recording, THESIS), ParameterSpace.of(THESIS))
 
 
 def result_off(objective: MapObjective, truth: ArrayLike, distance: float) -> SearchResult:
-    """Return the result at a point that is `distance` off the `truth` in every coordinate."""
+    """Return the result at a point whose every coordinate is at a `distance` from the `truth`."""
     signs = np.random.default_rng(3).choice([-1.0, 1.0], 8)
     point = objective.space.project(objective.space.points(truth) + distance * signs)
     return with_discrepancy(SearchResult.at(objective, point), seed=0)

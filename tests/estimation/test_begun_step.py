@@ -1,4 +1,4 @@
-"""Recordings that begin right after a step of the command, with the shaft on its way."""
+"""Recordings that begin shortly after a step of the command, while the shaft still moves."""
 
 from dataclasses import replace
 from functools import cache
@@ -17,11 +17,11 @@ from emaphm.simulation import Initial
 STEP = 250
 FAULTS = Faults(friction=0.3, short_a=0.15)
 COUNT = 2 * 0.5236 / 4096
-"""Of an encoder of 12 bits over 60 degrees [rad]."""
+"""Resolution of an encoder of 12 bits over 60 degrees [rad]."""
 
 
 @cache
-def whole() -> Recording:
+def full_recording() -> Recording:
     """Return a step after 50 ms, and a chirp from 200 ms on."""
 
     def command(time: np.ndarray) -> np.ndarray:
@@ -33,37 +33,37 @@ def whole() -> Recording:
 
 def cut(first: int, count: float = COUNT, *names: str) -> Recording:
     columns = {
-        name: whole()[name][first:]
+        name: full_recording()[name][first:]
         for name in ("time_s", "command_rad", "current_A", "voltage_V", "position_rad", *names)
     }
     return Recording(columns | {"position_rad": np.round(columns["position_rad"] / count) * count})
 
 
 @pytest.mark.parametrize("later", [1, 3])
-def test_after_the_rows_left_out_the_moment_of_the_step_does_not_matter(later: int) -> None:
+def test_compared_rows_do_not_depend_on_the_instant_of_the_step(later: int) -> None:
     problem = problem_of(cut(STEP + later), THESIS, channels=None)
     rows = problem.unknown_start.rows
-    position, speed = (whole()[name][STEP + later] for name in ("position_rad", "speed_rad_s"))
+    position, speed = (full_recording()[name][STEP + later] for name in ("position_rad", "speed_rad_s"))
     moving = replace(problem, start=Initial(position / THESIS.mechanics.gear_ratio, speed, gap=1.0))
-    as_started, true = (one.predict(FAULTS.vector[np.newaxis])[0, 0] for one in (problem, moving))
-    apart = np.abs(as_started - true)
-    assert apart[:rows].max() > 1.0
-    assert apart[rows:].max() < 0.1
+    as_started, true = (candidate.predict(FAULTS.vector[np.newaxis])[0, 0] for candidate in (problem, moving))
+    difference = np.abs(as_started - true)
+    assert difference[:rows].max() > 1.0
+    assert difference[rows:].max() < 0.1
     assert "on its way" in problem.unknown_start.notes()[0]
 
 
-def test_in_the_row_of_the_step_and_before_every_row_is_compared() -> None:
+def test_a_recording_that_begins_by_the_row_of_the_step_is_compared_in_full() -> None:
     for first in (STEP - 100, STEP - 1, STEP):
         assert problem_of(cut(first), THESIS, channels=None).unknown_start.rows == 0
 
 
-def test_a_recorded_speed_shows_the_start() -> None:
+def test_a_recorded_speed_determines_the_initial_state() -> None:
     problem = problem_of(cut(STEP + 20, COUNT, "speed_rad_s"), THESIS, channels=None)
     assert problem.unknown_start.rows == 0
     assert problem.start.gap == 1.0
 
 
 def test_a_recording_that_begins_after_the_step_is_explained() -> None:
-    found = diagnose(cut(STEP + 1), THESIS)
-    assert found.explained
-    assert error_percent(FAULTS.vector, found.faults.vector) <= 2.0
+    diagnosis = diagnose(cut(STEP + 1), THESIS)
+    assert diagnosis.explained
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) <= 2.0

@@ -1,4 +1,4 @@
-"""What a converter's counts make of a slow quantity is the model's to reproduce, and no noise."""
+"""Quantisation of slow quantities: the model reproduces counts of a converter; they are not noise."""
 
 import numpy as np
 import pytest
@@ -20,14 +20,14 @@ SLOW = 4 * np.sin(np.linspace(0.0, 9.0, 900))
 FAULTS = Faults(friction=0.3, backlash=0.2)
 
 
-def shown(signal: Array, noise: float = 0.0) -> Array:
+def quantised(signal: Array, noise: float = 0.0) -> Array:
     noisy = signal + np.random.default_rng(0).normal(0.0, noise, signal.size)
     return np.asarray(COUNT * np.round(noisy / COUNT))
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.1])
-def test_the_count_of_a_slow_signal_is_seen(offset: float) -> None:
-    recorded = shown(SLOW) + offset
+def test_the_count_of_a_slow_signal_is_detected(offset: float) -> None:
+    recorded = quantised(SLOW) + offset
     assert visible_count(recorded) == pytest.approx(COUNT)
     assert visible_count(np.round(recorded, 3)) == pytest.approx(COUNT, rel=1e-2)
     np.testing.assert_allclose(in_counts(SLOW + offset, recorded, COUNT), recorded, atol=1e-12)
@@ -37,15 +37,15 @@ def test_the_count_of_a_slow_signal_is_seen(offset: float) -> None:
     "values",
     [
         SLOW,
-        shown(SLOW, noise=COUNT),
-        shown(50 * SLOW[::10]),
-        np.repeat(shown(SLOW[::5], noise=10 * COUNT), 5),
+        quantised(SLOW, noise=COUNT),
+        quantised(50 * SLOW[::10]),
+        np.repeat(quantised(SLOW[::5], noise=10 * COUNT), 5),
         np.repeat(SLOW[::5], 5),
         np.full(900, 0.3),
     ],
     ids=["exact", "dithered", "fast", "noisy and held", "held", "constant"],
 )
-def test_what_passes_for_noise_or_has_no_counts_shows_none(values: Array) -> None:
+def test_no_count_is_detected_in_noise_or_in_continuous_values(values: Array) -> None:
     assert visible_count(values) == 0.0
 
 
@@ -66,19 +66,19 @@ def test_at_the_truth_counts_leave_no_residual(coarse: MapObjective) -> None:
         point[i] = getattr(FAULTS, name) if name in ("friction", "backlash") else point[i]
     point[coarse.space.coordinates.index("gain")] = FAULTS.gain
     np.testing.assert_allclose(coarse.space.faults(point)[:6], vector[:6])
-    left = with_discrepancy(SearchResult.at(coarse, point), seed=0).residual_by_channel["position_rad"]
-    assert np.sqrt(np.mean(left**2)) < 0.1 * count / 12**0.5
+    residual = with_discrepancy(SearchResult.at(coarse, point), seed=0).residual_by_channel["position_rad"]
+    assert np.sqrt(np.mean(residual**2)) < 0.1 * count / 12**0.5
 
 
 def test_rows_of_a_count_share_its_error_unless_it_is_passed() -> None:
-    # The first count is stood on, the second passed, the third turned on, and the last one an end.
+    # The signal rests at the first count, passes the second, reverses at the third and ends at the last.
     values, sensitive = np.array([0.0, 0, 0, 1, 1, 2, 2, 1, 1]), np.ones((1, 9))
     scores = errors_of_counts(values, 2.0).scores(sensitive)
     assert scores * 12 / 2.0**2 == pytest.approx(3**2 + 1 + 1 + 2**2 + 2**2)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05, 0.125, 0.25, 0.4])
-def test_the_mean_of_a_rest_is_as_uncertain_as_its_error_says(noise: float) -> None:
+def test_the_stated_error_of_the_mean_of_a_rest_covers_its_deviation(noise: float) -> None:
     rng = np.random.default_rng(2)
     fast = np.concatenate([np.arange(0, 600, 3), np.arange(599, -1, -4)])
     ratios = []
@@ -94,7 +94,7 @@ def test_the_mean_of_a_rest_is_as_uncertain_as_its_error_says(noise: float) -> N
     assert np.mean(np.abs(ratios) < 1.96) >= 0.95
 
 
-def test_what_counts_leave_open_stays_in_the_covariance(coarse: MapObjective) -> None:
+def test_the_rounding_error_of_counts_is_part_of_the_score_covariance(coarse: MapObjective) -> None:
     jacobian = np.random.default_rng(1).normal(size=(3, coarse.channel_rows))
     problem = coarse.problem
     assert tuple(problem.channels) == ("current_A", "position_rad")
@@ -106,13 +106,13 @@ def test_what_counts_leave_open_stays_in_the_covariance(coarse: MapObjective) ->
     np.testing.assert_allclose(rounding_scores(coarse.problem, jacobian), expected)
 
 
-def test_a_channel_weighs_no_more_than_its_counts_allow(coarse: MapObjective) -> None:
+def test_the_rounding_error_of_its_counts_limits_the_weight_of_a_channel(coarse: MapObjective) -> None:
     residual = np.full(coarse.target.size, 1e-9)
     residual[: coarse.problem.samples] = 0.1
     weights = coarse.reweighted(residual).problem.weights
     assert weights[1] == pytest.approx(0.1 / (coarse.problem.counts["position_rad"] / 12**0.5))
 
 
-def test_explanations_are_compared_relative_to_what_counts_leave_open(coarse: MapObjective) -> None:
+def test_the_rounding_error_of_counts_is_a_lower_limit_of_the_mean_square(coarse: MapObjective) -> None:
     size = coarse.problem.weights[1] * coarse.problem.counts["position_rad"] / 12**0.5
     assert coarse.mean_square(np.zeros(coarse.channel_rows)) == pytest.approx(size**2 / 2)

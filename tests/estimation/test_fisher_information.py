@@ -1,4 +1,4 @@
-"""Normal equations of Jacobians with errors: as without, where the data show something, and 0 elsewhere."""
+"""Normal equations of Jacobians with errors: unchanged for identified parameters, and 0 for the others."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ TRUTH = np.array([0.3, -0.2])
 
 
 HIDDEN = 30.0
-"""Information that a parameter has, no more than the errors of its Jacobians look like."""
+"""Information of a parameter, no larger than the apparent information of the errors of its Jacobians."""
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +28,8 @@ def test_exact_jacobians_give_the_usual_normal_equations(rng: np.random.Generato
     np.testing.assert_allclose(gradient, jacobian @ residual, rtol=1e-9, atol=1e-9 * ROWS)
 
 
-def test_errors_of_a_parameter_without_effect_lead_nowhere(rng: np.random.Generator) -> None:
-    # Two parameters that the rows show, and one that they do not, each with errors of the same size.
+def test_jacobian_errors_of_a_parameter_without_effect_do_not_move_it(rng: np.random.Generator) -> None:
+    # Two parameters with an effect on the rows and one without, each with errors of the same size.
     exact = np.concatenate([rng.normal(size=(2, ROWS)), np.zeros((1, ROWS))])
     residual = exact[:2].T @ TRUTH + rng.normal(0.0, 0.1, ROWS)
     steps, plain = [], []
@@ -41,14 +41,14 @@ def test_errors_of_a_parameter_without_effect_lead_nowhere(rng: np.random.Genera
         plain.append(np.linalg.solve(normal + prior, jacobians.mean(axis=0) @ residual))
     # Errors are as often of one sign as of the other: the mean step is the truth.
     np.testing.assert_allclose(np.mean(steps, axis=0)[:2], TRUTH, atol=0.01)
-    rms, rms_plain = (np.sqrt(np.mean(np.array(one)[:, 2] ** 2)) for one in (steps, plain))
+    rms, rms_plain = (np.sqrt(np.mean(np.array(step)[:, 2] ** 2)) for step in (steps, plain))
     assert rms < 0.3 * rms_plain
 
 
-def test_a_prior_does_not_lead_where_errors_hide_what_the_data_show(rng: np.random.Generator) -> None:
+def test_a_prior_does_not_dominate_where_jacobian_errors_hide_information(rng: np.random.Generator) -> None:
     exact = rng.normal(size=(3, ROWS))
     exact[2] *= (HIDDEN / ROWS) ** 0.5
-    # The data say that the third is 0, its prior, of a precision of 1, that it is 1.
+    # The data give 0 for the third parameter; its prior, of precision 1, gives 1.
     residual, prior = exact[:2].T @ TRUTH, np.diag([0.0, 0.0, 1.0])
     steady, filtered = [], []
     for _ in range(200):
@@ -62,7 +62,7 @@ def test_a_prior_does_not_lead_where_errors_hide_what_the_data_show(rng: np.rand
     assert np.max(np.abs(filtered)) > 0.7
 
 
-def test_without_errors_it_is_the_information(rng: np.random.Generator) -> None:
+def test_without_errors_the_steadied_information_is_the_fisher_information(rng: np.random.Generator) -> None:
     jacobian = rng.normal(size=(3, ROWS))
     same = products(np.tile(jacobian, (REPLICATES, 1, 1)))
     np.testing.assert_allclose(

@@ -1,4 +1,4 @@
-"""Recordings that begin after or within a motion: at which side of the backlash models start."""
+"""Recordings that begin after or within a motion: the side of the backlash at which models start."""
 
 from dataclasses import replace
 from functools import cache
@@ -23,7 +23,7 @@ MOTION = ("position_rad", "speed_rad_s")
 
 
 @cache
-def whole(way: int = 1, faults: Faults = Faults(), load: float = 0.0) -> Recording:  # noqa: B008 - frozen
+def full_recording(way: int = 1, faults: Faults = Faults(), load: float = 0.0) -> Recording:  # noqa: B008 - frozen
     """Return a move over 0.15 s `way` up or down, a rest up to 0.25 s, and a chirp up to 0.55 s."""
     time = np.arange(2750) * INTERVAL
     share = np.clip(time / 0.15, 0.0, 1.0)
@@ -34,13 +34,13 @@ def whole(way: int = 1, faults: Faults = Faults(), load: float = 0.0) -> Recordi
 
 
 def cut(first: int, *names: str, way: int = 1, faults: Faults = Faults(), load: float = 0.0) -> Recording:  # noqa: B008
-    recording = whole(way, faults, load)
+    recording = full_recording(way, faults, load)
     names = ("time_s", "command_rad", *names, *(("load_Nm",) if load else ()))
     return Recording({name: recording[name][first:] for name in names})
 
 
 def sides(recording: Recording, faults: Faults) -> np.ndarray:
-    """Return by what the motor is ahead of the user, in half widths of the gap, (samples,)."""
+    """Return the lead of the motor over the user in half widths of the gap, (samples,)."""
     width = THESIS.mechanics.backlash * (1 + THESIS.faults.backlash * faults.backlash)
     return (recording["angle_rad"] - recording["position_rad"] / RATIO) / (width / 2)
 
@@ -49,27 +49,29 @@ def sides(recording: Recording, faults: Faults) -> np.ndarray:
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize("names", [ELECTRICAL, (*ELECTRICAL, *MOTION)], ids=len)
 @pytest.mark.parametrize("first", [REST - 100, REST - 10, 300, 2000])
-def test_the_motor_stands_where_the_last_motion_has_led_it(
+def test_the_motor_starts_at_the_side_to_which_the_last_motion_led(
     first: int, names: tuple[str, ...], way: int, faults: Faults
 ) -> None:
     problem = problem_of(cut(first, *names, way=way, faults=faults), THESIS, channels=None)
-    assert problem.start.gap == pytest.approx(sides(whole(way, faults), faults)[first], abs=0.01)
+    assert problem.start.gap == pytest.approx(sides(full_recording(way, faults), faults)[first], abs=0.01)
 
 
 @pytest.mark.parametrize("names", [("current_A",), (*ELECTRICAL, "position_rad")], ids=len)
-def test_what_depends_on_a_side_that_is_not_known_is_not_compared(names: tuple[str, ...]) -> None:
+def test_rows_that_depend_on_an_unknown_side_are_not_compared(names: tuple[str, ...]) -> None:
     faults = Faults(backlash=0.4)
     for first in (REST - 20, REST):
         problem = problem_of(cut(first, *names, faults=faults), THESIS, channels=None)
         other = replace(problem, start=replace(problem.start, gap=-problem.start.gap))
-        known, unknown = (one.predict(faults.vector[np.newaxis])[0, 0] for one in (problem, other))
-        rows, apart = problem.unknown_start.rows, np.abs(known - unknown)
-        assert apart.max() > 0.2
-        assert apart[rows:].max() < 0.05
+        known, unknown = (
+            candidate.predict(faults.vector[np.newaxis])[0, 0] for candidate in (problem, other)
+        )
+        rows, difference = problem.unknown_start.rows, np.abs(known - unknown)
+        assert difference.max() > 0.2
+        assert difference[rows:].max() < 0.05
 
 
-def test_a_turn_leaves_the_side_open() -> None:
-    recording = whole()
+def test_after_a_reversal_the_side_is_unknown() -> None:
+    recording = full_recording()
     # The first row in which the motor crosses the gap, half a cycle into the chirp.
     turn = REST + 300 + int(np.argmax(np.abs(sides(recording, Faults())[REST + 300 :]) < 0.9))
     problem = problem_of(cut(turn, *ELECTRICAL, *MOTION), THESIS, channels=None)
@@ -79,13 +81,13 @@ def test_a_turn_leaves_the_side_open() -> None:
     assert (fast.unknown_start.rows, fast.start.gap) == (0, np.sign(recording["speed_rad_s"][turn + 60]))
 
 
-def test_before_any_motion_it_stands_in_the_middle() -> None:
+def test_before_any_motion_the_motor_starts_in_the_middle_of_the_gap() -> None:
     for names in (("current_A",), (*ELECTRICAL, *MOTION)):
         problem = problem_of(cut(0, *names, load=0.05), THESIS, channels=None)
         assert (problem.start.gap, problem.unknown_start.rows) == (0.0, 0)
 
 
-def test_the_motor_leads_its_user_by_a_share_of_each_gap() -> None:
+def test_the_start_in_the_gap_is_relative_to_its_width() -> None:
     faults = np.array([Faults().vector, Faults(backlash=0.5).vector])
     problem = problem_of(cut(0, *ELECTRICAL, *MOTION), THESIS, channels=None)
     moves = []
@@ -93,19 +95,19 @@ def test_the_motor_leads_its_user_by_a_share_of_each_gap() -> None:
         started = replace(problem, start=Initial(gap=gap))
         positions = started.exact(faults, {}, ("position_rad",))[:, 0]
         moves.append(np.argmax(positions > 1e-9, axis=1))
-    # At the edge there is nothing to cross; a gap 5.5 times as wide takes longer.
+    # From the edge, the motor crosses no gap; a gap 5.5 times as wide takes longer.
     assert np.all(np.diff(moves, axis=0) > 0)
     assert np.diff(moves[2]) > np.diff(moves[1]) > np.diff(moves[0]) == 0
 
 
-def test_a_healthy_actuator_has_no_backlash_after_a_motion() -> None:
-    found = diagnose(cut(REST, "current_A", way=-1), THESIS)
-    assert found.explained
-    assert found.components["backlash"].verdict != "degraded"
-    assert found.interval["backlash"][0] < 1e-3
+def test_backlash_of_a_healthy_actuator_is_not_degraded_after_a_motion() -> None:
+    diagnosis = diagnose(cut(REST, "current_A", way=-1), THESIS)
+    assert diagnosis.explained
+    assert diagnosis.components["backlash"].verdict != "degraded"
+    assert diagnosis.interval["backlash"][0] < 1e-3
 
 
-def test_a_command_that_stands_before_it_moves_does_not_move_in_the_first_row() -> None:
+def test_command_moves_is_false_for_a_command_that_begins_at_rest() -> None:
     time = np.arange(2000) * INTERVAL
     for begin, moves in ((0.005, False), (0.0, True)):
         command = 0.05 * np.maximum(time - begin, 0.0)

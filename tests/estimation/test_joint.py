@@ -1,4 +1,4 @@
-"""Joint fits with faults: their Jacobian, and which recordings contradict the others."""
+"""Joint fits with faults: their normal equations, and the recordings that contradict the others."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from emaphm.simulated_recording import simulate
 PRIORS = np.full(3, 0.3)
 
 
-def test_faults_and_baseline_are_shared_and_nuisances_are_each_recordings_own() -> None:
+def test_faults_and_baseline_are_shared_and_each_recording_has_its_nuisances() -> None:
     known = THESIS.model_copy(update={"baseline": Baseline.of(("inertia",), np.array([[0.01]]), ("made",))})
     terms = []
     for names, duration in ((("load", "temperature"), 0.2), (("supply",), 0.1)):
@@ -29,7 +29,7 @@ def test_faults_and_baseline_are_shared_and_nuisances_are_each_recordings_own() 
     unit = terms[0].objective.space.nuisances.unit
     joint = JointObjective(tuple(terms), unit, 2e-3, 1)
     assert (joint.faults, joint.shared, [term.own for term in terms]) == (8, 9, [2, 1])
-    # Away from the bounds, and the eccentricity inside its circle.
+    # The point is away from the bounds, and the eccentricity is inside its circle.
     point = np.array([0.3, 0.4, 0.3, 0.4, 0.3, 0.2, 0.3, 0.4, 0.1, 0.1, -0.1, 0.2])
     assert joint.box.lower.size == point.size
     for r, term in enumerate(terms):
@@ -41,16 +41,16 @@ def test_faults_and_baseline_are_shared_and_nuisances_are_each_recordings_own() 
     (at,) = joint.evaluate(point[np.newaxis])
     ((normal, gradient),) = joint.normal_equations([at])
 
-    def every_row(points: np.ndarray) -> np.ndarray:
+    def residual_rows(points: np.ndarray) -> np.ndarray:
         outcomes = joint.evaluate(points)
         priors = points[:, 8:9] * (20**0.5 / unit.priors)
-        return np.hstack([-np.array([np.concatenate(one.residual) for one in outcomes]), priors])
+        return np.hstack([-np.array([np.concatenate(outcome.residual) for outcome in outcomes]), priors])
 
-    outputs = every_row(point[np.newaxis])
-    (dense,) = one_sided_jacobians(every_row, point[np.newaxis], outputs, joint.box, joint.step)
+    outputs = residual_rows(point[np.newaxis])
+    (dense,) = one_sided_jacobians(residual_rows, point[np.newaxis], outputs, joint.box, joint.step)
     np.testing.assert_allclose(normal, dense @ dense.T, rtol=1e-9, atol=1e-9 * np.abs(normal).max())
     np.testing.assert_allclose(gradient, -dense @ outputs[0], rtol=1e-6, atol=1e-9 * np.abs(gradient).max())
-    # Beyond the circle, every recording is on it.
+    # Projection moves a point beyond the circle onto it.
     x = terms[0].objective.space.columns.index(5)
     point[x : x + 2] = 3.0, 4.0
     np.testing.assert_allclose(joint.box.project(point)[x : x + 2], [0.6, 0.8])
@@ -63,14 +63,16 @@ def estimates(points: np.ndarray, deviation: float) -> AloneEstimates:
     )
 
 
-def test_errors_alone_contradict_nothing() -> None:
+def test_estimates_that_scatter_by_their_errors_do_not_contradict() -> None:
     rng = np.random.default_rng(1)
-    named = [dissenting(estimates(rng.normal(0.3, 0.05, (5, 3)), 0.05), PRIORS).any() for _ in range(100)]
-    # At a thousandth a set, two or more of 100 have a chance of 0.5 %.
-    assert sum(named) <= 1
+    any_dissenting = [
+        dissenting(estimates(rng.normal(0.3, 0.05, (5, 3)), 0.05), PRIORS).any() for _ in range(100)
+    ]
+    # At a probability of 0.001 per set, two or more of 100 have a probability of 0.5 %.
+    assert sum(any_dissenting) <= 1
 
 
-def test_those_that_are_off_are_named_and_no_other() -> None:
+def test_only_the_deviating_recordings_dissent() -> None:
     rng = np.random.default_rng(2)
     for _ in range(15):
         points = rng.normal(0.3, 0.02, (6, 3))
@@ -87,23 +89,23 @@ def test_those_that_are_off_are_named_and_no_other() -> None:
         ]
 
 
-def test_a_difference_too_small_to_matter_is_none() -> None:
+def test_an_irrelevant_difference_is_no_contradiction() -> None:
     points = np.full((4, 3), 0.3)
     points[2] += 0.01
     assert not dissenting(estimates(points, 1e-4), PRIORS).any()
 
 
-def test_places_in_one_curved_valley_do_not_contradict_each_other() -> None:
-    along = np.array([-0.15, -0.05, 0.05, 0.15])
-    points = np.stack([0.5 + along, 0.4 + 2 * along**2, np.full(4, 0.3)], axis=1)
-    tangents = np.stack([np.ones(4), 4 * along, np.zeros(4)], axis=1)
+def test_estimates_along_one_curved_valley_do_not_contradict_each_other() -> None:
+    offsets = np.array([-0.15, -0.05, 0.05, 0.15])
+    points = np.stack([0.5 + offsets, 0.4 + 2 * offsets**2, np.full(4, 0.3)], axis=1)
+    tangents = np.stack([np.ones(4), 4 * offsets, np.zeros(4)], axis=1)
     tangents /= np.linalg.norm(tangents, axis=1)[:, np.newaxis]
     covariances = 0.2**2 * np.einsum("ni,nj->nij", tangents, tangents) + 0.003**2 * np.eye(3)
     meta = random_effects(points, covariances, PRIORS)
     assert not dissenting(AloneEstimates(points, covariances, np.ones(4), meta), PRIORS).any()
 
 
-def test_one_alone_contradicts_nothing_and_two_each_other() -> None:
+def test_a_single_recording_does_not_dissent_and_of_two_both_do() -> None:
     points = np.array([[0.3, 0.3, 0.3], [0.3, 0.6, 0.3]])
     assert dissenting(estimates(points[:1], 0.01), PRIORS).tolist() == [False]
     assert dissenting(estimates(points, 0.01), PRIORS).tolist() == [True, True]

@@ -1,4 +1,4 @@
-"""What is not known of a recording: what it does to an actuator, what is known of it, who may ask for it."""
+"""Nuisances of a recording: their effect on lumped parameters, their priors and their selection by name."""
 
 from pathlib import Path
 
@@ -44,7 +44,7 @@ def warmed(kelvin: float) -> dict[str, float]:
     }
 
 
-# What was located.
+# Located nuisances.
 
 
 def test_a_located_nuisance_varies_about_its_value_and_not_about_nominal() -> None:
@@ -59,7 +59,7 @@ def test_a_located_nuisance_varies_about_its_value_and_not_about_nominal() -> No
     np.testing.assert_allclose(nuisances.prior_deviations[1], 0.01)
 
 
-# What is chosen.
+# Selection by name.
 
 
 def test_a_nuisance_named_twice_counts_once() -> None:
@@ -86,10 +86,10 @@ def test_only_temperature_supply_and_voltage_need_windings(name: str) -> None:
         assert NuisanceSet.of(ideal, (name,), ()).names == (name,)
 
 
-def test_a_hinge_moment_is_what_stalls_the_motor_at_the_end_stop_unless_it_is_stated() -> None:
-    usual = 22.5 * 0.0752 / np.radians(30)
-    found = NuisanceSet.of(THESIS, ("hinge",), ()).prior_deviations
-    np.testing.assert_allclose(found, [usual], rtol=1e-3)
+def test_the_prior_of_a_hinge_is_the_stall_torque_at_the_end_stop_unless_stated() -> None:
+    stall = 22.5 * 0.0752 / np.radians(30)
+    deviations = NuisanceSet.of(THESIS, ("hinge",), ()).prior_deviations
+    np.testing.assert_allclose(deviations, [stall], rtol=1e-3)
     free = Actuator.from_dict(
         {**THESIS.model_dump(), "mechanics": {**THESIS.mechanics.model_dump(), "end_stops": None}}
     )
@@ -102,22 +102,22 @@ def test_a_hinge_moment_is_what_stalls_the_motor_at_the_end_stop_unless_it_is_st
     np.testing.assert_allclose(NuisanceSet.of(described(hinge=12.0), ("hinge",), ()).prior_deviations, [12.0])
 
 
-def test_priors_of_a_rig() -> None:
+def test_priors_have_the_documented_standard_deviations() -> None:
     names = ("load", "temperature", "supply", "inertia", "current_offset", "current_scale")
     # 6 % of 22.5 A × 0.0752 N·m/A; 30 K; 5 %, 5 %; 0.2 % of 22.5 A; 1 %.
     expected = [0.06 * 22.5 * 0.0752, 30.0, 0.05, 0.05, 2e-3 * 22.5, 0.01]
     np.testing.assert_allclose(NuisanceSet.of(THESIS, names, ()).prior_deviations, expected, rtol=1e-3)
 
 
-# What it does.
+# Effect on the lumped parameters.
 
 
-def test_copper_and_magnets_answer_to_temperature() -> None:
-    one = NuisanceSet.of(THESIS, ("temperature",), ())
-    values = one.values(np.array([[0.0], [40 / 30 / PRIORS_PER_UNIT], [-20 / 30 / PRIORS_PER_UNIT]]))
+def test_resistance_and_torque_constant_depend_on_the_temperature() -> None:
+    nuisances = NuisanceSet.of(THESIS, ("temperature",), ())
+    values = nuisances.values(np.array([[0.0], [40 / 30 / PRIORS_PER_UNIT], [-20 / 30 / PRIORS_PER_UNIT]]))
     np.testing.assert_allclose(values["temperature"], [0.0, 40.0, -20.0])
     for known in (0.0, 15.0):
-        changed = one.lumped_parameters(THESIS, values, known)
+        changed = nuisances.lumped_parameters(THESIS, values, known)
         assert set(changed) == {"resistance", "torque_constant"}
         for i, kelvin in enumerate((0.0, 40.0, -20.0)):
             for name, value in warmed(kelvin + known).items():
@@ -125,11 +125,11 @@ def test_copper_and_magnets_answer_to_temperature() -> None:
 
 
 @pytest.mark.parametrize("gain", [0.5, 3.0])
-def test_windings_are_hotter_than_their_sensor_by_the_gain(gain: float) -> None:
+def test_the_recorded_temperature_rise_is_multiplied_by_the_gain(gain: float) -> None:
     actuator = with_lumped_parameters(
         law_named("winding-temperature").added_to(THESIS), {"temperature_gain": gain}
     )
-    # What is recorded is multiplied, what is estimated beside it is the winding's own.
+    # The recorded rise is multiplied; the estimated rise is that of the windings and is not.
     unknown = NuisanceSet.of(actuator, ("temperature",), ())
     values = unknown.values(np.array([[0.0], [10 / 30 / PRIORS_PER_UNIT]]))
     for known in (0.0, 15.0):
@@ -138,27 +138,31 @@ def test_windings_are_hotter_than_their_sensor_by_the_gain(gain: float) -> None:
         for i, estimated in enumerate((0.0, 10.0)):
             for name, value in warmed(gain * known + estimated).items():
                 assert changed[name][i] == pytest.approx(value, rel=1e-12)
-    # Free itself, it scales the recorded rise, by a factor.
+    # A free gain scales the recorded rise by a factor.
     free = NuisanceSet.of(actuator, (), (), ParameterVariation.free(actuator, ("temperature_gain",)))
     changed = free.lumped_parameters(actuator, free.values(np.array([[np.log(2.0)]])), 15.0)
     for name, value in warmed(2 * gain * 15.0).items():
         assert changed[name] == pytest.approx(value, rel=1e-12)
 
 
-def test_viscous_friction_falls_with_the_heat_that_is_recorded_or_estimated() -> None:
+def test_viscous_friction_falls_with_recorded_and_estimated_temperature() -> None:
     actuator = with_lumped_parameters(
         law_named("viscous-temperature").added_to(THESIS), {"viscous_temperature": 0.02}
     )
     cold = lumped_parameters(THESIS, ("viscous",))["viscous"]
-    one = NuisanceSet.of(actuator, ("temperature",), ())
-    changed = one.lumped_parameters(actuator, one.values(np.array([[5 / 30 / PRIORS_PER_UNIT]])), 15.0)
+    nuisances = NuisanceSet.of(actuator, ("temperature",), ())
+    changed = nuisances.lumped_parameters(
+        actuator, nuisances.values(np.array([[5 / 30 / PRIORS_PER_UNIT]])), 15.0
+    )
     assert changed["viscous"] == pytest.approx(cold * np.exp(-0.02 * 20.0), rel=1e-12)
 
 
 @given(st.floats(1e-3, 1e6), st.sampled_from([name for name in NAMES if name != "hinge"]))
-def test_no_prior_is_so_wide_that_a_total_becomes_impossible(deviation: float, name: str) -> None:
-    one = NuisanceSet.of(described(**{name: deviation}), (name,), ())
-    for total, values in one.lumped_parameters(THESIS, one.values(np.array([[-0.8], [0.8]]))).items():
+def test_lumped_parameters_stay_positive_for_priors_of_any_width(deviation: float, name: str) -> None:
+    nuisances = NuisanceSet.of(described(**{name: deviation}), (name,), ())
+    for total, values in nuisances.lumped_parameters(
+        THESIS, nuisances.values(np.array([[-0.8], [0.8]]))
+    ).items():
         assert total == "offset" or total.startswith(LOAD_VARIATION) or np.all(values > 0)
 
 
@@ -172,12 +176,12 @@ def test_no_prior_is_so_wide_that_a_total_becomes_impossible(deviation: float, n
         ("inertia", 0.1, {"inertia": 1.1 * 2.5e-5}),
     ],
 )
-def test_a_nuisance_is_an_actuator_of_other_lumped_parameters(
+def test_a_nuisance_acts_as_a_change_of_lumped_parameters(
     name: str, value: float, changed: dict[str, float]
 ) -> None:
-    # What the rig in software records of the changed actuator, the plain one has under the nuisance.
+    # The recording of the changed actuator equals the output of the described one under the nuisance.
     actuator = described(hinge=10.0)
-    # In the averaged model the supply does nothing until it limits the current, as in fast motion.
+    # In the averaged model the supply acts only where it limits the current, as in fast motion.
     command = Sine(0.05, 8.0) if name == "supply" else Chirp()
     whole = simulate(with_lumped_parameters(actuator, changed), command, faults=TRUTH, model="averaged")
     kept = ("time_s", "command_rad", "current_A", "voltage_V", "position_rad", "speed_rad_s")
@@ -188,20 +192,22 @@ def test_a_nuisance_is_an_actuator_of_other_lumped_parameters(
     point[-1] = value / fit.space.nuisances.prior_deviations[0] / PRIORS_PER_UNIT
     outputs = fit.outputs(point[np.newaxis])[0, : fit.channel_rows]
     scale = np.sqrt(np.mean(fit.target**2))
-    away, plainly = (np.sqrt(np.mean((fit.target[: fit.channel_rows] - o) ** 2)) for o in (outputs, plain))
-    # The command is recorded as means and interpolated: what that leaves, the plain fit exceeds by far.
-    assert away < 0.01 * scale
-    assert plainly > 3 * away
+    deviation, plain_deviation = (
+        np.sqrt(np.mean((fit.target[: fit.channel_rows] - o) ** 2)) for o in (outputs, plain)
+    )
+    # The command is recorded as means and interpolated: the plain deviation exceeds that error by far.
+    assert deviation < 0.01 * scale
+    assert plain_deviation > 3 * deviation
 
 
-def test_a_load_that_was_not_recorded_and_the_nuisance_have_one_sign() -> None:
+def test_the_nuisance_has_the_sign_of_an_unrecorded_load() -> None:
     whole = simulate(THESIS, Chirp(), faults=TRUTH, model="averaged", load=0.1)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
-    found = diagnose(recording, THESIS, max_corrections=0, workers=1)
-    assert found.nuisances["load"].value == pytest.approx(0.1, abs=0.005)
+    diagnosis = diagnose(recording, THESIS, max_corrections=0, workers=1)
+    assert diagnosis.nuisances["load"].value == pytest.approx(0.1, abs=0.005)
 
 
-def test_units_are_those_of_the_description() -> None:
+def test_nuisances_have_the_units_of_the_description() -> None:
     units = {name: unit_of(name) for name in NAMES}
     of_channels = {"current": "A", "voltage": "V", "position": "rad", "speed": "rad/s"}
     of_errors = {"offset": None, "drift": None, "scale": "-", "delay": "s"}
@@ -222,11 +228,11 @@ def test_units_are_those_of_the_description() -> None:
     }
 
 
-# What was recorded is known.
+# Recorded quantities are known.
 
 
-def found_of(actuator: Actuator, load: Load = 0.0, **known: float) -> Array:
-    """Return the faults found of an actuator by the plain one's description, and what was recorded."""
+def estimated_faults(actuator: Actuator, load: Load = 0.0, **known: float) -> Array:
+    """Return the faults of an `actuator` estimated by the description THESIS, with `known` recorded."""
     whole = simulate(actuator, Chirp(duration=0.2), duration=0.2, faults=TRUTH, noise=0.05, load=load)
     rows = {name: whole[name] for name in ("time_s", "command_rad", "current_A")}
     channels = {name: np.full(whole.samples, value) for name, value in known.items()}
@@ -236,27 +242,27 @@ def found_of(actuator: Actuator, load: Load = 0.0, **known: float) -> Array:
 
 @pytest.fixture(scope="module")
 def plain() -> Array:
-    return found_of(THESIS)
+    return estimated_faults(THESIS)
 
 
 @pytest.mark.usefixtures("one_search")
-def test_a_recorded_temperature_takes_the_heat_out(plain: Array) -> None:
+def test_a_recorded_temperature_removes_the_bias_by_heat(plain: Array) -> None:
     warm = with_lumped_parameters(THESIS, warmed(40.0))
-    hot, unaware = found_of(warm, temperature_K=293.15 + 40.0), found_of(warm)
-    # Two noises and two runs of chaotic switching: 0.02, as a short is located to; 40 K weigh 0.04.
+    hot, unaware = estimated_faults(warm, temperature_K=293.15 + 40.0), estimated_faults(warm)
+    # Noise and chaotic switching of two recordings: 0.02, the accuracy of a short; 40 K change it by 0.04.
     np.testing.assert_allclose(hot, plain, rtol=0, atol=0.02)
     assert np.abs(unaware - plain).max() > 0.03
 
 
 @pytest.mark.evidence
 @pytest.mark.usefixtures("one_search")
-def test_a_recorded_load_takes_the_load_out(plain: Array) -> None:
-    loaded, unaware = found_of(THESIS, load=0.15, load_Nm=0.15), found_of(THESIS, load=0.15)
+def test_a_recorded_load_removes_its_bias(plain: Array) -> None:
+    loaded, unaware = estimated_faults(THESIS, load=0.15, load_Nm=0.15), estimated_faults(THESIS, load=0.15)
     np.testing.assert_allclose(loaded, plain, rtol=0, atol=0.02)
     assert np.abs(unaware - plain).max() > 0.1
 
 
-def test_a_temperature_is_above_the_description_s_own() -> None:
+def test_the_temperature_rise_is_relative_to_the_described_temperature() -> None:
     electrical = {**THESIS.model_dump()["electrical"], "temperature": 313.15}
     warm = Actuator.from_dict(THESIS.model_dump() | {"electrical": electrical})
     whole = simulate(THESIS, Chirp(), model="averaged", duration=0.1)
@@ -268,10 +274,10 @@ def test_a_temperature_is_above_the_description_s_own() -> None:
         assert fit.space.nuisances.names == ("load",)
 
 
-# In the actuator's file.
+# Priors in the file of an actuator.
 
 
-def test_priors_survive_a_file_and_defaults_stay_out_of_it(tmp_path: Path) -> None:
+def test_priors_are_written_to_a_file_and_read_back_without_defaults(tmp_path: Path) -> None:
     path = tmp_path / "actuator.toml"
     THESIS.to_toml(path)
     assert "[nuisances]" not in path.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What is fitted: channels and priors end to end, each weighted by what is left of it."""
+"""The objective: rows of channels and priors, weighted by the size of their residuals."""
 
 from dataclasses import replace
 
@@ -45,60 +45,64 @@ def fit(nuisances: tuple[str, ...] = ("load", "current_offset", "current_scale")
     return faults_objective(problem_of(rig(0.0, 0.0, *CHANNELS), THESIS, channels=None), nuisances)
 
 
-def test_channels_and_priors_stand_end_to_end() -> None:
-    one = fit()
-    point = one.space.points(TRUTH.vector)[np.newaxis]
+def test_outputs_are_the_rows_of_channels_followed_by_priors() -> None:
+    objective = fit()
+    point = objective.space.points(TRUTH.vector)[np.newaxis]
     point[0, -3:] = (0.1, -0.2, 0.3)
-    rows = one.outputs(point)
-    assert one.problem.channels == CHANNELS
+    rows = objective.outputs(point)
+    assert objective.problem.channels == CHANNELS
     assert rows.shape == (1, 4 * ROWS + 3)
-    assert one.target.shape == (4 * ROWS + 3,)
-    np.testing.assert_array_equal(one.target[-3:], 0.0)
-    # A prior standard deviation counts `prior_weight`; a coordinate of 1 is PRIORS_PER_UNIT of them.
-    np.testing.assert_allclose(rows[0, -3:], one.prior_weight * PRIORS_PER_UNIT * point[0, -3:])
-    np.testing.assert_array_equal(one.target[:ROWS], one.problem.recorded)
+    assert objective.target.shape == (4 * ROWS + 3,)
+    np.testing.assert_array_equal(objective.target[-3:], 0.0)
+    # A prior standard deviation has the weight `prior_weight`; a coordinate of 1 is PRIORS_PER_UNIT of them.
+    np.testing.assert_allclose(rows[0, -3:], objective.prior_weight * PRIORS_PER_UNIT * point[0, -3:])
+    np.testing.assert_array_equal(objective.target[:ROWS], objective.problem.recorded)
 
 
-def test_offset_and_scale_of_the_sensor_act_on_the_current_alone() -> None:
-    one = fit(("current_offset", "current_scale"))
-    plain = one.space.points(TRUTH.vector)[np.newaxis]
-    off = plain.copy()
-    off[0, -2:] = (0.2, 0.1)
+def test_offset_and_scale_of_the_current_sensor_act_only_on_the_current() -> None:
+    objective = fit(("current_offset", "current_scale"))
+    plain = objective.space.points(TRUTH.vector)[np.newaxis]
+    shifted = plain.copy()
+    shifted[0, -2:] = (0.2, 0.1)
     # In units of PRIORS_PER_UNIT prior deviations: 0.2 × 5 × 0.045 A, and 0.1 × 5 × 1 %.
-    expected = one.outputs(plain)[0, :ROWS] * 1.005 + 0.045
-    np.testing.assert_allclose(one.outputs(off)[0, :ROWS], expected, rtol=1e-12)
+    expected = objective.outputs(plain)[0, :ROWS] * 1.005 + 0.045
+    np.testing.assert_allclose(objective.outputs(shifted)[0, :ROWS], expected, rtol=1e-12)
     np.testing.assert_array_equal(
-        one.outputs(off)[0, ROWS : 4 * ROWS], one.outputs(plain)[0, ROWS : 4 * ROWS]
+        objective.outputs(shifted)[0, ROWS : 4 * ROWS], objective.outputs(plain)[0, ROWS : 4 * ROWS]
     )
 
 
-def test_the_channel_with_the_larger_residual_counts_less() -> None:
-    one = fit(("load",))
+def test_a_channel_with_a_larger_residual_has_less_weight() -> None:
+    objective = fit(("load",))
     residual = np.ones(4 * ROWS + 1)
     residual[ROWS : 2 * ROWS] = 4.0
-    other = one.reweighted(residual)
-    ratios = other.problem.weights / one.problem.weights
+    reweighted = objective.reweighted(residual)
+    ratios = reweighted.problem.weights / objective.problem.weights
     np.testing.assert_allclose(ratios / ratios[0], [1.0, 0.25, 1.0, 1.0])
     rows = np.random.default_rng(0).normal(size=4 * ROWS + 1)
-    np.testing.assert_allclose(one.rescaled(other.rescaled(rows, one), other), rows, rtol=1e-12)
-    np.testing.assert_allclose(other.rescaled(one.target, one), other.target, rtol=1e-12)
+    np.testing.assert_allclose(
+        objective.rescaled(reweighted.rescaled(rows, objective), reweighted), rows, rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        reweighted.rescaled(objective.target, objective), reweighted.target, rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize(("biased", "count"), [(False, 1), (True, 20)])
 def test_a_prior_counts_as_one_row_of_a_white_residual_and_as_20_of_a_biased_one(
     biased: bool, count: int
 ) -> None:
-    one = fit(("load", "temperature"))
+    objective = fit(("load", "temperature"))
     residual = np.random.default_rng(0).normal(size=4 * ROWS + 2)
-    other = one.reweighted(residual, biased=biased)
-    point = other.space.points(Faults().vector)[np.newaxis]
-    # A prior standard deviation of each.
+    reweighted = objective.reweighted(residual, biased=biased)
+    point = reweighted.space.points(Faults().vector)[np.newaxis]
+    # One prior standard deviation of each nuisance.
     point[0, -2:] = 1 / PRIORS_PER_UNIT
-    added = other.outputs(point)[0, -2:] ** 2
-    np.testing.assert_allclose(added, count * np.mean(other.rescaled(residual, one)[:ROWS] ** 2))
+    added = reweighted.outputs(point)[0, -2:] ** 2
+    np.testing.assert_allclose(added, count * np.mean(reweighted.rescaled(residual, objective)[:ROWS] ** 2))
 
 
-def test_nuisances_by_default_by_name_and_where_they_are_known() -> None:
+def test_nuisances_are_selected_by_default_or_by_name_unless_recorded() -> None:
     assert NuisanceSet.of(THESIS, None, ()).names == ("load", "temperature")
     assert NuisanceSet.of(THESIS, None, ("load_Nm",)).names == ("temperature",)
     assert NuisanceSet.of(THESIS, None, ("temperature_K",)).names == ("load",)
@@ -112,7 +116,7 @@ def test_nuisances_by_default_by_name_and_where_they_are_known() -> None:
     assert set(NAMES) > {"load", "hinge", "temperature", "supply", "inertia"}
 
 
-def test_an_idle_column_is_not_compared() -> None:
+def test_a_channel_that_is_zero_throughout_is_not_compared() -> None:
     recording = rig(0.0, 0.0, "current_A", voltage_V=0.0)
     assert problem_of(recording, THESIS, channels=None).channels == ("current_A",)
 
@@ -124,43 +128,43 @@ def loaded_and_hot() -> Recording:
 
 
 @pytest.fixture(scope="module")
-def seeing(loaded_and_hot: Recording) -> Diagnosis:
+def with_voltage(loaded_and_hot: Recording) -> Diagnosis:
     return diagnose(loaded_and_hot, THESIS, nuisances=USUAL)
 
 
 @pytest.mark.usefixtures("one_search")
 def test_current_and_voltage_separate_load_and_heat_from_faults(
-    loaded_and_hot: Recording, seeing: Diagnosis
+    loaded_and_hot: Recording, with_voltage: Diagnosis
 ) -> None:
-    # The issue's bounds over random cases: 2 % in the median, 6 % for 95 of 100.
-    assert error_percent(TRUTH.vector, seeing.faults.vector) <= 6.0
-    assert seeing.nuisances["load"].value == pytest.approx(0.15, abs=0.01)
-    assert seeing.nuisances["temperature"].value == pytest.approx(40.0, abs=5.0)
-    blind = diagnose(loaded_and_hot, THESIS, nuisances=())
-    # A tenth of the torque limit is more than all friction: unknown, it is read as faults.
-    assert error_percent(TRUTH.vector, blind.faults.vector) > 10.0
-    assert not blind.explained
+    # Bounds for random cases: 2 % in the median, 6 % for 95 of 100.
+    assert error_percent(TRUTH.vector, with_voltage.faults.vector) <= 6.0
+    assert with_voltage.nuisances["load"].value == pytest.approx(0.15, abs=0.01)
+    assert with_voltage.nuisances["temperature"].value == pytest.approx(40.0, abs=5.0)
+    without_nuisances = diagnose(loaded_and_hot, THESIS, nuisances=())
+    # A tenth of the torque limit is more than all friction: an unknown load of this size biases the faults.
+    assert error_percent(TRUTH.vector, without_nuisances.faults.vector) > 10.0
+    assert not without_nuisances.explained
 
 
-def test_from_the_current_alone_the_shorts_are_as_uncertain_as_the_heat(seeing: Diagnosis) -> None:
-    found = diagnose(rig(0.0, 40.0, "current_A"), THESIS, nuisances=USUAL)
+def test_without_the_voltage_the_errors_of_shorts_include_the_unknown_heat(with_voltage: Diagnosis) -> None:
+    diagnosis = diagnose(rig(0.0, 40.0, "current_A"), THESIS, nuisances=USUAL)
     for name in ("short_a", "short_b", "short_c"):
-        low, high = found.interval[name]
-        # 40 K lie 1.3 prior standard deviations off: within 1.96 of them.
+        low, high = diagnosis.interval[name]
+        # 40 K are 1.3 prior standard deviations, within 1.96 of them.
         assert low <= getattr(TRUTH, name) <= high
-        wide, narrow = (one.components[name].standard_error for one in (found, seeing))
+        wide, narrow = (result.components[name].standard_error for result in (diagnosis, with_voltage))
         assert wide > 2 * narrow
 
 
-def test_a_recorded_temperature_is_taken_as_known() -> None:
+def test_a_recorded_temperature_is_no_nuisance() -> None:
     hot = rig(0.0, 40.0, "current_A", temperature_K=293.15 + 40.0)
-    found = diagnose(hot, THESIS, nuisances=USUAL)
-    assert list(found.nuisances) == ["load"]
-    # As good as at nominal temperature: a random vector's bound of issue "From a recording to a diagnosis".
-    assert error_percent(TRUTH.vector, found.faults.vector) <= 2.5
+    diagnosis = diagnose(hot, THESIS, nuisances=USUAL)
+    assert list(diagnosis.nuisances) == ["load"]
+    # The bound of a random fault vector at nominal temperature.
+    assert error_percent(TRUTH.vector, diagnosis.faults.vector) <= 2.5
 
 
-def test_a_description_keeps_its_priors() -> None:
+def test_a_description_keeps_its_priors_in_a_round_trip() -> None:
     described = replace_priors(load=0.02, estimated=("load", "supply"))
     again = Actuator.from_dict(described.model_dump())
     assert again.nuisances.load == 0.02
@@ -173,54 +177,54 @@ def replace_priors(**priors: object) -> Actuator:
     return THESIS.model_copy(update={"nuisances": nuisances})
 
 
-def test_a_weight_is_an_inverse_size() -> None:
+def test_the_weight_of_a_channel_is_the_inverse_of_its_residual() -> None:
     problem = fit(("load",)).problem.weighted([2.0, 1.0, 4.0, 8.0])
     np.testing.assert_allclose(problem.weights, [1.0, 2.0, 0.5, 0.25])
     assert replace(problem).channels == CHANNELS
 
 
-def test_another_model_has_ripple_and_no_other_opinion_of_what_was_known_before() -> None:
-    one = fit(("load", "temperature", "current_scale"))
-    point = one.space.points(TRUTH.vector)[np.newaxis]
+def test_another_model_changes_the_rows_of_channels_and_not_those_of_priors() -> None:
+    objective = fit(("load", "temperature", "current_scale"))
+    point = objective.space.points(TRUTH.vector)[np.newaxis]
     point[0, -3:] = (0.1, -0.2, 0.3)
-    rows = one.outputs(point)[0]
-    np.testing.assert_array_equal(one.by(AVERAGED).outputs(point)[0], rows)
-    more = one.by(REFERENCE).outputs(point)[0] - rows
-    assert np.all(np.sqrt(np.mean(more[: one.channel_rows].reshape(4, -1) ** 2, axis=1)) > 0)
-    np.testing.assert_array_equal(more[one.channel_rows :], 0.0)
+    rows = objective.outputs(point)[0]
+    np.testing.assert_array_equal(objective.by(AVERAGED).outputs(point)[0], rows)
+    difference = objective.by(REFERENCE).outputs(point)[0] - rows
+    assert np.all(np.sqrt(np.mean(difference[: objective.channel_rows].reshape(4, -1) ** 2, axis=1)) > 0)
+    np.testing.assert_array_equal(difference[objective.channel_rows :], 0.0)
 
 
-def test_a_channel_without_residual_does_not_silence_the_others() -> None:
-    one = fit(("load",))
+def test_the_weight_of_a_channel_without_residual_is_limited() -> None:
+    objective = fit(("load",))
     residual = np.ones(4 * ROWS + 1) * 0.1
     residual[ROWS : 2 * ROWS] = 0.0
-    weights = one.reweighted(residual).problem.weights
-    # Nothing is trusted beyond a ten-thousandth of its channel.
-    voltage = np.sqrt(np.mean(one.problem.measured["voltage_V"] ** 2))
+    weights = objective.reweighted(residual).problem.weights
+    # No residual counts as smaller than a ten-thousandth of its channel.
+    voltage = np.sqrt(np.mean(objective.problem.measured["voltage_V"] ** 2))
     assert weights[1] == pytest.approx(0.1 / (1e-4 * voltage))
 
 
-def test_a_prior_stands_against_a_residual_as_twenty_rows_do() -> None:
-    one = fit(("load",)).scale_prior(0.5)
-    point = one.space.points(TRUTH.vector)[np.newaxis]
+def test_a_deviation_from_a_prior_counts_as_twenty_rows_of_the_residual() -> None:
+    objective = fit(("load",)).scale_prior(0.5)
+    point = objective.space.points(TRUTH.vector)[np.newaxis]
     point[0, -1] = 1 / PRIORS_PER_UNIT
-    # One standard deviation off weighs as the square of 0.5 A over the 20 rows that are worth one.
-    assert one.outputs(point)[0, -1] ** 2 == pytest.approx(20 * 0.5**2)
+    # A deviation of one standard deviation counts as a residual of 0.5 A in each of 20 rows.
+    assert objective.outputs(point)[0, -1] ** 2 == pytest.approx(20 * 0.5**2)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5])
-def test_rows_that_are_not_compared_hide_no_residual(share: float) -> None:
+def test_rows_that_are_not_compared_do_not_lower_the_normalised_residual(share: float) -> None:
     noise = 0.05
     described = THESIS.model_dump() | {"sensors": {"current_A": {"noise": noise}}}
     actuator = Actuator.from_dict(described)
     problem = problem_of(simulate(actuator, Chirp(), model="averaged", noise=noise), actuator, channels=())
     objective = faults_objective(problem, ())
     point = objective.space.points(Faults().vector[np.newaxis])[0]
-    whole = SearchResult.at(objective, point)
+    of_all_rows = SearchResult.at(objective, point)
     rows = np.arange(problem.samples) < share * problem.samples
-    left = SearchResult.at(objective.ignoring({"current_A": rows}), point)
-    # Twice the variance that is described. Of 1,250 rows at least, the size of white noise is known to 2 %;
-    # a small share of the signal is allowed for.
-    assert whole.normalised_residual == pytest.approx(2**0.5, rel=0.07)
-    assert left.normalised_residual == pytest.approx(whole.normalised_residual, rel=0.07)
-    assert not left.residual_is_expected
+    without_rows = SearchResult.at(objective.ignoring({"current_A": rows}), point)
+    # Twice the described variance. From at least 1,250 rows, the size of white noise is known to 2 %;
+    # the limit includes a small share of the signal.
+    assert of_all_rows.normalised_residual == pytest.approx(2**0.5, rel=0.07)
+    assert without_rows.normalised_residual == pytest.approx(of_all_rows.normalised_residual, rel=0.07)
+    assert not without_rows.residual_is_expected

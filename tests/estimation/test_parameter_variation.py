@@ -1,4 +1,4 @@
-"""How far a parameter may be from its description: widths of the start and bounds, by the logarithm."""
+"""The range of a parameter about its description: widths of starts, and bounds, as logarithms."""
 
 import math
 
@@ -23,20 +23,20 @@ WIDE = (
 NARROW = ("inertia", "static", "damping", "quadratic", "load_friction")
 
 
-def test_what_no_description_implies_is_sought_from_a_twentieth_to_twenty_times() -> None:
-    found = ParameterVariation.suspected(EVERYTHING, (*WIDE, *NARROW))
-    np.testing.assert_allclose(np.exp(found.priors), [20.0] * len(WIDE) + [3.0] * len(NARROW))
-    np.testing.assert_allclose(np.exp(found.widest), 30.0)
-    np.testing.assert_array_equal(start_widths((*WIDE, *NARROW)), found.priors)
+def test_suspected_parameters_have_priors_of_a_factor_of_20_or_3() -> None:
+    variation = ParameterVariation.suspected(EVERYTHING, (*WIDE, *NARROW))
+    np.testing.assert_allclose(np.exp(variation.priors), [20.0] * len(WIDE) + [3.0] * len(NARROW))
+    np.testing.assert_allclose(np.exp(variation.widest), 30.0)
+    np.testing.assert_array_equal(start_widths((*WIDE, *NARROW)), variation.priors)
 
 
-def test_a_free_parameter_is_as_wide_as_its_bound() -> None:
-    found = ParameterVariation.free(EVERYTHING, (*WIDE, *NARROW))
-    np.testing.assert_array_equal(found.priors, found.widest)
+def test_a_free_parameter_has_a_prior_as_wide_as_its_bound() -> None:
+    variation = ParameterVariation.free(EVERYTHING, (*WIDE, *NARROW))
+    np.testing.assert_array_equal(variation.priors, variation.widest)
 
 
 @pytest.mark.parametrize(("name", "deviations"), [*((name, None) for name in WIDE), ("inertia", 2.0537489)])
-def test_the_starts_of_a_search_are_spread_by_the_width_within_the_bounds(
+def test_starts_of_a_search_have_a_log_normal_distribution_cut_at_the_bounds(
     name: str, deviations: float | None
 ) -> None:
     chosen = NuisanceSet.of(EVERYTHING, (), (), ParameterVariation.suspected(EVERYTHING, (name,)))
@@ -45,7 +45,7 @@ def test_the_starts_of_a_search_are_spread_by_the_width_within_the_bounds(
     unit[:, -1] = 0.0, 0.5, 0.69146246, 1.0
     [values] = chosen.values(space.prior_transform(unit)[:, -1:]).values()
     reached = varied(EVERYTHING, name, values) / lumped_parameters(EVERYTHING, (name,))[name]
-    # A normal distribution: 0.5 standard deviations above the median are 69.1 %; 98 % are the largest tried.
+    # A normal distribution: its 69.1 % quantile is 0.5 standard deviations; it is cut at its 98 % quantile.
     largest = 30.0 if deviations is None else 3.0**deviations
     half = math.sqrt(20.0 if deviations is None else 3.0)
     np.testing.assert_allclose(reached, [1 / largest, 1.0, half, largest], rtol=1e-6)

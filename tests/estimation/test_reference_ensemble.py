@@ -1,4 +1,4 @@
-"""Ensembles of the reference model: they leave the false minima that heavy currents make."""
+"""Ensembles of the reference model: they leave false minima caused by heavy currents."""
 
 from dataclasses import replace
 
@@ -27,31 +27,31 @@ def near(objective: MapObjective, distance: float) -> SearchResult:
     return result_off(objective, HEAVY, distance)
 
 
-def test_it_leads_from_a_false_minimum_to_the_truth(objective: MapObjective) -> None:
+def test_the_ensemble_leads_from_a_false_minimum_to_the_truth(objective: MapObjective) -> None:
     begun = near(objective, 0.02)
     assert begun.residual_over_switching > 30
     ended = refine_by_ensemble(begun, seed=0, settings=FEW)
     assert leaves_switching_alone(ended)
     assert ended.converged
-    # What the current shows best; backlash and eccentricity may stand for each other until noise tells them.
-    shown = [0, 2, 3, 4, 7]
-    assert np.abs(ended.point - objective.space.points(HEAVY))[shown].max() < 0.1 * 0.02
-    # The correction under which the point is the optimum: that model's residual is the reference model's.
+    # The best identified components; backlash and eccentricity are confounded within the noise.
+    well_identified = [0, 2, 3, 4, 7]
+    assert np.abs(ended.point - objective.space.points(HEAVY))[well_identified].max() < 0.1 * 0.02
+    # The correction makes the point the optimum: the corrected model has the residual of the reference model.
     np.testing.assert_array_equal(ended.remaining_bias, 0.0)
     assert np.all(np.diag(ended.scatter) >= np.diag(begun.scatter))
 
 
 @pytest.mark.parametrize("spread", [1.0, 1e12])
-def test_the_first_spread_is_that_of_the_posterior_however_unlike_the_axes_are_known(spread: float) -> None:
+def test_the_first_spread_is_that_of_the_posterior_for_any_condition_number(spread: float) -> None:
     rng = np.random.default_rng(3)
     deviations = np.array([0.3, 1.0, 40.0, 0.02])
     axes = np.linalg.qr(rng.normal(size=(4, 4)))[0]
     known = np.array([0.0, 1.0, spread, spread])
     factor = first_factor((axes * known @ axes.T) / np.outer(deviations, deviations), deviations)
-    # In units of the prior, along each axis; where the prior alone is known it is 1.
+    # In units of the prior along each axis; it is 1 along an axis without information.
     variances = np.diag(axes.T @ (factor @ factor.T / np.outer(deviations, deviations)) @ axes)
     np.testing.assert_allclose(variances, 1 / (1 + known), rtol=1e-3, atol=1e-3)
-    # Where rounding leaves nothing of what is known least, there is a spread all the same.
+    # The spread is finite even where rounding removes the smallest information.
     assert np.isfinite(first_factor((axes * (1e28 * known) @ axes.T), deviations)).all()
 
 
@@ -68,7 +68,7 @@ def test_the_same_seed_gives_the_same_bits(objective: MapObjective) -> None:
     np.testing.assert_array_equal(first.point, second.point)
 
 
-def test_a_residual_that_the_share_of_a_heavy_current_hides_is_more_than_switching() -> None:
+def test_a_residual_small_relative_to_a_heavy_current_exceeds_switching() -> None:
     objective = objective_of(HEAVY)
     assert is_heavy(objective.problem)
     hidden = near(objective, 1e-4)

@@ -1,4 +1,4 @@
-"""A replay holds the model against every channel of a recording, each by its relative error."""
+"""A replay compares the model with each channel of a recording, by relative errors and errors in units."""
 
 import json
 from pathlib import Path
@@ -26,14 +26,14 @@ from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED
 
 FREQUENCY = 2 * np.pi * 15
-"""The chirp's highest [rad/s]."""
+"""Highest angular frequency of the chirp [rad/s]."""
 
 
 def relative(name: str, measured: Array, modelled: Array) -> float | None:
     return ErrorStatistics.of(name, [(measured, modelled)]).relative
 
 
-def test_the_relative_error_by_hand() -> None:
+def test_the_relative_error_agrees_with_values_by_hand() -> None:
     # Differences 1, 0, 2, 2: rms 1.5. Measured 3, 3, 5, 1: rms sqrt(11).
     measured, modelled = np.array([3.0, 3.0, 5.0, 1.0]), np.array([2.0, 3.0, 3.0, -1.0])
     assert relative("current_A", measured, modelled) == pytest.approx(1.5 / np.sqrt(11))
@@ -52,7 +52,7 @@ def test_angles_are_compared_modulo_a_turn(angle: Array, turns: NDArray[np.int64
     assert off == pytest.approx(0.1 / np.sqrt(np.mean((angle - angle[0]) ** 2)))
 
 
-def test_a_recorded_temperature_is_that_of_the_model() -> None:
+def test_a_recorded_temperature_changes_the_model() -> None:
     assert THESIS.electrical is not None
     hot = with_lumped_parameters(
         THESIS,
@@ -65,71 +65,71 @@ def test_a_recorded_temperature_is_that_of_the_model() -> None:
     whole = simulate(hot, Chirp(stop_hz=15.0, duration=0.3), model="averaged", duration=0.3)
     kept = {name: whole[name] for name in ("time_s", "command_rad", "current_A", "voltage_V")}
     known = kept | {"temperature_K": np.full(whole.samples, THESIS.electrical.temperature + 60.0)}
-    cold, found = (replay(Recording(one), THESIS).relative_error for one in (kept, known))
-    assert all(found[name] < 0.5 * cold[name] for name in cold)
+    cold, with_temperature = (replay(Recording(columns), THESIS).relative_error for columns in (kept, known))
+    assert all(with_temperature[name] < 0.5 * cold[name] for name in cold)
 
 
-def test_every_shared_channel_of_the_schema_is_judged(healthy: Recording) -> None:
-    found = replay(healthy, THESIS)
-    assert set(found.relative_error) == {
+def test_each_channel_common_to_model_and_schema_has_a_relative_error(healthy: Recording) -> None:
+    result = replay(healthy, THESIS)
+    assert set(result.relative_error) == {
         "position_rad",
         "speed_rad_s",
         "angle_rad",
         "current_A",
         "voltage_V",
     }
-    for name, error in found.relative_error.items():
-        by_hand = np.sqrt(np.mean((healthy[name] - found.signals[name]) ** 2) / np.mean(healthy[name] ** 2))
+    for name, error in result.relative_error.items():
+        by_hand = np.sqrt(np.mean((healthy[name] - result.signals[name]) ** 2) / np.mean(healthy[name] ** 2))
         assert error == pytest.approx(by_hand)
-    assert list(found.relative_error) == [name for name in SCHEMA if name in found.relative_error]
+    assert list(result.relative_error) == [name for name in SCHEMA if name in result.relative_error]
 
 
-def test_what_the_averaged_model_recorded_step_by_step_is_replayed_exactly() -> None:
+def test_a_recording_of_the_averaged_model_at_its_steps_is_replayed_exactly() -> None:
     recording = simulate(THESIS, Chirp(), model="averaged", sampling="instant", sample_rate=1 / AVERAGED.step)
     errors = replay(recording, THESIS).relative_error
-    # Every step's command is a row. What remains is rounding, of times to 1e-16 s, over 10,000 steps.
+    # Each step has its row of the command. The remaining error is rounding of times, over 10,000 steps.
     assert set(errors) > {"position_rad", "speed_rad_s", "angle_rad", "current_A"}
     assert all(error < 1e-9 for error in errors.values())
 
 
-def test_between_rows_the_command_is_a_chord() -> None:
+def test_between_instants_the_replay_has_the_error_of_a_chord() -> None:
     recording = simulate(THESIS, Chirp(), model="averaged", sampling="instant")
     errors = replay(recording, THESIS).relative_error
-    # A chord misses (h w)² / 8 of a sine of frequency w, and 2/3 of that in the mean. Position and speed
-    # follow the command; the current amplifies what is missed by position and speed gain.
-    missed = (INTERVAL * FREQUENCY) ** 2 / 8
+    # A chord has an error of (h w)² / 8 of a sine of frequency w, 2/3 of that in the mean. Position and speed
+    # follow the command; position and speed gain amplify the error in the current.
+    chord_error = (INTERVAL * FREQUENCY) ** 2 / 8
     for name in ("position_rad", "speed_rad_s", "angle_rad"):
-        assert errors[name] < missed
+        assert errors[name] < chord_error
     controller = THESIS.controller
     gain = controller.position_gain * controller.speed_gain / THESIS.drive_constant
-    assert errors["current_A"] < missed * gain * 5e-3 / np.sqrt(np.mean(recording["current_A"] ** 2))
+    assert errors["current_A"] < chord_error * gain * 5e-3 / np.sqrt(np.mean(recording["current_A"] ** 2))
 
 
-def test_means_of_the_averaged_model_are_replayed_to_half_a_step() -> None:
+def test_means_of_the_averaged_model_are_replayed_within_half_a_step() -> None:
     recording = simulate(THESIS, Chirp(), model="averaged")
     errors = replay(recording, THESIS).relative_error
-    # Its command is the mean over the steps' starts, so that it is half a step (25 µs) late.
+    # The command is the mean over the starts of the steps, so that it is half a step (25 µs) late.
     late = FREQUENCY * AVERAGED.step / 2
     assert errors["position_rad"] < 1.2 * late
     assert errors["speed_rad_s"] < 1.2 * late
     assert errors["current_A"] < 0.02
 
 
-def test_the_reference_models_recording_is_replayed_but_for_its_ripple(healthy: Recording) -> None:
+def test_a_recording_of_the_reference_model_is_replayed_except_for_its_ripple(healthy: Recording) -> None:
     errors = replay(healthy, THESIS).relative_error
     assert errors["position_rad"] < 5e-3
     assert errors["speed_rad_s"] < 5e-3
-    # 0.08 A rms between the models (docs/physics.md, section 1) and 0.05 A of noise, of 2.4 A.
+    # 0.08 A rms between the models (docs/physics.md, section 1) and 0.05 A of noise, relative to 2.4 A.
     assert errors["current_A"] < 0.06
 
 
-def test_a_wrong_actuator_is_farther_off(healthy: Recording) -> None:
+def test_a_wrong_actuator_has_a_larger_error(healthy: Recording) -> None:
     right = replay(healthy, THESIS).relative_error["current_A"]
     for values in ({"inertia": 5e-5}, {"coulomb": 0.15}, {"position_gain": 7e4}):
         assert replay(healthy, with_lumped_parameters(THESIS, values)).relative_error["current_A"] > 3 * right
 
 
-def test_faults_are_replayed_where_they_are_given() -> None:
+def test_given_faults_are_replayed() -> None:
     faults = Faults(friction=0.5, short_a=0.3)
     recording = simulate(THESIS, Chirp(), faults=faults)
     healthy = replay(recording, THESIS).relative_error["current_A"]
@@ -137,7 +137,7 @@ def test_faults_are_replayed_where_they_are_given() -> None:
     assert faulty < 0.06 < 3 * 0.06 < healthy
 
 
-def test_the_models_replay_one_another(healthy: Recording) -> None:
+def test_the_models_replay_recordings_of_each_other(healthy: Recording) -> None:
     for model, most in (("reference", 0.06), ("monitor", 0.15), ("averaged", 0.06)):
         assert replay(healthy, THESIS, model=model).relative_error["current_A"] < most
 
@@ -149,13 +149,13 @@ def test_an_ideal_current_loop_has_no_voltage() -> None:
     assert "voltage_V" not in replay(recording, ideal).relative_error
 
 
-def test_the_json_has_what_the_design_asks_for(healthy: Recording) -> None:
-    found = replay(healthy, THESIS)
-    read = json.loads(found.to_json())
-    assert read["relative_error"] == found.relative_error
+def test_the_json_has_the_documented_keys(healthy: Recording) -> None:
+    result = replay(healthy, THESIS)
+    read = json.loads(result.to_json())
+    assert read["relative_error"] == result.relative_error
     assert (read["model"], read["actuator"], read["recording"]) == ("averaged", "thesis", healthy.source)
-    for name, error in found.relative_error.items():
-        assert f"{100 * error:.4g} %" in next(line for line in str(found).splitlines() if name in line)
+    for name, error in result.relative_error.items():
+        assert f"{100 * error:.4g} %" in next(line for line in str(result).splitlines() if name in line)
 
 
 def test_a_channel_that_is_zero_throughout_leaves_the_json_valid(healthy: Recording) -> None:
@@ -178,30 +178,32 @@ def test_a_recording_in_foreign_units_is_refused(healthy: Recording) -> None:
         replay(milliamperes, THESIS)
 
 
-def test_errors_in_units_by_hand() -> None:
+def test_errors_in_units_agree_with_values_by_hand() -> None:
     # Differences 1, 0, 2, -2.
     measured, modelled = np.array([3.0, 3.0, 5.0, -1.0]), np.array([2.0, 3.0, 3.0, 1.0])
-    one = ErrorStatistics.of("position_rad", [(measured, modelled)])
-    assert (one.mean_absolute, one.rms) == pytest.approx((1.25, 1.5))
-    # Of two recordings, over all rows: differences 1, 0, 2, -2 and 0, 0.
-    both = ErrorStatistics.of("position_rad", [(measured, modelled), (np.zeros(2), np.zeros(2))])
-    assert (both.mean_absolute, both.rms) == pytest.approx((5 / 6, np.sqrt(9 / 6)))
+    single = ErrorStatistics.of("position_rad", [(measured, modelled)])
+    assert (single.mean_absolute, single.rms) == pytest.approx((1.25, 1.5))
+    # Over all rows of two recordings: differences 1, 0, 2, -2 and 0, 0.
+    joint = ErrorStatistics.of("position_rad", [(measured, modelled), (np.zeros(2), np.zeros(2))])
+    assert (joint.mean_absolute, joint.rms) == pytest.approx((5 / 6, np.sqrt(9 / 6)))
     assert ErrorStatistics.of("position_rad", [(np.zeros(2), np.ones(2))]).relative is None
 
 
-def test_errors_in_units_stand_beside_the_relative_one(healthy: Recording) -> None:
-    found = replay(healthy, THESIS)
-    told = found.to_dict()
-    assert told["mean_absolute_error"].keys() == told["rms_error"].keys() == told["relative_error"].keys()
-    for name, error in found.rms_error.items():
-        difference = healthy[name] - found.signals[name]
+def test_errors_in_units_are_reported_with_the_relative_error(healthy: Recording) -> None:
+    result = replay(healthy, THESIS)
+    answer = result.to_dict()
+    assert (
+        answer["mean_absolute_error"].keys() == answer["rms_error"].keys() == answer["relative_error"].keys()
+    )
+    for name, error in result.rms_error.items():
+        difference = healthy[name] - result.signals[name]
         assert error == pytest.approx(np.sqrt(np.mean(difference**2)))
-        assert found.mean_absolute_error[name] == pytest.approx(np.mean(np.abs(difference)))
-        line = next(line for line in str(found).splitlines() if line.startswith(name))
-        assert f"{found.mean_absolute_error[name]:.4g}" in line
+        assert result.mean_absolute_error[name] == pytest.approx(np.mean(np.abs(difference)))
+        line = next(line for line in str(result).splitlines() if line.startswith(name))
+        assert f"{result.mean_absolute_error[name]:.4g}" in line
         assert f"{error:.4g}" in line
         assert unit_for(SCHEMA[name].unit, "rotary") in line
-    assert told["warnings"] == told["notes"] == []
+    assert answer["warnings"] == answer["notes"] == []
 
 
 def test_a_channel_that_is_zero_throughout_has_an_error_in_its_unit(healthy: Recording) -> None:
@@ -210,39 +212,39 @@ def test_a_channel_that_is_zero_throughout_has_an_error_in_its_unit(healthy: Rec
     assert "speed_rad_s" not in jammed.relative_error
 
 
-def test_a_position_is_judged_by_its_motion_wherever_its_zero_is() -> None:
-    there, here = (
+def test_the_relative_error_of_a_position_does_not_depend_on_its_zero() -> None:
+    away_from_zero, about_zero = (
         simulate(THESIS, Chirp(about=about), model="averaged", duration=0.2) for about in (0.3, 0.0)
     )
-    for whole, about in ((there, 0.3), (here, 0.0)):
+    for whole, about in ((away_from_zero, 0.3), (about_zero, 0.0)):
         mirrored = Recording(
             {n: whole[n] for n in whole.names} | {"position_rad": 2 * about - whole["position_rad"]}
         )
-        found = replay(mirrored, THESIS, model="averaged")
-        assert found.relative_error["position_rad"] == pytest.approx(2.0, rel=0.01)
-        assert any("position_rad deviates by" in one for one in found.warnings)
+        result = replay(mirrored, THESIS, model="averaged")
+        assert result.relative_error["position_rad"] == pytest.approx(2.0, rel=0.01)
+        assert any("position_rad deviates by" in warning for warning in result.warnings)
 
 
-def test_a_model_that_is_nothing_like_the_recording_is_warned_of(healthy: Recording) -> None:
+def test_a_model_unlike_the_recording_causes_a_warning(healthy: Recording) -> None:
     reversed_sign = Recording(dict(healthy.channels) | {"position_rad": -healthy["position_rad"]})
-    found = replay(reversed_sign, THESIS)
-    (warning,) = found.warnings
+    result = replay(reversed_sign, THESIS)
+    (warning,) = result.warnings
     for piece in ("position_rad deviates by", "%", "unit", "sign", "[channels]"):
         assert piece in warning
-    assert f"Warning: {warning}." in str(found)
-    assert found.to_dict()["warnings"] == [warning]
+    assert f"Warning: {warning}." in str(result)
+    assert result.to_dict()["warnings"] == [warning]
 
 
 @pytest.mark.parametrize("name", ["position_rad", "speed_rad_s", "voltage_V"])
-def test_one_channel_is_enough(healthy: Recording, name: str) -> None:
+def test_one_channel_is_sufficient(healthy: Recording, name: str) -> None:
     recording = Recording({kept: healthy[kept] for kept in ("time_s", "command_rad", name)})
-    found = replay(recording, THESIS)
-    assert list(found.relative_error) == [name]
+    result = replay(recording, THESIS)
+    assert list(result.relative_error) == [name]
     whole = replay(healthy, THESIS)
-    assert found.relative_error[name] == pytest.approx(whole.relative_error[name], rel=0.05)
+    assert result.relative_error[name] == pytest.approx(whole.relative_error[name], rel=0.05)
 
 
-def test_a_channel_that_no_model_has_is_not_enough(healthy: Recording) -> None:
+def test_a_channel_that_no_model_has_is_refused(healthy: Recording) -> None:
     given = {name: healthy[name] for name in ("time_s", "command_rad")}
     with pytest.raises(
         MethodError, match=r"\(duty\) can be compared with the averaged model .* record one of"
@@ -250,28 +252,28 @@ def test_a_channel_that_no_model_has_is_not_enough(healthy: Recording) -> None:
         replay(Recording(given | {"duty": healthy["voltage_V"] / 48}), THESIS)
 
 
-def test_notes_on_the_recording_are_kept(healthy: Recording) -> None:
+def test_notes_on_the_recording_are_reported(healthy: Recording) -> None:
     moves = np.random.default_rng(0).uniform(-0.05, 0.05, healthy.samples)
     jittered = dict(healthy.channels) | {"time_s": healthy["time_s"] + INTERVAL * moves}
-    found = replay(Recording(jittered), THESIS)
-    (note,) = found.to_dict()["notes"]
+    result = replay(Recording(jittered), THESIS)
+    (note,) = result.to_dict()["notes"]
     assert "resampled" in note
-    assert f"Note: {note}." in str(found)
-    # Its values were not moved with the clock, which makes them wrong by the jitter times their slope.
-    assert found.relative_error["position_rad"] < 5e-3
+    assert f"Note: {note}." in str(result)
+    # The values were not shifted with the clock, so that their error is the jitter times their slope.
+    assert result.relative_error["position_rad"] < 5e-3
 
 
-def test_several_recordings_are_judged_together(healthy: Recording, shorted: Recording) -> None:
-    found = replay_all([healthy, shorted], THESIS)
-    told = found.to_dict()
-    assert told["recordings"] == [replay(one, THESIS).to_dict() for one in (healthy, shorted)]
-    singles = [one["rms_error"]["current_A"] for one in told["recordings"]]
-    assert told["rms_error"]["current_A"] == pytest.approx(np.sqrt(np.mean(np.square(singles))))
-    assert min(singles) < told["rms_error"]["current_A"] < max(singles)
-    text = str(found)
+def test_several_recordings_have_a_joint_error(healthy: Recording, shorted: Recording) -> None:
+    result = replay_all([healthy, shorted], THESIS)
+    answer = result.to_dict()
+    assert answer["recordings"] == [replay(recording, THESIS).to_dict() for recording in (healthy, shorted)]
+    singles = [recording["rms_error"]["current_A"] for recording in answer["recordings"]]
+    assert answer["rms_error"]["current_A"] == pytest.approx(np.sqrt(np.mean(np.square(singles))))
+    assert min(singles) < answer["rms_error"]["current_A"] < max(singles)
+    text = str(result)
     assert text.count("mean abs. error") == 3
     assert "All 2 recordings" in text
-    json.loads(found.to_json())
+    json.loads(result.to_json())
     assert replay_all([healthy], THESIS).to_dict() == replay(healthy, THESIS).to_dict()
     with pytest.raises(MethodError, match="no recording"):
         replay_all([], THESIS)
@@ -280,16 +282,16 @@ def test_several_recordings_are_judged_together(healthy: Recording, shorted: Rec
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_signals_are_written_side_by_side(healthy: Recording, tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"series.{ending}"
-    found = replay(healthy, THESIS)
-    write_series([found], path)
+    result = replay(healthy, THESIS)
+    write_series([result], path)
     table = pl.read_csv(path) if ending == "csv" else pl.read_parquet(path)
     assert table.columns[:4] == ["time_s", "command_rad", "position_rad", "position_rad_model"]
-    for name in found.errors:
+    for name in result.errors:
         np.testing.assert_array_equal(table[name], healthy[name])
-        np.testing.assert_array_equal(table[f"{name}_model"], found.signals[name])
+        np.testing.assert_array_equal(table[f"{name}_model"], result.signals[name])
 
 
-def test_signals_of_several_recordings_are_told_apart(healthy: Recording, tmp_path: Path) -> None:
+def test_signals_of_several_recordings_are_labelled_by_recording(healthy: Recording, tmp_path: Path) -> None:
     bare = Recording({name: healthy[name] for name in ("time_s", "command_rad", "current_A")}, source="bare")
     write_series(replay_all([healthy, bare], THESIS).replays, tmp_path / "series.csv")
     table = pl.read_csv(tmp_path / "series.csv")

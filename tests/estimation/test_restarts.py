@@ -1,4 +1,4 @@
-"""Searches that do not explain a recording are repeated: which is kept, and when they end."""
+"""Restarts of searches that do not explain a recording: their termination, and the result that is kept."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -23,7 +23,7 @@ SETTINGS = SearchSettings(method_named("hybrid"), MAX_CORRECTIONS, 5)
 
 @pytest.fixture(scope="module")
 def ends() -> dict[str, SearchResult]:
-    """Return where a search may end: at the truth, somewhat off it, or in a false minimum."""
+    """Return possible ends of a search: at the truth, somewhat away from it, and in a false minimum."""
     (recording,) = reference_recordings([TRUTH], noise=0.05)
     objective = MapObjective.of(problem_of(recording, THESIS), ParameterSpace.of(THESIS))
     vectors = {"truth": TRUTH, "off": np.clip(TRUTH + 0.1, 0, 1), "false": HEALTHY}
@@ -41,7 +41,7 @@ def ends() -> dict[str, SearchResult]:
         ("false off false false", 4, "off"),  # three more at most
     ],
 )
-def test_searches_end_with_an_explanation_or_an_agreement(
+def test_searches_stop_at_an_explanation_or_when_two_agree(
     made: str, searches: int, kept: str, ends: dict[str, SearchResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     expected, seeds = [ends[name] for name in made.split()], list[int]()
@@ -53,32 +53,32 @@ def test_searches_end_with_an_explanation_or_an_agreement(
     monkeypatch.setattr(restarts, "_search", search)
     monkeypatch.setattr(restarts, "refine_by_reference", lambda best, _: best)
     objective = ends["truth"].objective
-    found = restarts.search_with_restarts(objective, SETTINGS, None)
+    result = restarts.search_with_restarts(objective, SETTINGS, None)
     assert (len(seeds), seeds[0]) == (searches, 5)
     assert len(set(seeds)) == searches
-    np.testing.assert_array_equal(found.point, ends[kept].point)
-    assert len(found.alternatives) == searches - 1
+    np.testing.assert_array_equal(result.point, ends[kept].point)
+    assert len(result.alternatives) == searches - 1
 
 
 @pytest.mark.parametrize(("hopeless", "searches"), [(False, 3), (True, 1)])
-def test_no_search_follows_one_that_is_hopeless(
+def test_no_search_follows_a_hopeless_search(
     hopeless: bool, searches: int, ends: dict[str, SearchResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = [ends["off"], ends["false"], ends["off"]]
     monkeypatch.setattr(restarts, "_search", lambda *_: made.pop(0))
     monkeypatch.setattr(restarts, "refine_by_reference", lambda best, _: best)
-    found = restarts.search_with_restarts(
+    result = restarts.search_with_restarts(
         ends["off"].objective,
         SETTINGS,
         None,
         is_hopeless=lambda _: hopeless,
     )
     assert len(made) == 3 - searches
-    np.testing.assert_array_equal(found.point, ends["off"].point)
+    np.testing.assert_array_equal(result.point, ends["off"].point)
 
 
 @pytest.mark.parametrize(("heavy", "ended"), [(False, "off"), (True, "truth")])
-def test_an_ensemble_refines_what_heavy_currents_correct_badly(
+def test_an_ensemble_refines_results_with_heavy_currents(
     heavy: bool, ended: str, ends: dict[str, SearchResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     objective = ends["off"].objective
@@ -91,5 +91,5 @@ def test_an_ensemble_refines_what_heavy_currents_correct_badly(
     monkeypatch.setattr(restarts, "leaves_switching_alone", lambda _: True)
     monkeypatch.setattr(restarts, "MAX_RESTARTS", 0)
     monkeypatch.setattr(restarts, "refine_by_reference", lambda best, _: best)
-    found = restarts.search_with_restarts(objective, SETTINGS, None)
-    np.testing.assert_array_equal(found.point, ends[ended].point)
+    result = restarts.search_with_restarts(objective, SETTINGS, None)
+    np.testing.assert_array_equal(result.point, ends[ended].point)

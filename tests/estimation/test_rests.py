@@ -1,4 +1,4 @@
-"""Rests of the shaft: what the current shows there is chance, and no fault or load is read from it."""
+"""Rests of the shaft: the current there is random, and neither faults nor loads are inferred from it."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def moving_smoothly(time_s: Array) -> Array:
 
 
 def stepping(time_s: Array) -> Array:
-    """Return steps to either side, after which the shaft stands for most of 150 ms."""
+    """Return steps to either side, after each of which the shaft rests for most of 150 ms."""
     levels = np.array([0.0, 3e-3, -3e-3, 1.5e-3])
     return np.asarray(levels[np.minimum(np.asarray(time_s) // 0.15, 3).astype(int)])
 
@@ -52,27 +52,27 @@ def recorded(load: float, seed: int) -> Recording:
     return Recording({name: whole[name] for name in ("time_s", "command_rad", *CHANNELS)})
 
 
-def test_what_is_left_out_is_the_chance_s_most_probable_value() -> None:
+def test_the_removed_offset_of_a_rest_is_its_most_probable_value() -> None:
     rng = np.random.default_rng(3)
     bounds, noise = np.array([[2, 9], [12, 20]]), np.array([0.3, 0.05])
     patterns = rng.normal(0.0, 0.2, (2, 2))
     measured = rng.normal(0.0, 1.0, (2, 20))
-    shown = rng.normal(0.0, 1.0, (3, 2, 20))
-    drawn = shown.copy()
+    outputs = rng.normal(0.0, 1.0, (3, 2, 20))
+    drawn = outputs.copy()
     Rests.of(bounds, patterns, noise).draw(drawn, measured)
     for k, (first, after) in enumerate(bounds):
-        # Least squares with one more row, which says that the chance is 0 ± 1.
+        # Least squares with one more row for the prior of the offset, 0 ± 1.
         column = np.repeat(patterns[k] / noise, after - first)
-        for one, other in zip(shown, drawn, strict=True):
-            rows = ((measured - one)[:, first:after] / noise[:, np.newaxis]).ravel()
-            (chance,) = np.linalg.lstsq(np.append(column, 1.0)[:, np.newaxis], np.append(rows, 0.0))[0]
-            moved = (other - one)[:, first:after]
-            np.testing.assert_allclose(moved, np.outer(chance * patterns[k], np.ones(after - first)))
+        for before, after_draw in zip(outputs, drawn, strict=True):
+            rows = ((measured - before)[:, first:after] / noise[:, np.newaxis]).ravel()
+            (offset,) = np.linalg.lstsq(np.append(column, 1.0)[:, np.newaxis], np.append(rows, 0.0))[0]
+            moved = (after_draw - before)[:, first:after]
+            np.testing.assert_allclose(moved, np.outer(offset * patterns[k], np.ones(after - first)))
     outside = np.r_[0:2, 9:12]
-    np.testing.assert_array_equal(drawn[:, :, outside], shown[:, :, outside])
+    np.testing.assert_array_equal(drawn[:, :, outside], outputs[:, :, outside])
 
 
-def test_a_chirp_has_no_rest_and_steps_have() -> None:
+def test_steps_have_rests_and_a_chirp_has_none() -> None:
     chirp = problem_of(simulate(THESIS, Chirp()), THESIS)
     assert not command_stands(chirp)
     objective = faults_objective(chirp, NUISANCES)
@@ -82,31 +82,31 @@ def test_a_chirp_has_no_rest_and_steps_have() -> None:
     assert command_stands(problem_of(recorded(0.0, 0), THESIS))
 
 
-def test_a_standing_command_from_the_beginning_is_no_rest() -> None:
-    """Every run begins alike: nothing there is chance."""
+def test_a_constant_command_from_the_beginning_is_no_rest() -> None:
+    """All runs begin in the same state: the current there is not random."""
     recording = simulate(THESIS, lambda t: 1e-3 * np.maximum(np.asarray(t) - 0.1, 0.0), duration=0.2)
     assert not command_stands(problem_of(recording, THESIS))
 
 
 @pytest.mark.parametrize("count", [1, pytest.param(6, marks=pytest.mark.evidence)])
-def test_a_load_scatters_as_its_error_says_where_the_shaft_rests(count: int) -> None:
+def test_the_scatter_of_a_load_agrees_with_its_error_where_the_shaft_rests(count: int) -> None:
     scores = []
     for seed in range(count):
         load = 0.02 + 0.002 * seed
         recording = recorded(load, seed)
         problem = problem_of(recording, THESIS, channels=CHANNELS)
         objective = faults_objective(problem, NUISANCES)
-        found = search(objective, SearchSettings(HYBRID, 10, 0), fitness="least_squares")
-        diagnosis = conclude(found, recording, "hybrid", "least_squares", 0)
+        result = search(objective, SearchSettings(HYBRID, 10, 0), fitness="least_squares")
+        diagnosis = conclude(result, recording, "hybrid", "least_squares", 0)
         assert diagnosis.explained
         estimate = diagnosis.nuisances["load"]
         scores.append((estimate.value - load) / estimate.standard_error)
-    # With all rows of the rests, the load was 3.9 standard errors off in the root mean square.
+    # With all rows of the rests, the rms deviation of the load was 3.9 standard errors.
     assert np.sqrt(np.mean(np.square(scores))) < 2
 
 
 @pytest.mark.evidence
-def test_a_gain_scatters_as_its_error_says_in_slow_motion_between_rests() -> None:
+def test_the_scatter_of_a_gain_agrees_with_its_error_in_slow_motion() -> None:
     scores = []
     for seed in range(20, 26):
         whole = simulate(
@@ -114,8 +114,8 @@ def test_a_gain_scatters_as_its_error_says_in_slow_motion_between_rests() -> Non
         )
         recording = Recording({name: whole[name] for name in ("time_s", "command_rad", *CHANNELS)})
         objective = faults_objective(problem_of(recording, THESIS, channels=CHANNELS), NUISANCES)
-        found = search(objective, SearchSettings(HYBRID, 10, seed), fitness="least_squares")
-        gain = conclude(found, recording, "hybrid", "least_squares", seed, tests=False).components["gain"]
+        result = search(objective, SearchSettings(HYBRID, 10, seed), fitness="least_squares")
+        gain = conclude(result, recording, "hybrid", "least_squares", seed, tests=False).components["gain"]
         scores.append((gain.value - 0.5) / gain.standard_error)
-    # Compared with its ripple, by the averaged model's derivatives, it was 4.2 standard errors off.
+    # With the ripple and the derivatives of the averaged model, the rms deviation was 4.2 standard errors.
     assert np.sqrt(np.mean(np.square(scores))) < 2

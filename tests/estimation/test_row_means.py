@@ -1,4 +1,4 @@
-"""Means over the swings of a shaft: the same model, in fewer rows."""
+"""Means of rows over the oscillations of a compliant shaft: the same model, with fewer rows."""
 
 import numpy as np
 
@@ -21,21 +21,23 @@ def recorded(sampling: str = "mean", duration: float = 0.4101, sample_rate: floa
     return Recording(kept, sampling="mean" if sampling == "mean" else "instant")
 
 
-def test_the_model_is_the_same_in_fewer_rows() -> None:
-    every = problem_of(recorded(), COMPLIANT, AVERAGED, channels=None)
-    means = over_swings(every)
-    assert every.samples == 2050
+def test_the_model_of_means_is_the_mean_of_the_model() -> None:
+    all_rows = problem_of(recorded(), COMPLIANT, AVERAGED, channels=None)
+    means = over_swings(all_rows)
+    assert all_rows.samples == 2050
     assert means.samples == 102
     assert means.duration_s == 102 * 4e-3
     faults = Faults(friction=0.3, backlash=0.5).vector[np.newaxis]
-    rows, fewer = every.predict(faults)[0], means.predict(faults)[0]
-    for one, other, name in zip(rows, fewer, every.channels, strict=True):
-        np.testing.assert_allclose(other, mean_rows(one, 20), atol=1e-6 * np.abs(one).max())
-        np.testing.assert_allclose(means.measured[name], mean_rows(every.measured[name], 20))
+    rows, fewer = all_rows.predict(faults)[0], means.predict(faults)[0]
+    for row_values, mean_values, name in zip(rows, fewer, all_rows.channels, strict=True):
+        np.testing.assert_allclose(
+            mean_values, mean_rows(row_values, 20), atol=1e-6 * np.abs(row_values).max()
+        )
+        np.testing.assert_allclose(means.measured[name], mean_rows(all_rows.measured[name], 20))
     assert "20 rows" in notes_on_means(means)[0]
 
 
-def test_every_row_is_compared_of_a_rigid_shaft_and_of_instants() -> None:
+def test_rows_of_a_rigid_shaft_or_of_instants_are_not_averaged() -> None:
     rigid = problem_of(recorded(), RIGID, AVERAGED, channels=None)
     assert over_swings(rigid) is rigid
     assert not notes_on_means(rigid)
@@ -52,8 +54,8 @@ def test_a_mean_of_an_unusable_row_is_unusable() -> None:
     )
 
 
-def test_rows_that_fill_no_mean_move_no_mask() -> None:
-    # 150 rows are left over of 25,150, more than there are means: 125 of 200 rows each.
+def test_remaining_rows_do_not_shift_the_mask() -> None:
+    # 150 of 25,150 rows remain, more than the number of means: 125 means of 200 rows each.
     means = over_swings(problem_of(recorded(duration=0.503, sample_rate=50_000.0), COMPLIANT, AVERAGED))
     mask = np.arange(25_150) // 200 == 124
     (masked,) = masks_of_means({"current_A": mask}, means).values()

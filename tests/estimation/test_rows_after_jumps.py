@@ -1,4 +1,4 @@
-"""Rows that are not compared because a drive may have read its command a period earlier or later."""
+"""Rows that are not compared because the drive may have sampled its command a period earlier or later."""
 
 import numpy as np
 import pytest
@@ -27,14 +27,14 @@ def problem(actuator: Actuator, command: Command, sampling: Sampling = "mean") -
     return problem_of(Recording(columns, sampling), actuator, channels=None)
 
 
-def test_they_follow_the_jumps_of_a_drive_with_pulse_width_modulation() -> None:
+def test_rows_after_jumps_of_a_drive_with_pwm_are_not_compared() -> None:
     command = problem(PMSM, square).measured["command_rad"]
     jumps = np.flatnonzero(np.diff(command))
     masks = rows_after_jumps(problem(PMSM, square))
     assert set(masks) == {"current_A", "voltage_V"}
     for mask in masks.values():
         assert 0 < mask.mean() < JUMP_ROWS.most
-        # Within 30 ms, in which the motor has come to the commanded place.
+        # Within 30 ms, the time in which the motor reaches the commanded position.
         after = [row - jumps[jumps <= row].max(initial=-1000) for row in np.flatnonzero(mask)]
         assert max(after) < 150
 
@@ -44,13 +44,15 @@ def test_they_follow_the_jumps_of_a_drive_with_pulse_width_modulation() -> None:
     [(PMSM, Chirp(duration=0.25), "mean"), (PMSM, square, "instant"), (Actuator.thesis(), square, "mean")],
     ids=["smooth", "instants", "comparators"],
 )
-def test_all_rows_are_compared_of_any_other(actuator: Actuator, command: Command, sampling: Sampling) -> None:
+def test_all_rows_are_compared_without_jumps_or_without_pwm_or_means(
+    actuator: Actuator, command: Command, sampling: Sampling
+) -> None:
     assert rows_after_jumps(problem(actuator, command, sampling)) == {}
 
 
-def test_rows_that_were_not_compared_before_stay_so() -> None:
+def test_masks_of_rows_are_combined() -> None:
     objective = faults_objective(problem(PMSM, square), None)
     early, late = (np.arange(objective.problem.samples) < 10), (np.arange(objective.problem.samples) > 1200)
-    both = objective.ignoring({"current_A": early}).ignoring({"current_A": late, "voltage_V": late})
-    np.testing.assert_array_equal(both.problem.unusable["current_A"], early | late)
-    np.testing.assert_array_equal(both.problem.unusable["voltage_V"], late)
+    combined = objective.ignoring({"current_A": early}).ignoring({"current_A": late, "voltage_V": late})
+    np.testing.assert_array_equal(combined.problem.unusable["current_A"], early | late)
+    np.testing.assert_array_equal(combined.problem.unusable["voltage_V"], late)

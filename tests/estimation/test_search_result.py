@@ -1,4 +1,4 @@
-"""What a search left, held against noise and switching."""
+"""The residual of a search, relative to noise and switching."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from emaphm.simulated_recording import simulate
 
 
 @pytest.mark.parametrize("left_out", [0.0, 0.5])
-def test_white_noise_is_what_is_expected_whatever_rows_are_left_out(left_out: float) -> None:
+def test_white_noise_has_a_ratio_of_1_for_any_share_of_omitted_rows(left_out: float) -> None:
     problem = problem_of(simulate(THESIS, Chirp(), model="averaged", duration=0.1), THESIS)
     space = ParameterSpace.of(THESIS)
     result = SearchResult.at(MapObjective.of(problem, space), np.zeros(space.dimensions))

@@ -1,4 +1,4 @@
-"""Described sensors: a simulated rig shows what they do, and the model is seen through them."""
+"""Described sensors: they act on simulated recordings, and on the outputs of the model."""
 
 from typing import Any
 
@@ -34,16 +34,16 @@ def simulated(actuator: Actuator, **options: Any) -> Recording:
 LATE = Sensor(lag=1e-3, delay=3e-4, scale=0.02, offset=-0.1, unsigned=True)
 
 
-def test_a_simulated_rig_shows_what_its_sensors_do() -> None:
+def test_described_sensors_act_on_simulated_channels() -> None:
     true, shown = simulated(THESIS), simulated(rig(current_A=LATE, speed_rad_s=Sensor(lag=2e-2)))
     interval = true.interval_s
     np.testing.assert_allclose(shown["current_A"], sensed(true["current_A"], LATE, interval))
     np.testing.assert_allclose(shown["speed_rad_s"], sensed(true["speed_rad_s"], Sensor(lag=2e-2), interval))
-    # They are outside of the loop: what is not sensed through them stays, bit for bit.
+    # Sensors are outside the control loop: the other channels are identical bit by bit.
     np.testing.assert_array_equal(shown["position_rad"], true["position_rad"])
 
 
-def test_noise_is_added_before_a_reading_is_rounded() -> None:
+def test_noise_is_added_before_rounding() -> None:
     sensor = Sensor(noise=0.2, resolution=0.5)
     true, shown = simulated(THESIS)["current_A"], simulated(rig(current_A=sensor))["current_A"]
     np.testing.assert_allclose(shown / 0.5, np.round(shown / 0.5), atol=1e-9)
@@ -54,7 +54,7 @@ def test_noise_is_added_before_a_reading_is_rounded() -> None:
     assert np.any(other != shown)
 
 
-def test_a_replay_sees_the_model_through_the_same_sensors() -> None:
+def test_a_replay_applies_described_sensors_to_the_model() -> None:
     sensors = {"current_A": LATE, "speed_rad_s": Sensor(lag=2e-2), "position_rad": Sensor(delay=5e-3)}
     recording = simulated(rig(**sensors), sampling="instant", sample_rate=20_000.0)
     known, unknown = replay(recording, rig(**sensors)), replay(recording, THESIS)
@@ -68,16 +68,16 @@ def test_a_replay_sees_the_model_through_the_same_sensors() -> None:
     [Sensor(unsigned=True), Sensor(lag=5e-4), Sensor(delay=1e-3), Sensor(scale=0.1, offset=0.3)],
     ids=["magnitude", "lag", "delay", "errors"],
 )
-def test_a_short_is_found_through_a_described_sensor(sensor: Sensor) -> None:
+def test_a_short_is_estimated_with_a_described_sensor(sensor: Sensor) -> None:
     actuator = rig(current_A=sensor)
     command = Chirp(duration=0.2)
     whole = simulate(actuator, command, duration=0.2, faults=SHORT, noise=0.05)
     recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
-    # The figure that undescribed sensors are held to as well (docs/physics.md, section 10).
+    # The same bound as without sensor errors (docs/physics.md, section 10).
     assert error_percent(SHORT.vector, diagnose(recording, actuator, nuisances=USUAL).faults.vector) <= 2.0
 
 
-def test_unknown_errors_come_on_top() -> None:
+def test_unknown_errors_act_after_described_ones() -> None:
     actuator = rig(current_A=Sensor(offset=1.0, unsigned=True))
     problem = problem_of(simulated(actuator), actuator)
     objective = faults_objective(problem, ["current_offset", "current_scale"])
@@ -91,14 +91,14 @@ def test_unknown_errors_come_on_top() -> None:
     np.testing.assert_allclose(objective.primary_outputs(point[np.newaxis]), expected)
 
 
-def test_described_noise_stands_for_the_measured() -> None:
+def test_described_noise_replaces_measured_noise() -> None:
     recording = simulated(THESIS, noise=0.3)
     assert problem_of(recording, THESIS).noise == noise_level(recording["current_A"])
     described = problem_of(recording, rig(current_A=Sensor(noise=0.3, resolution=0.1)))
     assert described.noise == pytest.approx((0.3**2 + 0.1**2 / 12) ** 0.5)
 
 
-def test_no_residual_counts_for_less_than_its_sensors_noise() -> None:
+def test_the_residual_counts_as_no_smaller_than_the_sensor_noise() -> None:
     recording = simulated(THESIS)
     actuator = rig(current_A=Sensor(noise=0.3))
     objective = faults_only_objective(problem_of(recording, actuator))
@@ -106,7 +106,7 @@ def test_no_residual_counts_for_less_than_its_sensors_noise() -> None:
     assert perfect.residual_rms == pytest.approx(0.3)
 
 
-def test_a_manoeuvre_starts_where_the_true_position_is() -> None:
+def test_a_manoeuvre_starts_at_the_true_position() -> None:
     rows = np.full(100, 1e-3)
     sensor = Sensor(scale=1.0, offset=0.05)
     given = {"time_s": np.arange(100) / 5e3, "command_rad": rows, "position_rad": 2 * 0.02 + 0.05 + 0 * rows}
@@ -145,24 +145,24 @@ def test_a_delay_moves_a_channel_either_way(delay: float) -> None:
     shown = with_unknown_errors(sine(time)[np.newaxis, np.newaxis], ("current_A",), errors, measured, 1e-3)
     known = time - delay < time[-2]
     np.testing.assert_allclose(shown[0, 0][known], sine(time - delay)[known], atol=2e-5)
-    # What an early channel takes from beyond the end is as measured.
+    # After the end of the recording, an early channel has the measured values.
     beyond = time - delay > time[-1] + 1e-9
     np.testing.assert_array_equal(shown[0, 0][beyond], 7.0)
 
 
-def test_errors_of_the_sensors_need_no_runs_of_their_own() -> None:
+def test_points_that_differ_in_sensor_errors_share_one_run() -> None:
     problem = problem_of(simulated(THESIS), THESIS)
     objective = faults_objective(problem, ["current_offset", "delay"])
     points = np.tile(objective.space.points(SHORT.vector), (5, 1))
     points[:, -1] = np.linspace(-0.1, 0.1, 5)
     alone = [objective.outputs(point[np.newaxis])[0] for point in points]
     before = problem.runs.of(problem.model)[0]
-    # A delay is taken from another row where others in the batch are early: rounding differs.
+    # In a batch with early channels, a delay is taken from another row: rounding differs.
     np.testing.assert_allclose(objective.outputs(points), alone, rtol=0, atol=1e-9)
     assert problem.runs.of(problem.model)[0] == before + 1
 
 
-def test_rows_that_are_given_up_leave_no_residual() -> None:
+def test_ignored_rows_have_no_residual() -> None:
     recording = simulated(THESIS)
     spoilt = np.zeros(recording.samples, bool)
     spoilt[100:200] = True

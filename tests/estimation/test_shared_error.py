@@ -1,4 +1,4 @@
-"""The error that all recordings of a unit share, against estimates of many units by linear models."""
+"""The error common to all recordings of a unit, against estimates of many units by linear models."""
 
 import math
 
@@ -16,11 +16,11 @@ DEVIATIONS = np.log1p([0.1, 0.3]) / 2
 COORDINATES = (*CARTESIAN_NAMES, "load", "baseline torque_constant", "baseline inertia")
 
 
-def test_two_recordings_of_a_unit_are_off_by_as_much_as_they_share() -> None:
+def test_the_shared_covariance_is_that_between_two_recordings_of_a_unit() -> None:
     rng = np.random.default_rng(0)
     units, rows = 20_000, 40
     jacobian = rng.normal(size=(rows, len(COORDINATES)))
-    jacobian[:, -2:] *= [5.0, 0.5]  # of one deviation a recording says much, of the other little
+    jacobian[:, -2:] *= [5.0, 0.5]  # a recording identifies the first deviation well and the second poorly
     noise = 0.3
     precision = jacobian.T @ jacobian / noise**2
     precision[-2:, -2:] += np.diag(1 / DEVIATIONS**2)
@@ -32,27 +32,29 @@ def test_two_recordings_of_a_unit_are_off_by_as_much_as_they_share() -> None:
         recorded = truth @ jacobian.T + noise * rng.standard_normal((units, rows))
         return np.asarray((recorded @ jacobian / noise**2 @ covariance - truth)[:, :8], float)
 
-    one, other = errors(), errors()
+    first, second = errors(), errors()
     shared = shared_covariance(UNIT, COORDINATES, covariance, {})
     assert shared is not None
     scatter = np.sqrt(np.outer(np.diag(covariance)[:8], np.diag(covariance)[:8]))
-    np.testing.assert_allclose(one.T @ other / units / scatter, shared / scatter, atol=4 / math.sqrt(units))
     np.testing.assert_allclose(
-        one.T @ one / units / scatter, covariance[:8, :8] / scatter, atol=6 / math.sqrt(units)
+        first.T @ second / units / scatter, shared / scatter, atol=4 / math.sqrt(units)
+    )
+    np.testing.assert_allclose(
+        first.T @ first / units / scatter, covariance[:8, :8] / scatter, atol=6 / math.sqrt(units)
     )
 
 
-def test_it_is_no_more_than_the_whole() -> None:
+def test_the_shared_covariance_does_not_exceed_the_whole_covariance() -> None:
     covariance = np.eye(len(COORDINATES)) * 1e-4
-    covariance[-1, 0] = covariance[0, -1] = 5e-4  # no posterior has that
+    covariance[-1, 0] = covariance[0, -1] = 5e-4  # impossible for a posterior
     covariance[-1, -1] = DEVIATIONS[1] ** 2
     shared = shared_covariance(UNIT, COORDINATES, covariance, {})
     assert shared is not None
-    left = np.linalg.eigvalsh(covariance[:8, :8] - shared)
-    assert left.min() >= -1e-12
+    eigenvalues = np.linalg.eigvalsh(covariance[:8, :8] - shared)
+    assert eigenvalues.min() >= -1e-12
 
 
-def test_what_is_known_exactly_shares_nothing() -> None:
+def test_a_component_known_exactly_has_no_shared_error() -> None:
     covariance = np.diag([1e-4] * 9 + list(DEVIATIONS**2))
     covariance[1, -1] = covariance[-1, 1] = 5e-4
     expected = covariance[1, -1] ** 2 / DEVIATIONS[1] ** 2
@@ -63,5 +65,5 @@ def test_what_is_known_exactly_shares_nothing() -> None:
 
 
 @pytest.mark.parametrize("coordinates", [COORDINATES[:-2], ()])
-def test_a_unit_that_is_as_described_shares_nothing(coordinates: tuple[str, ...]) -> None:
+def test_a_unit_without_tolerances_has_no_shared_error(coordinates: tuple[str, ...]) -> None:
     assert shared_covariance(THESIS, coordinates, np.eye(len(coordinates)), {}) is None

@@ -1,4 +1,4 @@
-"""Rows that are not compared because the recording was cut within a motion, which nothing recorded shows."""
+"""Rows that are not compared because the recording begins within a motion from an unknown state."""
 
 from dataclasses import replace
 from functools import cache
@@ -23,29 +23,30 @@ FAULTS = Faults(friction=0.4, short_b=0.2)
 
 
 @cache
-def whole() -> Recording:
+def full_recording() -> Recording:
     return simulate(THESIS, Chirp(duration=0.4), faults=FAULTS, duration=0.4, noise=0.05)
 
 
 def cut(first: int, *names: str, last: int | None = None) -> Recording:
     """Return the rows of a chirp from the `first` to the `last`, with the channels `names`."""
-    return Recording({name: whole()[name][first:last] for name in ("time_s", "command_rad", *names)})
+    return Recording({name: full_recording()[name][first:last] for name in ("time_s", "command_rad", *names)})
 
 
 @pytest.mark.parametrize("first", [300, 550, 700, 900])
 @pytest.mark.parametrize("names", [ELECTRICAL, ("current_A",), ("current_A", "speed_rad_s")], ids=str)
-def test_after_them_the_start_does_not_matter(first: int, names: tuple[str, ...]) -> None:
+def test_compared_rows_do_not_depend_on_the_unknown_start(first: int, names: tuple[str, ...]) -> None:
     problem = problem_of(cut(first, *names), THESIS, channels=None)
     rows = problem.unknown_start.rows
     assert 50 <= rows <= 450
-    known = Initial(whole()["position_rad"][first] / RATIO, whole()["speed_rad_s"][first])
+    known = Initial(full_recording()["position_rad"][first] / RATIO, full_recording()["speed_rad_s"][first])
     from_rest, moving = (
-        one.predict(FAULTS.vector[np.newaxis])[0] for one in (problem, replace(problem, start=known))
+        candidate.predict(FAULTS.vector[np.newaxis])[0]
+        for candidate in (problem, replace(problem, start=known))
     )
-    apart = np.abs(from_rest - moving)[0]
+    difference = np.abs(from_rest - moving)[0]
     # The noise is 0.05 A.
-    assert apart[:rows].max() > 1.0
-    assert apart[rows:].max() < 0.05
+    assert difference[:rows].max() > 1.0
+    assert difference[rows:].max() < 0.05
     for name in problem.channels:
         np.testing.assert_array_equal(np.flatnonzero(problem.unusable[name]), np.arange(rows))
 
@@ -57,21 +58,21 @@ def in_counts(recording: Recording, count: float) -> Recording:
 
 
 @pytest.mark.parametrize("first", [300, 619, 900])
-def test_a_coarse_position_does_not_show_the_start_and_a_fine_one_or_a_speed_does(first: int) -> None:
+def test_a_fine_position_or_a_speed_identifies_the_start_and_a_coarse_one_does_not(first: int) -> None:
     fine = cut(first, *ELECTRICAL, "position_rad")
     with_speed = cut(first, *ELECTRICAL, "position_rad", "speed_rad_s")
     count = 2.6e-4  # 12 bits over 60 degrees: an eighth of a radian at the motor
     unknown = [
-        problem_of(one, THESIS, channels=None).unknown_start.seconds
-        for one in (fine, with_speed, in_counts(with_speed, count), in_counts(fine, count))
+        problem_of(recording, THESIS, channels=None).unknown_start.seconds
+        for recording in (fine, with_speed, in_counts(with_speed, count), in_counts(fine, count))
     ]
     # At the turn, row 619, the motor crosses the backlash while the user stands.
     assert max(unknown[:3]) <= (0.02 if first == 619 else 0.0)
     assert unknown[3] > 0.01
 
 
-def test_the_motion_before_stays_within_the_end_stops() -> None:
-    # 10 Hz in rows of 10 ms: the parabola through the first three leads far beyond 30 degrees.
+def test_the_assumed_motion_before_the_start_is_within_the_end_stops() -> None:
+    # 10 Hz in rows of 10 ms: the parabola through the first three rows extends far beyond 30 degrees.
     k = np.arange(60)
     columns = {"time_s": k / 100, "command_rad": 0.5 * np.sin(0.63 * k), "current_A": np.sin(k)}
     for position in (0.45 * np.sin(0.63 * k - 0.3), 0.5 * np.cos(k)):
@@ -94,7 +95,7 @@ def test_with_a_recorded_motion_every_row_is_compared(motion: tuple[str, ...]) -
     assert (problem.unknown_start.seconds, dict(problem.unusable)) == (0.0, {})
 
 
-def test_half_of_a_short_recording_is_compared() -> None:
+def test_at_least_half_of_a_short_recording_is_compared() -> None:
     problem = problem_of(cut(700, *ELECTRICAL, last=800), THESIS, channels=None)
     assert problem.unknown_start.seconds == pytest.approx(MOVING_START.most * 100 * INTERVAL)
 
@@ -118,33 +119,35 @@ def of_triangle(first: int, *names: str) -> Problem:
 
 @pytest.mark.parametrize("first", range(697, 704))
 @pytest.mark.parametrize("names", [("current_A",), ("current_A", "load_Nm")], ids=str)
-def test_a_cut_about_a_turn_is_no_start_from_rest(first: int, names: tuple[str, ...]) -> None:
-    found = of_triangle(first, *names).unknown_start
-    assert 50 <= found.rows <= 400
-    assert not any("at a rest" in note for note in found.notes())
+def test_a_start_near_a_reversal_is_no_start_from_rest(first: int, names: tuple[str, ...]) -> None:
+    unknown_start = of_triangle(first, *names).unknown_start
+    assert 50 <= unknown_start.rows <= 400
+    assert not any("at a rest" in note for note in unknown_start.notes())
 
 
 @pytest.mark.parametrize("first", [0, 96, 98, 99, 100])
 @pytest.mark.parametrize(
     "names", [("current_A", "load_Nm"), ("current_A", "load_Nm", "speed_rad_s")], ids=str
 )
-def test_every_row_before_a_corner_from_rest_is_compared(first: int, names: tuple[str, ...]) -> None:
+def test_every_row_is_compared_from_a_start_at_rest_before_a_corner(
+    first: int, names: tuple[str, ...]
+) -> None:
     assert of_triangle(first, *names).unknown_start.rows == 0
 
 
-def test_a_diagnosis_does_without_them_and_says_so() -> None:
-    found = diagnose(cut(700, *ELECTRICAL), THESIS, nuisances=USUAL)
-    assert found.explained
-    assert error_percent(FAULTS.vector, found.faults.vector) <= 2.0
-    (note,) = (one for one in found.recording_notes if "first row" in one)
+def test_a_diagnosis_without_these_rows_is_accurate_and_has_a_note() -> None:
+    diagnosis = diagnose(cut(700, *ELECTRICAL), THESIS, nuisances=USUAL)
+    assert diagnosis.explained
+    assert error_percent(FAULTS.vector, diagnosis.faults.vector) <= 2.0
+    (note,) = (line for line in diagnosis.recording_notes if "first row" in line)
     assert "position_rad" in note
 
 
-def test_a_replay_does_without_them_and_says_so() -> None:
-    found = replay(cut(700, *ELECTRICAL), THESIS, faults=FAULTS)
-    assert found.first_row * INTERVAL == pytest.approx(
+def test_a_replay_without_these_rows_has_a_note() -> None:
+    result = replay(cut(700, *ELECTRICAL), THESIS, faults=FAULTS)
+    assert result.first_row * INTERVAL == pytest.approx(
         problem_of(cut(700, *ELECTRICAL), THESIS).unknown_start.seconds
     )
-    assert "not compared" in found.recording.notes[-1]
-    # As of a whole recording (test_replay): 0.08 A between the models and 0.05 A of noise, of 2.4 A.
-    assert found.relative_error["current_A"] < 0.06
+    assert "not compared" in result.recording.notes[-1]
+    # As for a whole recording (test_replay): 0.08 A between the models and 0.05 A of noise, of 2.4 A.
+    assert result.relative_error["current_A"] < 0.06

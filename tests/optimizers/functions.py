@@ -1,10 +1,10 @@
-"""Functions and boxes to search in, as the papers define them: points (n, d) to values (n,)."""
+"""Test functions and boxes, as defined in the papers: points (n, d) to values (n,)."""
 
 import numpy as np
 
 from emaphm.arrays import Array
 
-# Off the lattice of steps of a tenth of the width from a bound, where a clipped swarm lands by luck.
+# Not a multiple of a tenth of the width from a bound, where a clipped swarm may arrive by chance.
 CENTRE = 0.2134
 
 
@@ -14,7 +14,7 @@ def box(dimensions: int, half_width: float = 1.0) -> tuple[Array, Array]:
 
 
 def sphere(points: Array) -> Array:
-    """Return the squared distance to a point off the origin and off the lattice of the box's tenths."""
+    """Return the squared distance to a point away from the origin and from the tenths of the box."""
     return squares(points - CENTRE)
 
 

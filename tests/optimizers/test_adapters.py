@@ -1,4 +1,4 @@
-"""Optimisers of other libraries keep the contract of `Minimiser` and find what the library alone finds."""
+"""Optimisers of other libraries: the contract of `Minimiser`, and agreement with each library alone."""
 
 import gc
 import pickle
@@ -42,7 +42,7 @@ def box(dimensions: int) -> dict[str, Array]:
 
 
 class Recorded:
-    """A fitness that writes down the points and the values of each of its calls."""
+    """A fitness that records the points and values of each call."""
 
     def __init__(self, fitness: Callable[[Array], Array] = sphere) -> None:
         self.fitness = fitness
@@ -57,19 +57,19 @@ class Recorded:
 
     @property
     def sizes(self) -> list[int]:
-        """How many points each call had."""
+        """Number of points of each call."""
         return [len(points) for points in self.points]
 
 
 def points_of(optimizer: Minimiser, seed: int, fitness: Callable[[Array], Array] = sphere) -> Array:
-    """Return every point of a search, in order."""
+    """Return all points of a search, in order."""
     recorded = Recorded(fitness)
     optimizer.minimise(recorded, seed)
     return np.concatenate(recorded.points)
 
 
 @every_peer
-def test_same_seed_gives_same_bits_and_another_seed_others(make: Make) -> None:
+def test_the_seed_determines_the_bits(make: Make) -> None:
     optimizer = make(**box(3), population=10, iterations=6)
     thawed = pickle.loads(pickle.dumps(optimizer))  # noqa: S301 - our own bytes
     first = points_of(optimizer, 7)
@@ -79,7 +79,7 @@ def test_same_seed_gives_same_bits_and_another_seed_others(make: Make) -> None:
 
 
 @every_peer
-def test_a_fitness_may_change_its_points(make: Make) -> None:
+def test_a_fitness_may_overwrite_its_points(make: Make) -> None:
     optimizer = make(**box(3), population=10, iterations=4)
 
     def overwrites(points: Array) -> Array:
@@ -87,9 +87,9 @@ def test_a_fitness_may_change_its_points(make: Make) -> None:
         points[:] = 0.0
         return values
 
-    one, other = optimizer.minimise(overwrites, 3), optimizer.minimise(sphere, 3)
-    np.testing.assert_array_equal(one.point, other.point)
-    np.testing.assert_array_equal(one.history, other.history)
+    with_overwriting, without_overwriting = optimizer.minimise(overwrites, 3), optimizer.minimise(sphere, 3)
+    np.testing.assert_array_equal(with_overwriting.point, without_overwriting.point)
+    np.testing.assert_array_equal(with_overwriting.history, without_overwriting.history)
 
 
 @every_peer
@@ -112,10 +112,10 @@ def test_points_stay_within_bounds(
 
 
 @every_peer
-def test_best_is_the_best_of_all_evaluated_and_each_population_is_reported(make: Make) -> None:
+def test_the_result_is_the_best_point_and_each_population_is_reported(make: Make) -> None:
     optimizer = make(**box(3), population=10, iterations=6)
-    recorded, seen = Recorded(), list[BestSoFar]()
-    result = optimizer.minimise(recorded, seed=1, on_population=seen.append)
+    recorded, reports = Recorded(), list[BestSoFar]()
+    result = optimizer.minimise(recorded, seed=1, on_population=reports.append)
     values, points = np.concatenate(recorded.values), np.concatenate(recorded.points)
     best = np.argmin(values)
     assert result.fitness == values[best]
@@ -123,29 +123,29 @@ def test_best_is_the_best_of_all_evaluated_and_each_population_is_reported(make:
     history = np.minimum.accumulate([np.min(v) for v in recorded.values])
     np.testing.assert_array_equal(result.history, history)
     assert result.evaluations == values.size <= optimizer.budget == 60
-    assert [best.evaluations for best in seen] == np.cumsum(recorded.sizes).tolist()
-    np.testing.assert_array_equal([best.best_fitness for best in seen], history)
-    for one in seen:
-        assert sphere(one.best_point[np.newaxis])[0] == one.best_fitness
+    assert [best.evaluations for best in reports] == np.cumsum(recorded.sizes).tolist()
+    np.testing.assert_array_equal([best.best_fitness for best in reports], history)
+    for report in reports:
+        assert sphere(report.best_point[np.newaxis])[0] == report.best_fitness
 
 
 def assert_beats_random_search(optimizer: Minimiser, fitness: Callable[[Array], Array], share: float) -> None:
-    found = [optimizer.minimise(fitness, seed).fitness for seed in range(3)]
+    reached = [optimizer.minimise(fitness, seed).fitness for seed in range(3)]
     rng, shape = np.random.default_rng(0), (optimizer.budget, optimizer.lower.size)
     at_random = [np.min(fitness(rng.uniform(optimizer.lower, optimizer.upper, shape))) for _ in range(15)]
-    assert np.median(found) < share * np.median(at_random)
+    assert np.median(reached) < share * np.median(at_random)
 
 
 @every_peer
 def test_beats_random_search_on_a_sphere(make: Make) -> None:
-    # A search that converges at all gains many decades; the genetic algorithm, the slowest, gains four.
+    # A converging search gains many decades; the genetic algorithm, the slowest, gains four.
     assert_beats_random_search(make(**box(3), population=20, iterations=40), sphere, 1e-2)
 
 
 @pytest.mark.evidence
 @pytest.mark.parametrize("name", PEERS)
 def test_beats_random_search_in_a_bent_valley(name: str) -> None:
-    # Pymoo's algorithms creep along it; below they are compared there with pymoo by itself. These three gain
+    # Algorithms of pymoo are slow here; they are compared with pymoo alone below. These three gain
     # five decades or more.
     assert_beats_random_search(peer(name)(**box(4), population=50, iterations=100), rosenbrock, 1e-4)
 
@@ -154,20 +154,20 @@ def test_beats_random_search_in_a_bent_valley(name: str) -> None:
 def test_nan_fitness_is_the_worst_fitness(make: Make) -> None:
     optimizer = make(**box(2), population=20, iterations=5)
 
-    def holey(points: Array) -> Array:
+    def partly_nan(points: Array) -> Array:
         return np.where(points[:, 0] < 0, np.nan, sphere(points))
 
     def infinite(points: Array) -> Array:
-        return np.nan_to_num(holey(points), nan=np.inf)
+        return np.nan_to_num(partly_nan(points), nan=np.inf)
 
-    np.testing.assert_array_equal(points_of(optimizer, 0, holey), points_of(optimizer, 0, infinite))
-    result = optimizer.minimise(holey, 0)
+    np.testing.assert_array_equal(points_of(optimizer, 0, partly_nan), points_of(optimizer, 0, infinite))
+    result = optimizer.minimise(partly_nan, 0)
     assert result.point[0] >= 0
     assert result.fitness == sphere(result.point[np.newaxis])[0]
 
 
 @every_peer
-def test_survives_a_fitness_that_is_nan_everywhere(make: Make) -> None:
+def test_a_fitness_that_is_nan_everywhere_gives_an_infinite_result(make: Make) -> None:
     optimizer = make(**box(2), population=6, iterations=4)
     result = optimizer.minimise(lambda points: np.full(len(points), np.nan), seed=0)
     assert result.fitness == np.inf
@@ -184,13 +184,13 @@ def test_survives_a_fitness_that_is_nan_everywhere(make: Make) -> None:
         ({"iterations": 0}, "iterations must be at least 1, got 0"),
     ],
 )
-def test_bad_settings_raise(make: Make, bad: dict[str, Any], message: str) -> None:
+def test_invalid_settings_are_refused(make: Make, bad: dict[str, Any], message: str) -> None:
     with pytest.raises(MethodError, match=message):
         make(**({"lower": np.zeros(2), "upper": np.ones(2)} | bad))
 
 
 @every_peer
-def test_bad_fitness_shape_and_seed_raise(make: Make) -> None:
+def test_a_wrong_shape_of_fitness_and_a_negative_seed_are_refused(make: Make) -> None:
     optimizer = make(**box(2), population=5)
     with pytest.raises(MethodError, match=r"shape \(1,\), expected \(5,\)"):
         optimizer.minimise(lambda points: np.zeros(len(points) - 4), 0)
@@ -212,13 +212,13 @@ def test_errors_of_fitness_and_callback_reach_the_caller_unchanged(make: Make, e
     with pytest.raises(type(error)) as caught:
         optimizer.minimise(sphere, 0, on_population=fails)
     assert caught.value is error
-    assert optimizer.minimise(sphere, 0).evaluations > 5  # nothing is left locked
+    assert optimizer.minimise(sphere, 0).evaluations > 5  # no lock remains
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "cma-es"])
 def test_one_component_can_be_searched(name: str) -> None:
     result = peer(name)(**box(1), population=10, iterations=30).minimise(sphere, 0)
-    assert abs(result.point[0] - CENTRE) < 4 / 300  # as close as a grid of as many points
+    assert abs(result.point[0] - CENTRE) < 4 / 300  # as close as a grid with the same number of points
 
 
 def test_cma_es_refuses_one_component() -> None:
@@ -240,9 +240,9 @@ def test_populations_too_small_for_the_library_are_refused(name: str, population
 
 
 @pytest.mark.parametrize("name", [*NAMES, "pymoo-cmaes"])
-def test_global_random_numbers_are_left_alone(name: str) -> None:
+def test_global_random_numbers_are_not_changed(name: str) -> None:
     def global_numbers() -> list[Any]:
-        return [np.array(part).tolist() for part in np.random.get_state()]  # noqa: NPY002 - what is tested
+        return [np.array(part).tolist() for part in np.random.get_state()]  # noqa: NPY002 - the tested state
 
     optimizer = peer(name)(**box(2), population=10, iterations=4)
     undisturbed = optimizer.minimise(sphere, 0)
@@ -251,7 +251,7 @@ def test_global_random_numbers_are_left_alone(name: str) -> None:
     def draws(points: Array) -> Array:
         nonlocal before
         assert global_numbers() == before
-        np.random.random()  # noqa: NPY002 - a fitness that draws from them must not steer the search
+        np.random.random()  # noqa: NPY002 - a draw by the fitness must not affect the search
         before = global_numbers()
         return sphere(points)
 
@@ -261,17 +261,17 @@ def test_global_random_numbers_are_left_alone(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [*NAMES, "pymoo-cmaes"])
-def test_searches_in_threads_do_not_disturb_each_other(name: str) -> None:
+def test_searches_in_threads_are_independent(name: str) -> None:
     optimizer = peer(name)(**box(3), population=10, iterations=4)
     alone = [points_of(optimizer, seed) for seed in range(4)]
     with ThreadPoolExecutor(4) as pool:
         threaded = list(pool.map(partial(points_of, optimizer), range(4)))
-    for one, other in zip(alone, threaded, strict=True):
-        np.testing.assert_array_equal(one, other)
+    for points, threaded_points in zip(alone, threaded, strict=True):
+        np.testing.assert_array_equal(points, threaded_points)
 
 
 @pytest.mark.parametrize("name", ["cma-es", "scipy-de", "pymoo-ga", "pymoo-cmaes"])
-def test_a_search_within_a_fitness_does_not_disturb_the_outer_one(name: str) -> None:
+def test_a_search_within_a_fitness_does_not_affect_the_outer_one(name: str) -> None:
     optimizer = peer(name)(**box(3), population=10, iterations=4)
     outer, inner = points_of(optimizer, 0), points_of(optimizer, 1)
 
@@ -282,27 +282,27 @@ def test_a_search_within_a_fitness_does_not_disturb_the_outer_one(name: str) -> 
     np.testing.assert_array_equal(points_of(optimizer, 0, searches), outer)
 
 
-def test_exceptions_through_compiled_code_do_no_harm() -> None:
+def test_exceptions_through_compiled_code_do_not_affect_later_searches() -> None:
     optimizer = peer("l-shade")(**box(3), population=10, iterations=20)
     for seed in range(60):
-        left = seed % 7
+        remaining_calls = seed % 7
 
         def stops(points: Array) -> Array:
-            nonlocal left
-            left -= 1
-            if left < 0:
+            nonlocal remaining_calls
+            remaining_calls -= 1
+            if remaining_calls < 0:
                 raise StopAsyncIteration
             return sphere(points)
 
         with pytest.raises(StopAsyncIteration):
             optimizer.minimise(stops, seed)
-    # The best of 200 random points has a median of (ln 2 · 64/200 · 3/4π)^(2/3) = 0.14.
+    # The fitness of the best of 200 random points has a median of (ln 2 · 64/200 · 3/4π)^(2/3) = 0.14.
     assert optimizer.minimise(sphere, 0).fitness < 0.014
 
 
 @pytest.fixture
 def new_objects() -> Callable[[], list[Any]]:
-    """Return what lists the objects made since then, without garbage: to go through all would take long."""
+    """Return a function that lists the objects created since, without garbage; all would take long."""
 
     def listed() -> list[Any]:
         gc.collect()
@@ -312,19 +312,19 @@ def new_objects() -> Callable[[], list[Any]]:
     return listed
 
 
-def test_l_shade_leaves_no_memory_behind(new_objects: Callable[[], list[Any]]) -> None:
+def test_l_shade_releases_its_memory(new_objects: Callable[[], list[Any]]) -> None:
     from minionpy.algorithms import LSHADE
 
-    def left() -> int:
-        return sum(type(thing) is LSHADE for thing in new_objects())
+    def remaining() -> int:
+        return sum(type(instance) is LSHADE for instance in new_objects())
 
     optimizer = peer("l-shade")(**box(3), population=10, iterations=5)
-    kept = [LSHADE(lambda rows: [0.0] * len(rows), [(0.0, 1.0)] * 3)]
-    assert left() == len(kept)  # what stays is counted
+    references = [LSHADE(lambda rows: [0.0] * len(rows), [(0.0, 1.0)] * 3)]
+    assert remaining() == len(references)  # referenced objects are counted
     optimizer.minimise(sphere, 0)
     with pytest.raises(MethodError):
         optimizer.minimise(lambda _: 0.0, 1)
-    assert left() == len(kept)
+    assert remaining() == len(references)
 
 
 def test_no_library_is_imported_before_use() -> None:
@@ -348,13 +348,13 @@ def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch, name: str, 
     with pytest.raises(MethodError) as caught:
         peer(name)(**box(2), population=10)
     assert str(caught.value) == message
-    thawed = pickle.loads(frozen)  # noqa: S301 - our own bytes, taken to a computer without the library
+    thawed = pickle.loads(frozen)  # noqa: S301 - our own bytes, read on a computer without the library
     with pytest.raises(MethodError) as caught:
         thawed.minimise(sphere, 0)
     assert str(caught.value) == message
 
 
-def test_a_library_that_is_broken_is_not_called_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_broken_library_is_not_reported_as_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in [name for name in sys.modules if name == "cma" or name.startswith("cma.")]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, "cma.sampler", None)
@@ -362,7 +362,7 @@ def test_a_library_that_is_broken_is_not_called_missing(monkeypatch: pytest.Monk
         peer("cma-es")(**box(2))
 
 
-def test_every_name_can_be_made_run_and_repeated_or_is_refused() -> None:
+def test_all_named_methods_run_and_repeat_or_are_refused() -> None:
     usable, refused = set(), []
     for name in (*PEERS, *(PREFIX + algorithm for algorithm in pymoo_algorithms())):
         assert is_peer(name)
@@ -372,10 +372,10 @@ def test_every_name_can_be_made_run_and_repeated_or_is_refused() -> None:
             refused.append(str(error))
             continue
         usable.add(name)
-        one, other = (optimizer.minimise(sphere, seed) for seed in (5, 5))
-        assert one.fitness < 4, name  # random points have a mean of 8 (4/3 + 0.2134²) = 11
-        np.testing.assert_array_equal(one.history, other.history, name)
-        assert one.evaluations <= 200, name
+        first, second = (optimizer.minimise(sphere, seed) for seed in (5, 5))
+        assert first.fitness < 4, name  # random points have a mean of 8 (4/3 + 0.2134²) = 11
+        np.testing.assert_array_equal(first.history, second.history, name)
+        assert first.evaluations <= 200, name
     assert set(NAMES) | {"pymoo-cmaes", "pymoo-nelder-mead", "pymoo-es"} <= usable
     assert all("cannot be used" in message for message in refused)
 
@@ -388,7 +388,7 @@ def test_every_name_can_be_made_run_and_repeated_or_is_refused() -> None:
         ("pymoo-nelder", r"did you mean 'pymoo-nelder-mead'\?"),
     ],
 )
-def test_misspelt_names_are_answered_with_the_nearest(name: str, message: str) -> None:
+def test_misspelt_names_are_refused_with_the_nearest(name: str, message: str) -> None:
     with pytest.raises(MethodError, match=message):
         peer(name)
 
@@ -401,17 +401,17 @@ def test_misspelt_names_are_answered_with_the_nearest(name: str, message: str) -
         ("pymoo-pattern-search", "cannot be used: pymoo's search is not repeatable from a seed"),
     ],
 )
-def test_algorithms_that_do_not_fit_are_refused(name: str, message: str) -> None:
+def test_unsuitable_algorithms_are_refused(name: str, message: str) -> None:
     with pytest.raises(MethodError, match=message):
         peer(name)(**box(3))
 
 
-def test_neither_unknown_settings_nor_another_algorithm_pass() -> None:
+def test_unknown_settings_are_refused() -> None:
     with pytest.raises(TypeError):
         peer("pymoo-ga")(**box(2), algorithm="de")
 
 
-def test_l_shade_shrinks_as_published() -> None:
+def test_the_population_of_l_shade_shrinks_as_published() -> None:
     optimizer = peer("l-shade")(**box(8), population=144, iterations=50)
     recorded = Recorded(rosenbrock)
     optimizer.minimise(recorded, seed=0)
@@ -439,11 +439,11 @@ def test_cma_es_starts_in_the_middle_and_restarts_with_twice_the_population() ->
     assert result.evaluations == optimizer.budget
 
 
-def test_scipy_finds_the_same_by_itself() -> None:
+def test_the_adapter_of_scipy_agrees_with_scipy_alone() -> None:
     from scipy.optimize import Bounds, differential_evolution
     from scipy.stats import qmc
 
-    found = peer("scipy-de")(**box(3), population=30, iterations=41).minimise(rosenbrock, seed=6)
+    adapted = peer("scipy-de")(**box(3), population=30, iterations=41).minimise(rosenbrock, seed=6)
     rng = stream(6, "optimizer")
     start = qmc.LatinHypercube(3, seed=rng).random(30) * 4 - 2
 
@@ -454,12 +454,14 @@ def test_scipy_finds_the_same_by_itself() -> None:
         fitness, bounds=Bounds([-2.0] * 3, [2.0] * 3), init=start, maxiter=40, seed=rng,
         vectorized=True, updating="deferred", polish=False,
     )  # fmt: skip
-    assert found.fitness == pytest.approx(alone.fun, rel=1e-6)  # both round on their way from the unit cube
-    np.testing.assert_allclose(found.point, alone.x, rtol=1e-6)
+    assert adapted.fitness == pytest.approx(
+        alone.fun, rel=1e-6
+    )  # both have rounding in the scaling from the unit cube
+    np.testing.assert_allclose(adapted.point, alone.x, rtol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["ga", "de", "pso"])
-def test_pymoo_finds_the_same_by_itself(name: str) -> None:
+def test_the_adapter_of_pymoo_agrees_with_pymoo_alone(name: str) -> None:
     from pymoo.core.problem import Problem
     from pymoo.optimize import minimize
 
@@ -469,34 +471,34 @@ def test_pymoo_finds_the_same_by_itself(name: str) -> None:
         def _evaluate(self, x: Array, out: dict[str, Array], *_: object) -> None:
             out["F"] = rosenbrock(x)
 
-    found = peer(f"pymoo-{name}")(**box(3), population=20, iterations=15).minimise(rosenbrock, seed=6)
+    adapted = peer(f"pymoo-{name}")(**box(3), population=20, iterations=15).minimise(rosenbrock, seed=6)
     alone = minimize(
         Valley(n_var=3, xl=-2.0, xu=2.0),
         pymoo_algorithms()[name](pop_size=20),
         ("n_eval", 300),
         seed=child_seed(6, "optimizer"),
     )
-    assert found.fitness == pytest.approx(alone.F[0], rel=1e-6)
-    np.testing.assert_allclose(found.point, alone.X, rtol=1e-6)
+    assert adapted.fitness == pytest.approx(alone.F[0], rel=1e-6)
+    np.testing.assert_allclose(adapted.point, alone.X, rtol=1e-6)
 
 
-def test_l_shade_finds_the_same_by_itself() -> None:
+def test_the_adapter_of_l_shade_agrees_with_the_library_alone() -> None:
     from minionpy.algorithms import LSHADE
 
-    found = peer("l-shade")(**box(3), population=20, iterations=60).minimise(rosenbrock, seed=6)
+    adapted = peer("l-shade")(**box(3), population=20, iterations=60).minimise(rosenbrock, seed=6)
     alone = LSHADE(
         lambda rows: rosenbrock(np.array(rows) * 4 - 2).tolist(),
         [(0.0, 1.0)] * 3, maxevals=1200, seed=child_seed(6, "optimizer"),
         options={"population_size": 20},
     ).optimize()  # fmt: skip
-    # The library's last generation may pass the budget, where the adapter's is cut.
-    assert found.fitness == pytest.approx(alone.fun, rel=1e-6)
+    # The last generation of the library may exceed the budget, while that of the adapter is cut.
+    assert adapted.fitness == pytest.approx(alone.fun, rel=1e-6)
 
 
-def test_cma_es_finds_the_same_by_itself() -> None:
+def test_the_adapter_of_cma_es_agrees_with_the_library_alone() -> None:
     import cma
 
-    found = peer("cma-es")(**box(3), population=10, iterations=30).minimise(rosenbrock, seed=6)
+    adapted = peer("cma-es")(**box(3), population=10, iterations=30).minimise(rosenbrock, seed=6)
     rng = stream(6, "optimizer")
     options = {
         "bounds": [0, 1], "popsize": 10, "maxfevals": 299, "seed": np.nan, "verbose": -9,
@@ -504,9 +506,9 @@ def test_cma_es_finds_the_same_by_itself() -> None:
     }  # fmt: skip
     search = cma.CMAEvolutionStrategy([0.5] * 3, 0.25, options)
     alone = search.optimize(lambda x: rosenbrock(x[np.newaxis] * 4 - 2)[0]).result
-    assert found.evaluations == alone.evaluations == 300
-    assert found.fitness == pytest.approx(alone.fbest, rel=1e-6)
-    np.testing.assert_allclose(found.point, alone.xbest * 4 - 2, rtol=1e-6)
+    assert adapted.evaluations == alone.evaluations == 300
+    assert adapted.fitness == pytest.approx(alone.fbest, rel=1e-6)
+    np.testing.assert_allclose(adapted.point, alone.xbest * 4 - 2, rtol=1e-6)
 
 
 Loop = Callable[[LibraryFitness, np.random.Generator], object]
@@ -530,7 +532,7 @@ def scripted(loop: Loop, **budget: int) -> Scripted:
     return Scripted(**box(2), **budget, loop=loop)  # type: ignore[arg-type]
 
 
-def test_errors_of_the_library_surface() -> None:
+def test_errors_of_the_library_are_raised() -> None:
     def fails(evaluate: LibraryFitness, rng: np.random.Generator) -> None:
         evaluate(rng.random((4, 2)))
         raise ZeroDivisionError("the library's own")
@@ -540,7 +542,7 @@ def test_errors_of_the_library_surface() -> None:
 
 
 @pytest.mark.parametrize("swallowed", [Exception, BaseException])
-def test_a_library_that_swallows_or_replaces_exceptions_ends_too(swallowed: type[BaseException]) -> None:
+def test_a_library_that_swallows_or_replaces_exceptions_is_stopped(swallowed: type[BaseException]) -> None:
     def stubborn(evaluate: LibraryFitness, rng: np.random.Generator) -> None:
         for _ in range(9):
             try:
@@ -558,14 +560,14 @@ def test_a_library_that_swallows_or_replaces_exceptions_ends_too(swallowed: type
     assert failing.sizes == [4]
 
 
-def test_a_library_that_ends_early_has_finished() -> None:
+def test_a_library_may_end_before_the_budget() -> None:
     result = scripted(lambda evaluate, rng: [evaluate(rng.random((3, 2))) for _ in range(2)]).minimise(
         sphere, 0
     )
     assert (result.evaluations, result.history.size) == (6, 2)
 
 
-def test_a_library_that_asks_for_nothing_returns_the_middle_of_the_box() -> None:
+def test_a_library_without_evaluations_returns_the_middle_of_the_box() -> None:
     result = scripted(lambda evaluate, _: evaluate(np.empty((0, 2)))).minimise(sphere, 0)
     assert (result.evaluations, result.fitness) == (0, np.inf)
     np.testing.assert_array_equal(result.point, [0, 0])
@@ -586,16 +588,16 @@ def test_the_budget_cuts_the_last_population_and_ends_the_library() -> None:
 
 
 @pytest.mark.parametrize("least", [-np.inf, 2.5])
-def test_the_library_receives_finite_fitness_and_the_caller_the_true_one(least: float) -> None:
+def test_the_library_receives_a_finite_fitness_and_the_caller_the_exact_one(least: float) -> None:
     received: list[Array] = []
     optimizer = scripted(lambda evaluate, rng: received.append(evaluate(rng.random((4, 2)))))
     result = optimizer.minimise(lambda _: [np.nan, np.inf, least, 2.5], 0)
     np.testing.assert_array_equal(received, [[FAR, FAR, max(least, -FAR), 2.5]])
     assert result.fitness == least
-    assert np.isfinite(np.std([FAR, -FAR]))  # even libraries that square it
+    assert np.isfinite(np.std([FAR, -FAR]))  # even for libraries that square the fitness
 
 
-def test_floating_point_warnings_of_the_library_are_hidden_and_those_of_the_fitness_are_not() -> None:
+def test_only_floating_point_warnings_of_the_library_are_hidden() -> None:
     def overflows(evaluate: LibraryFitness, rng: np.random.Generator) -> None:
         assert np.isinf(np.exp(1e3 * (2 + evaluate(rng.random((4, 2)))))).all()
 
@@ -612,6 +614,6 @@ def test_a_library_that_leaves_the_bounds_is_stopped(outside: float) -> None:
         scripted(lambda evaluate, _: evaluate(np.array([[0.5, outside]]))).minimise(sphere, 0)
 
 
-def test_rounding_of_the_library_is_brought_back_to_the_bounds() -> None:
+def test_points_beyond_the_bounds_by_rounding_are_clipped() -> None:
     points = points_of(scripted(lambda evaluate, _: evaluate(np.array([[1 + 1e-15, -1e-15]]))), 0)
     np.testing.assert_array_equal(points, [[2, -2]])

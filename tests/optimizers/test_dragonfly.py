@@ -1,4 +1,4 @@
-"""The dragonfly follows its published equations."""
+"""The dragonfly algorithm against its published equations."""
 
 import itertools
 import math
@@ -25,18 +25,18 @@ from emaphm.optimizers.dragonfly import DragonflyState, Growth, Variant
         ({"weight": -0.1}, "weight must be at least 0 and finite, got -0.1"),
     ],
 )
-def test_bad_dragonfly_settings_raise(bad: dict[str, Any], message: str) -> None:
+def test_invalid_settings_of_the_dragonfly_are_refused(bad: dict[str, Any], message: str) -> None:
     with pytest.raises(MethodError, match=message):
         Dragonfly(np.zeros(2), np.ones(2), **bad)
 
 
-def test_levy_sigma_is_mantegnas() -> None:
+def test_the_levy_scale_is_that_of_mantegna() -> None:
     assert pytest.approx(0.696575, abs=1e-6) == dragonfly_module.LEVY_SIGMA  # Mantegna (1994), beta = 1.5
 
 
 @pytest.fixture
 def loaded_dice(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All uniform numbers 1/2 and all normal numbers 1, so that a step can be worked by hand."""
+    """Replace uniform numbers by 1/2 and normal numbers by 1, so that a step can be computed by hand."""
     dice = SimpleNamespace(random=partial(np.full, fill_value=0.5), standard_normal=np.ones)
     drawn = Dragonfly._random
     monkeypatch.setattr(
@@ -44,13 +44,13 @@ def loaded_dice(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-# Five agents on [0, 1] with r = 1/4, at rest; the food is the last, out of reach of the others. So
-# each moves by (S + A + C) / 2, at most 0.1. In the first iteration
-#   agent 0 at 0.30 lists 0.10, 0.20, 0.50: S = 0.1, C = 0.8/3 - 0.3, and goes by 1/30 to 1/3;
-#   agent 1 at 0.10 lists 1/3, 0.20, with 0.50 left over: S = 0.2 - 8/15, C = (8/15 [+ 0.5])/2 - 0.1,
-#   and A = 1/60 as one of its two neighbours has just moved;
-#   agents 2, 3 list two each, agent 4 none: 0.50 stays in the third place.
-# In the second, from fresh positions, agent 0 at 0.10 lists 0.20, 0.30, with that 0.50 left over:
+# Five agents on [0, 1] with r = 1/4, at rest; the food is the last agent, out of reach of the others.
+# Each agent moves by (S + A + C) / 2, at most 0.1. In the first iteration
+#   agent 0 at 0.30 lists 0.10, 0.20, 0.50: S = 0.1, C = 0.8/3 - 0.3, and moves by 1/30 to 1/3;
+#   agent 1 at 0.10 lists 1/3, 0.20, with a stale 0.50: S = 0.2 - 8/15, C = (8/15 [+ 0.5])/2 - 0.1,
+#   and A = 1/60, since one of its two neighbours has just moved;
+#   agents 2, 3 list two each, agent 4 none: 0.50 remains as the third entry.
+# In the second, from new positions, agent 0 at 0.10 lists 0.20, 0.30, with the same stale 0.50:
 # S = -0.3, C = (0.5 [+ 0.5])/2 - 0.1.
 @pytest.mark.usefixtures("loaded_dice")
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def loaded_dice(monkeypatch: pytest.MonkeyPatch) -> None:
         ("corrected", 0.1 + (0.2 - 8 / 15 + 1 / 60 + 16 / 60 - 0.1) / 2, 0.1 + (-0.3 + 0.25 - 0.1) / 2),
     ],
 )
-def test_stale_neighbours_enter_the_cohesion_of_the_thesis_alone(
+def test_only_the_variant_of_the_thesis_has_stale_neighbours_in_its_cohesion(
     variant: Variant, agent_1: float, agent_0_later: float
 ) -> None:
     optimizer = Dragonfly(np.zeros(1), np.ones(1), population=5, iterations=10**9, variant=variant)
@@ -70,14 +70,14 @@ def test_stale_neighbours_enter_the_cohesion_of_the_thesis_alone(
         return replace(state, positions=np.array(positions)[:, None], velocities=np.zeros((5, 1)))
 
     first = optimizer.tell(at(optimizer.init(0), 0.30, 0.10, 0.20, 0.50, 0.95), fitness)
-    # r and w are off by 1e-9 in the first iterations of so long a run.
+    # r and w deviate by 1e-9 in the first iterations of a run of this length.
     assert first.positions[:2, 0] == pytest.approx([1 / 3, agent_1], abs=1e-8)
     second = optimizer.tell(at(first, 0.10, 0.20, 0.30, 0.60, 0.95), fitness)
     assert second.positions[0, 0] == pytest.approx(agent_0_later, abs=1e-8)
 
 
 class PublishedSwarm:
-    """Equations 3.1 to 3.8 of Mirjalili (2016), one agent and component at a time, with loaded dice."""
+    """Equations 3.1 to 3.8 of Mirjalili (2016), one agent and component at a time, with the fixed numbers."""
 
     def __init__(self, optimizer: Dragonfly, state: DragonflyState) -> None:
         self.optimizer = optimizer
@@ -99,7 +99,7 @@ class PublishedSwarm:
                 self.enemy, self.enemy_fitness = list(x), value
 
     def move(self, iteration: int) -> None:
-        """Move every agent in turn."""
+        """Move the agents in turn."""
         t = iteration / self.optimizer.iterations
         weight = max(0, self.optimizer.weight - 2 * self.optimizer.weight * t)
         for i in range(len(self.X)):
@@ -145,20 +145,20 @@ class PublishedSwarm:
 @pytest.mark.usefixtures("loaded_dice")
 @pytest.mark.parametrize("variant", ["thesis", "corrected"])
 @pytest.mark.parametrize("growth", ["linear", "quadratic"])
-def test_swarm_follows_the_published_equations(variant: Variant, growth: Growth) -> None:
-    met: set[tuple[bool, bool, bool]] = set()
+def test_the_swarm_follows_the_published_equations(variant: Variant, growth: Growth) -> None:
+    all_moves: set[tuple[bool, bool, bool]] = set()
     for seed in range(10):
         optimizer = Dragonfly(np.zeros(2), np.ones(2), 9, 40, variant=variant, growth=growth, weight=0.1)
         state = optimizer.init(seed)
         published = PublishedSwarm(optimizer, state)
         for iteration in range(1, 13):
-            # Ripples, and walls that are worst of all, where no enemy may sit.
+            # Ripples, with the worst values at the walls, where no enemy is allowed.
             fitness = np.sum(np.sin(17 * state.positions) + 9 * (state.positions - 0.5) ** 2, axis=1)
             published.evaluate(fitness)
             published.move(iteration)
             state = optimizer.tell(state, fitness)
-            # Rounding, grown over 12 steps, and the six digits of the Lévy scale.
+            # Rounding accumulated over 12 steps, and the six digits of the Lévy scale.
             np.testing.assert_allclose(state.positions, published.X, atol=1e-6)
             np.testing.assert_allclose(state.velocities, published.V, atol=1e-6)
-        met |= published.moves
-    assert met == set(itertools.product((False, True), repeat=3))
+        all_moves |= published.moves
+    assert all_moves == set(itertools.product((False, True), repeat=3))

@@ -1,4 +1,4 @@
-"""The optimisers do what their papers say and are as good as those of other libraries."""
+"""The optimisers against the results in their papers and against those of other libraries."""
 
 import math
 from collections.abc import Callable
@@ -43,13 +43,13 @@ Function = Callable[[Array], Array]
         (GreyWolf, {"population": 2}, "population must be at least 3, got 2"),
     ],
 )
-def test_bad_settings_raise(make: Callable[..., Any], bad: dict[str, Any], message: str) -> None:
+def test_invalid_settings_are_refused(make: Callable[..., Any], bad: dict[str, Any], message: str) -> None:
     with pytest.raises(MethodError, match=message):
         make(*box(2), **bad)
 
 
 def evaluations_to(goal: float, optimizer: Optimizer[Any], function: Function, seed: int) -> float:
-    """Return the evaluations needed to bring the best to `goal`; inf if the run ends before."""
+    """Return the evaluations required to reach `goal`; inf if the run ends earlier."""
     state = optimizer.init(seed)
     while not optimizer.finished(state):
         state = optimizer.tell(state, function(optimizer.ask(state)))
@@ -61,9 +61,9 @@ def evaluations_to(goal: float, optimizer: Optimizer[Any], function: Function, s
 def differs(
     sample: list[float], published: float, runs: int, level: float, deviation: float | None = None
 ) -> bool:
-    """Return whether a published mean of `runs` is not that of `sample`.
+    """Return whether a published mean of `runs` differs significantly from that of `sample`.
 
-    `deviation` is the published standard deviation; without one, both are taken to have that of `sample`.
+    `deviation` is the published standard deviation; without it, that of `sample` is used for both.
     """
     own = float(np.std(sample, ddof=1))
     error = math.hypot(own / len(sample) ** 0.5, (own if deviation is None else deviation) / runs**0.5)
@@ -73,22 +73,22 @@ def differs(
 # Random search
 
 
-def test_random_search_finds_what_chance_allows() -> None:
-    found = [RandomSearch(*box(2), 10, 20).minimise(sphere, seed).fitness for seed in range(200)]
+def test_the_result_of_random_search_has_its_theoretical_distribution() -> None:
+    best_values = [RandomSearch(*box(2), 10, 20).minimise(sphere, seed).fitness for seed in range(200)]
 
     def chance_of_at_most(r_squared: Any) -> Any:
-        """Of one of 200 points in the disc about the optimum, all of it in the box (up to r = 0.78)."""
+        """Return the probability of one of 200 points in a disc about the optimum, in the box to r = 0.78."""
         return 1 - (1 - np.pi * r_squared / 4) ** 200
 
-    # A correct sample fails one time in 100; these seeds are fixed.
-    assert stats.kstest(found, chance_of_at_most).pvalue > 0.01
+    # A correct sample is rejected with a probability of 1 %; these seeds are fixed.
+    assert stats.kstest(best_values, chance_of_at_most).pvalue > 0.01
 
 
 # Genetic algorithm
 
 
-def test_crossover_spreads_as_in_its_paper() -> None:
-    # So far from the bounds that they cut nothing off (Deb & Agrawal 1995, eq. 4 and 5).
+def test_the_spread_of_crossover_is_as_published() -> None:
+    # The bounds are too far away to cut the distribution (Deb & Agrawal 1995, eq. 4 and 5).
     genetic = Genetic(*box(1, 1e9), population=2, crossover_probability=1.0)
     mates = np.repeat([[[0.0]], [[1.0]]], 20000, axis=1)
     children = genetic._cross(mates, np.random.default_rng(1)).reshape(2, -1)
@@ -104,8 +104,8 @@ def test_crossover_spreads_as_in_its_paper() -> None:
     assert stats.kstest(crossed, cumulative).pvalue > 0.01
 
 
-def test_crossover_at_a_bound_is_cut_off_and_scaled_up_there() -> None:
-    # Parents at 0 and 0.1 of [0, 1]: beta is at most 1 below, and at most 19 above, which is never met.
+def test_crossover_at_a_bound_has_a_truncated_distribution() -> None:
+    # Parents at 0 and 0.1 of [0, 1]: beta is at most 1 below, and at most 19 above, which is never reached.
     genetic = Genetic(np.zeros(1), np.ones(1), population=2, crossover_probability=1.0)
     mates = np.repeat([[[0.0]], [[0.1]]], 20000, axis=1)
     children = genetic._cross(mates, np.random.default_rng(2)).reshape(2, -1)
@@ -117,20 +117,20 @@ def test_crossover_at_a_bound_is_cut_off_and_scaled_up_there() -> None:
 
 
 @pytest.mark.parametrize("gene", [0.5, 0.0, 0.02])
-def test_mutation_spreads_as_in_its_paper(gene: float) -> None:
+def test_the_spread_of_mutation_is_as_published(gene: float) -> None:
     genetic = Genetic(np.zeros(1), np.ones(1), population=2)
     children = np.full((20000, 1), gene)  # the rate is 1/d = 1
     genetic._mutate(children, np.random.default_rng(3))
     delta = children[:, 0] - gene
 
     def cumulative(x: Any) -> Any:
-        """Half of the density on either side, in proportion to (1 - |delta|)^20 and cut off at the bound."""
+        """Return the distribution: half on each side, proportional to (1 - |delta|)^20, cut at the bound."""
         with np.errstate(invalid="ignore"):
             below = 1 - (1 - (1 + np.minimum(x, 0)) ** 21) / (1 - (1 - gene) ** 21)
         above = (1 - (1 - np.maximum(x, 0)) ** 21) / (1 - gene**21)
         return np.where(x < 0, below / 2, (1 + above) / 2)
 
-    if gene == 0:  # where half of the mutations have nowhere to go
+    if gene == 0:  # half of the mutations are beyond the bound
         assert abs(np.sum(delta == 0) - 10000) < 4 * math.sqrt(20000 / 4)
         delta = delta[delta > 0]
         assert stats.kstest(delta, lambda x: 1 - (1 - x) ** 21).pvalue > 0.01
@@ -141,7 +141,7 @@ def test_mutation_spreads_as_in_its_paper(gene: float) -> None:
 # Particle swarm
 
 
-def test_constriction_is_the_published_factor() -> None:
+def test_the_constriction_is_the_published_factor() -> None:
     assert ParticleSwarm(*box(1)).constriction == pytest.approx(0.72984, abs=5e-6)  # Eberhart & Shi 2000
 
 
@@ -153,36 +153,36 @@ def test_constriction_is_the_published_factor() -> None:
         pytest.param(rastrigin, 5.12, 100.0, 213.45, id="rastrigin"),
     ],
 )
-def test_swarm_reaches_goals_no_later_than_published(
+def test_the_swarm_reaches_goals_no_later_than_published(
     function: Function, half_width: float, goal: float, published: float
 ) -> None:
     """Eberhart & Shi 2000, mean iterations with constriction and Vmax = Xmax.
 
-    The swarm is faster, on the sphere by a third; that other libraries' swarms are as good is tested below.
+    The swarm is faster, by a third on the sphere; the comparison with swarms of other libraries is below.
     """
     swarm = ParticleSwarm(*box(30, half_width), population=30, iterations=4000)
     needed = [evaluations_to(goal, swarm, function, seed) / 30 for seed in range(5)]
     assert np.median(needed) < published
 
 
-def test_swarm_is_as_fast_as_published_on_griewank() -> None:
+def test_the_swarm_is_as_fast_as_published_on_griewank() -> None:
     swarm = ParticleSwarm(*box(30, 600.0), population=30, iterations=1000)
     needed = [evaluations_to(0.1, swarm, griewank, seed) / 30 for seed in range(20)]
-    # Not the mean: one run in 20 never arrives.
+    # The mean is not compared: one run in 20 never reaches the goal.
     assert np.min(needed) < 312.6 < np.quantile(needed, 0.75)
 
 
 # Differential evolution
 
 
-def evaluations_by_the_text(
+def evaluations_of_plain_algorithm(
     goal: float,
     settings: tuple[int, float, float],
     bounds: tuple[Array, Array],
     function: Function,
     seed: int,
 ) -> float:
-    """Return the evaluations that DE/rand/1/bin needs, one vector and component at a time, without bounds."""
+    """Return the evaluations of DE/rand/1/bin, one vector and component at a time, without bounds."""
     (n, scale, crossover), rng = settings, np.random.default_rng(seed)
     vectors = rng.uniform(*bounds, (n, bounds[0].size)).tolist()
     costs = function(np.array(vectors)).tolist()
@@ -215,31 +215,31 @@ def evaluations_by_the_text(
         pytest.param(squares, box(3, 5.12), (15, 0.5, 0.9), id="f1-defaults", marks=pytest.mark.evidence),
     ],
 )
-def test_differential_evolution_needs_the_evaluations_of_its_text(
+def test_differential_evolution_requires_the_evaluations_of_the_plain_algorithm(
     function: Function, bounds: tuple[Array, Array], settings: tuple[int, float, float]
 ) -> None:
-    """Storn & Price's measure on De Jong's functions: evaluations down to 1e-6. 1 % shared by three cases.
+    """The measure of Storn & Price on De Jong's functions: evaluations to 1e-6. 1 % shared by three cases.
 
-    Keeping to the box saves some 5 % of them on f1 and f2, less than 30 runs can show.
+    The bounds save some 5 % of the evaluations on f1 and f2, which is not significant in 30 runs.
     """
     population, scale, crossover = settings
     optimizer = DifferentialEvolution(*bounds, population, 2000, scale=scale, crossover=crossover)
     mine = [evaluations_to(1e-6, optimizer, function, seed) for seed in range(30)]
-    plain = [evaluations_by_the_text(1e-6, settings, bounds, function, seed) for seed in range(30)]
+    plain = [evaluations_of_plain_algorithm(1e-6, settings, bounds, function, seed) for seed in range(30)]
     assert stats.mannwhitneyu(mine, plain).pvalue > 0.01 / 3
 
 
 @pytest.mark.parametrize("corner", [0.0, 1.0])
-def test_differential_evolution_closes_in_on_a_corner_without_sitting_in_it(corner: float) -> None:
+def test_differential_evolution_converges_to_a_corner_without_reaching_it(corner: float) -> None:
     optimizer = DifferentialEvolution(np.zeros(8), np.ones(8), population=50, iterations=200)
     best = []
     for seed in range(5):
         state = optimizer.init(seed)
         while not optimizer.finished(state):
             state = optimizer.tell(state, squares(optimizer.ask(state) - corner))
-        assert not np.any(state.parents == corner)  # where clipping puts all 50
+        assert not np.any(state.parents == corner)  # clipping would move all 50 there
         best.append(state.best_fitness)
-    # Reflection ends at 1.5e-12 after as many generations, new random values at 3e-7, this at 1e-14.
+    # After the same number of generations, reflection reaches 1.5e-12, random values 3e-7, this method 1e-14.
     assert np.median(best) < 3e-13
 
 
@@ -256,26 +256,26 @@ def test_differential_evolution_closes_in_on_a_corner_without_sitting_in_it(corn
         pytest.param(griewank, 600.0, 0.004485, 0.006659, 15, id="F11"),
     ],
 )
-def test_wolves_end_where_published(
+def test_grey_wolves_reach_the_published_results(
     function: Function, half_width: float, published: float, deviation: float | None, runs: int
 ) -> None:
     """Mirjalili et al. 2014, Tables 5 and 6: means of 30 runs in 30 dimensions.
 
-    Four of five runs on F11 end at 0, so that 15 of ours may hardly differ from each other: there the
-    published standard deviation counts. Those of the others cannot be of such runs (6e-5 for F1).
+    Four of five runs on F11 end at 0, so that our 15 runs may hardly differ from each other: for F11 the
+    published standard deviation is used. Those of the others cannot be of such runs (6e-5 for F1).
 
-    With the best three of all points as leaders F1 ends a thousand times lower and F9 higher: rejected.
+    With the best three of all points as leaders, F1 ends a thousand times lower and F9 higher: rejected.
     """
     optimizer = GreyWolf(*box(30, half_width), population=30, iterations=500)
-    found = [optimizer.minimise(function, seed).fitness for seed in range(runs)]
+    results = [optimizer.minimise(function, seed).fitness for seed in range(runs)]
     level = 0.01 / 4  # 1 % shared by four functions
-    assert not differs(found, published, runs=30, level=level, deviation=deviation)
+    assert not differs(results, published, runs=30, level=level, deviation=deviation)
 
 
 # Other libraries, at equal evaluations
 
 DIMENSIONS, POPULATION, ITERATIONS = 8, 50, 40
-RUNS, THEIR_RUNS = 40, 9  # as sure as 15 of each: 1/40 + 1/9 = 1/15 + 1/15; theirs take longer
+RUNS, THEIR_RUNS = 40, 9  # the error of 15 of each: 1/40 + 1/9 = 1/15 + 1/15; other libraries are slower
 CHI = 0.7298437881283576  # 2 / |2 - 4.1 - sqrt(4.1² - 4 × 4.1)|, Clerc & Kennedy 2002
 
 FUNCTIONS: dict[str, tuple[Function, float]] = {
@@ -288,7 +288,7 @@ def run_pymoo(algorithm: Callable[[], Any], function: Function, half_width: floa
     from pymoo.core.problem import Problem
     from pymoo.optimize import minimize
 
-    class Searched(Problem):  # type: ignore[misc]  # it comes without types
+    class Searched(Problem):  # type: ignore[misc]  # the library has no types
         def __init__(self) -> None:
             super().__init__(n_var=DIMENSIONS, n_obj=1, xl=-half_width, xu=half_width)
 
@@ -319,7 +319,7 @@ def scipy_differential_evolution(function: Function, half_width: float, seed: in
         mutation=0.5,
         recombination=0.9,
         init=rng.uniform(-half_width, half_width, (POPULATION, DIMENSIONS)),
-        maxiter=ITERATIONS - 1,  # the first population is not counted
+        maxiter=ITERATIONS - 1,  # SciPy does not count the first population
         tol=0,
         updating="deferred",
         vectorized=True,
@@ -347,7 +347,7 @@ def niapy_wolves(function: Function, half_width: float, seed: int) -> float:
     from niapy.problems import Problem
     from niapy.task import Task
 
-    class Searched(Problem):  # type: ignore[misc]  # it comes without types
+    class Searched(Problem):  # type: ignore[misc]  # the library has no types
         def __init__(self) -> None:
             super().__init__(DIMENSIONS, -half_width, half_width)
 
@@ -367,7 +367,7 @@ SWARM = {
     "velocity_clamp": 0.5,
 }
 
-# Pymoo is the slowest of them: only where the faster ones have no such method.
+# Pymoo, the slowest, is used only for methods that the faster libraries lack.
 PEERS: dict[str, tuple[type[Optimizer[Any]], Callable[[Function, float, int], float]]] = {
     "genetic-pymoo": (Genetic, partial(run_pymoo, pymoo_genetic)),
     "differential-evolution-scipy": (DifferentialEvolution, scipy_differential_evolution),
@@ -381,12 +381,12 @@ PEERS: dict[str, tuple[type[Optimizer[Any]], Callable[[Function, float, int], fl
 
 
 @cache
-def found_by_ours(make: type[Optimizer[Any]], function: Function, half_width: float, seed: int) -> float:
+def our_result(make: type[Optimizer[Any]], function: Function, half_width: float, seed: int) -> float:
     optimizer = make(*box(DIMENSIONS, half_width), POPULATION, ITERATIONS)
     state = optimizer.init(seed)
     if make is GreyWolf:
         # niapy lowers `a` before its first move, the authors' code after it: it is one iteration ahead, and
-        # its pack tighter in the end. That apart they must agree.
+        # its pack is narrower at the end. Otherwise they must agree.
         state = replace(state, iteration=1)
     for _ in range(ITERATIONS):
         state = optimizer.tell(state, function(optimizer.ask(state)))
@@ -396,14 +396,14 @@ def found_by_ours(make: type[Optimizer[Any]], function: Function, half_width: fl
 @pytest.mark.evidence
 @pytest.mark.parametrize("name", FUNCTIONS)
 @pytest.mark.parametrize("peer", PEERS)
-def test_quality_is_that_of_other_libraries(peer: str, name: str) -> None:
+def test_the_final_fitness_agrees_with_other_libraries(peer: str, name: str) -> None:
     """Two-sided Mann-Whitney test on the final fitness, at 1 % shared by all comparisons (Bonferroni).
 
-    The optimum lies inside the box, as each library has its own way of keeping points in. A scale of 0.6
-    instead of 0.5 or c_1 = c_2 = 2.2 fails on the sphere against every library (p below 1e-6).
+    The optimum is inside the box, since libraries treat bounds differently. A scale of 0.6
+    instead of 0.5 or c_1 = c_2 = 2.2 is rejected on the sphere against each library (p below 1e-6).
     """
     (make, theirs), (function, half_width) = PEERS[peer], FUNCTIONS[name]
-    mine = [found_by_ours(make, function, half_width, seed) for seed in range(RUNS)]
+    mine = [our_result(make, function, half_width, seed) for seed in range(RUNS)]
     others = [theirs(function, half_width, seed) for seed in range(THEIR_RUNS)]
     level = 0.01 / (len(PEERS) * len(FUNCTIONS))
     difference = np.mean(np.log10(mine)) - np.mean(np.log10(others))

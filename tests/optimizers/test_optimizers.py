@@ -1,4 +1,4 @@
-"""Every listed optimiser keeps the contract of `Optimizer`."""
+"""All listed optimisers against the contract of `Optimizer`."""
 
 import math
 import pickle
@@ -38,13 +38,13 @@ def run(
     return state
 
 
-def assert_same_bits(one: State, other: State) -> None:
-    for field in fields(one):
-        np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name), field.name)
+def assert_same_bits(first: State, second: State) -> None:
+    for field in fields(first):
+        np.testing.assert_array_equal(getattr(first, field.name), getattr(second, field.name), field.name)
 
 
 @every_optimizer
-def test_same_seed_gives_same_bits_and_another_seed_others(make: Make) -> None:
+def test_the_seed_determines_the_bits(make: Make) -> None:
     optimizer = make(*box(3), population=10, iterations=20)
     first, second, third = (run(optimizer, optimizer.init(seed), 20) for seed in (7, 7, 8))
     assert_same_bits(first, second)
@@ -52,7 +52,7 @@ def test_same_seed_gives_same_bits_and_another_seed_others(make: Make) -> None:
 
 
 @every_optimizer
-def test_resumed_run_equals_uninterrupted_run(make: Make) -> None:
+def test_a_resumed_run_equals_an_uninterrupted_run(make: Make) -> None:
     optimizer = make(*box(3), population=10, iterations=20)
     halfway = run(optimizer, optimizer.init(3), 9)
     thawed_optimizer, thawed = pickle.loads(pickle.dumps((optimizer, halfway)))  # noqa: S301 - our own bytes
@@ -62,7 +62,7 @@ def test_resumed_run_equals_uninterrupted_run(make: Make) -> None:
 
 
 @every_optimizer
-def test_no_state_is_changed_by_later_steps_or_by_the_caller(make: Make) -> None:
+def test_later_steps_and_the_caller_do_not_change_a_state(make: Make) -> None:
     optimizer = make(*box(3), population=10, iterations=20)
     state = run(optimizer, optimizer.init(3), 5)
     before = pickle.loads(pickle.dumps(state))  # noqa: S301 - our own bytes
@@ -93,20 +93,20 @@ def test_points_stay_within_bounds(
 
 
 @every_optimizer
-def test_best_is_the_best_of_all_evaluated(make: Make) -> None:
+def test_the_result_is_the_best_of_all_evaluated_points(make: Make) -> None:
     optimizer = make(*box(3), population=10, iterations=30)
-    seen: list[Array] = []
+    evaluated: list[Array] = []
     values: list[Array] = []
 
     def fitness(points: Array) -> Array:
-        seen.append(points)
+        evaluated.append(points)
         values.append(sphere(points))
         return values[-1]
 
     result = optimizer.minimise(fitness, seed=1)
     best = np.argmin(np.concatenate(values))
     assert result.fitness == np.concatenate(values)[best]
-    np.testing.assert_array_equal(result.point, np.concatenate(seen)[best])
+    np.testing.assert_array_equal(result.point, np.concatenate(evaluated)[best])
     np.testing.assert_array_equal(result.history, np.minimum.accumulate(np.min(values, axis=1)))
     assert result.evaluations == np.concatenate(values).size == 300
 
@@ -115,31 +115,33 @@ def test_best_is_the_best_of_all_evaluated(make: Make) -> None:
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_beats_random_search_on_a_sphere(make: Make, dimensions: int) -> None:
     optimizer = make(*box(dimensions), population=50, iterations=100)
-    found = [optimizer.minimise(sphere, seed).fitness for seed in range(5)]
-    # The least of m uniform points has a median squared distance r² with m V(r) = ln 2, V the volume
+    reached = [optimizer.minimise(sphere, seed).fitness for seed in range(5)]
+    # The nearest of m uniform points has a median squared distance r² with m V(r) = ln 2, V the volume
     # of the ball in units of the box: a closed form for random search with the same evaluations.
     unit_ball = math.pi ** (dimensions / 2) / math.gamma(dimensions / 2 + 1)
     random_search = (math.log(2) / 5000 * 2**dimensions / unit_ball) ** (2 / dimensions)
-    # A population that converges at all gains many decades; 1e-2 asks for two, in the median of 5 runs.
-    assert np.median(found) < 1e-2 * random_search
+    # A converging population gains many decades; 1e-2 requires two, in the median of 5 runs.
+    assert np.median(reached) < 1e-2 * random_search
 
 
 @every_optimizer
 def test_nan_fitness_is_the_worst_fitness(make: Make) -> None:
     optimizer = make(*box(2), population=20, iterations=30)
 
-    def holey(points: Array) -> Array:
+    def partly_nan(points: Array) -> Array:
         return np.where(points[:, 0] < 0, np.nan, sphere(points))
 
-    with_nan = run(optimizer, optimizer.init(0), 30, holey)
-    with_inf = run(optimizer, optimizer.init(0), 30, lambda points: np.nan_to_num(holey(points), nan=np.inf))
+    with_nan = run(optimizer, optimizer.init(0), 30, partly_nan)
+    with_inf = run(
+        optimizer, optimizer.init(0), 30, lambda points: np.nan_to_num(partly_nan(points), nan=np.inf)
+    )
     assert_same_bits(with_nan, with_inf)
     assert with_nan.best_point[0] >= 0
     assert with_nan.best_fitness == sphere(with_nan.best_point[None])[0]
 
 
 @every_optimizer
-def test_survives_a_fitness_that_is_nan_everywhere(make: Make) -> None:
+def test_a_fitness_that_is_nan_everywhere_gives_an_infinite_result(make: Make) -> None:
     optimizer = make(*box(2), population=5, iterations=10)
     result = optimizer.minimise(lambda points: np.full(len(points), np.nan), seed=0)
     assert result.fitness == np.inf
@@ -147,24 +149,24 @@ def test_survives_a_fitness_that_is_nan_everywhere(make: Make) -> None:
 
 
 @every_optimizer
-def test_callback_sees_each_population(make: Make) -> None:
+def test_the_callback_receives_each_population(make: Make) -> None:
     recorded: list[Array] = []
-    seen: list[BestSoFar] = []
+    reports: list[BestSoFar] = []
 
     def fitness(points: Array) -> Array:
         recorded.append(sphere(points))
         return recorded[-1]
 
-    result = make(*box(2), population=5, iterations=4).minimise(fitness, 0, seen.append)
-    assert [one.evaluations for one in seen] == [5, 10, 15, 20]
+    result = make(*box(2), population=5, iterations=4).minimise(fitness, 0, reports.append)
+    assert [report.evaluations for report in reports] == [5, 10, 15, 20]
     least = np.minimum.accumulate([np.min(values) for values in recorded])
-    np.testing.assert_array_equal([one.best_fitness for one in seen], least)
-    np.testing.assert_array_equal([sphere(one.best_point[np.newaxis])[0] for one in seen], least)
+    np.testing.assert_array_equal([report.best_fitness for report in reports], least)
+    np.testing.assert_array_equal([sphere(report.best_point[np.newaxis])[0] for report in reports], least)
     np.testing.assert_array_equal(result.history, least)
 
 
 @every_optimizer
-def test_numbers_are_apart_from_those_of_a_plain_generator(make: Make) -> None:
+def test_random_numbers_differ_from_those_of_a_plain_generator(make: Make) -> None:
     start = make(np.zeros(8), np.ones(8), population=5).init(4).positions
     plain = [np.random.default_rng(entropy).random((5, 8)) for entropy in (4, (4, 0))]
     assert not any(np.isin(start, numbers).any() for numbers in plain)
@@ -185,13 +187,13 @@ def test_numbers_are_apart_from_those_of_a_plain_generator(make: Make) -> None:
         ({"iterations": True}, "iterations must be a whole number, got True"),
     ],
 )
-def test_bad_settings_raise(make: Make, bad: dict[str, Any], message: str) -> None:
+def test_invalid_settings_are_refused(make: Make, bad: dict[str, Any], message: str) -> None:
     with pytest.raises(MethodError, match=message):
         make(**({"lower": np.zeros(2), "upper": np.ones(2)} | bad))
 
 
 @every_optimizer
-def test_bad_fitness_shape_and_seed_raise(make: Make) -> None:
+def test_a_wrong_shape_of_fitness_and_a_negative_seed_are_refused(make: Make) -> None:
     optimizer = make(*box(2), population=5)
     with pytest.raises(MethodError, match=r"shape \(4,\), expected \(5,\)"):
         optimizer.tell(optimizer.init(0), np.zeros(4))

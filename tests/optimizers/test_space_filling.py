@@ -1,4 +1,4 @@
-"""Start points cover a box as evenly as a scrambled Sobol sequence, and without SciPy's slow import."""
+"""Space-filling start points: uniformity against scrambled Sobol sequences, and no import of scipy.stats."""
 
 import subprocess
 import sys
@@ -17,7 +17,7 @@ def unit_points(n: int, dimensions: int, seed: int) -> Array:
 
 
 @pytest.mark.parametrize("n", [1, 2, 7, 64, 100])
-def test_points_lie_in_the_box_and_repeat_with_the_seed_alone(n: int) -> None:
+def test_points_are_in_the_box_and_determined_by_the_seed(n: int) -> None:
     points = space_filling(n, [-1, 5], [1, 6], seed=2)
     assert points.shape == (n, 2)
     assert np.all((points >= [-1, 5]) & (points <= [1, 6]))
@@ -34,23 +34,23 @@ def test_each_component_has_one_point_in_each_stratum(n: int, dimensions: int) -
 
 @pytest.mark.parametrize("dimensions", [1, 2, 3, 5, 8, 12, 16, 25])
 @pytest.mark.parametrize("n", [3, 10, 20, 64, 100, 128, 256])
-def test_discrepancy_is_that_of_a_sobol_sequence(n: int, dimensions: int) -> None:
-    """Mixture discrepancy (rms of 8 seeds), which weighs all places and directions of the cube alike.
+def test_the_discrepancy_is_that_of_a_sobol_sequence(n: int, dimensions: int) -> None:
+    """Mixture discrepancy (rms of 8 seeds), which weighs all places and directions of the cube equally.
 
     It is 0.5 to 1.05 times that of scrambled Sobol points for any number up to 25 dimensions and 400 points.
     That of random points is 1.5 times as large for 128 points in 16 dimensions, 2.7 times in 8, 7 times in 2.
     """
 
     def rms(points: list[Array]) -> float:
-        return float(np.sqrt(np.mean([qmc.discrepancy(one, method="MD") for one in points])))
+        return float(np.sqrt(np.mean([qmc.discrepancy(point, method="MD") for point in points])))
 
     def sobol(seed: int) -> Array:
         power = int(n - 1).bit_length()
         points: Array = qmc.Sobol(dimensions, rng=np.random.default_rng(seed)).random_base2(power)
         return points[:n]
 
-    ours = rms([unit_points(n, dimensions, seed) for seed in range(8)])
-    assert ours < 1.08 * rms([sobol(seed) for seed in range(8)])
+    of_space_filling = rms([unit_points(n, dimensions, seed) for seed in range(8)])
+    assert of_space_filling < 1.08 * rms([sobol(seed) for seed in range(8)])
 
 
 def test_the_shift_is_uniform() -> None:
@@ -60,7 +60,7 @@ def test_the_shift_is_uniform() -> None:
     assert np.all(np.abs(first.var(axis=0) - 1 / 12) < 4 * (1 / 180 / 400) ** 0.5)
 
 
-def test_many_points_take_no_square_of_memory() -> None:
+def test_memory_does_not_grow_with_the_square_of_points() -> None:
     assert unit_points(20000, 2, seed=0).shape == (20000, 2)
 
 

@@ -1,1 +1,1 @@
-"""Tests of how an actuator moves: each against something that does not share its code."""
+"""Tests of `emaphm.simulation`: each against a reference that does not share its code."""

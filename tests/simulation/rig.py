@@ -1,4 +1,4 @@
-"""Short ways to run a model in a test."""
+"""Helpers to run a model in a test."""
 
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -17,10 +17,10 @@ from emaphm.simulation.models import motion
 
 THESIS = Actuator.thesis()
 INTERVAL = 2e-4
-"""The acquisition of docs/physics.md, section 7: 5 kHz."""
+"""Interval of the acquisition of docs/physics.md, section 7 [s]: 5 kHz."""
 
 SHORTED = np.array([1.0, 1.0, 0.7, 0.7, 0.7, 1.0, 1.0, 1.0])
-"""Upper ends of the faults that the averaged model is meant for (docs/physics.md, section 5)."""
+"""Upper limits of the faults in the range of the averaged model (docs/physics.md, section 5)."""
 
 
 def altered(actuator: Actuator = THESIS, /, **sections: dict[str, Any] | None) -> Actuator:
@@ -43,10 +43,10 @@ FREE = {
     "dynamic_friction_user": 0.0,
     "end_stops": None,
 }
-"""Mechanics that nothing brakes."""
+"""Mechanics without friction and end stops."""
 
 LOCKED = {"static_friction_motor": 1e3}
-"""Mechanics that stand still whatever the motor does."""
+"""Mechanics that any torque of the motor leaves at rest."""
 
 SERVO: dict[str, dict[str, Any]] = {
     "controller": {
@@ -58,7 +58,7 @@ SERVO: dict[str, dict[str, Any]] = {
     },
     "motor": {"torque_limit": None},
 }
-"""Of a drive of kind `voltage`: its duty cycle is the position error in rad."""
+"""Sections for a drive of kind `voltage`, whose duty cycle is then the position error in rad."""
 
 
 def record(
@@ -74,7 +74,7 @@ def record(
     start: Initial | None = None,
     **options: Any,
 ) -> dict[str, Array]:
-    """Return every channel of one run, and its time; `options` as for `Inputs.of`."""
+    """Return all channels of one run, and its time; `options` as for `Inputs.of`."""
     samples = round(duration / interval)
     inputs = Inputs.of(command, load, samples=samples, interval=interval, step=step or model.step, **options)
     plant = Plant.of(actuator, (faults or Faults()).vector)
@@ -89,13 +89,13 @@ def currents(model: Model, plant: Plant, inputs: Inputs) -> Array:
 def errors_of_a_dc_motor(
     actuator: Actuator, duty: float, slopes: Callable[..., list[float]], duration: float
 ) -> tuple[float, float]:
-    """Return the largest errors of the current [A] at steps of 20 and 5 µs, from rest under a duty cycle.
+    """Return the largest errors of the current [A] at steps of 20 and 5 µs, from rest with a duty cycle.
 
-    Against an integrator of `slopes`, of time and (current, speed), at tight tolerance.
+    The reference integrates `slopes`, a function of time and (current, speed), with a tight tolerance.
     """
 
     def error(step: float) -> float:
-        got = record(
+        signals = record(
             AVERAGED,
             Step(duty),
             actuator,
@@ -104,15 +104,15 @@ def errors_of_a_dc_motor(
             step=step,
             sampling="instant",
         )
-        times = got["time_s"] + step  # at the end of a step
+        times = signals["time_s"] + step  # at the end of a step
         exact = solve_ivp(slopes, (0, times[-1]), [0.0, 0.0], t_eval=times, rtol=1e-9, atol=1e-9).y
-        return float(np.abs(got["current_A"] - exact[0]).max())
+        return float(np.abs(signals["current_A"] - exact[0]).max())
 
     return error(2e-5), error(5e-6)
 
 
 class Shaft:
-    """The law of the motion stepped in Python: parameters by their names, 0 or no limit where left out."""
+    """The law of motion stepped in Python: parameters by name, with a default of 0 or no limit."""
 
     def __init__(self, step: float, structure: Structure = Structure(), **parameters: float) -> None:  # noqa: B008
         names = motion.parameter_names(structure)
@@ -123,7 +123,7 @@ class Shaft:
         self._moved = motion.motion(structure)
 
     def move(self, torque: float, load: float = 0.0) -> None:
-        """Take one step under the motor's torque and a load [N·m]."""
+        """Take one step with the torque of the motor and a load [N·m]."""
         inputs = StepInputs(0.0, load, 0.0, 1.0, 0.0, self.step, 1.0)
         following = self._moved(SimpleNamespace(**self.state), self._parameters, inputs, torque)
         self.state = dict(zip(self.state, map(float, following), strict=True))
@@ -144,25 +144,25 @@ class WindingEnergies(NamedTuple):
 
     @property
     def error(self) -> float:
-        """What the balance leaves over, relative to what was supplied."""
+        """Absolute error of the balance, relative to the supplied energy."""
         return abs(self.supplied - self.joule - self.shaft - self.magnetic) / self.supplied
 
 
 def winding_energies(
-    got: dict[str, Array], faults: Faults, resistance: float, inductance: float, interval: float
+    signals: dict[str, Array], faults: Faults, resistance: float, inductance: float, interval: float
 ) -> WindingEnergies:
-    """Return the energies of signals `got`, a row each `interval` [s], by line resistance and inductance.
+    """Return the energies of `signals`, one row per `interval` [s], by line resistance and inductance.
 
-    Currents and speeds count at the middle of each step, which leaves second orders only.
+    Currents and speeds are evaluated at the middle of each step, so that only second orders remain.
     """
     turns = np.array([1 - faults.short_a, 1 - faults.short_b, 1 - faults.short_c])[:, None]
-    after = np.stack([got[f"current_{phase}_A"] for phase in "abc"])
+    after = np.stack([signals[f"current_{phase}_A"] for phase in "abc"])
     middle = (np.pad(after, ((0, 0), (1, 0)))[:, :-1] + after) / 2
-    legs = np.stack([got[f"voltage_{phase}_V"] for phase in "abc"])
-    speed = got["speed_rad_s"]
+    legs = np.stack([signals[f"voltage_{phase}_V"] for phase in "abc"])
+    speed = signals["speed_rad_s"]
     return WindingEnergies(
         supplied=np.sum(legs * middle) * interval,
         joule=np.sum(resistance / 2 * turns * middle**2) * interval,
-        shaft=np.sum(got["torque_Nm"] * (speed + np.pad(speed, (1, 0))[:-1]) / 2) * interval,
+        shaft=np.sum(signals["torque_Nm"] * (speed + np.pad(speed, (1, 0))[:-1]) / 2) * interval,
         magnetic=np.sum(inductance / 4 * turns[:, 0] ** 2 * after[:, -1] ** 2),
     )

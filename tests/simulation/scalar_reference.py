@@ -1,4 +1,4 @@
-"""The reference model a second time: scalar Python, from docs/physics.md, section 3, and nothing else."""
+"""An independent reference model: scalar Python, written only from docs/physics.md, section 3."""
 
 import math
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from emaphm.arrays import Array
 
 
 def trapezoid(degrees: float) -> float:
-    """Return s at an electrical angle [deg], read off docs/physics.md as a polyline."""
+    """Return s at an electrical angle [deg], as the polyline of docs/physics.md."""
     return float(np.interp(degrees % 360.0, [0.0, 30.0, 150.0, 210.0, 330.0, 360.0], [0, 1, 1, -1, -1, 0]))
 
 
@@ -50,19 +50,21 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
     low, high = (stop / m.gear_ratio for stop in m.end_stops)
 
     i, legs = [0.0, 0.0, 0.0], [-1, -1, -1]
-    theta = w = seen = felt = output = integral = 0.0
+    theta = w = sensed_speed = felt = output = integral = 0.0
     previous: float | None = None
-    # The drive may see the speed, and the shaft feel the torque, with a lag.
-    unseen, unfelt = (math.exp(-dt / lag) if lag else 0.0 for lag in (c.speed_lag, actuator.motor.torque_lag))
+    # Speed feedback and torque may have a lag.
+    speed_decay, torque_decay = (
+        math.exp(-dt / lag) if lag else 0.0 for lag in (c.speed_lag, actuator.motor.torque_lag)
+    )
     trace = []
     for n in range(steps):
         # 1. Controller.
         wanted = gain * (command(n * dt) - m.gear_ratio * output)
-        seen = w + (seen - w) * unseen
-        error = min(max(wanted, -c.speed_limit), c.speed_limit) - seen
+        sensed_speed = w + (sensed_speed - w) * speed_decay
+        error = min(max(wanted, -c.speed_limit), c.speed_limit) - sensed_speed
         slope = 0.0 if previous is None else (error - previous) / dt
-        asked = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
-        reference = min(max(asked / actuator.drive_constant, -c.current_limit), c.current_limit)
+        demanded_torque = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
+        reference = min(max(demanded_torque / actuator.drive_constant, -c.current_limit), c.current_limit)
         integral += error * dt
         previous = error
         # 2, 3. Commutation and switching.
@@ -85,15 +87,15 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
             * (1 + Z * math.cos(rotor + phi + 2 * math.pi * phase / 3))
             for phase in range(3)
         ]
-        left = [v[p] - R[p] * i[p] - K[p] * s[p] * w for p in range(3)]
-        v_n = sum(left[p] / L[p] for p in range(3)) / sum(1 / L[p] for p in range(3))
-        i = [i[p] + dt * (left[p] - v_n) / L[p] for p in range(3)]
+        driving_voltages = [v[p] - R[p] * i[p] - K[p] * s[p] * w for p in range(3)]
+        v_n = sum(driving_voltages[p] / L[p] for p in range(3)) / sum(1 / L[p] for p in range(3))
+        i = [i[p] + dt * (driving_voltages[p] - v_n) / L[p] for p in range(3)]
         # 5. Torque.
         torque = sum(K[p] * s[p] * i[p] for p in range(3))
         torque = min(max(torque, -actuator.motor.torque_limit), actuator.motor.torque_limit)
-        felt = torque = torque + (felt - torque) * unfelt
+        felt = torque = torque + (felt - torque) * torque_decay
         # 6. Mechanics.
-        # The load stiffness acts on where the user is when the step starts.
+        # The load stiffness acts on the position of the user at the start of the step.
         active = torque - load - m.offset - m.hinge * (m.gear_ratio * output) - m.viscous * w
         if w == 0.0:
             sticks = abs(active) <= static

@@ -1,4 +1,4 @@
-"""The monitor and averaged models a second time: scalar, from docs/physics.md, sections 4 and 5, alone."""
+"""Independent monitor and averaged models: scalar, written only from docs/physics.md, sections 4 and 5."""
 
 import math
 from collections.abc import Callable
@@ -50,18 +50,20 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
     static, dynamic = m.static_friction * (1 + 2 * k1), m.dynamic_friction * (1 + 2 * k1)
     gap = m.backlash * (1 + 9 * k2)
 
-    i = theta = w = seen = felt = output = integral = 0.0
+    i = theta = w = sensed_speed = felt = output = integral = 0.0
     previous: float | None = None
-    # The drive may see the speed, and the shaft feel the torque, with a lag.
-    unseen, unfelt = (math.exp(-dt / lag) if lag else 0.0 for lag in (c.speed_lag, actuator.motor.torque_lag))
+    # Speed feedback and torque may have a lag.
+    speed_decay, torque_decay = (
+        math.exp(-dt / lag) if lag else 0.0 for lag in (c.speed_lag, actuator.motor.torque_lag)
+    )
     trace = []
     for n in range(steps):
         wanted = (0.5 + k8) * c.position_gain * (command(n * dt) - m.gear_ratio * output)
-        seen = w + (seen - w) * unseen
-        error = min(max(wanted, -c.speed_limit), c.speed_limit) - seen
+        sensed_speed = w + (sensed_speed - w) * speed_decay
+        error = min(max(wanted, -c.speed_limit), c.speed_limit) - sensed_speed
         slope = 0.0 if previous is None else (error - previous) / dt
-        asked = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
-        reference = min(max(asked / actuator.drive_constant, -c.current_limit), c.current_limit)
+        demanded_torque = c.speed_gain * error + c.integral_gain * integral + c.derivative_gain * slope
+        reference = min(max(demanded_torque / actuator.drive_constant, -c.current_limit), c.current_limit)
         integral += error * dt
         previous = error
 
@@ -96,8 +98,8 @@ def simulate(  # noqa: PLR0915 - one step, in the order of docs/physics.md
         voltage = k * w + R * (new - i * decay) / (1 - decay)
         i = new
         torque = min(max(k * i, -actuator.motor.torque_limit), actuator.motor.torque_limit)
-        felt = torque = torque + (felt - torque) * unfelt
-        # The load stiffness acts on where the user is when the step starts.
+        felt = torque = torque + (felt - torque) * torque_decay
+        # The load stiffness acts on the position of the user at the start of the step.
         active = torque - load - m.offset - m.hinge * (m.gear_ratio * output) - m.viscous * w
         if w == 0.0:
             sticks = abs(active) <= static

@@ -1,4 +1,4 @@
-"""The models against each other, and against what docs/physics.md states about their distance."""
+"""The models against each other, and their differences against the figures of docs/physics.md."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from strategies import fault_vectors
 
 DRAWN = np.random.default_rng(15).random((14, 8)) * SHORTED
 MULTIPLE = np.array([0.25, 0.75, 0.8, 0.8, 0.8, 0.25, 0.5, 0.75])
-"""The thesis's multiple faults (docs/physics.md, section 10)."""
+"""Multiple faults of the thesis (docs/physics.md, section 10)."""
 
 CASES = np.vstack([Faults().vector, MULTIPLE, DRAWN])
 CHIRP = Chirp()
@@ -32,51 +32,51 @@ def reference() -> Array:
 
 @pytest.fixture(scope="module")
 def halved(reference: Array) -> Array:
-    """Return the rms difference that halving the reference model's step makes: what no model can go below."""
+    """Return the rms difference by half the step of the reference model: a lower limit for any model."""
     return np.asarray(rms(currents(REFERENCE, 5e-7) - reference))
 
 
-def test_size_of_the_signals(reference: Array) -> None:
+def test_the_rms_current_is_as_documented(reference: Array) -> None:
     # docs/physics.md: 2.5 A rms nominal (section 1), 14.6 A rms with multiple faults (section 3).
     assert rms(reference[0]) == pytest.approx(2.45, abs=0.05)
     assert rms(reference[1]) == pytest.approx(14.6, abs=0.1)
 
 
-def test_hysteresis_switching_is_chaotic_by_as_much_as_stated(halved: Array) -> None:
-    # docs/physics.md, section 3: 0.1 A nominal, 0.5 A with multiple faults, both to a digit.
+def test_the_chaos_of_hysteresis_switching_is_as_documented(halved: Array) -> None:
+    # docs/physics.md, section 3: 0.1 A nominal, 0.5 A with multiple faults, both to one digit.
     assert halved[0] == pytest.approx(0.1, abs=0.05)
     assert halved[1] == pytest.approx(0.5, abs=0.05)
 
 
-def test_nominal_difference_of_the_averaged_model(reference: Array) -> None:
-    # docs/physics.md, section 1: 0.08 A, to a digit; 0.083 measured.
+def test_the_nominal_difference_of_the_averaged_model_is_as_documented(reference: Array) -> None:
+    # docs/physics.md, section 1: 0.08 A, to one digit; 0.083 measured.
     assert rms(currents(AVERAGED, AVERAGED.step)[0] - reference[0]) == pytest.approx(0.08, abs=0.01)
     assert rms(currents(monitor(), monitor().step)[0] - reference[0]) == pytest.approx(0.09, abs=0.02)
 
 
-def test_averaged_model_comes_as_near_as_the_ripple_lets_it(reference: Array, halved: Array) -> None:
-    away = {step: rms(currents(AVERAGED, step) - reference) for step in (1e-4, 5e-5, 1e-5)}
-    # Twice the chaos on average and three times at worst, measured: the rest is the commutation of a real
-    # third phase, which one winding cannot show.
-    ratio = away[5e-5] / halved
+def test_the_error_of_the_averaged_model_is_of_the_size_of_the_chaos(reference: Array, halved: Array) -> None:
+    errors = {step: rms(currents(AVERAGED, step) - reference) for step in (1e-4, 5e-5, 1e-5)}
+    # Measured: twice the chaos on average and three times at worst. The rest is the commutation of a third
+    # phase, which a single winding does not have.
+    ratio = errors[5e-5] / halved
     assert ratio.mean() < 2
     assert ratio.max() < 3.2
-    # Each refinement helps, or changes nothing beyond a tenth of what is chaos. The thesis's shorts of 0.8
-    # are left out: they are beyond the 0.7 that section 5 states for the model.
+    # Each refinement reduces the error, or changes it by less than a tenth of the chaos. Shorts of 0.8 of the
+    # thesis are omitted: they exceed the limit of 0.7 of the model in section 5.
     within = np.arange(len(CASES)) != 1
-    assert np.all((away[5e-5] <= away[1e-4] + 0.1 * halved)[within])
-    assert np.all((away[1e-5] <= away[5e-5] + 0.1 * halved)[within])
-    assert away[1e-5][within].mean() < 0.95 * away[1e-4][within].mean()
+    assert np.all((errors[5e-5] <= errors[1e-4] + 0.1 * halved)[within])
+    assert np.all((errors[1e-5] <= errors[5e-5] + 0.1 * halved)[within])
+    assert errors[1e-5][within].mean() < 0.95 * errors[1e-4][within].mean()
 
 
-def test_averaged_model_converges_as_its_step_shrinks() -> None:
+def test_the_averaged_model_converges_with_its_step() -> None:
     finest = currents(AVERAGED, 2.5e-6)
     errors = np.array([rms(currents(AVERAGED, step) - finest) for step in (1e-4, 5e-5, 2.5e-5)]).mean(axis=1)
-    # First order at least: each halving of the step takes off nearly half or more.
+    # At least first order: each halving of the step reduces the error by nearly half or more.
     assert np.all(errors[1:] < 0.6 * errors[:-1])
 
 
-def test_phase_resolved_shorts_are_what_the_printed_mean_lacks() -> None:
+def test_phase_resolved_shorts_are_more_accurate_than_the_printed_mean() -> None:
     one_phase = Faults(short_a=0.6).vector[None]
     target = currents(REFERENCE, 1e-6, one_phase)
     resolved = rms(currents(AVERAGED, AVERAGED.step, one_phase) - target)
@@ -87,10 +87,10 @@ def test_phase_resolved_shorts_are_what_the_printed_mean_lacks() -> None:
 @settings(max_examples=15)
 @given(k=fault_vectors(), offset=st.floats(-np.pi, np.pi))
 def test_mirroring_motor_and_command_mirrors_the_motion(k: Array, offset: float) -> None:
-    # Seen from the other end of the shaft, phases b and c change places and every angle its sign.
+    # Seen from the other end of the shaft, phases b and c are exchanged, and all angles change their sign.
     mirrored = k[[0, 1, 2, 4, 3, 5, 6, 7]] * np.array([1, 1, 1, 1, 1, 1, -1, 1])
     mirrored[6] += 1
-    got = record(
+    signals = record(
         AVERAGED, Chirp(), faults=Faults.from_vector(k), start=Initial(rotor_offset=offset), duration=0.3
     )
     image = record(
@@ -101,31 +101,31 @@ def test_mirroring_motor_and_command_mirrors_the_motion(k: Array, offset: float)
         duration=0.3,
     )
     for name in ("current_A", "speed_rad_s", "position_rad", "torque_Nm", "voltage_V"):
-        # Rounding, amplified by sectors that start a step earlier or later where it decides: one sample
+        # Rounding, amplified by sectors that start one step earlier or later because of it: one sample
         # in a thousand at most.
-        far = np.abs(got[name] + image[name]) > 1e-6 * np.abs(got[name]).max()
+        far = np.abs(signals[name] + image[name]) > 1e-6 * np.abs(signals[name]).max()
         assert far.mean() < 5e-3, name
 
 
 @pytest.mark.parametrize("model", [REFERENCE, AVERAGED], ids=["reference", "averaged"])
 @pytest.mark.parametrize("k", [DRAWN[0], DRAWN[1]])
-def test_relabelling_the_phases_changes_only_their_names(model: Model, k: Array) -> None:
-    # A third of an electrical turn, 60 deg of the rotor at two pole pairs, makes phase b of phase a; the
+def test_relabelling_the_phases_only_renames_their_channels(model: Model, k: Array) -> None:
+    # A third of an electrical turn, 60 deg of the rotor at two pole pairs, maps phase a to phase b; the
     # eccentricity is then half a turn away.
     relabelled = k[[0, 1, 4, 2, 3, 5, 6, 7]]
     relabelled[6] = (k[6] + 0.5) % 1
     turned = Initial(rotor_offset=0.4 + np.pi / 3)
     command = Sine(8e-3, 15.0)
     options: dict[str, Any] = {"duration": 0.02, "interval": model.step}
-    got = record(model, command, faults=Faults.from_vector(k), start=Initial(rotor_offset=0.4), **options)
+    signals = record(model, command, faults=Faults.from_vector(k), start=Initial(rotor_offset=0.4), **options)
     other = record(model, command, faults=Faults.from_vector(relabelled), start=turned, **options)
-    names = {name: name for name in got}
+    names = {name: name for name in signals}
     if model is REFERENCE:
         for unit in ("current_{}_A", "voltage_{}_V"):
             names |= {unit.format(a): unit.format(b) for a, b in ("ab", "bc", "ca")}
     for name, new in names.items():
         np.testing.assert_allclose(
-            other[new], got[name], rtol=0, atol=1e-9 * np.abs(got[name]).max(), err_msg=name
+            other[new], signals[name], rtol=0, atol=1e-9 * np.abs(signals[name]).max(), err_msg=name
         )
 
 
@@ -134,7 +134,7 @@ def test_relabelling_the_phases_changes_only_their_names(model: Model, k: Array)
     [(monitor(), monitor("modulated")), (monitor(), monitor(eccentricity="printed"))],
     ids=["shorts", "eccentricity"],
 )
-def test_the_monitor_models_forms_differ_only_where_their_fault_is(form: Model, other: Model) -> None:
+def test_forms_of_the_monitor_model_differ_only_with_their_fault(form: Model, other: Model) -> None:
     inputs = Inputs.of(CHIRP, samples=500, interval=INTERVAL, step=1e-5)
 
     def current(model: Model, faults: Faults) -> Array:

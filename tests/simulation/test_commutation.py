@@ -1,4 +1,4 @@
-"""Commutation: the trapezoid of docs/physics.md, section 3, and which phases conduct."""
+"""Commutation: the trapezoid of docs/physics.md, section 3, and the conducting phases."""
 
 import numpy as np
 import pytest
@@ -12,11 +12,11 @@ from simulation import scalar_reference
 
 ANGLES = st.floats(-1e3, 1e3)
 ROUNDING = 2e-12
-"""Of an angle of up to 1e3 rad, some 1e-13 rad, on a ramp of 1 / (pi / 6)."""
+"""Rounding error of an angle up to 1e3 rad, some 1e-13 rad, on a ramp of 1 / (pi / 6)."""
 
 
 def phases(angle: float) -> list[float]:
-    """Return the wrapped angles that the three phases see."""
+    """Return the wrapped angles of the three phases."""
     return [float(wrap(angle - i * PHASE_SHIFT)) for i in range(3)]
 
 
@@ -26,7 +26,7 @@ def idle_phase(angle: float) -> list[float]:
 
 
 def near_boundary(angle: float) -> bool:
-    """Tell whether a phase is so near the end of a flat that rounding decides its side."""
+    """Return whether a phase is so near the end of a flat that its side depends on rounding."""
     to_flat = (np.asarray(angle) - np.pi / 6) % (np.pi / 3)
     return bool(min(to_flat, np.pi / 3 - to_flat) < 1e-9)
 
@@ -62,7 +62,7 @@ def test_trapezoid_is_full_at_the_ends_of_its_flats(degrees: float) -> None:
     assert abs(trapezoid(wrap(np.radians(degrees)))) == pytest.approx(1, abs=ROUNDING)
 
 
-def test_arrays_go_through_as_single_angles_do() -> None:
+def test_arrays_are_evaluated_as_single_angles() -> None:
     degrees = np.linspace(-360, 720, 1000)
     angles = wrap(np.radians(degrees))
     expected = [scalar_reference.trapezoid(d) for d in degrees]
@@ -71,28 +71,28 @@ def test_arrays_go_through_as_single_angles_do() -> None:
 
 
 @given(angle=ANGLES)
-def test_wrap_keeps_the_direction_and_lands_in_one_turn(angle: float) -> None:
+def test_wrap_keeps_the_direction_and_returns_an_angle_within_one_turn(angle: float) -> None:
     wrapped = float(wrap(angle))
     assert -np.pi <= wrapped < np.pi
     assert np.exp(1j * wrapped) == pytest.approx(np.exp(1j * angle), abs=ROUNDING)
 
 
 @given(angle=st.floats(-3 * np.pi, 3 * np.pi, exclude_max=True))
-def test_wrap_once_suffices_for_three_turns(angle: float) -> None:
+def test_wrap_once_is_sufficient_within_three_turns(angle: float) -> None:
     wrapped = float(wrap_once(angle))
     assert -np.pi <= wrapped <= np.pi
     assert np.exp(1j * wrapped) == pytest.approx(np.exp(1j * angle), abs=1e-14)
 
 
 @given(angle=st.floats(-np.pi, np.pi, exclude_max=True))
-def test_phases_see_the_angle_a_third_of_a_turn_apart(angle: float) -> None:
-    seen = np.array([*phase_angles(angle)], float)
-    assert np.all((seen >= -np.pi) & (seen <= np.pi))
-    np.testing.assert_allclose(np.exp(1j * seen), np.exp(1j * np.array(phases(angle))), atol=1e-14)
+def test_angles_of_phases_differ_by_a_third_of_a_turn(angle: float) -> None:
+    angles = np.array([*phase_angles(angle)], float)
+    assert np.all((angles >= -np.pi) & (angles <= np.pi))
+    np.testing.assert_allclose(np.exp(1j * angles), np.exp(1j * np.array(phases(angle))), atol=1e-14)
 
 
 @given(angle=ANGLES)
-def test_trapezoid_is_odd_and_repeats_with_reversed_sign_after_half_a_turn(angle: float) -> None:
+def test_the_trapezoid_is_odd_and_has_half_wave_symmetry(angle: float) -> None:
     s = float(trapezoid(wrap(angle)))
     assert -1 <= s <= 1
     assert float(trapezoid(wrap(-angle))) == pytest.approx(-s, abs=ROUNDING)
@@ -101,11 +101,11 @@ def test_trapezoid_is_odd_and_repeats_with_reversed_sign_after_half_a_turn(angle
 
 
 @given(angle=ANGLES)
-def test_one_phase_idles_and_the_other_two_stand_on_opposite_flats(angle: float) -> None:
+def test_one_phase_is_idle_and_the_others_are_on_opposite_flats(angle: float) -> None:
     weights = np.array(idle_phase(wrap(angle)))
     assert sorted(weights) == [0, 0, 1]
     s = np.array([float(trapezoid(a)) for a in phases(angle)])
-    # What the idle phase has left of its trapezoid is the sum of all three.
+    # The trapezoid of the idle phase is the sum of all three.
     assert s.sum() == pytest.approx(s @ weights, abs=ROUNDING)
     if not near_boundary(angle):
         r = np.array([float(demand_sign(a)) for a in phases(angle)])
@@ -115,7 +115,7 @@ def test_one_phase_idles_and_the_other_two_stand_on_opposite_flats(angle: float)
 
 
 @pytest.mark.parametrize("degrees", range(-180, 180, 30))
-def test_exactly_one_phase_idles_even_where_sectors_meet(degrees: float) -> None:
+def test_exactly_one_phase_is_idle_at_the_boundary_of_sectors(degrees: float) -> None:
     assert sorted(idle_phase(np.radians(degrees))) == [0, 0, 1]
 
 
@@ -124,6 +124,6 @@ def test_exactly_one_phase_idles_even_where_sectors_meet(degrees: float) -> None
     # f(theta) of thesis 4.4: b and c conduct about 0 deg, a and b about 60, a and c about 120.
     [(0, 0), (60, 2), (120, 1), (180, 0), (240, 2), (300, 1)],
 )
-def test_sectors_of_the_thesis(sector: float, idle: int) -> None:
+def test_sectors_are_those_of_the_thesis(sector: float, idle: int) -> None:
     for within in (-29.9, 0.0, 29.9):
         assert idle_phase(wrap(np.radians(sector + within))).index(1.0) == idle

@@ -1,4 +1,4 @@
-"""What a kernel is compiled to: instructions for several lanes at once, which depend on nothing else."""
+"""Compiled kernels: vector instructions for several lanes, without calls of other functions."""
 
 import re
 from typing import Any
@@ -16,19 +16,21 @@ STRUCTURE = structure_of(Actuator.thesis())
 
 @pytest.mark.parametrize("channels", [1, len(OBSERVABLE)])
 @pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
-def test_lanes_advance_together(model: Model, channels: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_are_compiled_to_vector_instructions(
+    model: Model, channels: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     modules: list[str] = []
     optimized = compilation._optimized
 
-    def kept(*arguments: Any) -> Any:
+    def recorded(*arguments: Any) -> Any:
         module = optimized(*arguments)
         modules.append(str(module))
         return module
 
-    monkeypatch.setattr(compilation, "_optimized", kept)
+    monkeypatch.setattr(compilation, "_optimized", recorded)
     compilation.compiled(model, Layout(16, channels, STRUCTURE, (("carried", 1.0),)))
     (text,) = modules
-    # Nothing is computed for one lane alone: the time of a step is all that is the same for all.
+    # Only the time of a step, which is the same for all lanes, is computed as a scalar.
     assert len(re.findall(r"f(?:add|sub|mul|div) fast <\d+ x double>", text)) > 50
     assert len(re.findall(r"f(?:add|sub|mul|div) fast double", text)) < 10
     assert not re.search(r"call [^@\n]*@(?!llvm\.)", text)

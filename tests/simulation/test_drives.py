@@ -1,4 +1,4 @@
-"""What feeds the windings: a DC motor by voltage, a source with resistance, lagging sensors, a drive off."""
+"""Drives: a DC motor by voltage, a source with resistance, lagging current sensors, a disabled drive."""
 
 import math
 from typing import Any
@@ -21,17 +21,17 @@ SERVO: dict[str, Any] = rig.SERVO | {"drive": {"kind": "voltage", "source_resist
 
 
 @pytest.mark.parametrize("duty", [1.0, -0.4])
-def test_a_dc_motor_starts_with_its_two_time_constants(duty: float) -> None:
+def test_a_dc_motor_starts_as_in_the_closed_form(duty: float) -> None:
     viscous = 1e-4
     actuator = altered(mechanics=FREE | {"viscous_motor": viscous, "gear_ratio": 1e-9}, **SERVO)
     matrix = np.array([[-R_S / L_S, -K_E / L_S, duty * V_DC / L_S], [K_E / J, -viscous / J, 0.0], [0.0] * 3])
 
     def exact(t: Array) -> Array:
-        return np.array([(expm(matrix * one) @ [0.0, 0.0, 1.0])[:2] for one in t]).T
+        return np.array([(expm(matrix * time) @ [0.0, 0.0, 1.0])[:2] for time in t]).T
 
     errors = []
     for step in (5e-5, 1.25e-5):
-        got = record(
+        signals = record(
             AVERAGED,
             Step(duty),
             actuator,
@@ -40,22 +40,25 @@ def test_a_dc_motor_starts_with_its_two_time_constants(duty: float) -> None:
             step=step,
             sampling="instant",
         )
-        speed, current = exact(got["time_s"])[1], exact(got["time_s"] + step)[0]  # at the end of a step
+        speed, current = (
+            exact(signals["time_s"])[1],
+            exact(signals["time_s"] + step)[0],
+        )  # at the end of a step
         errors.append(
             max(
-                np.abs(got["speed_rad_s"] - speed).max() / (V_DC / K_E),
-                np.abs(got["current_A"] - current).max() / (V_DC / R_S),
+                np.abs(signals["speed_rad_s"] - speed).max() / (V_DC / K_E),
+                np.abs(signals["current_A"] - current).max() / (V_DC / R_S),
             )
         )
-        np.testing.assert_allclose(got["duty"], duty, rtol=1e-6)
-        np.testing.assert_allclose(got["voltage_V"], duty * V_DC, rtol=1e-6)
-    # The speed of the step's start makes the back-EMF: step × R / (J R² ...) of the first order.
+        np.testing.assert_allclose(signals["duty"], duty, rtol=1e-6)
+        np.testing.assert_allclose(signals["voltage_V"], duty * V_DC, rtol=1e-6)
+    # The back-EMF is that of the speed at the start of the step: an error of first order.
     assert errors[0] < 0.01
     assert errors[1] < 0.3 * errors[0]
 
 
 @pytest.mark.parametrize("kind", ["current", "voltage"])
-def test_the_reference_model_of_a_drive_that_does_not_switch_takes_finer_steps(kind: str) -> None:
+def test_without_switching_the_reference_model_has_finer_steps(kind: str) -> None:
     servo = SERVO | {"controller": SERVO["controller"] | {"position_gain": 1e3}}
     actuator, command = (Actuator.dc(), Chirp()) if kind == "current" else (altered(**servo), Chirp())
 
@@ -68,35 +71,37 @@ def test_the_reference_model_of_a_drive_that_does_not_switch_takes_finer_steps(k
     assert finer < 0.2 * usual
 
 
-def test_a_duty_cycle_is_limited_to_the_supply() -> None:
-    got = record(AVERAGED, Step(3.0), altered(mechanics=LOCKED, **SERVO), duration=5e-3)
-    assert set(got["duty"]) == {1.0}
-    assert got["current_A"][-1] == pytest.approx(V_DC / R_S, rel=1e-6)
+def test_a_duty_cycle_is_limited_to_1() -> None:
+    signals = record(AVERAGED, Step(3.0), altered(mechanics=LOCKED, **SERVO), duration=5e-3)
+    assert set(signals["duty"]) == {1.0}
+    assert signals["current_A"][-1] == pytest.approx(V_DC / R_S, rel=1e-6)
 
 
 @pytest.mark.parametrize("duty", [1.0, 0.5, -0.3])
-def test_a_stalled_servo_on_a_source_with_a_resistance(duty: float) -> None:
+def test_a_stalled_servo_has_the_current_by_source_and_winding_resistance(duty: float) -> None:
     source = 0.7
     drive = SERVO | {"drive": {"kind": "voltage", "source_resistance": source}}
-    got = record(AVERAGED, Step(duty), altered(mechanics=LOCKED, **drive), duration=0.02)
-    # The bridge takes duty × current from the source: i = d V / (R + d² R_0).
-    assert got["current_A"][-1] == pytest.approx(duty * V_DC / (R_S + duty**2 * source), rel=1e-6)
+    signals = record(AVERAGED, Step(duty), altered(mechanics=LOCKED, **drive), duration=0.02)
+    # The bridge draws duty × current from the source: i = d V / (R + d² R_0).
+    assert signals["current_A"][-1] == pytest.approx(duty * V_DC / (R_S + duty**2 * source), rel=1e-6)
 
 
 @pytest.mark.parametrize(
     ("model", "bound"), [(AVERAGED, 1e-6), (REFERENCE, 0.01)], ids=["averaged", "reference"]
 )
 @pytest.mark.parametrize("source", [0.0, 0.5, 5.0])
-def test_a_stalled_motor_on_a_source_with_a_resistance(model: Model, bound: float, source: float) -> None:
+def test_a_stalled_motor_has_the_current_by_source_and_winding_resistance(
+    model: Model, bound: float, source: float
+) -> None:
     actuator = altered(
         mechanics=LOCKED,
         drive={"kind": "hysteresis", "source_resistance": source, "current_lag": 0.0},
         controller={"current_limit": 100.0},
     )
     start = Initial(rotor_offset=math.radians(30))
-    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
-    # In the reference model the idle phase's current ripples by its hysteresis of 0.5 A, and draws its share.
-    assert got["current_A"][-1] == pytest.approx(V_DC / (R_S + source), rel=bound)
+    signals = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    # In the reference model the idle phase has a ripple of 0.5 A by its hysteresis, and draws current.
+    assert signals["current_A"][-1] == pytest.approx(V_DC / (R_S + source), rel=bound)
 
 
 def test_the_supply_sags_by_its_resistance_times_the_current() -> None:
@@ -105,8 +110,8 @@ def test_the_supply_sags_by_its_resistance_times_the_current() -> None:
 
 
 @pytest.mark.parametrize("current", [96.0, 1e3, 1e9])
-def test_no_current_turns_the_supply_round(current: float) -> None:
-    # The current is that of the step before: a source of more resistance than it would swing through 0.
+def test_no_current_reverses_the_supply(current: float) -> None:
+    # The current is that of the previous step: with a large resistance, the supply would oscillate through 0.
     assert float(sagging_supply(48.0, 0.5, current)) == pytest.approx(48.0 / 50)
 
 
@@ -117,25 +122,25 @@ def test_no_current_turns_the_supply_round(current: float) -> None:
     back_emf=st.floats(-60, 60),
     decay=st.floats(1e-3, 0.999),
 )
-def test_a_supply_under_a_duty_solves_source_and_winding_together(
+def test_a_supply_at_a_duty_cycle_solves_source_and_winding_jointly(
     source: float, duty: float, current: float, back_emf: float, decay: float
 ) -> None:
     # V + R_0 D i⁺ = V_0 of the source, i⁺ - (1 - d) D V / R = i d - (1 - d) e / R of the winding.
     equations = np.array([[1.0, source * duty], [-(1 - decay) * duty / R_S, 1.0]])
     voltage, _ = np.linalg.solve(equations, [V_DC, current * decay - (1 - decay) * back_emf / R_S])
-    found = float(supply_under_duty(V_DC, source, duty, current, back_emf, 1 / R_S, decay))
-    assert found == pytest.approx(voltage, rel=1e-9, abs=1e-9)
+    supply = float(supply_under_duty(V_DC, source, duty, current, back_emf, 1 / R_S, decay))
+    assert supply == pytest.approx(voltage, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("source", [0.7, 20.0])
-def test_a_winding_on_a_source_with_a_resistance_has_the_time_constant_of_both(source: float) -> None:
-    """L di/dt = D V_0 - (R + D² R_0) i with the rotor locked, also where R_0 is ten times R."""
+def test_the_time_constant_is_that_of_source_and_winding(source: float) -> None:
+    """L di/dt = D V_0 - (R + D² R_0) i with the rotor locked, even if R_0 is ten times R."""
     duty = 0.8
     drive = SERVO | {"drive": {"kind": "voltage", "source_resistance": source}}
     loop = R_S + duty**2 * source
     errors = []
     for step in (1e-5, 2.5e-6):
-        got = record(
+        signals = record(
             AVERAGED,
             Step(duty),
             altered(mechanics=LOCKED, **drive),
@@ -144,9 +149,11 @@ def test_a_winding_on_a_source_with_a_resistance_has_the_time_constant_of_both(s
             step=step,
             sampling="instant",
         )
-        exact = duty * V_DC / loop * (1 - np.exp(-(got["time_s"] + step) * loop / L_S))  # at a step's end
-        errors.append(np.abs(got["current_A"] - exact).max() * loop / (duty * V_DC))
-    # Implicit in the source: backward Euler at λ = R_0 D² / L is off by λΔt / 2e = 3.3 %.
+        exact = (
+            duty * V_DC / loop * (1 - np.exp(-(signals["time_s"] + step) * loop / L_S))
+        )  # at the end of a step
+        errors.append(np.abs(signals["current_A"] - exact).max() * loop / (duty * V_DC))
+    # Implicit in the source: backward Euler at λ = R_0 D² / L has an error of λΔt / 2e = 3.3 %.
     assert errors[0] < 0.04
     assert errors[1] < 0.3 * errors[0]
 
@@ -155,15 +162,15 @@ LAG = 2e-5
 
 
 def with_lag(lag: float = LAG, **sections: Any) -> Any:
-    # The source without resistance changes nothing; the kernel is that of the tests above.
+    # A source without resistance has no effect; the kernel is that of the tests above.
     return altered(drive={"kind": "hysteresis", "current_lag": lag, "source_resistance": 0.0}, **sections)
 
 
 @pytest.mark.parametrize("model", [REFERENCE, monitor()], ids=["reference", "monitor"])
-def test_a_lagging_sensor_shows_the_lagging_current(model: Model) -> None:
-    """In a locked rotor the current rises to V/R; the sensor's first-order lag of it has a closed form."""
+def test_the_current_of_a_lagging_sensor_is_the_closed_form(model: Model) -> None:
+    """With a locked rotor the current rises to V/R; its first-order lag by the sensor has a closed form."""
     start = Initial(rotor_offset=math.radians(30))
-    got = record(
+    signals = record(
         model,
         Step(1e-2),
         with_lag(mechanics=LOCKED),
@@ -171,19 +178,19 @@ def test_a_lagging_sensor_shows_the_lagging_current(model: Model) -> None:
         interval=model.step,
         start=start,
     )
-    t, rise = got["time_s"] + model.step, L_S / R_S
+    t, rise = signals["time_s"] + model.step, L_S / R_S
     shown = 1 - (rise * np.exp(-t / rise) - LAG * np.exp(-t / LAG)) / (rise - LAG)
-    # Explicit Euler of the winding, and of the sensor as a hold: half a step of V/L.
-    np.testing.assert_allclose(got["current_A"], V_DC / R_S * shown, rtol=0, atol=V_DC / L_S * model.step)
+    # Explicit Euler of the winding, and a hold in the sensor: half a step of V/L.
+    np.testing.assert_allclose(signals["current_A"], V_DC / R_S * shown, rtol=0, atol=V_DC / L_S * model.step)
     actual = V_DC / R_S * -np.expm1(-t / rise)
-    assert np.abs(got["current_A"] - actual).max() > 0.5
+    assert np.abs(signals["current_A"] - actual).max() > 0.5
 
 
 @pytest.mark.parametrize(("speed", "load"), [(50.0, 0.0), (50.0, 0.5), (300.0, 0.5), (300.0, -0.3)])
-def test_both_models_agree_on_the_mean_under_a_lag(speed: float, load: float) -> None:
-    current, asked = [], []
+def test_both_models_have_the_same_mean_current_with_a_lag(speed: float, load: float) -> None:
+    current, demand = [], []
     for model in (REFERENCE, AVERAGED):
-        got = record(
+        signals = record(
             model,
             lambda t: speed / 500 * t,
             with_lag(),
@@ -192,27 +199,27 @@ def test_both_models_agree_on_the_mean_under_a_lag(speed: float, load: float) ->
             interval=1e-3,
             start=Initial(speed=speed),
         )
-        current.append(np.mean(got["current_A"][50:]))
-        asked.append(np.mean(got["reference_current_A"][50:]))
+        current.append(np.mean(signals["current_A"][50:]))
+        demand.append(np.mean(signals["reference_current_A"][50:]))
     assert current[1] == pytest.approx(current[0], abs=0.01)
-    # The reference model needs a larger demand, which its late comparators do not reach: up to 0.62 A at
-    # these speeds and loads (measured), 0.28 A of it without a lag too.
-    assert abs(asked[1] - asked[0]) < 0.7
+    # The reference model requires a larger demand, which its late comparators do not reach: up to 0.62 A at
+    # these speeds and loads (measured), of which 0.28 A also without a lag.
+    assert abs(demand[1] - demand[0]) < 0.7
 
 
-def test_an_averaged_drive_brings_the_lagging_current_to_its_reference() -> None:
-    got = record(AVERAGED, Chirp(), with_lag(2e-4), duration=0.1, interval=AVERAGED.step)
-    np.testing.assert_allclose(got["current_A"], got["reference_current_A"], rtol=0, atol=1e-9)
-    # What turns the motor is ahead of what is shown by the lag.
-    actual = got["torque_Nm"] / K_E
-    shown = [0.0]
+def test_the_averaged_drive_controls_the_lagging_current() -> None:
+    signals = record(AVERAGED, Chirp(), with_lag(2e-4), duration=0.1, interval=AVERAGED.step)
+    np.testing.assert_allclose(signals["current_A"], signals["reference_current_A"], rtol=0, atol=1e-9)
+    # The current of the motor leads the sensed current by the lag.
+    actual = signals["torque_Nm"] / K_E
+    sensed = [0.0]
     share = -math.expm1(-AVERAGED.step / 2e-4)
-    for one in actual:
-        shown.append(shown[-1] + share * (one - shown[-1]))
-    np.testing.assert_allclose(got["current_A"], shown[1:], rtol=0, atol=1e-9)
+    for current in actual:
+        sensed.append(sensed[-1] + share * (current - sensed[-1]))
+    np.testing.assert_allclose(signals["current_A"], sensed[1:], rtol=0, atol=1e-9)
 
 
-def test_a_sensor_without_lag_shows_the_current() -> None:
+def test_a_sensor_with_a_lag_of_0_has_no_effect() -> None:
     for model in (AVERAGED, REFERENCE):
         without, within = (
             record(model, Chirp(), actuator, duration=0.05) for actuator in (THESIS, with_lag(0.0))
@@ -228,7 +235,7 @@ OFF = 0.02
     [(AVERAGED, "hysteresis"), (REFERENCE, "hysteresis"), (AVERAGED, "voltage"), (AVERAGED, "six-step")],
     ids=["averaged", "reference", "by voltage", "six-step"],
 )
-def test_a_drive_that_is_switched_off_lets_the_shaft_coast(model: Model, kind: str) -> None:
+def test_a_disabled_drive_lets_the_shaft_coast(model: Model, kind: str) -> None:
     viscous = 5e-4
     drive: dict[str, Any] = {"kind": kind}
     if kind == "six-step":
@@ -237,7 +244,7 @@ def test_a_drive_that_is_switched_off_lets_the_shaft_coast(model: Model, kind: s
         drive |= SERVO["drive"]
     sections = SERVO if kind == "voltage" else {}
     actuator = altered(mechanics=FREE | {"viscous_motor": viscous}, **sections | {"drive": drive})
-    got = record(
+    signals = record(
         model,
         Step(1.0),
         actuator,
@@ -246,19 +253,19 @@ def test_a_drive_that_is_switched_off_lets_the_shaft_coast(model: Model, kind: s
         enabled=lambda t: (t < OFF).astype(float),
         sampling="instant",
     )
-    t, w = got["time_s"], got["speed_rad_s"]
+    t, w = signals["time_s"], signals["speed_rad_s"]
     off = t > OFF + 1e-9
     assert w[off][0] > 50.0
-    assert not got["torque_Nm"][off].any()
-    assert not got["current_A"][off].any()
+    assert not signals["torque_Nm"][off].any()
+    assert not signals["current_A"][off].any()
     expected = w[off][0] * np.exp(-(t[off] - t[off][0]) * viscous / J)
     # Explicit Euler of a rate of 20 /s: half of it times the step, relative per second.
     np.testing.assert_allclose(w[off], expected, rtol=20.0**2 / 2 * model.step * 0.06 * 1.1)
 
 
-def test_a_drive_that_is_switched_on_again_has_forgotten_its_integral() -> None:
+def test_an_enabled_drive_starts_with_its_integral_at_0() -> None:
     actuator = altered(mechanics=LOCKED, controller={"integral_gain": 3.0, "current_limit": 1e9})
-    got = record(
+    signals = record(
         AVERAGED,
         Step(1e-4),
         actuator,
@@ -266,6 +273,8 @@ def test_a_drive_that_is_switched_on_again_has_forgotten_its_integral() -> None:
         interval=5e-5,
         enabled=lambda t: ((t < 0.01) | (t >= 0.02)).astype(float),
     )
-    again = np.flatnonzero(got["time_s"] >= 0.02 - 1e-9)[0]
-    assert got["reference_current_A"][again] == pytest.approx(got["reference_current_A"][0], rel=1e-12)
-    assert got["reference_current_A"][-1] > 1.1 * got["reference_current_A"][0]
+    again = np.flatnonzero(signals["time_s"] >= 0.02 - 1e-9)[0]
+    assert signals["reference_current_A"][again] == pytest.approx(
+        signals["reference_current_A"][0], rel=1e-12
+    )
+    assert signals["reference_current_A"][-1] > 1.1 * signals["reference_current_A"][0]

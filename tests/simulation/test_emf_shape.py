@@ -1,4 +1,4 @@
-"""A back-EMF that is no trapezoid with flats of 120 degrees: closed forms, and both models alike."""
+"""A back-EMF other than a trapezoid with flats of 120 degrees: closed forms, and agreement of both models."""
 
 import math
 from typing import Any
@@ -30,18 +30,18 @@ def shaped(angle: Array, flat_loss: float, sine_share: float) -> Array:
 def test_the_torque_constant_is_the_amplitude_line_to_line(flat_loss: float, sine_share: float) -> None:
     shape = shaped(ANGLES, flat_loss, sine_share)
     between = shape - np.roll(shape, 240)  # phase b is 120 degrees behind
-    # The sine is a polynomial.
+    # The sine is approximated by a polynomial.
     assert between.max() == pytest.approx(2.0, abs=1e-7)
     assert between[np.radians(60.0) == ANGLES] == pytest.approx([2.0], abs=1e-7)
-    # Of half-wave symmetry: what repeats in the other half has the other sign.
+    # Half-wave symmetry: the second half repeats the first with the opposite sign.
     assert shape == pytest.approx(-np.roll(shape, 360), abs=1e-12)
 
 
-def test_of_a_sine_alone_it_is_the_sine() -> None:
+def test_a_sine_share_of_1_is_a_sine() -> None:
     np.testing.assert_allclose(shaped(ANGLES, 0.3, 1.0), 2 / 3**0.5 * np.sin(ANGLES), rtol=0, atol=1e-7)
 
 
-def test_without_loss_and_sine_it_is_the_trapezoid() -> None:
+def test_without_loss_and_sine_share_the_shape_is_the_trapezoid() -> None:
     assert np.array_equal(shaped(ANGLES, 0.0, 0.0), trapezoid(ANGLES))
 
 
@@ -55,12 +55,12 @@ def test_without_loss_and_sine_it_is_the_trapezoid() -> None:
         (SINE, 20.0, math.cos(math.radians(20))),
         (SINE, -25.0, math.cos(math.radians(25))),
         (NARROW, 10.0, 1.0),
-        # 5 degrees from where the other phase took over, which is at 35 of the 45 degrees of its ramp.
+        # 5 degrees before commutation, where the outgoing phase is at 35 of the 45 degrees of its ramp.
         (NARROW, 25.0, (1 + 35 / 45) / 2),
         (NARROW | {"sine_share": 0.5}, 25.0, (1 + 35 / 45) / 4 + math.cos(math.radians(25)) / 2),
     ],
 )
-def test_a_stalled_motor_has_the_torque_of_the_shapes_there(
+def test_a_stalled_motor_has_the_torque_by_the_shapes_at_its_angle(
     model: Model, bound: float, motor: dict[str, float], beyond_centre: float, factor: float
 ) -> None:
     electrical = 60.0 + beyond_centre  # a and b conduct from 30 to 90 degrees
@@ -68,21 +68,19 @@ def test_a_stalled_motor_has_the_torque_of_the_shapes_there(
     actuator = altered(
         motor=motor | {"torque_limit": None}, mechanics=LOCKED, controller={"current_limit": 10.0}
     )
-    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
-    assert got["torque_Nm"][-1] == pytest.approx(K * factor * got["current_A"][-1], rel=bound)
-    assert abs(got["current_A"][-1]) == pytest.approx(10.0, abs=0.6)
+    signals = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    assert signals["torque_Nm"][-1] == pytest.approx(K * factor * signals["current_A"][-1], rel=bound)
+    assert abs(signals["current_A"][-1]) == pytest.approx(10.0, abs=0.6)
 
 
 @pytest.mark.parametrize("drive", [{}, {"drive": {"kind": "six-step"}}], ids=["hysteresis", "six-step"])
 @pytest.mark.parametrize("motor", [SINE, NARROW], ids=["sine", "narrow"])
-def test_the_averaged_model_answers_as_the_reference_model_does(
-    motor: dict[str, float], drive: dict[str, Any]
-) -> None:
+def test_the_shape_has_the_same_effect_in_both_models(motor: dict[str, float], drive: dict[str, Any]) -> None:
     base = Actuator.pmsm() if drive else THESIS
 
     def currents(actuator: Actuator) -> Array:
         runs = [record(model, Chirp(), actuator, duration=0.3) for model in (AVERAGED, REFERENCE)]
-        return np.array([one["current_A"] for one in runs])
+        return np.array([signals["current_A"] for signals in runs])
 
     without = currents(altered(base, **drive))
     with_shape = currents(altered(base, motor=motor, **drive))
@@ -93,7 +91,7 @@ def test_the_averaged_model_answers_as_the_reference_model_does(
 
 
 @pytest.mark.parametrize("key", ["flat_loss", "sine_share"])
-def test_a_motor_without_trapezoids_has_no_such_shape(key: str) -> None:
+def test_a_shape_is_refused_for_a_motor_with_sinusoidal_back_emf(key: str) -> None:
     with pytest.raises(
         ActuatorError,
         match=f"'motor.{key}': the motor of a drive of kind \"foc\" has no trapezoidal back-EMF",

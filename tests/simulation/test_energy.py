@@ -1,4 +1,4 @@
-"""Energy with every law on: what the windings take is what becomes of it."""
+"""Balance of energy with all laws: the electrical energy against heat, friction and stored energies."""
 
 import math
 from typing import Any
@@ -48,7 +48,7 @@ DROP, KNEE = 0.5, 0.02 * 22.5
 
 
 def with_every_law(drive: str, *, compliant: bool) -> Actuator:
-    """Return the thesis's actuator with every law but the sensors' lag, which would hide the current."""
+    """Return the thesis's actuator with all laws except the lag of sensors, which would hide the current."""
     base = altered(
         mechanics=MECHANICS | {"screw_ratio": SCREW} | ({} if compliant else {"backlash": 0.0}),
         motor={"torque_limit": None, "saturation": 0.003} | (SHAPE if drive == "hysteresis" else {}),
@@ -65,23 +65,23 @@ def with_every_law(drive: str, *, compliant: bool) -> Actuator:
 
 
 def dry(w: Array, static: float, dynamic: float, transmitted: Array | float, slow: Array | float) -> Array:
-    """Return dry friction [N·m] in smooth functions of their own."""
+    """Return dry friction [N·m], in independent smooth functions."""
     low_speed = np.exp(-((w / FRICTION["stribeck_speed"]) ** 2))
     level = dynamic + transmitted + low_speed * (static - dynamic + slow)
     return np.asarray(level * np.tanh(w / FRICTION["transition_speed"]))
 
 
-def accounts(got: dict[str, Array], step: float, *, compliant: bool) -> dict[str, float]:
-    """Return the energies [J] of a run from rest whose rows are its steps, by closed forms of each law."""
+def accounts(signals: dict[str, Array], step: float, *, compliant: bool) -> dict[str, float]:
+    """Return the energies [J] of a run from rest with one row per step, by closed forms of each law."""
 
     def before(x: Array) -> Array:
         return np.pad(x, (1, 0))[:-1]
 
-    current, w, theta = got["current_A"], got["speed_rad_s"], got["angle_rad"]
-    user = got["position_rad"] / RATIO
+    current, w, theta = signals["current_A"], signals["speed_rad_s"], signals["angle_rad"]
+    user = signals["position_rad"] / RATIO
     user_w = np.diff(user, prepend=0.0) / step
     i, w_mid, user_mid = ((x + before(x)) / 2 for x in (current, w, user_w))
-    torque = got["torque_Nm"] + sum(
+    torque = signals["torque_Nm"] + sum(
         (
             one["cos"] * np.cos(order * before(theta)) + one["sin"] * np.sin(order * before(theta))
             for one, order in ((RIPPLE[0], 6.0), (RIPPLE[1], SCREW))
@@ -113,7 +113,7 @@ def accounts(got: dict[str, Array], step: float, *, compliant: bool) -> dict[str
         for one, n in order
     )
     return {
-        "electrical": float(np.sum(got["voltage_V"] * i) * step),
+        "electrical": float(np.sum(signals["voltage_V"] * i) * step),
         "ripple": ripple,
         "heat": float(
             np.sum(R_S * (before(current) ** 2 + before(current) * current + current**2) / 3) * step
@@ -130,21 +130,21 @@ def accounts(got: dict[str, Array], step: float, *, compliant: bool) -> dict[str
     }
 
 
-# Each a kernel of its own; the other two pairs, with fewer laws: test_compliant_shaft, test_drives.
+# Each pair requires a kernel; test_compliant_shaft and test_drives have the other two pairs with fewer laws.
 @pytest.mark.parametrize(
     ("drive", "compliant"), [("voltage", True), ("hysteresis", False)], ids=["compliant", "rigid"]
 )
-def test_energy_is_kept_with_every_law_on(drive: str, compliant: bool) -> None:
+def test_energy_is_conserved_with_all_laws(drive: str, compliant: bool) -> None:
     actuator = with_every_law(drive, compliant=compliant)
-    missing = []
+    errors = []
     for step in (5e-5, 6.25e-6):
-        got = record(AVERAGED, Sine(0.02, 6.0), actuator, duration=0.21, interval=step, step=step)
-        e = accounts(got, step, compliant=compliant)
+        signals = record(AVERAGED, Sine(0.02, 6.0), actuator, duration=0.21, interval=step, step=step)
+        e = accounts(signals, step, compliant=compliant)
         supplied = e.pop("electrical") + e.pop("ripple")
-        missing.append(abs(supplied - sum(e.values())) / supplied)
+        errors.append(abs(supplied - sum(e.values())) / supplied)
         assert e["heat"] > 0.02 * supplied
         assert e["motor friction"] > 0.1 * supplied
         assert e["kinetic"] > 5e-4 * supplied
-    # Measured: 3e-6 to 2e-5, and 2e-6 at an eighth of the step. The smallest of the laws takes 1e-5 of it.
-    assert missing[0] < 5e-5
-    assert missing[1] < 5e-6
+    # Measured: 3e-6 to 2e-5, and 2e-6 at an eighth of the step. The smallest energy of a law is 1e-5 of it.
+    assert errors[0] < 5e-5
+    assert errors[1] < 5e-6

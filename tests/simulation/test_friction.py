@@ -1,4 +1,4 @@
-"""Dry friction and motion against closed forms, by the law and inside a kernel."""
+"""Dry friction and motion against closed forms, as a law and within a kernel."""
 
 import math
 
@@ -28,12 +28,12 @@ def speeds(start: float, torque: float, steps: int) -> list[float]:
 
 
 @pytest.mark.parametrize("torque", [0.0, 0.1, -0.1, STATIC, -STATIC])
-def test_it_sticks_up_to_static_friction(torque: float) -> None:
+def test_the_shaft_sticks_up_to_static_friction(torque: float) -> None:
     assert speeds(0.0, torque, 50) == [0.0] * 51
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_it_breaks_away_above_static_friction_and_accelerates_evenly(sign: int) -> None:
+def test_the_shaft_breaks_away_above_static_friction_and_accelerates_uniformly(sign: int) -> None:
     torque = sign * np.nextafter(STATIC, 1)
     n = np.arange(101)
     expected = sign * n * DT * (STATIC - DYNAMIC) / J
@@ -42,7 +42,7 @@ def test_it_breaks_away_above_static_friction_and_accelerates_evenly(sign: int) 
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_it_coasts_to_an_exact_stop_and_stays(sign: int) -> None:
+def test_the_shaft_coasts_to_an_exact_stop(sign: int) -> None:
     w0 = 10.05
     w = np.array(speeds(sign * w0, 0.0, 500))
     steps = math.ceil(J * w0 / DYNAMIC / DT)  # the time to stop is J w0 / f_d, 314.06 steps
@@ -52,27 +52,27 @@ def test_it_coasts_to_an_exact_stop_and_stays(sign: int) -> None:
     assert not w[steps:].any()
 
 
-def test_moving_it_is_held_back_by_dynamic_friction_alone() -> None:
-    # Between f_d and f_s a moving shaft still speeds up; a standing one sticks.
+def test_only_dynamic_friction_acts_on_a_moving_shaft() -> None:
+    # Between f_d and f_s a moving shaft accelerates, and a shaft at rest sticks.
     assert speeds(1.0, 0.1, 1)[1] == pytest.approx(1.0 + (0.1 - DYNAMIC) * DT / J, rel=1e-15)
     assert speeds(-1.0, 0.1, 1)[1] == pytest.approx(-1.0 + (0.1 + DYNAMIC) * DT / J, rel=1e-15)
 
 
 @given(w=SPEEDS, torque=TORQUES)
-def test_it_is_odd_and_never_crosses_zero(w: float, torque: float) -> None:
+def test_friction_is_odd_and_the_speed_never_crosses_zero(w: float, torque: float) -> None:
     after = float(speed_after(w, torque, STATIC, DYNAMIC, DT / J))
     assert float(speed_after(-w, -torque, STATIC, DYNAMIC, DT / J)) == -after
     assert w * after >= 0
 
 
 @given(w=SPEEDS, torque=TORQUES)
-def test_friction_takes_energy_and_never_gives_it(w: float, torque: float) -> None:
+def test_friction_never_adds_energy(w: float, torque: float) -> None:
     after = float(speed_after(w, torque, STATIC, DYNAMIC, DT / J))
     frictionless = w + torque * DT / J
     rounding = 1e-12  # of speeds up to 900 rad/s
     assert abs(after) <= abs(frictionless) + rounding
     if after:
-        # A step that does not end at rest has felt f_d, whole and against its motion.
+        # In a step that does not end at rest, the full f_d acts against the motion.
         assert frictionless - after == pytest.approx(math.copysign(DYNAMIC * DT / J, after), abs=rounding)
 
 
@@ -81,7 +81,7 @@ DRIFTING = altered(
     motor={"torque_constant": 1e-9},
     mechanics={"viscous_motor": 0.0, "viscous_user": 0.0, "end_stops": None},
 )
-"""The thesis's shaft, left to its load and its friction: the motor has no torque to speak of."""
+"""The shaft of the thesis with load and friction only: the torque of the motor is negligible."""
 
 
 def rest(t: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -89,22 +89,22 @@ def rest(t: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
-def test_a_pushed_shaft_breaks_away_and_stops_by_the_closed_form(model: Model) -> None:
+def test_a_pushed_shaft_moves_as_in_the_closed_form(model: Model) -> None:
     static, dynamic, inertia = 0.1 * 1.689, 0.05 * 1.689, 2.5e-5
-    # Pushed by just less than f_s for 10 ms, by 0.3 N·m for 20 ms, then let go.
+    # The load is slightly less than f_s for 10 ms, 0.3 N·m for 20 ms, and then 0.
     on, off, push, edge = 10e-3, 30e-3, 0.3, 1e-9
     load = Sampled([on, on + edge, off, off + edge], [-0.999 * static, -push, -push, 0])
-    got = record(model, rest, DRIFTING, load=load, duration=0.1, interval=1e-3, sampling="instant")
-    t = got["time_s"]
+    signals = record(model, rest, DRIFTING, load=load, duration=0.1, interval=1e-3, sampling="instant")
+    t = signals["time_s"]
     slope = (push - dynamic) / inertia
     fastest = slope * (off - on)
     stop = off + inertia * fastest / dynamic  # 81 ms
     expected = slope * np.clip(t - on, 0, off - on) - dynamic / inertia * np.clip(t - off, 0, stop - off)
-    # The push starts and ends at a step, and a row shows the end of its step.
-    np.testing.assert_allclose(got["speed_rad_s"], expected, rtol=0, atol=2.01 * slope * model.step)
-    assert not got["speed_rad_s"][t < on].any()
-    assert got["speed_rad_s"][(t > on) & (t < stop - 2 * model.step)].all()
-    assert not got["speed_rad_s"][t > stop + 2 * model.step].any()
+    # The load changes at the start of a step, and a row has the values at the end of its step.
+    np.testing.assert_allclose(signals["speed_rad_s"], expected, rtol=0, atol=2.01 * slope * model.step)
+    assert not signals["speed_rad_s"][t < on].any()
+    assert signals["speed_rad_s"][(t > on) & (t < stop - 2 * model.step)].all()
+    assert not signals["speed_rad_s"][t > stop + 2 * model.step].any()
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -119,26 +119,26 @@ def test_motion_is_semi_implicit_and_uniformly_accelerated(sign: int) -> None:
     assert shaft.state["output"] == shaft.state["angle"]
 
 
-def test_viscous_friction_lets_speed_decay_exponentially() -> None:
+def test_with_viscous_friction_the_speed_decays_exponentially() -> None:
     C, w0, n = 1e-4, 100.0, 2000
     shaft = Shaft(DT, viscous=C, step_per_inertia=DT / J)
     shaft.state["speed"] = w0
     for _ in range(n):
         shaft.move(0.0)
-    # Explicit Euler of a rate C / J = 4 /s over 20 ms errs by half the rate times the step: 2e-5 of 8 %.
+    # Explicit Euler at a rate C / J = 4 /s over 20 ms: an error of half the rate times the step, 2e-5 of 8 %.
     assert shaft.state["speed"] == pytest.approx(w0 * math.exp(-n * DT * C / J), rel=2e-6)
 
 
 @given(angle=st.floats(-np.pi, np.pi), by=st.floats(-0.1, 0.1))
-def test_turn_rotates(angle: float, by: float) -> None:
+def test_turn_rotates_a_direction(angle: float, by: float) -> None:
     cos, sin = turn(np.cos(angle), np.sin(angle), by)
-    # The series end at by⁴ and by⁵; beside that, rounding.
+    # The series are cut at by⁴ and by⁵; in addition there is rounding.
     bound = by**6 / 720 + 4e-16
     assert abs(cos - np.cos(angle + by)) < bound + abs(by) ** 7 / 5040
     assert abs(sin - np.sin(angle + by)) < bound + abs(by) ** 7 / 5040
 
 
-def test_a_rotor_turned_ten_thousand_times_points_where_it_should() -> None:
+def test_ten_thousand_turns_have_a_bounded_error() -> None:
     cos, sin, by = 1.0, 0.0, 0.02
     for _ in range(10_000):
         cos, sin = turn(cos, sin, by)
@@ -147,8 +147,8 @@ def test_a_rotor_turned_ten_thousand_times_points_where_it_should() -> None:
 
 
 def test_a_run_starts_at_its_speed_and_angle() -> None:
-    got = record(AVERAGED, rest, DRIFTING, duration=1e-3, interval=5e-5, start=Initial(3.0, speed=50.0))
-    # The first row shows the end of the first step: friction has braked for 50 us.
+    signals = record(AVERAGED, rest, DRIFTING, duration=1e-3, interval=5e-5, start=Initial(3.0, speed=50.0))
+    # The first row has the values at the end of the first step: friction has acted for 50 us.
     speed = 50.0 - 0.05 * 1.689 / 2.5e-5 * 5e-5
-    assert got["speed_rad_s"][0] == pytest.approx(speed, rel=1e-9)
-    assert got["angle_rad"][0] == pytest.approx(3.0 + speed * 5e-5, rel=1e-9)
+    assert signals["speed_rad_s"][0] == pytest.approx(speed, rel=1e-9)
+    assert signals["angle_rad"][0] == pytest.approx(3.0 + speed * 5e-5, rel=1e-9)

@@ -1,4 +1,4 @@
-"""Kernels on disk: compiled once, and never used where they are damaged or out of date."""
+"""Kernels on disk: compiled once, and compiled again if they are damaged or out of date."""
 
 import subprocess
 import sys
@@ -23,24 +23,24 @@ CODE: list[bytes] = []
 
 
 def simulated(model: Model = AVERAGED) -> Array:
-    """Return the current of a run, its kernel looked for on disk."""
+    """Return the current of a run with its kernel read from disk."""
     kernel_cache.kernel.cache_clear()
     return run(model, Plant.of(THESIS, Faults().vector), INPUTS)["current_A"]
 
 
 @pytest.fixture(name="compilations")
 def _compilations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Have kernels kept in an empty folder, and return the names of the models that were compiled for it."""
+    """Store kernels in an empty folder, and return the names of the models that are compiled for it."""
     if not CODE:
-        # Loaded once more from where the other tests keep it, or compiled for them too.
+        # The kernel is loaded from the folder of the other tests, or compiled for them.
         loaded = kernel_cache._loaded
 
-        def kept(code: bytes) -> kernel_cache.Kernel:
+        def recorded(code: bytes) -> kernel_cache.Kernel:
             CODE.append(code)
             return loaded(code)
 
         with monkeypatch.context() as patched:
-            patched.setattr(kernel_cache, "_loaded", kept)
+            patched.setattr(kernel_cache, "_loaded", recorded)
             kernel_cache.kernel.cache_clear()
             simulated()
     names: list[str] = []
@@ -78,18 +78,18 @@ def test_a_kernel_is_compiled_once(compilations: list[str], tmp_path: Path) -> N
     ],
     ids=["empty", "cut", "flipped bit", "other revision"],
 )
-def test_a_damaged_kernel_is_compiled_anew(
+def test_a_damaged_kernel_is_compiled_again(
     damage: Callable[[bytes], bytes], compilations: list[str], tmp_path: Path
 ) -> None:
-    whole = simulated()
+    current = simulated()
     kept = only_file(tmp_path).read_bytes()
     only_file(tmp_path).write_bytes(damage(kept))
-    np.testing.assert_array_equal(simulated(), whole)
+    np.testing.assert_array_equal(simulated(), current)
     assert compilations == ["averaged"] * 2
     assert only_file(tmp_path).read_bytes() == kept
 
 
-def test_a_kernel_of_other_source_is_compiled_anew(
+def test_a_kernel_of_changed_source_is_compiled_again(
     compilations: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     simulated()
@@ -105,7 +105,7 @@ def test_models_do_not_share_a_kernel(compilations: list[str], tmp_path: Path) -
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_a_folder_that_cannot_be_written_costs_only_the_next_compilation(
+def test_with_a_folder_that_cannot_be_written_the_kernel_is_compiled_again(
     compilations: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     taken = tmp_path / "file"
@@ -115,7 +115,7 @@ def test_a_folder_that_cannot_be_written_costs_only_the_next_compilation(
     assert compilations == ["averaged"] * 2
 
 
-def test_a_cached_kernel_runs_without_what_compiles_it() -> None:
+def test_a_cached_kernel_runs_without_the_compiler() -> None:
     program = (
         "import sys, emaphm as ema\n"
         "from emaphm.simulation import AVERAGED, Inputs, simulate_batch\n"
@@ -123,7 +123,7 @@ def test_a_cached_kernel_runs_without_what_compiles_it() -> None:
         "currents = simulate_batch(AVERAGED, ema.Actuator.thesis(), [[0.0] * 7 + [0.5]], inputs)\n"
         "print(currents.shape, 'emaphm.simulation.engine.compilation' in sys.modules)\n"
     )
-    for _ in range(2):  # the first may have to compile
+    for _ in range(2):  # the first run may have to compile
         result = subprocess.run(  # noqa: S603 - this interpreter
             [sys.executable, "-c", program], capture_output=True, text=True, check=True
         )

@@ -1,4 +1,4 @@
-"""Every model against the same model written a second time, scalar and from docs/physics.md alone."""
+"""Each model against an independent scalar implementation, written only from docs/physics.md."""
 
 from typing import Any
 
@@ -36,16 +36,16 @@ def scalar(command: Command) -> Any:
     ],
     ids=["healthy", "faults", "reversed", "PID and lags", "stops", "shorted out"],
 )
-def test_reference_model(
+def test_the_reference_model_agrees_with_the_scalar_model(
     command: Command, k: Array, load: float, rotor_offset: float, actuator: Actuator
 ) -> None:
-    # Long enough to turn by several sectors, and with end stops to leave the one that was reached.
+    # Long enough to pass several sectors, and to leave the end stop that was reached.
     steps = 20_000 if actuator is NARROW else 10_000
     faults = Faults.from_vector(k)
     expected = scalar_reference.simulate(
         actuator, faults, scalar(command), steps, load=load, rotor_offset=rotor_offset
     )
-    got = record(
+    signals = record(
         REFERENCE,
         command,
         actuator,
@@ -55,11 +55,13 @@ def test_reference_model(
         load=load,
         start=Initial(rotor_offset=rotor_offset),
     )
-    assert {"time_s", *expected} == set(got)
+    assert {"time_s", *expected} == set(signals)
     for name, values in expected.items():
-        # Rounding alone: as long as all legs switch in the same step, Euler steps keep the
-        # difference below some 1e-13 of the largest value (measured); one leg off by a step makes 0.06 A.
-        np.testing.assert_allclose(got[name], values, rtol=0, atol=1e-10 * np.abs(values).max(), err_msg=name)
+        # Only rounding: if all legs switch in the same step, Euler steps keep the
+        # difference below some 1e-13 of the largest value (measured); one leg a step later causes 0.06 A.
+        np.testing.assert_allclose(
+            signals[name], values, rtol=0, atol=1e-10 * np.abs(values).max(), err_msg=name
+        )
 
 
 @pytest.mark.parametrize(
@@ -81,7 +83,9 @@ def test_reference_model(
 @pytest.mark.parametrize(
     ("k", "actuator"), [(DRAWN[0], THESIS), (DRAWN[1], PID)], ids=["faults", "PID and lags"]
 )
-def test_models_with_one_winding(model: Model, form: dict[str, Any], k: Array, actuator: Actuator) -> None:
+def test_models_with_one_winding_agree_with_the_scalar_model(
+    model: Model, form: dict[str, Any], k: Array, actuator: Actuator
+) -> None:
     command, faults, duration = Sine(8e-3, 15.0), Faults.from_vector(k), 0.03
     expected = scalar_winding.simulate(
         actuator,
@@ -93,7 +97,7 @@ def test_models_with_one_winding(model: Model, form: dict[str, Any], k: Array, a
         rotor_offset=1.3,
         **form,
     )
-    got = record(
+    signals = record(
         model,
         command,
         actuator,
@@ -103,20 +107,24 @@ def test_models_with_one_winding(model: Model, form: dict[str, Any], k: Array, a
         load=0.03,
         start=Initial(rotor_offset=1.3),
     )
-    assert {"time_s", *expected} == set(got)
+    assert {"time_s", *expected} == set(signals)
     for name, values in expected.items():
-        # The rotor's carried cos and sin err by angle⁶ / 720 a step, 1e-14 at 300 rad/s and 50 µs; the
-        # loop makes 1e-10 A of it over 2000 steps (measured). A wrong N or sector makes 0.1 A.
-        np.testing.assert_allclose(got[name], values, rtol=0, atol=1e-8 * np.abs(values).max(), err_msg=name)
+        # The carried cos and sin have an error of angle⁶ / 720 per step, 1e-14 at 300 rad/s and 50 µs; the
+        # loop amplifies it to 1e-10 A over 2000 steps (measured). A wrong N or sector causes 0.1 A.
+        np.testing.assert_allclose(
+            signals[name], values, rtol=0, atol=1e-8 * np.abs(values).max(), err_msg=name
+        )
 
 
-def test_modulated_shorts_follow_the_sector_without_eccentricity() -> None:
+def test_modulated_shorts_depend_on_the_sector_without_eccentricity() -> None:
     faults = Faults(short_a=0.6, short_b=0.1, short_c=0.3)
     model, command = monitor("modulated"), Chirp()
     steps = round(0.05 / model.step)
     expected = scalar_winding.simulate(
         THESIS, faults, scalar(command), steps, model.step, averaged=False, shorts="modulated"
     )
-    got = record(model, command, faults=faults, duration=0.05, interval=model.step)
+    signals = record(model, command, faults=faults, duration=0.05, interval=model.step)
     for name, values in expected.items():
-        np.testing.assert_allclose(got[name], values, rtol=0, atol=1e-8 * np.abs(values).max(), err_msg=name)
+        np.testing.assert_allclose(
+            signals[name], values, rtol=0, atol=1e-8 * np.abs(values).max(), err_msg=name
+        )

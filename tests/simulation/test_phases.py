@@ -1,4 +1,4 @@
-"""Quantities of three phases: what is done to them is done to each, with what all have in common."""
+"""Quantities of three phases: operations act on each phase, with common operands."""
 
 from collections.abc import Callable
 from typing import Any
@@ -23,16 +23,16 @@ OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
 
 
 @pytest.mark.parametrize("operation", OPERATIONS.values(), ids=list(OPERATIONS))
-def test_what_is_done_to_phases_is_done_to_each(operation: Callable[[Any, Any], Any]) -> None:
+def test_operations_on_phases_act_on_each_phase(operation: Callable[[Any, Any], Any]) -> None:
     assert np.array_equal([*operation(Phases(*ONE), Phases(*OTHER))], operation(ONE, OTHER))
 
 
-def test_phases_are_summed_all_and_in_pairs() -> None:
+def test_phases_are_summed_in_total_and_in_pairs() -> None:
     assert np.array_equal(Phases(*ONE).sum(), ONE[0] + ONE[1] + ONE[2])
     np.testing.assert_allclose([*Phases(*ONE).of_pairs()], ONE.sum(axis=0) - ONE, atol=1e-15)
 
 
-def test_phases_are_found_by_name() -> None:
+def test_phases_are_read_by_name() -> None:
     class Values:
         flux_a, flux_b, flux_c, torque = 1.0, 2.0, 3.0, 4.0
 
@@ -40,7 +40,7 @@ def test_phases_are_found_by_name() -> None:
     assert list(by_phase("flux", ONE)) == list(phase_names("flux")) == ["flux_a", "flux_b", "flux_c"]
 
 
-def test_what_is_not_done_phase_by_phase_is_refused() -> None:
+def test_operations_that_do_not_act_on_each_phase_are_refused() -> None:
     with pytest.raises(TypeError, match="no implementation found"):
         np.concatenate([Phases(*ONE), Phases(*OTHER)])
     with pytest.raises(TypeError, match="reduce"):

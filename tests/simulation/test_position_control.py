@@ -1,4 +1,4 @@
-"""PID position control with feed-forward around the speed loop, against solve_ivp."""
+"""PID position control with feedforward around the speed loop, against solve_ivp."""
 
 import math
 
@@ -29,7 +29,7 @@ AMPLITUDE, OMEGA = 5e-3, 2 * math.pi * 10.0
     ],
     ids=["PI", "PD", "feed-forward", "PD without speed loop", "lag", "all"],
 )
-def test_a_loop_moves_as_its_equation(
+def test_the_position_loop_moves_as_its_differential_equation(
     integral: float, derivative: float, feedforward: float, feedback: float, lag: float
 ) -> None:
     actuator = altered(
@@ -50,7 +50,7 @@ def test_a_loop_moves_as_its_equation(
     )
 
     def commanded(t: float) -> tuple[float, float]:
-        """Return the command and its rate: a sinusoid from 0 on after a first-order lag of T, in closed form.
+        """Return the command and its rate: a sine from time 0 after a first-order lag T, in closed form.
 
         c = A (sin ωt - ωT (cos ωt - exp(-t/T))) / (1 + (ωT)²)
         """
@@ -73,7 +73,7 @@ def test_a_loop_moves_as_its_equation(
 
     errors = []
     for step in (5e-5, 1.25e-5):
-        got = record(
+        signals = record(
             AVERAGED,
             Sine(AMPLITUDE, OMEGA / (2 * math.pi)),
             actuator,
@@ -82,19 +82,19 @@ def test_a_loop_moves_as_its_equation(
             step=step,
             sampling="instant",
         )
-        t = got["time_s"]
+        t = signals["time_s"]
         end = solve_ivp(slopes, (0, t[-1]), [0.0, 0.0, 0.0], "LSODA", t, rtol=1e-10, atol=1e-12)
         theta, w, summed = end.y
-        asked = np.array([torque(*one) for one in zip(t, theta, w, summed, strict=True)])
+        expected_torque = np.array([torque(*state) for state in zip(t, theta, w, summed, strict=True)])
         errors.append(
             [
-                np.abs(got["position_rad"] - RATIO * theta).max() / (RATIO * np.abs(theta).max()),
-                np.abs(got["speed_rad_s"] - w).max() / np.abs(w).max(),
-                np.abs(got["torque_Nm"] - asked)[1:].max() / np.abs(asked).max(),
+                np.abs(signals["position_rad"] - RATIO * theta).max() / (RATIO * np.abs(theta).max()),
+                np.abs(signals["speed_rad_s"] - w).max() / np.abs(w).max(),
+                np.abs(signals["torque_Nm"] - expected_torque)[1:].max() / np.abs(expected_torque).max(),
             ]
         )
-    # Explicit: a loop of bandwidth GAP / J = 800 /s is half a step late, 2 %; the torque of the first step,
-    # at which the command's rate jumps, has no rate yet.
+    # Explicit steps: a loop of bandwidth GAP / J = 800 /s is half a step late, 2 %; the torque of the first
+    # step, at which the rate of the command jumps, does not include the rate.
     assert max(errors[0]) < 0.06
     assert np.all(np.array(errors[1]) < 0.35 * np.array(errors[0]) + 1e-6)
 
@@ -108,9 +108,9 @@ def test_a_loop_moves_as_its_equation(
         {"speed_feedback": 0.8},
         {"command_lag": 5e-3},
     ],
-    ids=lambda one: next(iter(one)),
+    ids=lambda parameter: next(iter(parameter)),
 )
-def test_a_parameter_that_is_given_acts_as_a_described_one(parameter: dict[str, float]) -> None:
+def test_a_given_parameter_acts_like_a_described_one(parameter: dict[str, float]) -> None:
     actuator = altered(electrical=None, controller={"position_gain": GAIN, "speed_gain": SPEED_GAIN})
     described = with_lumped_parameters(actuator, parameter)
     inputs = Inputs.of(Sine(AMPLITUDE, 10.0), samples=100, interval=1e-3, step=5e-5)

@@ -1,4 +1,4 @@
-"""Bristles that give before friction slides: the implicit step, solve_ivp, and a shaft at rest."""
+"""Presliding friction of bristles: the implicit step, motion against solve_ivp, and hysteresis at rest."""
 
 import math
 from typing import Any
@@ -25,7 +25,7 @@ IDLE: dict[str, Any] = {
     "controller": {"position_gain": 1e-12, "speed_gain": 1e-12, "speed_limit": None},
     "motor": {"torque_constant": 1e-9},
 }
-"""A motor without a torque to speak of: its shaft is left to the load."""
+"""A motor with negligible torque, so that only the load drives the shaft."""
 
 
 def loaded(**sections: Any) -> Actuator:
@@ -44,7 +44,7 @@ def step(free: float, braking: float, held: float, give: float, damping: float) 
     give=st.floats(1e-4, 1e2),
     damping=st.floats(0, 10),
 )
-def test_a_step_solves_its_implicit_equations(
+def test_the_step_solves_its_implicit_equations(
     free: float, braking: float, bent: float, give: float, damping: float
 ) -> None:
     held = bent * braking
@@ -53,44 +53,44 @@ def test_a_step_solves_its_implicit_equations(
     assert after + holding + damping / give * (holding - held) == pytest.approx(free, abs=1e-9 * scale)
     slid = (1 + give / braking * abs(after)) * holding
     assert slid == pytest.approx(held + give * after, abs=1e-9 * (braking + give * abs(after)))
-    # Bristles that held less than the level never hold more.
+    # The force of the bristles never exceeds the level of friction.
     assert abs(holding) <= braking * (1 + 1e-9)
     assert step(-free, braking, -held, give, damping) == (-after, -holding)
 
 
 @given(free=SPEEDS, braking=RATIOS)
-def test_bristles_that_do_not_give_stick(free: float, braking: float) -> None:
+def test_stiff_bristles_stick_like_dry_friction(free: float, braking: float) -> None:
     after, _ = step(free, braking, 0.0, 1e9, 0.0)
     assert after == pytest.approx(float(speed_against(free, braking)), rel=1e-4, abs=1e-4 * (braking + 1e-3))
 
 
-def swinging(t: Any) -> Any:
+def oscillating(t: Any) -> Any:
     return 0.2 * np.cos(2 * np.pi * 40.0 * np.asarray(t))
 
 
-def test_a_shaft_under_a_swinging_load_moves_as_the_equations_say() -> None:
+def test_the_motion_under_an_oscillating_load_agrees_with_solve_ivp() -> None:
     def slopes(t: float, x: Array) -> list[float]:
         w, z = x
         rate = w - STIFFNESS / LEVEL * abs(w) * z
-        return [(-float(swinging(t)) - STIFFNESS * z - DAMPING * rate) / INERTIA, rate]
+        return [(-float(oscillating(t)) - STIFFNESS * z - DAMPING * rate) / INERTIA, rate]
 
     errors = []
     for dt in (1e-4, 2.5e-5):
         options: dict[str, Any] = {"duration": 0.1, "interval": 1e-4, "step": dt, "sampling": "instant"}
         start = Initial(speed=-20.0)
-        got = record(AVERAGED, np.zeros_like, loaded(), load=swinging, start=start, **options)
-        t = got["time_s"]
+        signals = record(AVERAGED, np.zeros_like, loaded(), load=oscillating, start=start, **options)
+        t = signals["time_s"]
         exact = solve_ivp(slopes, (0, t[-1]), [-20.0, 0.0], "LSODA", t, rtol=1e-9, atol=1e-9, max_step=1e-4)
-        errors.append(float(rms(got["speed_rad_s"] - exact.y[0]) / rms(exact.y[0])))
-    # As in test_smooth_friction: the load, held over each step, is half a step late.
+        errors.append(float(rms(signals["speed_rad_s"] - exact.y[0]) / rms(exact.y[0])))
+    # As in test_smooth_friction: the load is held over each step and so half a step late.
     assert errors[0] < 0.02
     assert errors[1] < errors[0] / 3
 
 
 @pytest.mark.parametrize("compliant", [False, True], ids=["rigid", "compliant"])
-def test_a_slow_torque_below_the_level_draws_a_hysteresis(compliant: bool) -> None:
+def test_a_slow_torque_below_the_level_of_friction_causes_hysteresis(compliant: bool) -> None:
     shaft = {"transmission": {"stiffness": 20.0, "damping": 1e-3}} if compliant else {}
-    got = record(
+    signals = record(
         AVERAGED,
         np.zeros_like,
         loaded(mechanics=FREE | DRY | ({"backlash": 0.0} if compliant else {}), **shaft),
@@ -98,21 +98,21 @@ def test_a_slow_torque_below_the_level_draws_a_hysteresis(compliant: bool) -> No
         duration=4.0,
         interval=1e-3,
     )
-    angle = got["angle_rad"]
-    # They slide as they bend: dz/dθ = 1 - sgn(ω) z/z_s, whose integral is a logarithm there and another back.
+    angle = signals["angle_rad"]
+    # Bristles slide while they bend: dz/dθ = 1 - sgn(ω) z/z_s; its integral is a logarithm in each direction.
     sliding = LEVEL / STIFFNESS
     assert -angle[1999] == pytest.approx(-sliding * math.log(1 - 0.5), rel=0.015)
     assert angle[-1] - angle[1999] == pytest.approx(sliding * math.log(1 + 0.5), rel=0.015)
 
 
 @pytest.mark.parametrize("model", [AVERAGED, REFERENCE], ids=["averaged", "reference"])
-def test_bristles_in_a_closed_loop(model: Model) -> None:
-    """The torque that is recorded at every step drives the equations to the speed that is recorded."""
+def test_the_recorded_torque_gives_the_recorded_speed_with_bristles(model: Model) -> None:
+    """With the torque recorded at each step, the equations give the recorded speed."""
     user = dict.fromkeys(("viscous_user", "static_friction_user", "dynamic_friction_user"), 0.0)
     mechanics = DRY | {"viscous_motor": 0.0} | user
     actuator = altered(mechanics=mechanics, friction=BRISTLES | {"stribeck_speed": 20.0})
-    got = record(model, Sine(5e-3, 15.0), actuator, duration=0.05, interval=model.step)
-    w, torque = got["speed_rad_s"], got["torque_Nm"]
+    signals = record(model, Sine(5e-3, 15.0), actuator, duration=0.05, interval=model.step)
+    w, torque = signals["speed_rad_s"], signals["torque_Nm"]
     z, impulse = 0.0, np.zeros(w.size)
     friction = 0.0
     for i, speed in enumerate(w):

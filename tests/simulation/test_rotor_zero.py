@@ -1,4 +1,4 @@
-"""The rotor's electrical zero: an angle where the run starts, and the same motor six times a turn."""
+"""The electrical zero of the rotor: an initial angle, with six equivalent motors per turn."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def driven(model: Model) -> Inputs:
 
 
 @pytest.mark.parametrize("model", [REFERENCE, AVERAGED], ids=["reference", "averaged"])
-def test_it_is_where_the_rotor_stands_at_the_start(model: Model) -> None:
+def test_the_rotor_zero_acts_as_the_initial_rotor_offset(model: Model) -> None:
     poles = THESIS.electrical.pole_pairs if THESIS.electrical else 1
     faults = Faults(short_b=0.3, eccentricity=0.4, eccentricity_phase=0.6).vector
     described = Plant.of(with_lumped_parameters(THESIS, {"rotor_zero": 0.7}), faults)
@@ -32,7 +32,7 @@ def test_it_is_where_the_rotor_stands_at_the_start(model: Model) -> None:
 @settings(max_examples=10)
 @given(zero=st.floats(-1.0, 1.0))
 def test_a_sixth_of_a_turn_renames_the_phases(zero: float) -> None:
-    # Each phase stands where another stood, turned round: its current and its back-EMF change their sign.
+    # Each phase takes the angle of another with opposite sign: current and back-EMF change their sign.
     before, after = (
         run(AVERAGED, Plant.of(THESIS, faults.vector, {"rotor_zero": angle}), driven(AVERAGED))
         for faults, angle in ((FAULTY, zero), (ROTATED, zero + np.pi / 3))

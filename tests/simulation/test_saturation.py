@@ -1,4 +1,4 @@
-"""A torque constant that falls with the current: closed forms, a differential equation, all drives."""
+"""A torque constant that falls with the current: closed forms, a differential equation, and all drives."""
 
 import math
 from typing import Any
@@ -24,21 +24,21 @@ def saturating(actuator: Actuator = THESIS, /, value: float = 0.01, **sections: 
 @pytest.mark.parametrize(
     ("model", "bound"),
     [(AVERAGED, 1e-6), (REFERENCE, 0.01), (monitor(), 0.03)],
-    ids=lambda one: str(one)[:40],
+    ids=lambda value: str(value)[:40],
 )
-def test_a_stalled_motor_has_the_torque_that_the_flux_leaves(
+def test_a_stalled_motor_has_the_torque_by_the_saturated_flux(
     model: Model, bound: float, value: float
 ) -> None:
     start = Initial(rotor_offset=math.radians(30))
     actuator = saturating(THESIS, value, mechanics=LOCKED, controller={"current_limit": 15.0})
-    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
-    current = got["current_A"][-1]
+    signals = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    current = signals["current_A"][-1]
     assert abs(current) == pytest.approx(15.0, abs=0.6)
-    assert got["torque_Nm"][-1] == pytest.approx(K * (1 - value * abs(current)) * current, rel=bound)
+    assert signals["torque_Nm"][-1] == pytest.approx(K * (1 - value * abs(current)) * current, rel=bound)
 
 
 @pytest.mark.parametrize("value", [0.02, -0.02])
-def test_a_dc_motor_follows_its_differential_equation(value: float) -> None:
+def test_a_dc_motor_with_saturation_agrees_with_its_differential_equation(value: float) -> None:
     duty, viscous = 0.9, 1e-4
 
     def slopes(t: float, x: Array) -> list[float]:  # noqa: ARG001
@@ -54,12 +54,12 @@ def test_a_dc_motor_follows_its_differential_equation(value: float) -> None:
         controller=SERVO["controller"],
     )
     errors = np.array(errors_of_a_dc_motor(actuator, duty, slopes, 0.03)) / (V_DC / R_S)
-    # Without the law the current is up to a fifth off.
+    # Without the law, the error of the current is up to 20 %.
     assert errors[0] < 0.01
     assert errors[1] < 0.3 * errors[0]
 
 
-def test_some_flux_is_left_at_any_current() -> None:
+def test_the_flux_has_a_lower_limit_at_any_current() -> None:
     assert float(flux_left(0.02, 10.0)) == pytest.approx(0.8)
     assert float(flux_left(0.02, -1e6)) == pytest.approx(0.1)
     assert float(flux_left(-0.02, 10.0)) == pytest.approx(1.2)
@@ -74,12 +74,10 @@ def test_some_flux_is_left_at_any_current() -> None:
     ],
     ids=["hysteresis", "six-step", "foc"],
 )
-def test_the_averaged_model_saturates_as_the_reference_model_does(
-    base: Actuator, drive: dict[str, Any]
-) -> None:
+def test_saturation_has_the_same_effect_in_both_models(base: Actuator, drive: dict[str, Any]) -> None:
     def currents(actuator: Actuator) -> Array:
         runs = [record(model, Chirp(), actuator, duration=0.3) for model in (AVERAGED, REFERENCE)]
-        return np.array([one["current_A"] for one in runs])
+        return np.array([signals["current_A"] for signals in runs])
 
     without, with_law = currents(altered(base, **drive)), currents(saturating(base, 0.05, **drive))
     of_averaged, of_reference = with_law - without

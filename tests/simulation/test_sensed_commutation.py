@@ -1,4 +1,4 @@
-"""Commutation that is not by the rotor's angle: binary signals, closed forms at standstill, both models."""
+"""Commutation by Hall sensors: binary signals, closed forms at standstill, and agreement of both models."""
 
 import math
 from typing import Any
@@ -41,7 +41,7 @@ def displaced(a: float, b: float, c: float, **sections: Any) -> Actuator:
 
 
 def binary_signals(early: Phases) -> Array:
-    """Return the Hall signals at `ANGLES`, (3, n): each is high from its phase's flat on, half a turn."""
+    """Return the Hall signals at `ANGLES`, (3, n), high for half a turn from the flat of the phase."""
     own = [ANGLES - math.radians(30 + 120 * n) + error for n, error in enumerate(early)]
     return (np.mod(own, 2 * np.pi) < np.pi).astype(float)
 
@@ -57,7 +57,7 @@ def test_two_phases_conduct_while_their_binary_signals_differ(early: Phases) -> 
     np.testing.assert_array_equal(signs == 0, idle == np.arange(3)[:, np.newaxis])
 
 
-def test_in_place_they_commutate_by_the_angle() -> None:
+def test_exact_hall_sensors_commutate_by_the_rotor_angle() -> None:
     nowhere = Phases(0.0, 0.0, 0.0)
     idle = of_sensed_idle_phase(ANGLES, NUMBERS, nowhere)
     np.testing.assert_array_equal(idle, of_idle_phase(ANGLES, NUMBERS))
@@ -69,32 +69,32 @@ def test_in_place_they_commutate_by_the_angle() -> None:
 
 @settings(max_examples=20)
 @given(early=EARLY, lag=st.floats(0.0, 0.15), backward=st.booleans())
-def test_with_hysteresis_each_edge_is_late_in_the_direction_of_rotation(
+def test_hysteresis_delays_each_edge_in_the_direction_of_rotation(
     early: Phases, lag: float, backward: bool
 ) -> None:
-    # In the second turn: in the first, what the sensors showed at its start may have been within a band.
+    # The second turn is compared: at the start of the first, sensors may be within their hysteresis band.
     turn = np.tile(ANGLES[::6], 2)[:: -1 if backward else 1]
     signals, idle = hall_signals(LOW, phase_angles(turn[0]), early, 0.0), list[int]()
     for angle in turn:
         signals = hall_signals(signals, phase_angles(angle), early, lag)
-        idle.append([float(one) for one in signalled_demand(signals)].index(0.0))
+        idle.append([float(sign) for sign in signalled_demand(signals)].index(0.0))
     late = early_by_turning(early, -5.0 if backward else 5.0, lag, 0.0)
     half = turn.size // 2
     np.testing.assert_array_equal(idle[half:], of_sensed_idle_phase(turn[half:], NUMBERS, late))
 
 
 @given(lag=st.floats(-0.15, 0.15), delay=st.floats(-1e-4, 1e-4), speed=st.floats(-1e3, 1e3))
-def test_a_delay_and_a_lead_turn_what_the_drive_sees(lag: float, delay: float, speed: float) -> None:
+def test_a_delay_and_a_lead_shift_the_sensed_angle(lag: float, delay: float, speed: float) -> None:
     lead = -delay * speed + max(-lag, 0.0) * np.sign(speed)
-    seen = seen_angle(0.3, speed, lag, delay)
-    assert seen == pytest.approx(0.3 + lead, abs=1e-12)
-    # What is late by the angle and by the sensors together is as much less early.
+    sensed = seen_angle(0.3, speed, lag, delay)
+    assert sensed == pytest.approx(0.3 + lead, abs=1e-12)
+    # A delay by the angle and by the sensors reduces the lead by the same angle.
     early = early_by_turning(Phases(0.0, 0.0, 0.0), speed, lag, delay).a
     assert early == pytest.approx(-delay * speed - lag * np.sign(speed), abs=1e-12)
 
 
 @given(early=EARLY, turned=st.floats(-0.12, 0.12).filter(lambda turned: abs(turned) > 1e-3))
-def test_over_a_turn_it_is_the_mean_of_what_belongs_to_the_idle_phases(early: Phases, turned: float) -> None:
+def test_over_a_turn_is_the_mean_of_the_values_of_idle_phases(early: Phases, turned: float) -> None:
     values = Phases(1.0, -2.0, 5.0)
     shares = (np.arange(4000) + 0.5) / 4000
     passed = np.mod(ANGLES[::9, np.newaxis] + turned * shares + np.pi, 2 * np.pi) - np.pi
@@ -102,7 +102,7 @@ def test_over_a_turn_it_is_the_mean_of_what_belongs_to_the_idle_phases(early: Ph
     np.testing.assert_allclose(over_a_turn(ANGLES[::9], turned, values, early), expected, atol=6e-3)
 
 
-def test_without_a_turn_it_is_what_belongs_to_the_idle_phase() -> None:
+def test_without_a_turn_over_a_turn_is_the_value_of_the_idle_phase() -> None:
     early, values = Phases(0.1, -0.2, 0.3), Phases(1.0, -2.0, 5.0)
     expected = of_sensed_idle_phase(ANGLES, values, early)
     np.testing.assert_array_equal(over_a_turn(ANGLES, 0.0, values, early), expected)
@@ -116,13 +116,13 @@ def test_without_a_turn_it_is_what_belongs_to_the_idle_phase() -> None:
     ("early", "electrical", "factor"),
     [
         ((0.0, 0.0, 0.0), 75.0, 1.0),
-        # Phase b, whose flat ends at 90 degrees, conducts up to 102: at 98 it is on its ramp.
+        # Phase b, whose flat ends at 90 degrees, conducts up to 102: at 98 it is on the ramp.
         ((0.0, 0.0, -12.0), 98.0, (1 + 22 / 30) / 2),
-        # Phase c, whose flat begins there, takes over at 84: at 86 it is not yet on it.
+        # Phase c, whose flat begins at 90 degrees, conducts from 84: at 86 it is before the flat.
         ((0.0, 0.0, 6.0), 86.0, (1 + 26 / 30) / 2),
     ],
 )
-def test_a_stalled_motor_has_the_torque_of_the_phases_that_conduct(
+def test_a_stalled_motor_has_the_torque_of_its_conducting_phases(
     model: Model,
     bound: float,
     drive: dict[str, Any],
@@ -138,10 +138,10 @@ def test_a_stalled_motor_has_the_torque_of_the_phases_that_conduct(
         mechanics=LOCKED,
         controller={"current_limit": 10.0},
     )
-    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
-    torque, current = got["torque_Nm"][-1], got["current_A"][-1]
+    signals = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    torque, current = signals["torque_Nm"][-1], signals["current_A"][-1]
     assert torque == pytest.approx(K * current, rel=bound)
-    # Hysteresis holds the current of the phases, PI control the equivalent current.
+    # Hysteresis controls the phase currents, PI control the equivalent current.
     assert abs(current) == pytest.approx(10.0 if drive else 10.0 * factor, abs=0.6 if not drive else 0.1)
 
 
@@ -159,7 +159,7 @@ LATE = {"hall_a": 0.14, "hall_b": -0.09, "hall_c": 0.07}
     ],
     ids=["hall", "hysteresis", "lead", "hysteresis and delay"],
 )
-def test_the_averaged_model_answers_as_the_reference_model_does(
+def test_commutation_errors_have_the_same_effect_in_both_models(
     drive: dict[str, Any], motor: dict[str, float], late: dict[str, float]
 ) -> None:
     faults = Faults(0.2, short_a=0.3, short_b=0.1)
@@ -168,7 +168,7 @@ def test_the_averaged_model_answers_as_the_reference_model_does(
         runs = [
             record(model, Chirp(), actuator, faults=faults, duration=0.3) for model in (AVERAGED, REFERENCE)
         ]
-        return np.array([one["current_A"] for one in runs])
+        return np.array([signals["current_A"] for signals in runs])
 
     plain = altered(THESIS, **(drive or {"drive": {"kind": "hysteresis"}}))
     without, with_error = currents(plain), currents(altered(plain, motor=motor, drive=late))
@@ -189,6 +189,6 @@ def test_the_averaged_model_answers_as_the_reference_model_does(
         ({"motor": {"hall_a": 0.5}}, "'motor.hall_a': should be less than or equal to 0.4"),
     ],
 )
-def test_sensors_that_cannot_be_are_refused(actuator: dict[str, Any], message: str) -> None:
+def test_impossible_hall_sensors_are_refused(actuator: dict[str, Any], message: str) -> None:
     with pytest.raises(ActuatorError, match=message):
         altered(THESIS, **actuator)

@@ -1,4 +1,4 @@
-"""The motor with sinusoidal back-EMF: line values against their definitions in phases, and power."""
+"""The motor with sinusoidal back-EMF: line values against their definitions by phases, and power."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ SHIFTS = 2 * np.pi / 3 * np.arange(3)
 
 
 @given(angle=ANGLES)
-def test_back_emf_between_two_lines_has_the_amplitude_of_the_constant(angle: float) -> None:
+def test_the_back_emf_line_to_line_has_the_amplitude_of_the_constant(angle: float) -> None:
     shapes = np.array([*phase_sines(np.cos(angle), np.sin(angle))])
     np.testing.assert_allclose(shapes, np.sin(angle - SHIFTS), atol=1e-14)
     a_to_b = INVERSE_SQRT3 * (shapes[0] - shapes[1])
@@ -28,16 +28,16 @@ def test_back_emf_between_two_lines_has_the_amplitude_of_the_constant(angle: flo
 
 
 @given(angle=ANGLES, in_d=AMPERES, in_q=AMPERES)
-def test_voltages_in_d_and_q_are_made_by_phases_and_found_from_them(
+def test_voltages_in_d_and_q_are_transformed_to_phases_and_back(
     angle: float, in_d: float, in_q: float
 ) -> None:
     cos, sin = np.cos(angle), np.sin(angle)
     legs = phase_voltages(in_d, in_q, cos, sin)
     phases = np.array([*legs])
-    found = np.array(line_voltages(legs + 17.0, cos, sin))
-    np.testing.assert_allclose(found, np.array([in_d, in_q]), atol=1e-12)
+    transformed = np.array(line_voltages(legs + 17.0, cos, sin))
+    np.testing.assert_allclose(transformed, np.array([in_d, in_q]), atol=1e-12)
     lines = phases - np.roll(phases, -1)
-    # √(3/2) times the rms of any three balanced values is their amplitude.
+    # The amplitude of three balanced values is √(3/2) times their rms.
     assert np.sqrt(np.sum(lines**2) * 2 / 3) == pytest.approx(np.hypot(in_d, in_q), abs=1e-12)
 
 
@@ -52,7 +52,9 @@ def test_line_values_conserve_power(
 
 
 @given(angle=ANGLES, currents=st.tuples(AMPERES, AMPERES))
-def test_torque_is_the_constant_times_the_current_in_q(angle: float, currents: tuple[float, float]) -> None:
+def test_the_torque_is_the_constant_times_the_current_in_q(
+    angle: float, currents: tuple[float, float]
+) -> None:
     phases = (currents[0], currents[1], -sum(currents))
     per_constant = np.sum(INVERSE_SQRT3 * np.sin(angle - SHIFTS) * phases)
     assert line_currents(Phases(*phases), np.cos(angle), np.sin(angle))[1] == pytest.approx(

@@ -1,4 +1,4 @@
-"""A step traced: each of its functions is what NumPy's is, and what a kernel does not have is refused."""
+"""Tracing of a step: operations agree with NumPy, and operations without a kernel are refused."""
 
 import math
 from collections.abc import Callable
@@ -20,7 +20,7 @@ PLANT = Plant.of(THESIS, np.zeros(8))
 STEP = 5e-5
 ROWS = 64
 X, Y = 3.0 * np.random.default_rng(5).normal(size=(2, ROWS))
-X[:3] = Y[:3]  # equal ones too
+X[:3] = Y[:3]  # equal values
 Y[3:6] = 0.0
 
 Law = Callable[[Any, Any], Any]
@@ -64,7 +64,7 @@ def showing(laws: list[Law]) -> Model:
 
 
 def shown_by(laws: list[Law], monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Return the channels (ROWS,) that a kernel records of `laws` of X and Y."""
+    """Return the channels (ROWS,) of `laws` of X and Y, recorded by a kernel."""
     monkeypatch.setattr(kernel_cache, "_read", lambda *_: None)
     monkeypatch.setattr(kernel_cache, "_write", lambda *_: None)
     inputs = Inputs(X, Y, np.zeros(ROWS), ROWS, 1, STEP, np.ones(ROWS))
@@ -72,9 +72,9 @@ def shown_by(laws: list[Law], monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 
 @pytest.mark.parametrize("laws", LAWS.values(), ids=list(LAWS))
-def test_a_kernel_computes_what_numpy_does(laws: list[Law], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kernel_agrees_with_numpy(laws: list[Law], monkeypatch: pytest.MonkeyPatch) -> None:
     for law, shown in zip(laws, shown_by(laws, monkeypatch), strict=True):
-        # Products and sums may be taken in another order, or at once.
+        # Products and sums may be computed in another order, or fused.
         np.testing.assert_allclose(shown, law(X, Y), rtol=0, atol=1e-13)
 
 
@@ -89,7 +89,7 @@ def test_a_kernel_computes_what_numpy_does(laws: list[Law], monkeypatch: pytest.
     ],
     ids=["branch", "function", "reduction", "math", "clip"],
 )
-def test_what_a_kernel_does_not_have_is_refused(
+def test_operations_that_a_kernel_lacks_are_refused(
     law: Law, reason: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(TypeError, match=reason):

@@ -1,4 +1,4 @@
-"""What an inverter loses of the commanded voltage: closed forms, a differential equation, all drives."""
+"""Voltage drop of the inverter: closed forms, a differential equation, and all drives."""
 
 import math
 from typing import Any
@@ -22,22 +22,22 @@ def losing(actuator: Actuator = THESIS, /, kind: str = "hysteresis", **sections:
 
 
 @pytest.mark.parametrize("duty", [0.5, -0.2])
-def test_a_stalled_servo_has_what_the_bridge_leaves(duty: float) -> None:
-    got = record(AVERAGED, Step(duty), losing(kind="voltage", mechanics=LOCKED, **SERVO), duration=0.02)
-    left = duty * V_DC - math.copysign(DROP, duty)
-    assert got["current_A"][-1] == pytest.approx(left / R_S, rel=1e-6)
-    assert got["voltage_V"][-1] == pytest.approx(duty * V_DC, rel=1e-6)
+def test_a_stalled_servo_has_the_current_by_the_reduced_voltage(duty: float) -> None:
+    signals = record(AVERAGED, Step(duty), losing(kind="voltage", mechanics=LOCKED, **SERVO), duration=0.02)
+    reduced = duty * V_DC - math.copysign(DROP, duty)
+    assert signals["current_A"][-1] == pytest.approx(reduced / R_S, rel=1e-6)
+    assert signals["voltage_V"][-1] == pytest.approx(duty * V_DC, rel=1e-6)
 
 
 @pytest.mark.parametrize(("model", "bound"), [(AVERAGED, 1e-3), (REFERENCE, 0.01)], ids=lambda x: str(x)[:30])
-def test_a_stalled_motor_at_the_end_of_its_supply(model: Model, bound: float) -> None:
+def test_a_stalled_motor_at_the_supply_limit_has_the_reduced_current(model: Model, bound: float) -> None:
     start = Initial(rotor_offset=math.radians(30))
     actuator = losing(mechanics=LOCKED, controller={"current_limit": 100.0})
-    got = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
-    assert got["current_A"][-1] == pytest.approx((V_DC - DROP) / R_S, rel=bound)
+    signals = record(model, Step(0.1), actuator, duration=0.02, start=start, interval=1e-3)
+    assert signals["current_A"][-1] == pytest.approx((V_DC - DROP) / R_S, rel=bound)
 
 
-def test_a_dc_motor_follows_its_differential_equation() -> None:
+def test_a_dc_motor_with_voltage_drop_agrees_with_its_differential_equation() -> None:
     duty, viscous = -0.4, 1e-4
 
     def slopes(t: float, x: Array) -> list[float]:  # noqa: ARG001
@@ -51,7 +51,7 @@ def test_a_dc_motor_follows_its_differential_equation() -> None:
     mechanics = FREE | {"viscous_motor": viscous, "gear_ratio": 1e-9}
     actuator = losing(kind="voltage", mechanics=mechanics, **SERVO)
     errors = np.array(errors_of_a_dc_motor(actuator, duty, slopes, 0.06)) / (V_DC / R_S)
-    # Without the law the current is a thirtieth of that off.
+    # Without the law, the error is a thirtieth of this current.
     assert errors[0] < 2e-3
     assert errors[1] < 0.3 * errors[0]
 
@@ -65,13 +65,14 @@ def test_the_commanded_voltage_is_higher_by_the_drop(base: Actuator, kind: str, 
     without = altered(base, drive={"kind": kind})
     for model in (AVERAGED, REFERENCE):
         plain, lossy = (
-            record(model, Chirp(), one, duration=0.3) for one in (without, losing(without, kind=kind))
+            record(model, Chirp(), actuator, duration=0.3)
+            for actuator in (without, losing(without, kind=kind))
         )
-        more = lossy[channel] - plain[channel]
-        # Rows of a steady sign; the current loop restores the current.
+        difference = lossy[channel] - plain[channel]
+        # Rows with a constant sign of the current, which the current loop restores.
         steady = np.abs(plain["current_A"]) > 1.5
-        signed = np.mean(more[steady] * np.sign(plain["current_A"][steady]))
-        # Three sines: the mean of V_d/2 (sgn a, sgn b, sgn c) along q is 3/π of what a pair has, √3/2 of it.
+        signed = np.mean(difference[steady] * np.sign(plain["current_A"][steady]))
+        # With three sines, the mean of V_d/2 (sgn a, sgn b, sgn c) in q is 2 √3/π of the drop of a pair.
         share = 1.0 if kind != "foc" else 2 * math.sqrt(3) / math.pi
         assert signed == pytest.approx(share * DROP, rel=0.02)
         assert rms(lossy["current_A"] - plain["current_A"]) < 0.25 * rms(plain["current_A"])

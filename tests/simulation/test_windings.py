@@ -1,4 +1,4 @@
-"""Windings: closed forms, conservation of power, and the star equations solved by another integrator."""
+"""Windings: closed forms, conservation of power, and the star equations by another integrator."""
 
 import math
 
@@ -27,33 +27,35 @@ UNBRAKED = altered(
 
 
 def rise(t: Array, resistance: float = R_S, inductance: float = L_S) -> Array:
-    """Return the current [A] in a winding that V_dc is laid on at 0."""
+    """Return the current [A] in a winding to which V_dc is applied at time 0."""
     return np.asarray(V_DC / resistance * -np.expm1(-t * resistance / inductance))
 
 
 @EACH_MODEL
 @pytest.mark.parametrize("electrical_degrees", [60, 120, 240])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_current_rises_in_a_locked_rotor(model: Model, electrical_degrees: float, sign: int) -> None:
-    # Phases halfway along their flats; the demand, 22.5 A, is not reached within three time constants.
+def test_the_current_of_a_locked_rotor_rises_as_the_closed_form(
+    model: Model, electrical_degrees: float, sign: int
+) -> None:
+    # Phases at the middle of their flats; the demand, 22.5 A, is not reached within three time constants.
     start = Initial(rotor_offset=math.radians(electrical_degrees) / 2)
-    got = record(
+    signals = record(
         model, Step(sign * 1e-2), HELD, duration=1e-3, interval=model.step, step=model.step, start=start
     )
-    expected = sign * rise(got["time_s"] + model.step)  # a row shows the end of its step
-    # Explicit Euler (reference) errs by V/R × step / (2 L/R) / e at most; the others are exact.
+    expected = sign * rise(signals["time_s"] + model.step)  # a row has the values at the end of its step
+    # Explicit Euler (reference) has an error of at most V/R × step / (2 L/R) / e; the other models are exact.
     bound = V_DC / R_S * model.step * R_S / L_S / 2 / math.e * 1.01 if model is REFERENCE else 1e-12
-    np.testing.assert_allclose(got["current_A"], expected, rtol=0, atol=bound)
-    assert not got["speed_rad_s"].any()
-    assert sign * got["current_A"][-1] > 21
+    np.testing.assert_allclose(signals["current_A"], expected, rtol=0, atol=bound)
+    assert not signals["speed_rad_s"].any()
+    assert sign * signals["current_A"][-1] > 21
 
 
-def test_euler_error_of_the_locked_rotor_halves_with_the_step() -> None:
+def test_the_euler_error_of_the_locked_rotor_halves_with_the_step() -> None:
     start = Initial(rotor_offset=math.radians(30))
     errors = []
     for step in (2e-6, 1e-6, 5e-7):
-        got = record(REFERENCE, Step(1e-2), HELD, duration=6e-4, interval=step, step=step, start=start)
-        errors.append(np.abs(got["current_A"] - rise(got["time_s"] + step)).max())
+        signals = record(REFERENCE, Step(1e-2), HELD, duration=6e-4, interval=step, step=step, start=start)
+        errors.append(np.abs(signals["current_A"] - rise(signals["time_s"] + step)).max())
     # The next order is step R/L / 2 = 0.3 % of the first.
     np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2, rtol=0.01)
 
@@ -72,11 +74,11 @@ def test_euler_error_of_the_locked_rotor_halves_with_the_step() -> None:
         (monitor("modulated"), 120, 0.55, 0.55**2),
     ],
 )
-def test_current_rises_in_a_shorted_winding(
+def test_the_current_of_a_shorted_winding_rises_as_the_closed_form(
     model: Model, electrical_degrees: float, turns: float, squares: float
 ) -> None:
     actuator = altered(mechanics=LOCKED, controller={"current_limit": 1e3})
-    got = record(
+    signals = record(
         model,
         Step(1e-2),
         actuator,
@@ -85,50 +87,52 @@ def test_current_rises_in_a_shorted_winding(
         interval=model.step,
         start=Initial(rotor_offset=math.radians(electrical_degrees) / 2),
     )
-    expected = rise(got["time_s"] + model.step, R_S * turns, L_S * squares)
-    np.testing.assert_allclose(got["current_A"], expected, rtol=1e-11)  # rounding of 100 steps
+    expected = rise(signals["time_s"] + model.step, R_S * turns, L_S * squares)
+    np.testing.assert_allclose(signals["current_A"], expected, rtol=1e-11)  # rounding of 100 steps
 
 
 @EACH_MODEL
 @pytest.mark.parametrize("sign", [1, -1])
-def test_no_load_speed_is_supply_over_back_emf_constant(model: Model, sign: int) -> None:
-    got = record(model, Step(sign * 1e6), UNBRAKED, duration=0.3)
-    # The electromechanical time constant J R / k² is 9.4 ms: e⁻³² is left. In the reference model the idle
-    # phase's ripple adds torque on the ramps of its trapezoid: 0.1 % of the speed, measured.
+def test_the_no_load_speed_is_supply_over_back_emf_constant(model: Model, sign: int) -> None:
+    signals = record(model, Step(sign * 1e6), UNBRAKED, duration=0.3)
+    # The electromechanical time constant J R / k² is 9.4 ms: e⁻³² remains. In the reference model the idle
+    # phase has ripple that adds torque on the ramps of its trapezoid: 0.1 % of the speed, measured.
     bound = 5e-3 if model is REFERENCE else 1e-9
-    assert got["speed_rad_s"][-1] == pytest.approx(sign * V_DC / K_E, rel=bound)
-    assert abs(got["reference_current_A"][-1]) == 1e3
+    assert signals["speed_rad_s"][-1] == pytest.approx(sign * V_DC / K_E, rel=bound)
+    assert abs(signals["reference_current_A"][-1]) == 1e3
 
 
 @pytest.mark.parametrize("model", [AVERAGED, monitor()], ids=["averaged", "monitor"])
 @pytest.mark.parametrize("short", [0.0, 0.4])
-def test_speed_falls_with_torque_along_the_straight_line(model: Model, short: float) -> None:
+def test_the_speed_falls_linearly_with_the_torque(model: Model, short: float) -> None:
     turns, load = 1 - short, 0.2
     faults = Faults(short_a=short, short_b=short, short_c=short)
-    got = record(model, Step(1e6), UNBRAKED, faults=faults, load=load, duration=0.4)
+    signals = record(model, Step(1e6), UNBRAKED, faults=faults, load=load, duration=0.4)
     current = load / (K_E * turns)
-    assert got["current_A"][-1] == pytest.approx(current, rel=1e-9)
-    assert got["speed_rad_s"][-1] == pytest.approx((V_DC - R_S * turns * current) / (K_E * turns), rel=1e-9)
+    assert signals["current_A"][-1] == pytest.approx(current, rel=1e-9)
+    assert signals["speed_rad_s"][-1] == pytest.approx(
+        (V_DC - R_S * turns * current) / (K_E * turns), rel=1e-9
+    )
 
 
 def energies(step: float, faults: Faults) -> dict[str, float]:
-    """Return what the legs supply over a run of the reference model, and where it goes, all in J."""
+    """Return the supplied, dissipated and stored energies over a run of the reference model [J]."""
     actuator = altered(motor={"torque_limit": None})
-    got = record(
+    signals = record(
         REFERENCE, Sine(8e-3, 15.0), actuator, faults=faults, duration=0.05, interval=step, step=step
     )
     turns = np.array([1 - faults.short_a, 1 - faults.short_b, 1 - faults.short_c])[:, None]
-    after = np.stack([got[f"current_{phase}_A"] for phase in "abc"])
-    legs = np.stack([got[f"voltage_{phase}_V"] for phase in "abc"])
+    after = np.stack([signals[f"current_{phase}_A"] for phase in "abc"])
+    legs = np.stack([signals[f"voltage_{phase}_V"] for phase in "abc"])
     before = np.pad(after, ((0, 0), (1, 0)))[:, :-1]
-    w = got["speed_rad_s"]
+    w = signals["speed_rad_s"]
     w_before = np.pad(w, (1, 0))[:-1]
     friction = 0.05 * 1.689 * (1 + 2 * faults.friction)
     viscous = 30 / math.pi * 1e-6 + 4.5e-7
     return {
         "supplied": float(np.sum(legs * (before + after) / 2) * step),
         "joule": float(np.sum(R_S / 2 * turns * ((before + after) / 2) ** 2) * step),
-        "shaft": float(np.sum(got["torque_Nm"] * (w + w_before) / 2) * step),
+        "shaft": float(np.sum(signals["torque_Nm"] * (w + w_before) / 2) * step),
         "magnetic": float(np.sum(L_S / 4 * turns[:, 0] ** 2 * after[:, -1] ** 2)),
         "kinetic": J / 2 * float(w[-1]) ** 2,
         "dry": friction * float(np.sum(np.abs(w))) * step,
@@ -143,16 +147,16 @@ FAULTY = Faults(0.3, 0.4, 0.2, 0.5, 0.1, 0.7, 0.2, 0.6)
 def test_windings_conserve_power(faults: Faults) -> None:
     e = energies(1e-6, faults)
     lost = e["supplied"] - e["joule"] - e["shaft"] - e["magnetic"]
-    # With currents and speeds at the middle of each step only second orders are left: 5e-7, measured. Where
-    # torque and back-EMF had a k that differs by 1e-3, 1e-4 would be lost.
+    # With currents and speeds at the middle of each step, only second orders remain: 5e-7, measured. If
+    # the constants of torque and back-EMF differed by 1e-3, the loss would be 1e-4.
     assert abs(lost) < 5e-6 * e["supplied"]
     assert e["shaft"] > 0.1 * e["supplied"]
 
 
 @pytest.mark.parametrize("faults", [Faults(), FAULTY], ids=["healthy", "faulty"])
-def test_shaft_conserves_power(faults: Faults) -> None:
+def test_the_shaft_conserves_power(faults: Faults) -> None:
     e = energies(1e-6, faults)
-    # Friction of the step's start times the mean speed of the step; rests of a step at each reversal.
+    # Friction at the start of the step times the mean speed of the step; a rest of one step at each reversal.
     assert e["kinetic"] + e["dry"] + e["viscous"] == pytest.approx(e["shaft"], rel=2e-5)
     assert e["viscous"] > 1e-3 * e["shaft"]
 
@@ -180,8 +184,8 @@ def solved(legs: Array, seconds: float, turns: Array, z: float, phi: float, roto
 
 @pytest.mark.parametrize("rotor", np.radians([20.0, 50.0, 80.0, 110.0, 140.0, 170.0]))
 @pytest.mark.parametrize("w", [0.0, 300.0, -500.0])
-def test_currents_between_switchings_are_those_of_another_integrator(rotor: float, w: float) -> None:
-    # A wide hysteresis and a heavy rotor keep legs and speed for the 60 us.
+def test_currents_between_switchings_agree_with_another_integrator(rotor: float, w: float) -> None:
+    # With a wide hysteresis and a heavy rotor, legs and speed are constant for 60 us.
     actuator = altered(
         electrical={"hysteresis": 15.0},
         mechanics=FREE | {"inertia_motor": 1e9},
@@ -191,7 +195,7 @@ def test_currents_between_switchings_are_those_of_another_integrator(rotor: floa
     after: list[Array] = []
     legs: list[Array] = []
     for step in (1e-6, 5e-7):
-        got = record(
+        signals = record(
             REFERENCE,
             Step(0.1),
             actuator,
@@ -201,34 +205,34 @@ def test_currents_between_switchings_are_those_of_another_integrator(rotor: floa
             step=step,
             start=Initial(speed=w, rotor_offset=rotor),
         )
-        voltages = np.stack([got[f"voltage_{phase}_V"] for phase in "abc"])
+        voltages = np.stack([signals[f"voltage_{phase}_V"] for phase in "abc"])
         assert (voltages == voltages[:, :1]).all()
-        assert np.abs(got["speed_rad_s"] - w).max() < 1e-12
+        assert np.abs(signals["speed_rad_s"] - w).max() < 1e-12
         legs.append(voltages[:, 0])
-        after.append(np.stack([got[f"current_{phase}_A"][-1] for phase in "abc"]))
+        after.append(np.stack([signals[f"current_{phase}_A"][-1] for phase in "abc"]))
     assert set(legs[0]) == {V_DC / 2, -V_DC / 2}
     turns = np.array([0.9, 0.7, 0.5])
     expected = solved(legs[0], seconds, turns, 0.42, 0.4 * np.pi, rotor, w)
     assert np.abs(expected).max() > 1
-    # Euler errs by step / 2 × t × d²i/dt²: 3e-11 s² × V / L × R / L, with phase c's 1e-4 H and 6e3 /s.
+    # Error of Euler: step / 2 × t × d²i/dt², 3e-11 s² × V / L × R / L, with 1e-4 H and 6e3 /s of phase c.
     coarse, fine = after[0] - expected, after[1] - expected
     assert np.abs(coarse).max() < 5e-2
     assert np.abs(coarse).max() > 1e-4
-    # First order: half the step, half the error; what Richardson leaves is of second order, 1e-3 of it.
+    # First order: half the step, half the error; Richardson extrapolation leaves second order, 1e-3 of it.
     np.testing.assert_allclose(2 * fine - coarse, 0, atol=5e-3 * np.abs(coarse).max())
 
 
-def test_star_takes_no_current_out_of_its_centre() -> None:
+def test_the_currents_of_the_star_sum_to_0() -> None:
     rng = np.random.default_rng(5)
     drive, inverse = rng.normal(0, 30, (3, 50)), rng.uniform(1e3, 1e5, (3, 50))
     slopes = np.array([*star_slopes(Phases(*drive), Phases(*inverse), 1 / inverse.sum(axis=0))])
     np.testing.assert_allclose(slopes.sum(axis=0), 0, atol=1e-9 * np.abs(slopes).max())
-    # What is left of each leg's voltage after its winding is the centre's voltage, the same for all.
+    # The voltage of each leg minus that of its winding is the voltage of the centre, the same for all.
     centre = drive - slopes / inverse
     np.testing.assert_allclose(centre, centre[:1].repeat(3, axis=0), atol=1e-12 * np.abs(drive).max())
 
 
-def test_one_winding_relaxes_to_its_final_current() -> None:
+def test_the_current_of_a_winding_relaxes_exponentially() -> None:
     current = 5.0
     for _ in range(40):
         current = float(winding_current(current, 12.0, 1 / 3.0, math.exp(-1e-4 * 3.0 / 1e-3)))
