@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from emaphm.actuator import Actuator, Chirp, Faults, Step
@@ -16,6 +16,7 @@ from emaphm.simulation.laws.angles import phase_angles
 from emaphm.simulation.laws.commutation import demand_sign, of_idle_phase
 from emaphm.simulation.laws.phases import Phases
 from emaphm.simulation.laws.sensed_commutation import (
+    MOST_EARLY,
     early_by_turning,
     hall_signals,
     of_sensed_idle_phase,
@@ -68,10 +69,13 @@ def test_exact_hall_sensors_commutate_by_the_rotor_angle() -> None:
 
 
 @settings(max_examples=20)
-@given(early=EARLY, lag=st.floats(0.0, 0.15), backward=st.booleans())
+@given(early=EARLY, share=st.floats(0.0, 1.0), backward=st.booleans())
+@example(early=Phases(0.0, 0.0, math.radians(-22.0)), share=1.0, backward=False)
 def test_hysteresis_delays_each_edge_in_the_direction_of_rotation(
-    early: Phases, lag: float, backward: bool
+    early: Phases, share: float, backward: bool
 ) -> None:
+    # Beyond `MOST_EARLY` in all, an edge is moved no further.
+    lag = share * min(0.15, MOST_EARLY - max(map(abs, early)))
     # The second turn is compared: at the start of the first, sensors may be within their hysteresis band.
     turn = np.tile(ANGLES[::6], 2)[:: -1 if backward else 1]
     signals, idle = hall_signals(LOW, phase_angles(turn[0]), early, 0.0), list[int]()
