@@ -205,7 +205,7 @@ def test_a_difference_by_chance_is_seldom_significant() -> None:
 
     real = [Gain.of(*(proven(rng.normal(-4, 0.3, tests)) for _ in "ab")).significant for _ in range(runs)]
     rate = scipy.stats.t.sf(2.0, tests - 1)
-    # Four standard errors of a rate over so many runs.
+    # Four standard errors of a rate over this number of runs.
     assert np.mean(real) == pytest.approx(rate, abs=4 * (rate / runs) ** 0.5)
 
 

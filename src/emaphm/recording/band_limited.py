@@ -40,7 +40,7 @@ def is_band_limited(values: Array) -> bool:
 
 
 def is_well_sampled(values: Array) -> bool:
-    """Return whether `values` (n,) are a smooth signal with so many rows per cycle that any curve fits it."""
+    """Return whether `values` (n,) are smooth, with enough rows per cycle for any curve to fit them."""
     return _difference_ratio(values) < SMOOTHNESS.fewest
 
 
