@@ -28,6 +28,7 @@ import numpy as np
 from emaphm.amortized.error_prediction.deviations import deviation_directions, other_descriptions
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.amortized.networks.network import Network
+from emaphm.amortized.networks.projection import in_units
 from emaphm.amortized.parts import of_parts
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.amortized.simulating import TrainingSet, noise_rms, simulated
@@ -87,7 +88,7 @@ class Whitening:
 
     def whitened(self, rows: Single) -> Single:
         """Return B times rows (n, channels, blocks), (n, k)."""
-        return np.asarray(_flat(rows, self.units) @ self.basis)
+        return np.asarray(in_units(rows, self.units) @ self.basis)
 
     @cached_property
     def whitened_mean(self) -> Single:
@@ -148,7 +149,7 @@ def _discrepancy_moments(
     def moments_of_part(part: slice, _number: int) -> tuple[Single, Single]:
         some_draws = draws[part]
         averaged = simulated(setup, inputs, AVERAGED, some_draws.points.astype(float))
-        differences = _flat(some_draws.rows - averaged, units)
+        differences = in_units(some_draws.rows - averaged, units)
         differences = np.clip(differences, -UPDATE.largest_row, UPDATE.largest_row)
         return differences.sum(axis=0), differences.T @ differences
 
@@ -158,11 +159,6 @@ def _discrepancy_moments(
     mean = total / len(draws)
     noise = np.repeat((noise_rms(setup) / units) ** 2, draws.rows.shape[-1])
     return mean, products / len(draws) - np.outer(mean, mean) + np.diag(noise)
-
-
-def _flat(rows: Single, units: Array) -> Single:
-    """Return rows (n, channels, blocks) in `units` (channels,), all channels concatenated, (n, rows)."""
-    return np.asarray((rows / units[:, np.newaxis].astype(np.float32)).reshape(len(rows), -1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,6 +42,8 @@ def problem_of(
     driving = DrivingSignals.of(recording)
     comparable = compared_channels(recording, actuator, model)
     compared = comparable if channels is None else channels or comparable[:1]
+    counts = {name: count for name in compared if (count := visible_count(recording[name])) > 0}
+    errors = {name: shared_errors(recording[name], counts.get(name, 0.0)) for name in compared}
     problem = Problem(
         actuator,
         model,
@@ -52,10 +54,8 @@ def problem_of(
         compared,
         temperature_rise_K=_temperature_rise(recording, actuator),
         workers=workers,
-        counts={name: step for name in compared if (step := visible_count(recording[name])) > 0},
-        shared_errors={
-            name: errors for name in compared if (errors := shared_errors(recording[name])) is not None
-        },
+        counts=counts,
+        shared_errors={name: shared for name, shared in errors.items() if shared is not None},
     )
     all_channels = problem.observing(comparable)
     unknown = unknown_start(all_channels, shown=shows_start(recording, actuator))

@@ -53,7 +53,7 @@ class Projection:
 
     def features(self, rows: Single) -> Single:
         """Return the standardised components of rows (n, channels, blocks), (n, k)."""
-        return np.asarray(self.layer(self._flat(rows)) / self._deviations)
+        return np.asarray(self.layer(in_units(rows, self.units)) / self._deviations)
 
     @cached_property
     def layer(self) -> Dense:
@@ -61,16 +61,8 @@ class Projection:
         return Dense(self.basis, -(self.mean @ self.basis))
 
     @cached_property
-    def _units(self) -> Single:
-        return self.units.astype(np.float32)[:, np.newaxis]
-
-    @cached_property
     def _deviations(self) -> Single:
         return self.deviations.astype(np.float32)
-
-    def _flat(self, rows: Single) -> Single:
-        """Return rows in the channels' units, concatenated, (n, channels × blocks)."""
-        return np.asarray((rows.reshape(len(rows), self.units.size, -1) / self._units).reshape(len(rows), -1))
 
     def distances(self, rows: Single, features: Single) -> Array:
         """Return two distances from the training set, (n, 2), each about 1 for recordings like its draws.
@@ -88,6 +80,12 @@ class Projection:
 
 LEAST_NOISE = 0.01
 """Least unit of a channel, relative to its scatter over the training set."""
+
+
+def in_units(rows: Single, units: Array) -> Single:
+    """Return the rows of n recordings in the channels' `units` (channels,), concatenated, (n, rows)."""
+    by_channel = rows.reshape(len(rows), units.size, -1)
+    return np.asarray((by_channel / units.astype(np.float32)[:, np.newaxis]).reshape(len(rows), -1))
 
 
 def _half(values: Array) -> Single:

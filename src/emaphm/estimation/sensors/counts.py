@@ -1,8 +1,9 @@
-"""Channels that show a slow quantity in the steps of a converter.
+"""Rounding errors of channels that stay on one count of a converter for several rows.
 
-Where a count lasts several rows, what rounding leaves is no noise: it is the same in all of these rows, and
-follows from the quantity. Least squares take it for an effect of whatever looks like it, a sensor's scale for
-one. A model's signal is therefore rounded as the recorded one was before the two are compared.
+Such an error is not noise: it is the same in all of these rows, and least squares attribute it to a parameter
+with a similar effect, for example the scale of a sensor. If counts are visible throughout a channel, the
+model's signal is rounded like the recorded one before they are compared. At the rests of a channel whose
+motion passes several counts a row, the error is part of the covariance only.
 """
 
 from dataclasses import dataclass
@@ -18,26 +19,26 @@ Rows: TypeAlias = NDArray[np.intp]
 """Indices or numbers of rows, (groups,)."""
 
 ON_GRID = 0.05
-"""Distance from a whole count, in counts, below which a value is on it: files round."""
+"""Largest distance of a value from a whole count [counts], because files round values."""
 
 LEAST_ROWS = 2.0
-"""Rows that a count lasts at least, on average, for rounding not to pass for white noise."""
+"""Least mean number of rows per count for which the rounding error does not act as white noise."""
 
 MOST_RETURNS = 0.2
-"""Share of counts of one row that lead back to where they came from: where noise is as large as a third of a
-count there are more, and rounding is dithered (Widrow and Kollár 2008)."""
+"""Largest share of counts of one row that return to the count before. There are more if the noise exceeds a
+third of a count: it then dithers the rounding, whose error is white (Widrow and Kollár 2008)."""
 
 LEAST_REST = 20
-"""Rows of a rest, from which on its rounding error is more than the white noise of as many rows explains."""
+"""Least number of rows of a rest: the shared error of fewer rows hardly exceeds their white noise."""
 
 ROUNDING = 12**0.5
-"""Count over the rms of what rounding to it leaves open."""
+"""Count relative to the rms of its rounding error."""
 
 
 def visible_count(values: Array) -> float:
-    """Return the count that a channel (n,) shows its quantity in, in its unit.
+    """Return the visible count of a channel (n,), in its unit.
 
-    0 where rows are on no grid, change with almost every row, or are dithered by noise.
+    It is 0 if the values are on no grid, change in almost every row, or are dithered by noise.
     """
     first, lengths = runs_of_equal(values)
     if values.size < LEAST_ROWS * lengths.size or lengths.size < 2:
@@ -79,18 +80,20 @@ class SharedErrors:
         return np.asarray(sums @ sums.T)
 
 
-def shared_errors(values: Array) -> SharedErrors | None:
-    """Return the rounding errors that rows of a channel (n,) share, None where it has none."""
-    count = visible_count(values)
+def shared_errors(values: Array, count: float) -> SharedErrors | None:
+    """Return the rounding errors that rows of a channel (n,) share, or None.
+
+    `count` is that of `visible_count`.
+    """
     groups = errors_of_counts(values, count) if count > 0 else errors_of_rests(values)
     return groups if groups.first.size else None
 
 
 def errors_of_counts(values: Array, count: float) -> SharedErrors:
-    """Return the rounding errors of a channel (n,) that shows its quantity in counts of width `count`.
+    """Return the rounding errors of a channel (n,) with a visible `count`.
 
-    A count that the signal passes has its rows' errors on both sides, which are taken as independent; of one
-    that it turns or stands on, all rows share one error.
+    The errors of the rows of a count that the signal passes through have both signs and are taken as
+    independent. The rows of a count at which the signal turns or rests share one error.
     """
     first, lengths = runs_of_equal(values)
     steps = np.sign(np.diff(values[first]))
@@ -103,14 +106,16 @@ def errors_of_counts(values: Array, count: float) -> SharedErrors:
 
 
 def errors_of_rests(values: Array) -> SharedErrors:
-    """Return the rounding errors of the rests of a channel (n,) whose counts its motion hides.
+    """Return the rounding errors at the rests of a channel (n,) whose counts are not visible in motion.
 
     At a rest of `LEAST_REST` rows and more, the channel stays at one count, or noise lets it alternate
     between two. At one count, the error is that of rounding, q/√12. With a share p of the rows at the upper
     one of two counts, the mean deviates by up to q |p - 1/2|: by that much for a small noise, by less for a
-    larger one, whose size such a rest does not show. Noise of more than half a count reaches a third count.
+    larger noise, which such a rest does not determine. Noise of more than half a count reaches a third count.
     """
     first, lengths = _rests(values)
+    if not first.size:
+        return SharedErrors(first, lengths, np.zeros(0))
     rests = [values[start : start + length] for start, length in zip(first, lengths, strict=True)]
     step = step_of_counts(values)
     errors = np.array([_error_of_rest(rest, step) for rest in rests])
