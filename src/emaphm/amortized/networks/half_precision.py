@@ -1,47 +1,63 @@
 """Compiled product with a matrix in half precision, for a few recordings.
 
 For one recording, a product takes the time of reading the matrix. In half precision, the matrix has half the
-bytes of single precision. It is converted row by row, in the processor's first cache.
+bytes of single precision; the processor converts sixteen or fewer numbers with one instruction.
 """
 
 from typing import Any
 
 import numpy as np
-from numba import njit
+from llvmlite import binding, ir
+from numba import njit, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from emaphm.arrays import Single
 
 Bits = NDArray[np.uint16]
-"""Half-precision numbers (IEEE 754 binary16) as bits: 1 for the sign, 5 the exponent, 10 the fraction."""
+"""Half-precision numbers (IEEE 754 binary16) as bits."""
 
-MAGNITUDE = np.uint32(0x7FFF)
-"""Mask of all bits except the sign."""
+ROWS_AT_ONCE = 4
+"""Rows of a matrix that are added together, so that a sum is read and written less often: with one row, a
+product takes 1.4 times as long (measured)."""
 
-LONGER = np.uint32(13)
-"""Difference of the fraction's bits in single and half precision."""
 
-EXPONENTS_APART, EXPONENT = np.uint32((127 - 15) << 23), np.uint32(1 << 23)
-"""Difference of the exponents' biases in single and half precision, and an exponent of 1, as bits."""
+def has_conversion() -> bool:
+    """Return whether the processor has an instruction that converts half to single precision.
 
-LEAST_NORMAL, LEAST_NORMAL_VALUE = np.uint32(1 << 10), np.float32(2.0**-14)
-"""The smallest normal number in half precision, as bits and as value; smaller numbers are subnormal."""
+    Of the processors with an x86 instruction set, those from before 2012 have none.
+    """
+    is_x86 = binding.get_process_triple().startswith(("x86", "i686"))
+    return not is_x86 or binding.get_host_cpu_features().get("f16c", False)
+
+
+def _conversion(_typing: Any, _bits: Any) -> Any:
+    """Return signature and code of the conversion of `_bits` to single precision, for Numba."""
+
+    def generated(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.fpext(builder.bitcast(arguments[0], ir.HalfType()), ir.FloatType())
+
+    return types.float32(types.uint16), generated
+
+
+_single: Any = intrinsic(_conversion)
 
 
 @njit(cache=True, fastmath=True, nogil=True)
 def add_product(left: Single, right: Bits, total: Any) -> None:
     """Add `left` (n, k) times `right` (k, m) to `total` (n, m); `right` is finite, in half precision."""
-    row = np.empty(right.shape[1], np.float32)
-    for i in range(right.shape[0]):
-        for j in range(row.size):
-            half = np.uint32(right[i, j])
-            magnitude = np.uint32(half & MAGNITUDE)
-            bits = np.uint32((magnitude << LONGER) + EXPONENTS_APART)
-            if magnitude >= LEAST_NORMAL:
-                value = bits.view(np.float32)
-            else:
-                value = np.uint32(bits + EXPONENT).view(np.float32) - LEAST_NORMAL_VALUE
-            row[j] = value if half == magnitude else -value
-        for n in range(left.shape[0]):
-            for j in range(row.size):
-                total[n, j] += left[n, i] * row[j]
+    rows = right.shape[0]
+    together = rows - rows % ROWS_AT_ONCE
+    for n in range(left.shape[0]):
+        for i in range(0, together, ROWS_AT_ONCE):
+            a, b, c, d = left[n, i], left[n, i + 1], left[n, i + 2], left[n, i + 3]
+            for j in range(right.shape[1]):
+                total[n, j] += (
+                    a * _single(right[i, j])
+                    + b * _single(right[i + 1, j])
+                    + c * _single(right[i + 2, j])
+                    + d * _single(right[i + 3, j])
+                )
+        for i in range(together, rows):
+            for j in range(right.shape[1]):
+                total[n, j] += left[n, i] * _single(right[i, j])

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from emaphm.amortized.networks.half_precision import Bits, add_product
+from emaphm.amortized.networks.half_precision import Bits, add_product, has_conversion
 from emaphm.arrays import Single
 
 EPSILON = 1e-5
@@ -29,9 +29,12 @@ class Normalisation:
         return np.asarray(centred * self.scale + self.shift)
 
 
-FEW = 5
-"""Largest number of recordings for which a product reads half-precision weights. For eight recordings, BLAS
-in single precision takes as long (measured)."""
+CONVERTS = has_conversion()
+"""Whether half-precision weights can be read. If not, products are those of BLAS in single precision."""
+
+FEW = 8
+"""Largest number of recordings for which a product reads half-precision weights. For twelve recordings,
+BLAS in single precision takes as long (measured)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +46,7 @@ class Dense:
 
     def __call__(self, x: Single) -> Single:
         """Return W x + b (n, outputs) of values (n, inputs)."""
-        if len(x) > FEW:
+        if len(x) > FEW or not CONVERTS:
             return np.asarray(x @ self.weight + self.bias)
         total = np.empty((len(x), self.bias.size), np.float32)
         total[:] = self.bias
