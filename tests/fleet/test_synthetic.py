@@ -58,11 +58,12 @@ def test_a_gamma_process_has_its_theoretical_mean_and_variance() -> None:
 
 
 def test_stress_determines_the_rate_of_ageing() -> None:
-    hours, random = np.linspace(0, 1000, 101), np.random.default_rng(0)
-    quiet = StressModel(mission_K=0, flight_K=0, mission_load=0, flight_load=0)
-    assert aged(hours, (0.0, 0.0), quiet, 100.0, random) == pytest.approx(hours)
-    assert aged(hours, (40.0, 0.0), quiet, 100.0, random) == pytest.approx(2 * hours)
-    assert aged(hours, (0.0, 0.1), quiet, 100.0, random) == pytest.approx(1.331 * hours)
+    hours, stress = np.linspace(0, 1000, 101), StressModel()
+    for heat, load, rate in ((0.0, 0.0, 1.0), (40.0, 0.0, 2.0), (0.0, 0.1, 1.331)):
+        of_intervals = np.tile([[heat], [load]], (1, 10))
+        assert aged(hours, of_intervals, stress, 100.0) == pytest.approx(rate * hours)
+    changing = np.array([[0.0, 40.0], [0.0, 0.0]])
+    assert aged(hours, changing, stress, 500.0)[[50, 100]] == pytest.approx([500.0, 1500.0])
 
 
 def test_a_unit_ends_at_its_first_limit_and_is_independent_of_the_fleet_size() -> None:

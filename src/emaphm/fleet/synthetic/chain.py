@@ -171,7 +171,15 @@ def _flights_in_history(chain: Chain, flights: list[CheckFlight], history: Histo
 
 def _entry(flight: CheckFlight) -> Entry:
     # Marked as late, because workers finish in any order.
-    return Entry(flight.unit, PART_NUMBER, flight.hours, flight.cycles, late=True)
+    return Entry(
+        flight.unit,
+        PART_NUMBER,
+        flight.hours,
+        flight.cycles,
+        late=True,
+        load=flight.stress.load,
+        temperature=flight.stress.temperature,
+    )
 
 
 def _run_step(chain: Chain, step: str, tasks: list[Task], keep: Callable[[Any], None], total: int) -> None:

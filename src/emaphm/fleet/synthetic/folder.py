@@ -14,6 +14,7 @@ from emaphm.fleet.synthetic.plan import FleetPlan
 from emaphm.fleet.synthetic.unit import SyntheticUnit
 from emaphm.fleet.task import DECIDING
 from emaphm.output_files import make_folder, written_whole
+from emaphm.prognosis.stress import Stress
 
 SETTINGS = "synthetic-fleet.json"
 
@@ -22,7 +23,8 @@ A synthetic fleet: no unit of it exists. Made by `emaphm fleet simulate`.
 
 synthetic-fleet.json   the plan of the fleet
 actuator.toml          the actuator that the units are of, with its requirements
-flights.csv            the check flights: unit, hours, cycles, file of the recording
+flights.csv            the check flights: unit, hours, cycles, mean load and temperature since the previous
+                       one, file of the recording
 recordings/            a folder for each unit, a file for each check flight: reference model with noise
 history.sqlite         diagnoses, removals, findings (unless another history was named)
 prognoses.ndjson       a line for each unit that still works: its remaining useful life
@@ -37,12 +39,16 @@ DECIDING_HERE = ("plan", "population", "growth", "unit", "recordings", "tasks")
 
 @dataclass(frozen=True)
 class CheckFlight:
-    """A check flight of a unit, its `number`-th, at flight `hours` [h], recorded in the file at `path`."""
+    """A check flight of a unit, its `number`-th, at flight `hours` [h], recorded in the file at `path`.
+
+    `stress` is the mean stress since the previous check flight.
+    """
 
     unit: str
     number: int
     hours: float
     path: Path
+    stress: Stress
 
     @property
     def cycles(self) -> int:
@@ -73,9 +79,15 @@ class FleetFolder:
 
     def flights(self, unit: SyntheticUnit, plan: FleetPlan) -> tuple[CheckFlight, ...]:
         """Return the check flights of a unit."""
-        place = self.path / "recordings" / unit.serial_number
+        place, model = self.path / "recordings" / unit.serial_number, plan.drawn_from.stress
         return tuple(
-            CheckFlight(unit.serial_number, i, float(hours), place / f"flight-{i:04d}.parquet")
+            CheckFlight(
+                unit.serial_number,
+                i,
+                float(hours),
+                place / f"flight-{i:04d}.parquet",
+                unit.recorded_stress(i, model),
+            )
             for i, hours in enumerate(unit.check_flights(plan.interval), start=1)
         )
 
@@ -110,11 +122,19 @@ class FleetFolder:
         _write(self.path / "README.txt", README)
         _write(self.path / "actuator.toml", f"# The actuator of a synthetic fleet.\n\n{write_toml(actuator)}")
         rows = [
-            (one.unit, one.hours, one.cycles, str(one.path.relative_to(self.path)))
+            (
+                one.unit,
+                one.hours,
+                one.cycles,
+                one.stress.load,
+                one.stress.temperature,
+                str(one.path.relative_to(self.path)),
+            )
             for unit in units
             for one in self.flights(unit, plan)
         ]
-        frame = pl.DataFrame(rows, schema=["unit", "hours", "cycles", "recording"], orient="row")
+        columns = ["unit", "hours", "cycles", "load_Nm", "temperature_K", "recording"]
+        frame = pl.DataFrame(rows, schema=columns, orient="row")
         with written_whole(self.path / "flights.csv") as temporary:
             frame.write_csv(temporary)
         make_folder(self.path / "truth")

@@ -4,6 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+import numpy as np
+
+from emaphm.arrays import Array
+from emaphm.prognosis.stress import Stress
+
 
 @dataclass(frozen=True)
 class Wear:
@@ -36,15 +41,31 @@ class StressModel:
 
     ΔT [K] is the deviation of the ambient temperature from nominal; each `doubling` d [K] doubles the ageing
     rate (Arrhenius' law over a narrow range). l is the relative deviation of the load, with the exponent of
-    bearing life (ISO 281). Each has a part of the unit's mission and a part of each flight, both normal with
-    the standard deviations below.
+    bearing life (ISO 281). Each has a part of the unit's mission and a part of each interval between two
+    check flights, both normal with the standard deviations below. Nominal are `nominal_K` [K] and
+    `nominal_load` [N·m].
     """
 
+    nominal_K: float = 288.0
+    nominal_load: float = 0.1
     doubling: float = 40.0
     mission_K: float = 8.0
     flight_K: float = 10.0
     mission_load: float = 0.06
     flight_load: float = 0.06
+
+    def drawn(self, mission: tuple[float, float], count: int, random: np.random.Generator) -> Array:
+        """Return ΔT [K] and l of `count` intervals of a unit with the mission (ΔT, l), (2, count)."""
+        heat, load = random.standard_normal((2, count))
+        return np.stack([mission[0] + self.flight_K * heat, mission[1] + self.flight_load * load])
+
+    def ageing(self, heat: Array, load: Array) -> Array:
+        """Return the ageing rate [-] at ΔT = `heat` [K] and l = `load`, arrays of the same shape."""
+        return np.asarray(2 ** (heat / self.doubling) * np.maximum(1 + load, 0.0) ** 3)
+
+    def recorded(self, heat: float, load: float) -> Stress:
+        """Return ΔT = `heat` [K] and l = `load` as an operator records them."""
+        return Stress(self.nominal_load * max(1 + load, 0.0), self.nominal_K + heat)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from emaphm.arrays import Array
 from emaphm.fleet.synthetic.growth import LAWS
 from emaphm.fleet.synthetic.plan import FleetPlan
 from emaphm.fleet.synthetic.population import Population, StressModel, Wear
+from emaphm.prognosis.stress import Stress
 from emaphm.random_streams import stream
 
 STEPS = 16
@@ -57,6 +58,8 @@ class SyntheticUnit:
         Fault vector of the new unit, (8,), in the order of `Faults`.
     mission
         ΔT [K] and l of the unit's mission (`StressModel`).
+    stress
+        ΔT [K] and l of each interval between two check flights of the plan, (2, intervals).
     hours, ageing
         Flight hours [h] and hours of ageing, (m,) each, the first 0.
     vectors
@@ -69,6 +72,7 @@ class SyntheticUnit:
     components: tuple[Component, ...]
     new: Array
     mission: tuple[float, float]
+    stress: Array
     hours: Array
     ageing: Array
     vectors: Array
@@ -86,6 +90,10 @@ class SyntheticUnit:
         if self.failure is None:
             return np.asarray(flights)
         return np.asarray(flights[flights < self.failure - 1e-9 * interval])
+
+    def recorded_stress(self, number: int, model: StressModel) -> Stress:
+        """Return the mean stress before check flight `number`, from 1, as an operator records it."""
+        return model.recorded(*self.stress[:, number - 1])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the true values except the levels, ready for `json.dumps`."""
@@ -125,7 +133,8 @@ def drawn_unit(plan: FleetPlan, number: int) -> SyntheticUnit:
     stress = population.stress
     mission = (stress.mission_K * random.standard_normal(), stress.mission_load * random.standard_normal())
     hours = np.linspace(0.0, plan.flights * plan.interval, plan.flights * STEPS + 1)
-    ageing = aged(hours, mission, stress, plan.interval, random)
+    of_intervals = stress.drawn(mission, plan.flights + 1, random)
+    ageing = aged(hours, of_intervals, stress, plan.interval)
     vectors = np.tile(new, (hours.size, 1))
     ends = np.full(len(components), hours.size)
     for i, one in enumerate(components):
@@ -141,6 +150,7 @@ def drawn_unit(plan: FleetPlan, number: int) -> SyntheticUnit:
         components=components,
         new=new,
         mission=mission,
+        stress=of_intervals,
         hours=hours[upto],
         ageing=ageing[upto],
         vectors=vectors[upto],
@@ -149,21 +159,15 @@ def drawn_unit(plan: FleetPlan, number: int) -> SyntheticUnit:
     )
 
 
-def aged(
-    hours: Array,
-    mission: tuple[float, float],
-    stress: StressModel,
-    interval: float,
-    random: np.random.Generator,
-) -> Array:
-    """Return the hours of ageing (m,) at flight `hours` (m,), with a random stress in each interval."""
-    count = int(np.ceil((hours[-1] - hours[0]) / interval)) + 1
-    warmth = mission[0] + stress.flight_K * random.standard_normal(count)
-    load = mission[1] + stress.flight_load * random.standard_normal(count)
-    factor = 2 ** (warmth / stress.doubling) * np.maximum(1 + load, 0.0) ** 3
+def aged(hours: Array, of_intervals: Array, stress: StressModel, interval: float) -> Array:
+    """Return the hours of ageing (m,) at increasing flight `hours` (m,).
+
+    `of_intervals` are ΔT [K] and l of each `interval` [h] from the first of the hours on, (2, intervals).
+    """
     steps = np.diff(hours, prepend=hours[0])
-    at = np.minimum(((hours - hours[0] - steps / 2) / interval).astype(int), count - 1)
-    return np.cumsum(steps * factor[at])
+    at = ((hours - hours[0] - steps / 2) / interval).astype(int)
+    rates = stress.ageing(*of_intervals)
+    return np.cumsum(steps * rates[np.minimum(at, rates.size - 1)])
 
 
 def progress(one: Component, ageing: Array, population: Population, random: np.random.Generator) -> Array:

@@ -26,9 +26,11 @@ def clairvoyant(unit: SyntheticUnit, hours: float, plan: FleetPlan) -> Array:
     population, row = plan.drawn_from, unit.row(hours)
     random = stream(plan.seed, "clairvoyant", unit.serial_number, row)
     ahead = np.arange(0.0, LONGEST_LIFE - hours, plan.interval / STEPS)
+    intervals = int(np.ceil(ahead[-1] / plan.interval)) + 1
     life = np.full(PATHS, np.inf)
     for path in range(PATHS):
-        ageing = unit.ageing[row] + aged(ahead, unit.mission, population.stress, plan.interval, random)
+        future = population.stress.drawn(unit.mission, intervals, random)
+        ageing = unit.ageing[row] + aged(ahead, future, population.stress, plan.interval)
         for component in unit.components:
             u = ageing / component.life
             law, column = LAWS[component.law], NAMES.index(component.name)

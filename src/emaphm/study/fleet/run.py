@@ -120,10 +120,14 @@ def results(folder: StudyFolder) -> dict[str, list[dict[str, Any]]]:
 
 
 def recorded_fleet(folder: StudyFolder) -> list[tuple[SyntheticUnit, Evidence]]:
-    """Return the units of the recorded level with their diagnoses."""
+    """Return the units of the recorded level with their diagnoses, without their recorded stress.
+
+    The other methods, which the predictions are compared with, do not use the stress either.
+    """
     with History.open(folder.fleet.history) as history:
         units = [drawn_unit(folder.plan, i) for i in range(folder.units)]
-        return [(unit, Evidence.of(history.unit(unit.serial_number))) for unit in units]
+        evidence = [Evidence.of(history.unit(unit.serial_number)) for unit in units]
+    return [(unit, replace(known, stresses=())) for unit, known in zip(units, evidence, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
