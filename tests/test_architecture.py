@@ -13,6 +13,7 @@ ORDER = (
     (
         "errors",
         "arrays",
+        "identity_cache",
         "blas_threads",
         "threads",
         "version",

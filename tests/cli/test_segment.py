@@ -11,7 +11,7 @@ from emaphm.simulated_recording import simulate
 from emaphm.version import VERSION
 
 from .conftest import Emaphm
-from .test_verbs import QUICK, parsed
+from .test_verbs import parsed
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,8 @@ def test_segment_prints_and_writes_the_stretches(emaphm: Emaphm, flight: Path, t
     assert answer["segments"][0]["reason"].startswith("at rest")
     assert "friction" in answer["segments"][1]["identifies"]
     assert [Path(item).name for item in answer["written"]] == ["stretch_001.csv"]
-    assert parsed(emaphm, "diagnose", answer["written"][0], *QUICK)["explained"] in (True, False)
+    # The written stretch is a recording, which the healthy actuator explains.
+    assert parsed(emaphm, "replay", answer["written"][0])["relative_error"]["current_A"] < 0.1
 
 
 def test_segment_prints_a_table(emaphm: Emaphm, flight: Path) -> None:

@@ -45,12 +45,12 @@ def near_the_truth(recording: Recording, actuator: Actuator = THESIS) -> SearchR
 @cache
 def estimate_as_described() -> SearchResult:
     """Return the estimate for a unit as described."""
-    return near_the_truth(on_a_rig(THESIS, FAULTS, 0.2))
+    return near_the_truth(on_a_rig(THESIS, FAULTS, 0.15))
 
 
 @pytest.mark.parametrize("value", [0.01, -0.01])
 def test_a_saturation_is_suspected_and_sized(value: float) -> None:
-    result = near_the_truth(on_a_rig(with_law("saturation", value), FAULTS, 0.2))
+    result = near_the_truth(on_a_rig(with_law("saturation", value), FAULTS, 0.15))
     assert "saturation" in suspected_laws(result, seed=0)
     # A linear step; the other parameters compensate a part.
     assert hidden_scores(result, seed=0)["saturation"].values == pytest.approx([value * LIMIT], rel=0.4)
@@ -59,7 +59,7 @@ def test_a_saturation_is_suspected_and_sized(value: float) -> None:
 def test_a_certain_law_with_an_equal_residual_is_an_alternative(monkeypatch: pytest.MonkeyPatch) -> None:
     """Example: a lag of the current control, of which a lag of the speed feedback explains most."""
     result = estimate_as_described()
-    with_lag = near_the_truth(on_a_rig(THESIS, FAULTS, 0.2), with_law("speed-lag", 1e-4))
+    with_lag = near_the_truth(on_a_rig(THESIS, FAULTS, 0.15), with_law("speed-lag", 1e-4))
     scores = {"speed-lag": Score(np.array([1e-4]), np.array([[1e-10]]))}
     monkeypatch.setattr(deviations, "suspected_laws", lambda *_: scores)
     monkeypatch.setattr(deviations, "search_with_law", lambda *_: with_lag)
@@ -99,7 +99,7 @@ def test_an_alternative_law_has_a_note() -> None:
 def test_no_law_is_suspected_for_a_unit_as_described() -> None:
     assert suspected_laws(estimate_as_described(), seed=0) == {}
     described = with_law("saturation", 0.01)
-    assert suspected_laws(near_the_truth(on_a_rig(described, FAULTS, 0.2), described), seed=0) == {}
+    assert suspected_laws(near_the_truth(on_a_rig(described, FAULTS, 0.15), described), seed=0) == {}
 
 
 @pytest.mark.evidence
@@ -116,7 +116,7 @@ def test_an_undescribed_saturation_is_estimated_and_not_called_a_fault() -> None
 
 @pytest.mark.parametrize("value", [0.2, -0.1])
 def test_a_sine_share_of_the_back_emf_is_suspected_and_sized(value: float) -> None:
-    result = near_the_truth(on_a_rig(with_law("emf-sine", value), FAULTS, 0.2))
+    result = near_the_truth(on_a_rig(with_law("emf-sine", value), FAULTS, 0.15))
     assert "emf-sine" in suspected_laws(result, seed=0)
     assert hidden_scores(result, seed=0)["emf-sine"].values == pytest.approx([value], rel=0.4)
 
@@ -124,7 +124,7 @@ def test_a_sine_share_of_the_back_emf_is_suspected_and_sized(value: float) -> No
 def test_displaced_hall_sensors_are_suspected_and_sized() -> None:
     early = {"hall_a": 0.035, "hall_b": -0.025, "hall_c": 0.02}
     displaced = with_lumped_parameters(LAWS["hall-angles"].added_to(THESIS), early)
-    result = near_the_truth(on_a_rig(displaced, FAULTS, 0.2))
+    result = near_the_truth(on_a_rig(displaced, FAULTS, 0.15))
     assert "hall-angles" in suspected_laws(result, seed=0)
     score = hidden_scores(result, seed=0)["hall-angles"]
     assert score.values == pytest.approx([*early.values()], abs=0.015)
@@ -133,7 +133,7 @@ def test_displaced_hall_sensors_are_suspected_and_sized() -> None:
 def test_late_commutation_is_suspected_and_sized() -> None:
     late = {"commutation_lag": 0.03, "commutation_delay": 3e-5}
     result = near_the_truth(
-        on_a_rig(with_lumped_parameters(LAWS["commutation-lag"].added_to(THESIS), late), FAULTS, 0.3)
+        on_a_rig(with_lumped_parameters(LAWS["commutation-lag"].added_to(THESIS), late), FAULTS, 0.25)
     )
     assert "commutation-lag" in suspected_laws(result, seed=0)
     values = hidden_scores(result, seed=0)["commutation-lag"].values
@@ -146,7 +146,7 @@ def test_narrow_flats_of_the_back_emf_are_not_called_a_short(monkeypatch: pytest
     rivals = ("emf-flats", "emf-sine", "saturation", "inverter-drop")
     monkeypatch.setattr(hidden_laws, "HIDDEN", [law for law in hidden_laws.HIDDEN if law.name in rivals])
     monkeypatch.setattr(law_selection, "SUSPECTS", rivals)
-    diagnosis = diagnose(on_a_rig(with_law("emf-flats", 0.35), Faults(0.2, short_b=0.1), 0.2), THESIS)
+    diagnosis = diagnose(on_a_rig(with_law("emf-flats", 0.35), Faults(0.2, short_b=0.1), 0.15), THESIS)
     assert diagnosis.explained
     assert diagnosis.laws == ("emf-flats",)
     loss = diagnosis.nuisances["baseline flat_loss"]
@@ -158,7 +158,7 @@ def test_narrow_flats_of_the_back_emf_are_not_called_a_short(monkeypatch: pytest
 
 
 def test_a_voltage_drop_of_the_inverter_is_not_read_as_inertia() -> None:
-    diagnosis = diagnose(on_a_rig(with_law("inverter-drop", 1.0), Faults(0.3), 0.2), THESIS)
+    diagnosis = diagnose(on_a_rig(with_law("inverter-drop", 1.0), Faults(0.3), 0.15), THESIS)
     assert diagnosis.explained
     assert diagnosis.laws == ("inverter-drop",)
     assert diagnosis.selected == ()

@@ -19,7 +19,7 @@ from emaphm.simulated_recording import simulate
 LOAD, WARMER = 0.15, 40.0
 """Load [N·m], 1.5 times all friction; temperature rise [K], 4/3 of the standard deviation of its prior."""
 
-DURATION = 0.3
+DURATION = 0.25
 """Duration of a recording [s]."""
 
 TRUTHS = drawn(3, seed=2)

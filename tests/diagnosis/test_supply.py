@@ -28,7 +28,7 @@ FAULTS = Faults(0.95, 0.5, 0.5, 0.05, 0.35, 0.35, 0.25, 0.25)
 ROWS = 2500
 
 
-def recorded(supply: float, *, duration: float = 0.3) -> Recording:
+def recorded(supply: float, *, duration: float = 0.25) -> Recording:
     assert THESIS.electrical is not None
     present = with_lumped_parameters(THESIS, {"supply": (1 + supply) * THESIS.electrical.supply})
     command = Chirp(duration=duration)
@@ -55,7 +55,7 @@ def test_a_deviating_supply_is_selected() -> None:
 def test_no_supply_is_selected_where_the_inductance_has_a_tolerance() -> None:
     # The slope of the ripple is voltage by inductance: it does not identify which of the two deviates.
     unit = THESIS.model_copy(update={"tolerances": Tolerances(inductance=0.2)})
-    diagnosis = diagnose(recorded(-0.1), unit, workers=2)
+    diagnosis = diagnose(recorded(-0.1, duration=0.3), unit, workers=2)
     assert "supply" not in diagnosis.selected
     assert diagnosis.explained
     for name, (low, high) in diagnosis.interval.items():

@@ -31,9 +31,11 @@ def oscillating_load(time: Any) -> Any:
     return 0.03 + 0.08 * np.sin(2 * np.pi * 3 * np.asarray(time))
 
 
-def recorded(actuator: Actuator = THESIS, *, channels: tuple[str, ...] = CHANNELS) -> Recording:
-    options: dict[str, Any] = {"duration": DURATION, "noise": 0.05, "adc_bits": 12, "seed": 4}
-    whole = simulate(actuator, Chirp(duration=DURATION), faults=TRUTH, load=oscillating_load, **options)
+def recorded(
+    actuator: Actuator = THESIS, *, channels: tuple[str, ...] = CHANNELS, duration: float = DURATION
+) -> Recording:
+    options: dict[str, Any] = {"duration": duration, "noise": 0.05, "adc_bits": 12, "seed": 4}
+    whole = simulate(actuator, Chirp(duration=duration), faults=TRUTH, load=oscillating_load, **options)
     return Recording({name: whole[name] for name in channels})
 
 
@@ -84,7 +86,7 @@ def test_a_constant_load_beyond_its_prior_is_reported_as_constant() -> None:
 
 
 def test_a_recorded_load_is_known() -> None:
-    diagnosis = diagnose(recorded(channels=(*CHANNELS, "load_Nm")), THESIS, workers=1)
+    diagnosis = diagnose(recorded(channels=(*CHANNELS, "load_Nm"), duration=0.2), THESIS, workers=1)
     assert diagnosis.explained
     assert (diagnosis.selected, diagnosis.load) == ((), None)
 

@@ -118,7 +118,7 @@ def test_a_shaft_still_away_from_a_stepped_command_is_not_held() -> None:
 def test_where_only_a_step_follows_every_row_is_compared_and_a_note_warns() -> None:
     # An unrecorded load larger than friction: the current during the rest identifies it.
     step = Step(5e-3, 0.05)
-    full = simulate(THESIS, step, load=0.25, faults=Faults(short_b=0.2), noise=0.05, duration=0.2)
+    full = simulate(THESIS, step, load=0.25, faults=Faults(short_b=0.2), noise=0.05, duration=0.15)
     recording = Recording({name: full[name] for name in ("time_s", "command_rad", *ELECTRICAL)})
     diagnosis = diagnose(recording, THESIS)
     assert (len(diagnosis.recorded), diagnosis.explained) == (full.samples, True)

@@ -159,8 +159,8 @@ def shown_hours(page: "Page") -> float:
     return float(last - first)
 
 
-def test_without_scripts_pages_show_figures_as_svg(opened: Any, address: str) -> None:
-    page = opened(scripts=False)
+def test_without_scripts_pages_show_figures_as_svg_tall_enough_on_a_phone(opened: Any, address: str) -> None:
+    page = opened(scripts=False, viewport=NARROW)
     answers = []
     page.on("response", lambda answer: answers.append((answer.status, answer.url)))
     page.goto(f"{address}/units/2")
@@ -170,24 +170,17 @@ def test_without_scripts_pages_show_figures_as_svg(opened: Any, address: str) ->
     page.wait_for_load_state("networkidle")
     assert sum(url.split("?")[0].endswith(".svg") for _, url in answers) == 3
     assert {status for status, _ in answers} == {200}
-
-
-def test_figures_without_scripts_are_tall_enough_on_a_phone(opened: Any, address: str) -> None:
-    page = opened(scripts=False, viewport=NARROW)
-    page.goto(f"{address}/units/2")
-    image = page.locator("figure[data-plot=health] img")
-    image.scroll_into_view_if_needed()
-    page.wait_for_load_state("networkidle")
-    box = image.bounding_box()
+    box = page.locator("figure[data-plot=health] img").bounding_box()
     assert box["height"] > 2 * box["width"]  # the components are arranged in one column
 
 
 def test_text_has_enough_contrast_and_fits_wide_and_narrow_screens(opened: Any, address: str) -> None:
     page = opened()
-    for viewport in (WIDE, NARROW):
-        page.set_viewport_size(viewport)
-        for path in ("/", "/units/3", "/diagnoses/18", "/upload", "/events", "/data"):
-            page.goto(address + path)
+    for path in ("/", "/units/3", "/diagnoses/18", "/upload", "/events", "/data"):
+        page.set_viewport_size(NARROW)
+        page.goto(address + path)
+        for viewport in (NARROW, WIDE):
+            page.set_viewport_size(viewport)
             assert page.evaluate(CONTRAST) == [], path
             assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"], path
 

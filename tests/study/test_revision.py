@@ -82,6 +82,7 @@ HARMLESS = {
     "errors.py": "messages",
     "execution": "has tasks done and keeps what they find",
     "experiment/excitation.py": "describes tests that are designed; only a constant of a test setup is used",
+    "identity_cache.py": "keeps what other files determine from a description",
     "input_files.py": "digests of files",
     "optional_library.py": "says what is not installed",
     "output_files.py": "writes files",

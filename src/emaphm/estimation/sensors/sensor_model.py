@@ -1,12 +1,14 @@
 """Sensor models: described sensors and unknown sensor errors, applied to a model's signals."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.sensors import IDEAL
+from emaphm.actuator.sensors import IDEAL, Sensors
 from emaphm.arrays import Array
+from emaphm.identity_cache import cached_by_identity
 from emaphm.simulation.laws.sensors import delayed, sensed, without_static_errors
 
 SENSOR_CHANNELS = {
@@ -47,10 +49,15 @@ def as_described(signal: Array, channel: str, actuator: Actuator, interval: floa
 
 def all_as_described(signals: Array, channels: Sequence[str], actuator: Actuator, interval: float) -> Array:
     """Return a model's signals of the `channels`, (n, channels, samples), after their described sensors."""
-    if all(actuator.sensors.of(name) == IDEAL for name in channels):
+    if _sensors_are_ideal(actuator):
         return signals
     described = [as_described(signals[:, i], name, actuator, interval) for i, name in enumerate(channels)]
     return np.stack(described, axis=1)
+
+
+@cached_by_identity
+def _sensors_are_ideal(actuator: Actuator) -> bool:
+    return actuator.sensors == Sensors()
 
 
 def true_values(values: Array, channel: str, actuator: Actuator) -> Array:
@@ -69,6 +76,7 @@ def sensor_of(channel: str) -> str | None:
     return next((quantity for quantity, channels in SENSOR_CHANNELS.items() if channel in channels), None)
 
 
+@cache
 def sensor_error(name: str) -> tuple[str, str] | None:
     """Return quantity and kind of the sensor error of nuisance `name`, None if it is not a sensor error.
 

@@ -22,6 +22,9 @@ from emaphm.quantiles import normal_quantile
 SHORTS = NAMES[2:5]
 ECCENTRICITY = NAMES[5:7]
 
+HEALTHY_POINT = to_cartesian(HEALTHY.vector)
+"""Healthy faults in estimator coordinates, (8,)."""
+
 PRIOR_DEVIATION = 1 / 12**0.5
 """Standard deviation of a component that is uniform in [0, 1]; also used for friction, which may be less."""
 
@@ -104,9 +107,11 @@ class ParameterSpace(Box):
     def faults(self, points: ArrayLike) -> Array:
         """Return the normalised fault vectors (…, 8) of `points` (…, d)."""
         points = np.asarray(points, float)
-        full = np.broadcast_to(to_cartesian(HEALTHY.vector), (*points.shape[:-1], len(NAMES))).copy()
+        full = np.broadcast_to(HEALTHY_POINT, (*points.shape[:-1], len(NAMES))).copy()
         full[..., list(self.columns)] = points[..., : len(self.columns)]
-        return np.clip(from_cartesian(full), [self.limits(name)[0] for name in NAMES], 1.0)
+        least = np.zeros(len(NAMES))
+        least[0] = self.limits(NAMES[0])[0]
+        return from_cartesian(full).clip(least, 1.0)
 
     def limits(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a fault component."""

@@ -14,6 +14,7 @@ from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, SECTIONS
 from emaphm.actuator.unit.baseline import SIGNED as OF_EITHER_SIGN
 from emaphm.arrays import Array
 from emaphm.errors import FaultError, MethodError
+from emaphm.identity_cache import cached_by_identity
 from emaphm.simulation.engine.structure import Ripple, Structure
 from emaphm.simulation.laws.load_steps import STEP_PARTS, STEP_PREFIX
 from emaphm.simulation.laws.load_variation import PREFIX
@@ -208,6 +209,18 @@ def _rows(values: Sequence[ArrayLike], n: int) -> Array:
 
 def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:
     """Return the quantities of `Plant` for `n` healthy actuators."""
+    names, values, amplitudes = _described(actuator)
+    return {
+        **dict(zip(names, np.repeat(values, n, axis=1), strict=True)),
+        "turns": np.ones((3, n)),
+        "z": np.zeros((2, n)),
+        "ripples": np.repeat(amplitudes, n, axis=1),
+    }
+
+
+@cached_by_identity
+def _described(actuator: Actuator) -> tuple[tuple[str, ...], Array, Array]:
+    """Return names and values (quantities, 1) of the scalars of `Plant`, and the `ripples` (rows, 1)."""
     m, c, motor, e = actuator.mechanics, actuator.controller, actuator.motor, actuator.electrical
     low, high = m.end_stops or (-NO_LIMIT, NO_LIMIT)
     scalars = {
@@ -257,14 +270,9 @@ def _healthy(actuator: Actuator, n: int) -> dict[str, Array]:
         "screw_ratio": m.screw_ratio,
         **_of_optional_laws(actuator),
     }
-    columns = np.repeat(np.array(list(scalars.values()), float)[:, np.newaxis], n, axis=1)
     amplitudes = [value for ripple in actuator.ripple for value in (ripple.cos, ripple.sin)]
-    return {
-        **dict(zip(scalars, columns, strict=True)),
-        "turns": np.ones((3, n)),
-        "z": np.zeros((2, n)),
-        "ripples": np.repeat(np.array(amplitudes)[:, np.newaxis], n, axis=1),
-    }
+    values = np.array(list(scalars.values()), float)
+    return tuple(scalars), values[:, np.newaxis], np.array(amplitudes)[:, np.newaxis]
 
 
 def _of_optional_laws(actuator: Actuator) -> dict[str, float]:
@@ -277,6 +285,7 @@ def _of_optional_laws(actuator: Actuator) -> dict[str, float]:
     return values
 
 
+@cached_by_identity
 def structure_of(actuator: Actuator) -> Structure:
     """Return the structure of `actuator`: its drive and the optional laws whose values are described."""
     c, friction, drive = actuator.controller, actuator.friction, actuator.drive
@@ -319,9 +328,9 @@ def _set_lumped_parameters(
         column = np.asarray(values, float)
         if column.shape not in {(), (count,)}:
             raise MethodError(f"parameter '{name}' has shape {column.shape}; give one value, or {count}")
-        if not np.all(np.isfinite(column)) or (np.any(column < 0) and name not in SIGNED):
+        if not np.isfinite(column).all() or (name not in SIGNED and (column < 0).any()):
             raise MethodError(f"parameter '{name}' must be finite and not negative; correct its value")
-        if name in NEVER_ZERO and np.any(column == 0):
+        if name in NEVER_ZERO and (column == 0).any():
             raise MethodError(f"parameter '{name}' must be greater than 0; correct its value")
         _column_of(name, columns)[:] = column
     # With static below dynamic friction, the dynamic friction would push back a shaft that breaks away.

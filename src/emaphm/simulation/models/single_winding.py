@@ -114,13 +114,13 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
 
     Exception: a six-step drive in motion is in steady state, as in `six_step.initial_state`.
     """
+    moving = motion.initial_state(plant, start)
     own = dict.fromkeys((*OWN_STATE, *SIX_STEP_STATE), np.zeros(plant.count))
     if plant.structure.drive == "six-step":
         current = control.steady_current(plant, inputs, start)
         voltage = control.steady_voltage(plant, current, start.speed)
         own |= {"current": current, "sensed": current, "current_integral": voltage, "voltage": voltage}
-    moving = motion.initial_state(plant, start)
-    own["idle"] = of_sensed_idle_phase(moving["electrical"], NUMBERS, Phases.of(plant, "hall"))
+        own["idle"] = of_sensed_idle_phase(moving["electrical"], NUMBERS, Phases.of(plant, "hall"))
     return control.initial_state(plant, inputs, start) | moving | own
 
 
