@@ -64,16 +64,15 @@ def correct_bias(
             current, correction, jacobians if idle else None, iteration, seed, settings
         )
         rng = stream(seed, "reference runs", iteration)
-        return compared(current.objective, correction, candidates, reference, rng)
+        return compared(current.objective, candidates, reference, rng, correction)
 
-    no_correction = np.zeros_like(objective.target)
-    starts = compared(objective, no_correction, points, reference, stream(seed, "reference runs", "starts"))
+    starts = compared(objective, points, reference, stream(seed, "reference runs", "starts"))
     best = min(starts, key=lambda start: start.residual_variance)
     resting = with_rests(objective, best.point, reference, stream(seed, "reference runs", "rests"))
     if resting is not objective:
         reference = with_all_phases(reference)
         rng = stream(seed, "reference runs", "start")
-        (best,) = compared(resting, no_correction, best.point[np.newaxis], reference, rng)
+        (best,) = compared(resting, best.point[np.newaxis], reference, rng)
     end = iterate(best, outcomes_of, max_corrections, settings, on_progress, is_hopeless)
     if on_progress:
         on_progress(1.0)
@@ -113,9 +112,16 @@ def over_all_phases(result: SearchResult, seed: int) -> SearchResult:
 
 
 def compared(
-    objective: MapObjective, correction: Array, points: Array, reference: Problem, rng: np.random.Generator
+    objective: MapObjective,
+    points: Array,
+    reference: Problem,
+    rng: np.random.Generator,
+    correction: Array | None = None,
 ) -> list[SearchResult]:
-    """Return results at `points` (n, d), searched under a `correction` (rows,), with their discrepancies."""
+    """Return results at `points` (n, d) with their discrepancies.
+
+    `correction` (rows,) is the one under which the points were searched; by default, none.
+    """
     outputs = objective.outputs(points)
     at_points = discrepancies(objective, points, outputs, reference, rng)
     return [

@@ -56,8 +56,7 @@ class Refit:
                 break
             reference = reference or reference_problem(objective)
             rng = stream(seed, f"reference runs of {name}", iteration)
-            no_correction = np.zeros_like(objective.target)
-            comparison = compared(objective, no_correction, best.point[np.newaxis], reference, rng)[0]
+            (comparison,) = compared(objective, best.point[np.newaxis], reference, rng)
             further = Refit.under(objective, best.point[np.newaxis], comparison)
             if further.mean_square >= best.mean_square:
                 break
