@@ -14,7 +14,7 @@ from emaphm.arrays import Array
 from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrectionSettings, iterate, never
 from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem, with_all_phases
 from emaphm.estimation.finite_differences import replicated_jacobians
-from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, local_search, with_descents
+from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, local_search
 from emaphm.estimation.levenberg_marquardt import bounded_step
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.problem import Problem
@@ -145,7 +145,7 @@ def _candidates(
     the misfit; the candidates are therefore shares of the step.
     """
     objective, space = current.objective, current.objective.space
-    descents = LOCAL_SEARCH if before is None else with_descents(settings.further_descents)
+    descents = LOCAL_SEARCH.descents if before is None else settings.further_descents
     rng = stream(seed, "local search", iteration)
     point = local_search(objective, current.point, correction, rng, descents).best
     jacobians = replicated_jacobians(
@@ -159,9 +159,7 @@ def _candidates(
     if before is not None:
         jacobians = np.concatenate([objective.rescaled(before.values, before.objective), jacobians])
     step = gauss_newton(objective, point, objective.residual(point, correction), jacobians)
-    step *= min(1.0, settings.longest_step / max(float(np.linalg.norm(step)), settings.longest_step))
-    shares = np.array(settings.step_shares)[:, np.newaxis]
-    return space.project(point + shares * step), _Jacobians(objective, jacobians)
+    return space.project(point + settings.steps_along(step)), _Jacobians(objective, jacobians)
 
 
 def gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobians: Array) -> Array:
