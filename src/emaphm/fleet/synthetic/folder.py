@@ -13,7 +13,7 @@ from emaphm.execution.revision import revision_of
 from emaphm.fleet.synthetic.plan import FleetPlan
 from emaphm.fleet.synthetic.unit import SyntheticUnit
 from emaphm.fleet.task import DECIDING
-from emaphm.output_files import make_folder, written_whole
+from emaphm.output_files import make_folder, write_table, written_whole
 
 SETTINGS = "synthetic-fleet.json"
 
@@ -115,13 +115,11 @@ class FleetFolder:
             for one in self.flights(unit, plan)
         ]
         frame = pl.DataFrame(rows, schema=["unit", "hours", "cycles", "recording"], orient="row")
-        with written_whole(self.path / "flights.csv") as temporary:
-            frame.write_csv(temporary)
+        write_table(frame, self.path / "flights.csv")
         make_folder(self.path / "truth")
         truth = {"synthetic": True, "units": [unit.to_dict() for unit in units]}
         _write(self.path / "truth" / "units.json", json.dumps(truth, indent=1))
-        with written_whole(self.path / "truth" / "levels.parquet") as temporary:
-            _levels(units).write_parquet(temporary)
+        write_table(_levels(units), self.path / "truth" / "levels.parquet")
 
 
 def revision() -> str:
