@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,8 +170,9 @@ def _changes(values: NDArray[np.generic]) -> NDArray[np.bool_]:
     return differs
 
 
-def label_of(value: object) -> Label:
-    return value if isinstance(value, str) else float(value)  # type: ignore[arg-type] # a number of numpy
+def label_of(value: Any) -> Label:
+    """Return a cell as the label of a recording: a text, or a number as float."""
+    return value if isinstance(value, str) else float(value)
 
 
 def _text(value: Label) -> str:
