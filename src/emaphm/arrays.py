@@ -1,4 +1,4 @@
-"""Types of arrays, root mean square, and runs of True in a flag array."""
+"""Types of arrays, root mean square, and intervals of rows as flags."""
 
 from typing import TypeAlias
 
@@ -46,3 +46,14 @@ def runs(true: Flags) -> list[tuple[int, int]]:
     """Return the first row, and the row after the last, of each run of True in an array (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], true, [False])).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def within(starts: NDArray[np.intp], stops: NDArray[np.intp], rows: int) -> Flags:
+    """Return whether each of `rows` rows lies in an interval from a start to the row before its stop.
+
+    The intervals (n,) may overlap.
+    """
+    marks = np.zeros(rows + 1)
+    np.add.at(marks, starts, 1)
+    np.add.at(marks, stops, -1)
+    return np.cumsum(marks[:-1]) > 0

@@ -1,12 +1,20 @@
 """Writing of result files: invalid places are refused early, and no file is left half-written."""
 
 import errno
+import io
 import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from emaphm.errors import OutputError
+
+if TYPE_CHECKING:
+    import polars as pl
+
+TABLES = (".csv", ".parquet")
+"""Endings of the files that `write_table` writes."""
 
 REMEDIES = {
     errno.ENOENT: "its folder is gone; create it again, or give another place",
@@ -102,6 +110,18 @@ def written_whole(path: str | Path) -> Iterator[Path]:
         raise OutputError(f"{path}: cannot be written ({error.strerror or error}); {remedy}") from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_table(table: "pl.DataFrame", path: str | Path) -> None:
+    """Write a table as CSV or Parquet, according to the ending of `path`; errors as of `written_whole`."""
+    # Written through memory, because polars' errors for a full disk differ between formats.
+    content = io.BytesIO()
+    if Path(path).suffix.lower() == ".csv":
+        table.write_csv(content)
+    else:
+        table.write_parquet(content)
+    with written_whole(path) as temporary:
+        temporary.write_bytes(content.getbuffer())
 
 
 def _temporary(path: Path) -> Path:

@@ -9,7 +9,7 @@ from emaphm.arrays import Array
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.posing import problem_of
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.rows.after_jumps import JUMP_ROWS, rows_after_jumps
+from emaphm.estimation.rows.after_jumps import MOST_SHARE, rows_after_jumps
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -33,7 +33,7 @@ def test_rows_after_jumps_of_a_drive_with_pwm_are_not_compared() -> None:
     masks = rows_after_jumps(problem(PMSM, square))
     assert set(masks) == {"current_A", "voltage_V"}
     for mask in masks.values():
-        assert 0 < mask.mean() < JUMP_ROWS.most
+        assert 0 < mask.mean() < MOST_SHARE
         # Within 30 ms, the time in which the motor reaches the commanded position.
         after = [row - jumps[jumps <= row].max(initial=-1000) for row in np.flatnonzero(mask)]
         assert max(after) < 150

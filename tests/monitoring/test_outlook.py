@@ -54,26 +54,26 @@ def test_a_short_rul_raises_one_event_which_a_replacement_clears(history: Histor
 
 def test_past_forecasts_from_a_withdrawn_recording_are_computed_again(history: History) -> None:
     fly(history, [0.0, 0.02, 0.95])
-    (*kept, wrong) = update_prognosis(history, history.unit("S1")).curves.fan
+    (*kept, wrong) = update_prognosis(history, history.unit("S1")).fan
     history.withdraw("S1", Mistake("recording", 40.0, "another unit's"))
     fly(history, [0.06], first=60.0)
-    (*again, _) = update_prognosis(history, history.unit("S1")).curves.fan
+    (*again, _) = update_prognosis(history, history.unit("S1")).fan
     assert wrong[0] == 40.0
     assert [row[0] for row in again] == [row[0] for row in kept] == [0.0, 20.0]
 
 
 def test_past_forecasts_are_computed_again_after_a_change_of_requirements(history: History) -> None:
     fly(history, [0.0, 0.1, 0.2])
-    before = update_prognosis(history, history.unit("S1")).curves.fan
+    before = update_prognosis(history, history.unit("S1")).fan
     tight = Requirement(component="friction", at_most=0.5)
     fly(history, [0.3], first=60.0, actuator=THESIS.model_copy(update={"requirements": (tight,)}))
-    after = update_prognosis(history, history.unit("S1")).curves.fan
+    after = update_prognosis(history, history.unit("S1")).fan
     assert [row[0] for row in after] == [0.0, 20.0, 40.0, 60.0]
     # The median at 40 h.
     assert after[2][3] < 0.7 * before[2][3]
     # With the same requirements, the stored forecasts are used.
     fly(history, [0.4], first=80.0, actuator=THESIS.model_copy(update={"requirements": (tight,)}))
-    assert update_prognosis(history, history.unit("S1")).curves.fan[:-1] == after
+    assert update_prognosis(history, history.unit("S1")).fan[:-1] == after
 
 
 def test_no_prognosis_is_stored_in_a_history_migrated_by_a_newer_version(history: History) -> None:

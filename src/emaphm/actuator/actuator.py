@@ -172,6 +172,11 @@ class Actuator(Section):
         return self.drive_kind in ("hysteresis", "six-step")
 
     @property
+    def pole_pairs(self) -> int:
+        """Number of the motor's pole pairs; 1 without an electrical description."""
+        return self.electrical.pole_pairs if self.electrical else 1
+
+    @property
     def drive_constant(self) -> float:
         """Torque per ampere that the drive assumes [N·m/A]."""
         return self.controller.torque_constant or self.motor.torque_constant

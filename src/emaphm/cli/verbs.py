@@ -76,11 +76,11 @@ def simulate(
 ) -> None:
     """Simulate an actuator and write its recording."""
     from emaphm import simulated_recording
+    from emaphm.output_files import TABLES
     from emaphm.recording import write_recording
-    from emaphm.recording.io.write import ENDINGS
     from emaphm.version import VERSION
 
-    common.check((out, ENDINGS))
+    common.check((out, TABLES))
     if not 0 <= noise < math.inf:
         raise SignalError(f"--noise {noise:g} is no valid rms; give 0 or more")
     described, faults = described_actuator(actuator), fault_vector(fault)
@@ -158,8 +158,10 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Simulate a model with the command and load of recordings, and compare it with each recorded channel."""
+    from emaphm.output_files import TABLES
+
     check_seed(seed)
-    check_output(series, (".csv", ".parquet"), force=force)
+    check_output(series, TABLES, force=force)
     check_output(figure, FIGURES, force=force)
     described, faults = described_actuator(actuator), fault_vector(fault)
     recorded = [recording_of(path, described, known) for path in (recording, *further)]

@@ -223,11 +223,17 @@ def _component(
 def verdict_of(interval: tuple[float, float], healthy: float) -> Verdict:
     """Return the verdict on a component from its 95 % `interval` and its `healthy` value."""
     low, high = interval
-    if max(low - healthy, healthy - high) > VERDICT.healthy_margin:
+    if distance_from(healthy, interval) > VERDICT.healthy_margin:
         return "degraded"
     if max(high - healthy, healthy - low) <= VERDICT.hidden_fault:
         return "healthy"
     return "cannot tell"
+
+
+def distance_from(healthy: float, interval: tuple[float, float]) -> float:
+    """Return the distance of an `interval` from the `healthy` value; negative if the interval contains it."""
+    low, high = interval
+    return max(low - healthy, healthy - high)
 
 
 def _eccentricity(

@@ -14,7 +14,7 @@ from emaphm.arrays import Array
 from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrectionSettings, iterate, never
 from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem, with_all_phases
 from emaphm.estimation.finite_differences import replicated_jacobians
-from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, local_search, with_descents
+from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, local_search
 from emaphm.estimation.levenberg_marquardt import bounded_step
 from emaphm.estimation.objective import CORRELATED_ROWS, MapObjective
 from emaphm.estimation.problem import Problem
@@ -64,16 +64,15 @@ def correct_bias(
             current, correction, jacobians if idle else None, iteration, seed, settings
         )
         rng = stream(seed, "reference runs", iteration)
-        return compared(current.objective, correction, candidates, reference, rng)
+        return compared(current.objective, candidates, reference, rng, correction)
 
-    no_correction = np.zeros_like(objective.target)
-    starts = compared(objective, no_correction, points, reference, stream(seed, "reference runs", "starts"))
+    starts = compared(objective, points, reference, stream(seed, "reference runs", "starts"))
     best = min(starts, key=lambda start: start.residual_variance)
     resting = with_rests(objective, best.point, reference, stream(seed, "reference runs", "rests"))
     if resting is not objective:
         reference = with_all_phases(reference)
         rng = stream(seed, "reference runs", "start")
-        (best,) = compared(resting, no_correction, best.point[np.newaxis], reference, rng)
+        (best,) = compared(resting, best.point[np.newaxis], reference, rng)
     end = iterate(best, outcomes_of, max_corrections, settings, on_progress, is_hopeless)
     if on_progress:
         on_progress(1.0)
@@ -113,9 +112,16 @@ def over_all_phases(result: SearchResult, seed: int) -> SearchResult:
 
 
 def compared(
-    objective: MapObjective, correction: Array, points: Array, reference: Problem, rng: np.random.Generator
+    objective: MapObjective,
+    points: Array,
+    reference: Problem,
+    rng: np.random.Generator,
+    correction: Array | None = None,
 ) -> list[SearchResult]:
-    """Return results at `points` (n, d), searched under a `correction` (rows,), with their discrepancies."""
+    """Return results at `points` (n, d) with their discrepancies.
+
+    `correction` (rows,) is the one under which the points were searched; by default, none.
+    """
     outputs = objective.outputs(points)
     at_points = discrepancies(objective, points, outputs, reference, rng)
     return [
@@ -139,7 +145,7 @@ def _candidates(
     the misfit; the candidates are therefore shares of the step.
     """
     objective, space = current.objective, current.objective.space
-    descents = LOCAL_SEARCH if before is None else with_descents(settings.further_descents)
+    descents = LOCAL_SEARCH.descents if before is None else settings.further_descents
     rng = stream(seed, "local search", iteration)
     point = local_search(objective, current.point, correction, rng, descents).best
     jacobians = replicated_jacobians(
@@ -153,9 +159,7 @@ def _candidates(
     if before is not None:
         jacobians = np.concatenate([objective.rescaled(before.values, before.objective), jacobians])
     step = gauss_newton(objective, point, objective.residual(point, correction), jacobians)
-    step *= min(1.0, settings.longest_step / max(float(np.linalg.norm(step)), settings.longest_step))
-    shares = np.array(settings.step_shares)[:, np.newaxis]
-    return space.project(point + shares * step), _Jacobians(objective, jacobians)
+    return space.project(point + settings.steps_along(step)), _Jacobians(objective, jacobians)
 
 
 def gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobians: Array) -> Array:

@@ -6,6 +6,7 @@ from typing import Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
+from emaphm.arrays import Array
 from emaphm.progress import Progress
 
 
@@ -30,6 +31,11 @@ class BiasCorrectionSettings:
     equal_misfits: float = 1.2
     progress: float = 0.9
     patience: int = 3
+
+    def steps_along(self, step: Array) -> Array:
+        """Return the shares (n, d) of a Gauss-Newton `step` (d,), shortened to the longest length."""
+        shortened = step * min(1.0, self.longest_step / max(float(np.linalg.norm(step)), self.longest_step))
+        return np.asarray(np.array(self.step_shares)[:, np.newaxis] * shortened)
 
 
 BIAS_CORRECTION = BiasCorrectionSettings()

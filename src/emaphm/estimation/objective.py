@@ -18,7 +18,6 @@ from emaphm.estimation.space.parameter_space import ParameterSpace
 from emaphm.estimation.space.parameter_variation import ParameterVariation
 from emaphm.estimation.uncertainty.correlation import integral_time
 from emaphm.recording.sensor_checks.resolution import Mask
-from emaphm.simulation import Model
 
 CORRELATED_ROWS = 20
 """Approximate number of rows over which the residual of an uncorrected model is correlated: together they
@@ -201,10 +200,6 @@ class MapObjective:
         before = self.problem.unusable
         merged = {name: before.get(name, False) | rows for name, rows in unusable.items()}
         return replace(self, problem=replace(self.problem, unusable={**before, **merged})) if merged else self
-
-    def by(self, model: Model) -> Self:
-        """Return the objective of another `model`, otherwise unchanged."""
-        return replace(self, problem=self.problem.by(model))
 
 
 def faults_objective(

@@ -100,8 +100,7 @@ def _uncorrected_search(
         refined = multistart(objective, settings.seed, settings.method.optimizer, progress)
     else:
         refined = descend_from(objective, starts)
-    no_correction = np.zeros_like(objective.target)
-    descents = local_search(objective, refined.best, no_correction, stream(settings.seed, "local search"))
+    descents = local_search(objective, refined.best, 0.0, stream(settings.seed, "local search"))
     if on_progress is not None:
         on_progress(1.0)
     return replace(SearchResult.at(objective, descents.best), started=starts is not None)

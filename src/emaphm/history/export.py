@@ -2,16 +2,19 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from emaphm.actuator.faults import NAMES
 from emaphm.history.blocks import unit_blocks
 from emaphm.history.history import History
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.unit import Unit
-from emaphm.output_files import check_writable, written_whole
+from emaphm.output_files import TABLES, check_writable, write_table, written_whole
 
-ENDINGS = (".json", ".csv", ".parquet")
+if TYPE_CHECKING:
+    import polars as pl
+
+ENDINGS = (".json", *TABLES)
 
 
 def export(history: History, path: Path, *, part_number: str | None = None, force: bool = False) -> int:
@@ -30,11 +33,11 @@ def export(history: History, path: Path, *, part_number: str | None = None, forc
     check_writable(path, force=force, endings=ENDINGS)
     history.check_part_number(part_number)
     units = history.units(part_number)
-    with written_whole(path) as temporary:
-        if path.suffix.lower() == ".json":
+    if path.suffix.lower() == ".json":
+        with written_whole(path) as temporary:
             _write_json(units, temporary)
-        else:
-            _write_table(units, temporary, path.suffix.lower())
+    else:
+        write_table(_table(units), path)
     return len(units)
 
 
@@ -47,15 +50,11 @@ def _write_json(units: tuple[Unit, ...], path: Path) -> None:
         file.write("\n]}\n")
 
 
-def _write_table(units: tuple[Unit, ...], path: Path, ending: str) -> None:
+def _table(units: tuple[Unit, ...]) -> "pl.DataFrame":
     import polars as pl
 
     rows = [_row(unit, diagnosis) for unit in units for diagnosis in unit.diagnoses()]
-    table = pl.DataFrame(rows, schema=_columns(), orient="row")
-    if ending == ".csv":
-        table.write_csv(path)
-    else:
-        table.write_parquet(path)
+    return pl.DataFrame(rows, schema=_columns(), orient="row")
 
 
 def _columns() -> dict[str, Any]:

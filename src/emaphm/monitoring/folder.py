@@ -37,8 +37,8 @@ class CandidateFile:
         """Return whether size and time of the file are unchanged."""
         return (self.size, self.modified_ns) == (status.st_size, status.st_mtime_ns)
 
-    def same_as(self, before: WatchedFile) -> bool:
-        """Return whether size and time of the file are those of a file that the watcher has judged."""
+    def same_as(self, before: "CandidateFile | WatchedFile") -> bool:
+        """Return whether size and time of the file are those that it had `before`."""
         return (self.size, self.modified_ns) == (before.size, before.modified_ns)
 
 
@@ -118,8 +118,7 @@ class FolderSource:
         self._candidates = {}
         for file in files:
             before = known.get(file.name)
-            is_same = before and (before.size, before.modified_ns) == (file.size, file.modified_ns)
-            self._candidates[file.name] = before if before and is_same else file
+            self._candidates[file.name] = before if before and file.same_as(before) else file
         ready = [file for file in self._candidates.values() if now - file.since >= self.settings.settle_s]
         self._ready = sorted(ready, key=self._order)
         took = time.monotonic() - began

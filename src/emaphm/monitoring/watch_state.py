@@ -115,11 +115,8 @@ class WatchState:
 
     def undelivered(self, receiver: str, most: int) -> tuple[Event, ...]:
         """Return at most `most` events of this watcher that were not sent to a receiver, the oldest first."""
-        query = sa.select(DELIVERED.c.event_id).where(
-            DELIVERED.c.watcher == self.watcher, DELIVERED.c.receiver == receiver
-        )
         with self.history.database.reading() as connection:
-            last = connection.execute(query).scalar()
+            last = self._last_delivered(connection, receiver)
             return read_events(connection, watcher=self.watcher, after=last, limit=most)
 
     def delivered(self, receiver: str, number: int) -> None:
@@ -128,14 +125,16 @@ class WatchState:
 
     def skip_to_now(self, receiver: str) -> None:
         """Mark all present events as sent to a receiver if it is new."""
-        query = sa.select(DELIVERED.c.event_id).where(
-            DELIVERED.c.watcher == self.watcher, DELIVERED.c.receiver == receiver
-        )
         with self.history.database.reading() as connection:
-            if connection.execute(query).first() is not None:
+            if self._last_delivered(connection, receiver) is not None:
                 return
             last = read_events(connection, watcher=self.watcher, newest_first=True, limit=1)
         self.delivered(receiver, (last[0].number or 0) if last else 0)
+
+    def _last_delivered(self, connection: sa.Connection, receiver: str) -> int | None:
+        """Return the number of the last event that was sent to a receiver, None if the receiver is new."""
+        own = DELIVERED.c.watcher == self.watcher, DELIVERED.c.receiver == receiver
+        return connection.execute(sa.select(DELIVERED.c.event_id).where(*own)).scalar()
 
     def _put(self, events: Sequence[Event], *puts: _Put) -> int:
         """Add events and write rows in one transaction; return the number of new events."""

@@ -152,6 +152,12 @@ class Evidence:
             (max((start for start in renewed if start < end), default=-np.inf), end) for end in self.failures
         )
 
+    def since_replacement(self, column: int) -> tuple[Observation, ...]:
+        """Return the used observations that estimated `column`, after its component's last replacement."""
+        ends = [hours for hours, component in self.replacements if column in columns_of(component)]
+        new_at = max(ends, default=-np.inf)
+        return tuple(item for item in self.used if item.hours > new_at and item.seen[column])
+
     def lives(self, column: int) -> tuple[tuple[float, float], ...]:
         """Return start and end [h] of the lives of a `column`'s component; the last life ends at `inf`."""
         ends = sorted({hours for hours, component in self.replacements if column in columns_of(component)})

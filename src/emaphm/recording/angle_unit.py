@@ -64,7 +64,7 @@ def _candidate_units(actuator: Actuator) -> list[tuple[str, float, float]]:
         ("in revolutions", turns, turns),
         ("in milliradians", 1e3, 1e3),
     ]
-    pairs = 1 if actuator.electrical is None else actuator.electrical.pole_pairs
+    pairs = actuator.pole_pairs
     if pairs > 1:
         units += [
             ("the electrical angle", float(pairs), 1.0),

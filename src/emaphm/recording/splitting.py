@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,7 +154,7 @@ def _by_columns(table: Table, contiguous: Sequence[Piece], names: Sequence[str],
     for piece in contiguous:
         inside = (np.flatnonzero(differs[piece.start : piece.stop - 1]) + piece.start + 1).tolist()
         for start, stop in zip([piece.start, *inside], [*inside, piece.stop], strict=True):
-            labels = tuple((name, _label(values[start])) for name, values in split_columns.items())
+            labels = tuple((name, label_of(values[start])) for name, values in split_columns.items())
             title = ", ".join(f"{name} {_text(value)}" for name, value in labels)
             occurrences[title] = occurrences.get(title, 0) + 1
             part = f", part {occurrences[title]}" if occurrences[title] > 1 else ""
@@ -169,8 +170,9 @@ def _changes(values: NDArray[np.generic]) -> NDArray[np.bool_]:
     return differs
 
 
-def _label(value: object) -> Label:
-    return value if isinstance(value, str) else float(value)  # type: ignore[arg-type] # a number of numpy
+def label_of(value: Any) -> Label:
+    """Return a cell as the label of a recording: a text, or a number as float."""
+    return value if isinstance(value, str) else float(value)
 
 
 def _text(value: Label) -> str:

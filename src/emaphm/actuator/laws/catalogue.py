@@ -155,7 +155,7 @@ def _compliance(actuator: Actuator, speed: float) -> Sections:  # noqa: ARG001
 
 
 def _cogging(actuator: Actuator, speed: float) -> Sections:  # noqa: ARG001
-    poles = 2 * actuator.electrical.pole_pairs if actuator.electrical else 2
+    poles = 2 * actuator.pole_pairs
     orders = [1, 2, *([poles] if poles > 2 else []), 3 * poles, 6 * poles]
     return {"ripple": [{"order": order, "of": "motor"} for order in orders[:MOST_HARMONICS]]}
 

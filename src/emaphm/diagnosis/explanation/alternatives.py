@@ -16,7 +16,7 @@ from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.other_values import with_other_value
 from emaphm.diagnosis.explanation.refits import Refit
 from emaphm.diagnosis.explanation.sensor_scores import shift_by_delay
-from emaphm.diagnosis.verdict import Estimate, with_phase_undecided
+from emaphm.diagnosis.verdict import Estimate, distance_from, with_phase_undecided
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.search_result import SearchResult
@@ -95,9 +95,7 @@ def beyond_a_delay(gain: Estimate, result: SearchResult, jacobians: Array) -> Es
     column = result.objective.space.coordinates.index("gain")
     tolerance = ALTERNATIVES.tolerance * result.objective.problem.actuator.nuisances.delay
     shift = shift_by_delay(result, jacobians, tolerance)
-    low, high = gain.interval95
-    distance = max(low - HEALTHY.gain, HEALTHY.gain - high)
-    if distance > abs(float(shift[column])):
+    if distance_from(HEALTHY.gain, gain.interval95) > abs(float(shift[column])):
         return gain
     reason = (
         f"a delay of {1e3 * tolerance:.2g} ms between command and measured channels would have the same "

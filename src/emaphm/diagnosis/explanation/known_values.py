@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.estimation.global_search.multistart import local_search, with_descents
+from emaphm.estimation.global_search.multistart import local_search
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.space.nuisances import (
     KNOWN_BY,
@@ -85,7 +85,7 @@ def _contradiction_of(result: SearchResult, name: str, seed: int) -> str:
     freed = replace(objective, space=space)
     correction = freed.of_channels(result.outputs_correction)
     rng = stream(seed, "descents with a known value free", name)
-    point = local_search(freed, start, correction, rng, with_descents(settings.descents)).best
+    point = local_search(freed, start, correction, rng, settings.descents).best
     before = float(np.mean(result.residual[:rows] ** 2))
     after = float(np.mean(freed.residual(point, correction)[:rows] ** 2))
     value = float(space.nuisance_values(point[np.newaxis])[name][0])

@@ -14,7 +14,7 @@ import numpy as np
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.motion import modelled_position
-from emaphm.diagnosis.verdict import VERDICT, Estimate, undecided, with_phase_undecided
+from emaphm.diagnosis.verdict import VERDICT, Estimate, distance_from, undecided, with_phase_undecided
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
 
@@ -39,18 +39,14 @@ def undecided_where_one_way(components: Mapping[str, Estimate], result: SearchRe
         for name, component in components.items()
         if component.verdict == "degraded"
         and name != "eccentricity_phase"
-        and (name in confounded or _distance_from_healthy(name, component) < VERDICT.hidden_fault)
+        and (
+            name in confounded
+            or distance_from(getattr(HEALTHY, name), component.interval95) < VERDICT.hidden_fault
+        )
     }
     if not slight or not moves_one_way(result.objective, result.point):
         return dict(components)
     return with_phase_undecided({**components, **slight}, components)
-
-
-def _distance_from_healthy(name: str, component: Estimate) -> float:
-    """Return the distance of a component's interval from its healthy value."""
-    healthy = float(getattr(HEALTHY, name))
-    low, high = component.interval95
-    return max(low - healthy, healthy - high)
 
 
 def moves_one_way(objective: MapObjective, point: Array) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import compared
 from emaphm.estimation.discrepancy import reference_problem
-from emaphm.estimation.global_search.multistart import descents_from, local_search, with_descents
+from emaphm.estimation.global_search.multistart import descents_from, local_search
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import TINY, SearchResult
 from emaphm.random_streams import stream
@@ -56,8 +56,7 @@ class Refit:
                 break
             reference = reference or reference_problem(objective)
             rng = stream(seed, f"reference runs of {name}", iteration)
-            no_correction = np.zeros_like(objective.target)
-            comparison = compared(objective, no_correction, best.point[np.newaxis], reference, rng)[0]
+            (comparison,) = compared(objective, best.point[np.newaxis], reference, rng)
             further = Refit.under(objective, best.point[np.newaxis], comparison)
             if further.mean_square >= best.mean_square:
                 break
@@ -72,5 +71,5 @@ def mean_square_after_descents(
 
     The `objective` has the coordinates of the estimate; `correction` (rows,) is that of its outputs.
     """
-    point = local_search(objective, result.point, correction, rng, with_descents(count)).best
+    point = local_search(objective, result.point, correction, rng, count).best
     return objective.mean_square(objective.residual(point, correction)[: objective.channel_rows])

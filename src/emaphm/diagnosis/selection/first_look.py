@@ -93,8 +93,8 @@ def first_look(
     if profiled is not None:
         inertias = [space.carried_over(point, profiled[0].space) for point in profiled[1]]
         points += [np.append(point[:-1], space.lower[-1]) for point in inertias]
-    rng, no_correction = stream(seed, "reference runs of a first look"), np.zeros_like(objective.target)
-    outcomes = compared(objective, no_correction, np.array(points), reference_problem(objective), rng)
+    rng = stream(seed, "reference runs of a first look")
+    outcomes = compared(objective, np.array(points), reference_problem(objective), rng)
     first_half, second_half, lagging, *with_other_supply = (
         RippleResidual.of(outcome) for outcome in outcomes[: 3 + len(supplies)]
     )

@@ -14,7 +14,7 @@ from emaphm.diagnosis.selection.sensor_error_scores import jacobians_with_errors
 from emaphm.diagnosis.selection.settings import SELECTION, SENSOR_SELECTION, widening
 from emaphm.diagnosis.selection.supply.supply_profile import SUPPLY
 from emaphm.diagnosis.selection.supply.supply_scan import is_inductance_known, is_scanned, supply_candidate
-from emaphm.estimation.global_search.multistart import local_search, with_descents
+from emaphm.estimation.global_search.multistart import local_search
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult, default_scatter
 from emaphm.estimation.sensors.sensor_model import sensor_error, sensor_of
@@ -219,7 +219,7 @@ def _refit_with(
     correction = objective.of_channels(result.outputs_correction)
     rng = stream(seed, "descents of the score test", name)
     start = objective.space.project(start)
-    point = local_search(objective, start, correction, rng, with_descents(SELECTION.descents)).best
+    point = local_search(objective, start, correction, rng, SELECTION.descents).best
     residual = objective.residual(point, correction)[:rows]
     share = result.objective.mean_square(residual) / result.objective.mean_square(result.residual[:rows])
     return Candidate(name, objective, point, share)

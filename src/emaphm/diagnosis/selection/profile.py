@@ -70,9 +70,7 @@ def profile(result: SearchResult, objective: MapObjective, points: Array, name: 
     `name` is the profiled nuisance, `seed` that of the runs of the reference model.
     """
     rng = stream(seed, "reference runs of a profile", name)
-    comparisons = compared(
-        objective, np.zeros_like(objective.target), points, reference_problem(objective), rng
-    )
+    comparisons = compared(objective, points, reference_problem(objective), rng)
     before = float(np.mean(result.residual[: result.objective.channel_rows] ** 2))
     return np.array([compared_power(comparison) for comparison in comparisons]) / before
 

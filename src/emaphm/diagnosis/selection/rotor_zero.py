@@ -86,7 +86,7 @@ def zero_deviation(result: SearchResult, jacobians: Array) -> float:
 def with_rotor_at(objective: MapObjective, electrical_rad: float) -> MapObjective:
     """Return the objective with the rotor's zero changed by `electrical_rad`."""
     problem = objective.problem
-    offset = problem.start.rotor_offset + electrical_rad / _pole_pairs(problem.actuator)
+    offset = problem.start.rotor_offset + electrical_rad / problem.actuator.pole_pairs
     start = replace(problem.start, rotor_offset=offset)
     return replace(objective, problem=replace(problem, start=start))
 
@@ -156,7 +156,7 @@ def with_phases_renamed(space: ParameterSpace, point: Array, actuator: Actuator,
     faults = space.faults(point)
     shorts = [NAMES.index(name) for name in SHORTS]
     faults[shorts] = np.roll(faults[shorts], sixths)
-    turned = sixths * (SIXTH / _pole_pairs(actuator) - 2 * SIXTH)
+    turned = sixths * (SIXTH / actuator.pole_pairs - 2 * SIXTH)
     direction = NAMES.index("eccentricity_phase")
     faults[direction] = (faults[direction] + turned / (2 * np.pi)) % 1.0
     nuisances, first = space.nuisances, len(space.columns)
@@ -166,11 +166,6 @@ def with_phases_renamed(space: ParameterSpace, point: Array, actuator: Actuator,
     row = nuisances.quantities.index(BASELINE + ROTOR_ZERO)
     renamed[first + column] -= sixths * SIXTH / nuisances.meaning[row, column]
     return space.project(renamed)
-
-
-def _pole_pairs(actuator: Actuator) -> int:
-    """Return the number of pole pairs, 1 without an electrical description."""
-    return actuator.electrical.pole_pairs if actuator.electrical else 1
 
 
 def _phases_differ(result: SearchResult) -> bool:

@@ -1,7 +1,7 @@
 """Global search: many points, then damped least squares from the best points."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -92,25 +92,25 @@ def local_search(
     point: Array,
     correction: Array | float,
     rng: np.random.Generator,
-    settings: LocalSearchSettings = LOCAL_SEARCH,
+    descents: int = LOCAL_SEARCH.descents,
 ) -> LeastSquaresResult:
     """Return the result of fine descents from `point` (d,) and from perturbed candidates near it.
 
     `correction` (rows,) is added to the model's outputs.
     """
-    perturbation = rng.normal(0.0, settings.candidate_separation, (settings.descents - 1, point.size))
-    starts = objective.space.project(np.vstack([point, point + perturbation]))
+    starts = objective.space.project(with_perturbed(point, rng, descents))
     return descents_from(objective, starts, correction)
+
+
+def with_perturbed(point: Array, rng: np.random.Generator, count: int = LOCAL_SEARCH.descents) -> Array:
+    """Return `point` (d,) and perturbed candidates near it, (count, d) in total."""
+    perturbation = rng.normal(0.0, LOCAL_SEARCH.candidate_separation, (count - 1, point.size))
+    return np.vstack([point, point + perturbation])
 
 
 def descents_from(objective: MapObjective, starts: Array, correction: Array | float) -> LeastSquaresResult:
     """Return the result of fine descents from each of `starts` (n, d), under a `correction` (rows,)."""
     return _descend(objective, starts, MULTISTART.fine, False, correction)
-
-
-def with_descents(count: int) -> LocalSearchSettings:
-    """Return the settings of the local search with another number of descents."""
-    return replace(LOCAL_SEARCH, descents=count)
 
 
 def _global_stage(

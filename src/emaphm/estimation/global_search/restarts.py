@@ -121,20 +121,14 @@ def _heavy_from_starts(
     starts.
     """
     rng = stream(seed, "reference runs", "starts")
-    no_correction, reference = np.zeros_like(objective.target), reference_problem(objective)
+    reference = reference_problem(objective)
     # Each point needs at least two runs with different switching.
     parts = np.array_split(points, -(-2 * len(points) // REFERENCE_RUNS))
-    results = [
-        result for part in parts for result in compared(objective, no_correction, part, reference, rng)
-    ]
+    results = [result for part in parts for result in compared(objective, part, reference, rng)]
     return replace(refine_by_ensemble(_best(results), seed, on_progress), started=True)
 
 
-def _search(
-    objective: MapObjective,
-    settings: SearchSettings,
-    on_progress: Progress | None = None,
-) -> SearchResult:
+def _search(objective: MapObjective, settings: SearchSettings, on_progress: Progress | None) -> SearchResult:
     """Return the result of a global search and of the corrections after it."""
     heavy = is_heavy(objective.problem)
     searched, corrected = (0.1, 0.2) if heavy else (0.4, 1.0)

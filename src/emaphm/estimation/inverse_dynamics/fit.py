@@ -6,7 +6,6 @@ residual (Golub and Pereyra 1973). A final Gauss-Newton search over all paramete
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from emaphm.errors import MethodError, nearest
 from emaphm.estimation.inverse_dynamics.motion import Motion
 from emaphm.estimation.inverse_dynamics.problem import InverseProblem
 from emaphm.estimation.inverse_dynamics.result import ForceReplay, InverseDynamicsResult, ParameterEstimate
-from emaphm.estimation.inverse_dynamics.search import minimised
+from emaphm.estimation.inverse_dynamics.search import Minimum, minimised
 from emaphm.estimation.inverse_dynamics.torque_balance import NAMES, Values, measured_torque
 from emaphm.estimation.uncertainty.collinearity import CollinearSet, collinear_coordinates, listed
 from emaphm.estimation.uncertainty.covariance import sandwich_covariance
@@ -44,7 +43,6 @@ def inverse_dynamics(
     channel: str | None = None,
     position_hz: float | None = None,
     regression_hz: float | None = None,
-    still_speed: float | None = None,
 ) -> InverseDynamicsResult:
     """Return the parameters `free` that explain the torque of the measured motion; no controller is needed.
 
@@ -75,8 +73,6 @@ def inverse_dynamics(
         these that was recorded.
     position_hz, regression_hz
         Cutoff frequencies of the low-passes; by default chosen from each recording.
-    still_speed
-        Motor speed below which the shaft counts as standing [rad/s]; by default from the recording.
 
     Returns
     -------
@@ -112,14 +108,7 @@ def inverse_dynamics(
     described = described_values(actuator)
     _check(given, names, known_values, per_recording, described)
     motions = [
-        Motion.of(
-            recording,
-            actuator,
-            position_hz=position_hz,
-            regression_hz=regression_hz,
-            still_speed=still_speed,
-            channel=channel,
-        )
+        Motion.of(recording, actuator, position_hz=position_hz, regression_hz=regression_hz, channel=channel)
         for recording in given
     ]
     orders = tuple(
@@ -139,8 +128,7 @@ def inverse_dynamics(
     no_prior = np.full(minimum.point.size, np.inf)
     covariance = sandwich_covariance(scaled, residual, no_prior, error_scores=repeated_scores).covariance
     covariance = problem.parameter_covariance(covariance / np.outer(size, size))
-    result = _result(problem, minimum.point, covariance, residual, minimum.at_bound, actuator)
-    return replace(result, error_correlation=correlation)
+    return _result(problem, minimum, covariance, residual, correlation, actuator)
 
 
 def _repeated_scores(problem: InverseProblem, scores: Array) -> tuple[Array, float | None]:
@@ -220,13 +208,14 @@ def _check_identifiable(problem: InverseProblem, jacobian: Array) -> None:
 
 def _result(
     problem: InverseProblem,
-    point: Array,
+    minimum: Minimum,
     covariance: Array,
     residual: Array,
-    at_bound: tuple[str, ...],
+    error_correlation: float | None,
     actuator: Actuator,
 ) -> InverseDynamicsResult:
-    """Return the result at `point` (p,), with the parameters' `covariance` (p, p)."""
+    """Return the result at the minimum, with the parameters' `covariance` (p, p)."""
+    point = minimum.point
     shared = [k for k, (_, recording) in enumerate(problem.keys) if recording is None]
     values, errors = problem.parameters(point), np.sqrt(np.diag(covariance))
     parameters = {}
@@ -248,8 +237,9 @@ def _result(
         relative_error=float(np.sqrt(np.sum(residual**2) / squares)),
         replays=replays,
         collinear=collinear,
-        at_bound=at_bound,
+        at_bound=minimum.at_bound,
         actuator=actuator,
+        error_correlation=error_correlation,
     )
 
 

@@ -57,7 +57,6 @@ class Motion:
         *,
         position_hz: float | None = None,
         regression_hz: float | None = None,
-        still_speed: float | None = None,
         channel: str | None = None,
     ) -> Self:
         """Return the motion of a `recording`.
@@ -81,8 +80,7 @@ class Motion:
         smooth = low_pass(angle, frequencies.position_hz, interval)
         speed = np.gradient(smooth, interval)
         rms = float(np.sqrt(np.mean(speed**2)))
-        if still_speed is None:
-            still_speed = max(STILL_SPEED * rms, STILL_NOISE * frequencies.speed_noise)
+        still_speed = max(STILL_SPEED * rms, STILL_NOISE * frequencies.speed_noise)
         moving = np.abs(speed) > still_speed
         if "enabled" in recording:
             moving &= recording["enabled"] > 0

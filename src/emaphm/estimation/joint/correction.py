@@ -14,7 +14,7 @@ from emaphm.arrays import Array
 from emaphm.estimation.correction_iterations import BIAS_CORRECTION, iterate
 from emaphm.estimation.discrepancy import Discrepancy, discrepancies, has_reference, reference_problem
 from emaphm.estimation.finite_differences import replicated_jacobians
-from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, MULTISTART
+from emaphm.estimation.global_search.multistart import MULTISTART, with_perturbed
 from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.levenberg_marquardt import bounded_step, descend
 from emaphm.estimation.search_result import default_scatter
@@ -181,16 +181,10 @@ def _candidates(current: JointEstimate, iteration: int, seed: int) -> Array:
     """
     joint = current.joint.corrected([discrepancy.mean for discrepancy in current.discrepancies])
     rng = stream(seed, "local search", iteration)
-    perturbation = rng.normal(
-        0.0, LOCAL_SEARCH.candidate_separation, (LOCAL_SEARCH.descents - 1, current.point.size)
-    )
-    starts = np.vstack([current.point, current.point + perturbation])
+    starts = with_perturbed(current.point, rng)
     point = descend(joint, starts, joint.box, MULTISTART.fine).best
     step = _gauss_newton(joint, point, iteration, seed)
-    longest = BIAS_CORRECTION.longest_step
-    step *= min(1.0, longest / max(float(np.linalg.norm(step)), longest))
-    shares = np.array(BIAS_CORRECTION.step_shares)[:, np.newaxis]
-    return joint.box.project(point + shares * step)
+    return joint.box.project(point + BIAS_CORRECTION.steps_along(step))
 
 
 def _gauss_newton(joint: JointObjective, point: Array, iteration: int, seed: int) -> Array:

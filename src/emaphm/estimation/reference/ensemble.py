@@ -106,7 +106,7 @@ def refine_by_ensemble(
     objective = state.objective
     mean = objective.space.project(np.mean(equal, axis=0))
     rng = stream(seed, "reference runs at the end of the ensemble")
-    end = compared(objective, np.zeros_like(objective.target), mean[np.newaxis], reference, rng)[0]
+    (end,) = compared(objective, mean[np.newaxis], reference, rng)
     if _mean_square(end, objective) > settings.equal * _mean_square(result, objective):
         return result
     scatter = default_scatter(mean.size)

@@ -90,7 +90,7 @@ def _step(
     step = gauss_newton(objective, result.point, result.residual, jacobians)
     points = space.project(result.point + np.array(settings.step_shares)[:, np.newaxis] * step)
     rng = stream(seed, "reference runs of the refinement", iteration)
-    outcomes = compared(objective, np.zeros_like(objective.target), points, reference, rng)
+    outcomes = compared(objective, points, reference, rng)
     best = min(outcomes, key=lambda outcome: outcome.misfit)
     # With the discrepancy at the new point as the correction, the point is the optimum.
     return replace(best, correction=best.outputs_correction, scatter=result.scatter)

@@ -1,18 +1,14 @@
 """Table of the signals of replays: each channel, measured and modelled."""
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from emaphm.estimation.replay.single import Replay
-from emaphm.output_files import check_writable, written_whole
+from emaphm.output_files import TABLES, check_writable, write_table
 
 if TYPE_CHECKING:
     import polars as pl
-
-SERIES = (".csv", ".parquet")
-"""Endings of the files that `write_series` writes."""
 
 MODEL = "_model"
 """Suffix of the name of a modelled column; the measured column has no suffix."""
@@ -46,11 +42,5 @@ def write_series(replays: Sequence[Replay], path: str | Path, *, force: bool = F
     OutputError
         See `emaphm.output_files.check_writable`.
     """
-    check_writable(path, force=force, endings=SERIES)
-    content = io.BytesIO()
-    if Path(path).suffix.lower() == ".csv":
-        series(replays).write_csv(content)
-    else:
-        series(replays).write_parquet(content)
-    with written_whole(path) as temporary:
-        temporary.write_bytes(content.getbuffer())
+    check_writable(path, force=force, endings=TABLES)
+    write_table(series(replays), path)

@@ -5,42 +5,27 @@ contain. The current may rise by 10 A in a millisecond: due to the unknown time,
 rows after a jump by many times the noise.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from emaphm.actuator import Command, Faults
 from emaphm.arrays import Array
 from emaphm.estimation.problem import Problem
-from emaphm.estimation.signal_size import signal_size
+from emaphm.estimation.rows.first_rows import least_difference
 from emaphm.recording.jumps import Jumps
-from emaphm.recording.noise import noise_on_most_rows
 from emaphm.recording.sensor_checks.resolution import Mask
 
-
-@dataclass(frozen=True)
-class JumpRowsSettings:
-    """Settings of the rows that are not compared.
-
-    A row is not compared if a shift of the jump by half a period changes a channel by more than `noise` times
-    its noise and by more than `share` of its rms. If more than the share `most` of all rows is affected, all
-    rows are compared.
-    """
-
-    noise: float = 1.0
-    share: float = 5e-3
-    most: float = 0.25
-
-
-JUMP_ROWS = JumpRowsSettings()
+MOST_SHARE = 0.25
+"""Share of affected rows above which all rows are compared."""
 
 
 def rows_after_jumps(problem: Problem) -> dict[str, Mask]:
     """Return by channel the rows (samples,) that are not compared because the time of a jump is uncertain.
 
-    They are the rows in which the model of a healthy actuator differs between the recorded jumps and jumps
-    half a period of the modulation later. No rows are left out if rows are instants: a jump may then be
-    anywhere between two rows, but is assumed to be at a row.
+    They are the rows in which the model of a healthy actuator differs significantly (`least_difference`)
+    between the recorded jumps and jumps half a period of the modulation later. No rows are left out if rows
+    are instants: a jump may then be anywhere between two rows, but is assumed to be at a row.
     """
     driving, drive = problem.driving, problem.actuator.drive
     if drive is None or drive.pwm_frequency is None or driving.sampling == "instant":
@@ -50,16 +35,9 @@ def rows_after_jumps(problem: Problem) -> dict[str, Mask]:
     half = 0.5 / drive.pwm_frequency
     step = min(problem.model.step_for(problem.actuator), half)
     earlier, later = (_outputs(problem, _delayed(driving.command, delay), step) for delay in (0.0, half))
-    masks = {}
-    for name, change in zip(problem.channels, np.abs(later - earlier), strict=True):
-        values = problem.measured[name]
-        noise = noise_on_most_rows(values)
-        by_noise = JUMP_ROWS.noise * max(noise, problem.counts.get(name, 0.0))
-        least = max(by_noise, JUMP_ROWS.share * signal_size(name, values))
-        mask = change > least
-        if mask.any() and mask.mean() <= JUMP_ROWS.most:
-            masks[name] = mask
-    return masks
+    significant = np.abs(later - earlier) > least_difference(problem)[:, np.newaxis]
+    masks = zip(problem.channels, significant, strict=True)
+    return {name: mask for name, mask in masks if mask.any() and mask.mean() <= MOST_SHARE}
 
 
 def _delayed(command: Command, time: float) -> Command:

@@ -69,7 +69,7 @@ def rows_apart(problem: Problem, outputs: list[Array]) -> int:
     (`emaphm.estimation.rests`).
     """
     distances = np.max([np.abs(later - outputs[0]) for later in outputs[1:]], axis=(0, 1))
-    is_different = (distances > _least_difference(problem)[:, np.newaxis]).any(axis=0)
+    is_different = (distances > least_difference(problem)[:, np.newaxis]).any(axis=0)
     differing = np.flatnonzero(is_different)
     if not differing.size:
         return 0
@@ -109,7 +109,7 @@ def _sizes(problem: Problem) -> Array:
     return np.array([signal_size(name, problem.measured[name]) for name in problem.channels])
 
 
-def _least_difference(problem: Problem) -> Array:
+def least_difference(problem: Problem) -> Array:
     """Return the least significant difference in each channel, in its unit, (channels,)."""
     return np.maximum(NOISE * _noise(problem), SHARE * _sizes(problem))
 

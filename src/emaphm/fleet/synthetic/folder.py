@@ -13,7 +13,7 @@ from emaphm.execution.revision import revision_of
 from emaphm.fleet.synthetic.plan import FleetPlan
 from emaphm.fleet.synthetic.unit import SyntheticUnit
 from emaphm.fleet.task import DECIDING
-from emaphm.output_files import make_folder, written_whole
+from emaphm.output_files import make_folder, write_table, written_whole
 from emaphm.prognosis.stress import Stress
 
 SETTINGS = "synthetic-fleet.json"
@@ -134,14 +134,11 @@ class FleetFolder:
             for one in self.flights(unit, plan)
         ]
         columns = ["unit", "hours", "cycles", "load_Nm", "temperature_K", "recording"]
-        frame = pl.DataFrame(rows, schema=columns, orient="row")
-        with written_whole(self.path / "flights.csv") as temporary:
-            frame.write_csv(temporary)
+        write_table(pl.DataFrame(rows, schema=columns, orient="row"), self.path / "flights.csv")
         make_folder(self.path / "truth")
         truth = {"synthetic": True, "units": [unit.to_dict() for unit in units]}
         _write(self.path / "truth" / "units.json", json.dumps(truth, indent=1))
-        with written_whole(self.path / "truth" / "levels.parquet") as temporary:
-            _levels(units).write_parquet(temporary)
+        write_table(_levels(units), self.path / "truth" / "levels.parquet")
 
 
 def revision() -> str:

@@ -214,7 +214,8 @@ class StreamSource:
                 raise _StoppedError
             if not select.select([self.descriptor], [], [], STOP_S)[0]:
                 if not idle and time.monotonic() - read_at > self.settings.idle_s:
-                    self._hand_over_all()
+                    for flight in self._flights.values():
+                        self._hand_over_rest(flight)
                     idle = True
                 continue
             content = os.read(self.descriptor, AT_ONCE)
@@ -325,18 +326,15 @@ class StreamSource:
                         raise _StoppedError from None
 
     def _end(self, flight: _Flight) -> None:
-        for passed in flight.order.flush():
-            self._gather(flight, *passed)
-        self._hand_over(flight, flight.gathering.interrupt())
+        self._hand_over_rest(flight)
         self._skip("late, or with a time that was there before", flight.order.left_out)
         del self._flights[flight.entry.unit]
 
-    def _hand_over_all(self) -> None:
+    def _hand_over_rest(self, flight: _Flight) -> None:
         """Pass on the rows in memory, although further rows may follow."""
-        for flight in self._flights.values():
-            for passed in flight.order.flush():
-                self._gather(flight, *passed)
-            self._hand_over(flight, flight.gathering.interrupt())
+        for passed in flight.order.flush():
+            self._gather(flight, *passed)
+        self._hand_over(flight, flight.gathering.interrupt())
 
     def _end_all(self) -> None:
         for flight in list(self._flights.values()):

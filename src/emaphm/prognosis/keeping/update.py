@@ -1,6 +1,6 @@
 """Computation and storage of the prognosis of a unit, so that a page can show it without delay."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -22,14 +22,6 @@ ENOUGH = 2
 """Number of stored rows of a fan from which on earlier forecasts are not recomputed."""
 
 
-@dataclass(frozen=True)
-class Updated:
-    """A computed and stored prognosis."""
-
-    prognosis: "Prognosis"
-    curves: Curves
-
-
 def update_prognosis(
     history: "History",
     unit: "Unit",
@@ -38,8 +30,10 @@ def update_prognosis(
     seed: int = 0,
     most: int | None = None,
     events: "Callable[[Prognosis], Sequence[Event]]" = lambda _: (),
-) -> Updated:
-    """Compute, store and return the prognosis of `unit`, with a prior from other units of its part number.
+) -> Curves:
+    """Compute and store the prognosis of `unit`, with a prior from other units of its part number.
+
+    Return its stored curves, with the fan of earlier forecasts.
 
     With 100 diagnoses for each unit, it takes about one second for the unit, and 0.5 s for each other unit of
     the prior that this process has not filtered yet; 1 s more for each failed unit, until another unit fails.
@@ -71,7 +65,7 @@ def update_prognosis(
     kept = KeptPrognosis.of(basis, prognosis.to_dict())
     curves = Curves.of(prognosis)
     earlier, new = partial(earlier_rows, prognosis), events(prognosis)
-    return Updated(prognosis, keep_with_curves(history, unit, kept, curves, earlier, new))
+    return keep_with_curves(history, unit, kept, curves, earlier, new)
 
 
 def keep_with_curves(

@@ -8,7 +8,8 @@ from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.actuator.requirements import LOWEST_FRICTION
 from emaphm.arrays import Array
 from emaphm.prognosis.bounds import to_the_end
-from emaphm.prognosis.columns import ECCENTRICITY, columns_of
+from emaphm.prognosis.columns import ECCENTRICITY
+from emaphm.prognosis.notes.trend import Trend
 
 if TYPE_CHECKING:
     from emaphm.prognosis.evidence import Evidence
@@ -57,10 +58,7 @@ def turn_of_eccentricity(evidence: "Evidence") -> float:
     steps between diagnoses without a turn, does not count.
     """
     x, y = ECCENTRICITY
-    new_at = max((hours for hours, part in evidence.replacements if x in columns_of(part)), default=-1.0)
-    diagnoses = [
-        diagnosis for diagnosis in evidence.used if diagnosis.hours > new_at and diagnosis.seen[[x, y]].all()
-    ]
+    diagnoses = [diagnosis for diagnosis in evidence.since_replacement(x) if diagnosis.seen[y]]
     error = np.array(
         [np.sqrt(max(diagnosis.covariance[x, x], diagnosis.covariance[y, y])) for diagnosis in diagnoses]
     )
@@ -71,18 +69,12 @@ def turn_of_eccentricity(evidence: "Evidence") -> float:
     hours, angle = hours[order], np.unwrap(np.arctan2(*plane[has_direction].T[::-1])[order])
     if hours.size < LEAST_DIRECTIONS or hours[0] == hours[-1]:
         return 0.0
-    centred = hours - hours.mean()
-    slope = float(centred @ angle / (centred @ centred))
-    residual = angle - angle.mean() - slope * centred
     variance = np.mean((error / np.hypot(*plane.T))[has_direction] ** 2)
-    deviation = np.sqrt(
-        max(float(residual @ residual) / (hours.size - 2), float(variance)) / (centred @ centred)
-    )
-    is_later = np.diff(hours) > 0
-    steady = float(np.median(np.diff(angle)[is_later] / np.diff(hours)[is_later]))
-    if abs(slope) <= SIGNIFICANT * deviation or steady / slope < STEADY:
+    trend = Trend.of(hours, angle, float(variance))
+    is_significant = abs(trend.slope) > SIGNIFICANT * trend.standard_error
+    if not is_significant or trend.median_slope / trend.slope < STEADY:
         return 0.0
-    return slope * float(hours[-1] - hours[0])
+    return trend.slope * float(hours[-1] - hours[0])
 
 
 def _names(where: Array) -> list[str]:

@@ -6,7 +6,6 @@ import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES
 from emaphm.arrays import Array
-from emaphm.prognosis.columns import columns_of
 
 if TYPE_CHECKING:
     from emaphm.prognosis.evidence import Evidence
@@ -38,13 +37,8 @@ def load_notes(evidence: "Evidence") -> list[str]:
     The correlation must persist without each single diagnosis: a diagnosis that differs in both quantities
     from all others, as with the first load or the first wear, causes a correlation by itself.
     """
-    new_at = max(
-        (hours for hours, part in evidence.replacements if FRICTION in columns_of(part)), default=-1.0
-    )
     diagnoses = [
-        diagnosis
-        for diagnosis in evidence.used
-        if diagnosis.hours > new_at and diagnosis.seen[FRICTION] and diagnosis.load is not None
+        diagnosis for diagnosis in evidence.since_replacement(FRICTION) if diagnosis.load is not None
     ]
     friction = np.array([diagnosis.level[FRICTION] for diagnosis in diagnoses])
     load = np.array([diagnosis.load for diagnosis in diagnoses], float)

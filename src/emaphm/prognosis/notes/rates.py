@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES
-from emaphm.arrays import Array
-from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.filter.degradation import LARGEST_RATE
+from emaphm.prognosis.notes.trend import Trend
 
 if TYPE_CHECKING:
     from emaphm.prognosis.evidence import Evidence
@@ -43,26 +42,13 @@ def _rate(evidence: "Evidence", column: int) -> float:
     It is the slope of a straight line through the diagnoses since the component was new. A single jump, with
     most steps between diagnoses without a change, does not count.
     """
-    new_at = max((hours for hours, part in evidence.replacements if column in columns_of(part)), default=-1.0)
-    diagnoses = [
-        diagnosis for diagnosis in evidence.used if diagnosis.hours > new_at and diagnosis.seen[column]
-    ]
+    diagnoses = evidence.since_replacement(column)
     hours = np.array([diagnosis.hours for diagnosis in diagnoses])
     if hours.size < LEAST_SEEN or np.ptp(hours) == 0:
         return 0.0
     level = np.array([diagnosis.level[column] for diagnosis in diagnoses])
     variances = np.array([diagnosis.covariance[column, column] for diagnosis in diagnoses])
-    slope, deviation = _line(hours - hours.mean(), level, variances)
-    is_later = np.diff(hours) > 0
-    steady = np.median(np.diff(level)[is_later] / np.diff(hours)[is_later]) * np.sign(slope)
-    least_rate = min(abs(slope) - SIGNIFICANT * deviation, steady)
-    return slope if least_rate > LARGEST_RATE else 0.0
-
-
-def _line(centred: Array, level: Array, least_variance: Array) -> tuple[float, float]:
-    """Return slope and standard error of a line through levels with at least the mean `least_variance`."""
-    size = float(centred @ centred)
-    slope = float(centred @ level) / size
-    residual = level - level.mean() - slope * centred
-    variance = max(float(residual @ residual) / (level.size - 2), float(least_variance.mean()))
-    return slope, float(np.sqrt(variance / size))
+    trend = Trend.of(hours, level, float(variances.mean()))
+    steady = trend.median_slope * np.sign(trend.slope)
+    least_rate = min(abs(trend.slope) - SIGNIFICANT * trend.standard_error, steady)
+    return trend.slope if least_rate > LARGEST_RATE else 0.0

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator.columns.expression import Expression
 from emaphm.actuator.reading import Reading
-from emaphm.arrays import Array
+from emaphm.arrays import Array, within
 from emaphm.errors import RecordingError
 from emaphm.recording.conditioning.gaps import interval_of
 from emaphm.recording.conditioning.table import Table, operands_of
@@ -67,10 +67,7 @@ def at_rest(time: Array, command: Array, least_s: float) -> NDArray[np.bool_]:
     middle = np.arange(command.size)
     complete = (middle - rows // 2 >= 0) & (middle - rows // 2 + rows <= command.size)
     starts = np.flatnonzero(complete & (swing <= REST * np.ptp(known))) - rows // 2
-    marks = np.zeros(command.size + 1)
-    np.add.at(marks, starts, 1)
-    np.add.at(marks, starts + rows, -1)
-    return np.cumsum(marks[:-1]) > 0
+    return within(starts, starts + rows, command.size)
 
 
 def _check_not_empty(kept: NDArray[np.bool_], mask: str, source: str) -> None:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from emaphm.arrays import Array, runs
+from emaphm.arrays import Array, runs, within
 from emaphm.recording.conditioning.gaps import interval_of
 from emaphm.recording.conditioning.interpolation import HELD, curve
 from emaphm.recording.schema import SCHEMA
@@ -149,7 +149,5 @@ def _after_jumps(command: Array, time: Array) -> NDArray[np.bool_]:
     least = min(RULE.jump * np.ptp(command), RULE.corner * np.max(np.abs(np.diff(command)), initial=0.0))
     rows = max(RULE.half_width, int(np.ceil(RULE.after_jump_s / interval_of(time))))
     places = np.flatnonzero(bend > least) + 1
-    marks = np.zeros(command.size + 1)
-    np.add.at(marks, np.maximum(places - RULE.half_width, 0), 1)
-    np.add.at(marks, np.minimum(places + rows + 1, command.size), -1)
-    return np.cumsum(marks[:-1]) > 0
+    starts, stops = np.maximum(places - RULE.half_width, 0), np.minimum(places + rows + 1, command.size)
+    return within(starts, stops, command.size)

@@ -30,7 +30,7 @@ from emaphm.recording.io.logger_files import read_hdf5, read_mdf, read_parquet, 
 from emaphm.recording.io.mat_file import read_mat
 from emaphm.recording.recording import Label, Recording
 from emaphm.recording.schema import SCHEMA
-from emaphm.recording.splitting import Cut, Piece, columns_in, cut, stretches
+from emaphm.recording.splitting import Cut, Piece, columns_in, cut, label_of, stretches
 
 READERS: dict[str, Callable[[Path, ReadLimits, Collection[str]], FileColumns]] = {
     ".csv": read_csv,
@@ -284,7 +284,7 @@ def _labels(file: _File, further: Mapping[str, NDArray[Any]]) -> dict[str, Label
     for name, values in further.items():
         first = values[0] if values.size else ""
         if values.size and np.all(values == first):
-            labels[name] = first if isinstance(first, str) else float(first)
+            labels[name] = label_of(first)
     serial = file.reading.serial
     if serial is not None:
         column = resolved(serial, list(file.table.further), str(file.path))

@@ -1,13 +1,9 @@
 """Writing a recording to a CSV or Parquet file, according to the file's ending."""
 
-import io
 from pathlib import Path
 
-from emaphm.output_files import check_writable, written_whole
+from emaphm.output_files import TABLES, check_writable, write_table
 from emaphm.recording.recording import Recording
-
-ENDINGS = (".csv", ".parquet")
-"""Endings of the files that `write_recording` can write."""
 
 
 def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> None:
@@ -31,16 +27,9 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
     OutputError
         See `check_writable`; also if the operating system refuses to write: then no partial file is left.
     """
-    check_writable(path, force=force, endings=ENDINGS)
+    check_writable(path, force=force, endings=TABLES)
     import polars as pl
 
     labels = {name: value for name, value in recording.labels.items() if name not in recording}
     frame = recording.to_frame().with_columns(**{name: pl.lit(value) for name, value in labels.items()})
-    # Written through memory, because polars' errors for a full disk differ between formats.
-    content = io.BytesIO()
-    if Path(path).suffix.lower() == ".csv":
-        frame.write_csv(content)
-    else:
-        frame.write_parquet(content)
-    with written_whole(path) as temporary:
-        temporary.write_bytes(content.getbuffer())
+    write_table(frame, path)

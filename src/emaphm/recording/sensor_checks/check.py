@@ -98,14 +98,14 @@ def _unusable_rows(
             f"{name} is frozen for {seconds:.3g} s {_place(frozen)} while the command moves; these rows are "
             "not compared. Check the sensor and its line"
         )
-        findings.append(SensorFinding(name, "frozen", seconds, "s", sentence, frozen))
+        findings.append(SensorFinding(name, "frozen", seconds, "s", sentence))
     if clipped.any():
         level = float(np.max(np.abs(values[clipped])))
         sentence = (
             f"{name} is cut off at {level:.4g} {unit} in {int(clipped.sum())} rows {_place(clipped)}; these "
             "rows are not compared. Give the sensor or its converter a larger range"
         )
-        findings.append(SensorFinding(name, "clipped", level, unit, sentence, clipped))
+        findings.append(SensorFinding(name, "clipped", level, unit, sentence))
     return frozen | clipped, findings
 
 
@@ -115,7 +115,7 @@ def _held_finding(name: str, held: Mask) -> SensorFinding:
         f"{name} repeats the value of the row before in {count} rows {_place(held)} although it moves: lost "
         "samples, which were interpolated. Check the logger's rate and its bus"
     )
-    return SensorFinding(name, "held", float(count), "rows", sentence, held)
+    return SensorFinding(name, "held", float(count), "rows", sentence)
 
 
 def _place(rows: Mask) -> str:

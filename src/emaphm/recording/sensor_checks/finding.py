@@ -1,13 +1,9 @@
 """Result of a sensor check."""
 
-from dataclasses import dataclass, field
-
-import numpy as np
-
-from emaphm.recording.sensor_checks.resolution import Mask
+from dataclasses import dataclass
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class SensorFinding:
     """A sensor fault that was detected from the sensor's own signal, without a model.
 
@@ -19,8 +15,6 @@ class SensorFinding:
         "frozen", "held", "clipped", "scale", "reversed" or "swapped".
     size, unit
         Size of the fault: number of held rows, time frozen, level of clipping, relative error of a scale.
-    rows
-        Whether each row of the channel is affected, (samples,); empty if all rows are.
     sentence
         Sentence on the fault, with sensor, size and place.
     """
@@ -30,4 +24,3 @@ class SensorFinding:
     size: float
     unit: str
     sentence: str
-    rows: Mask = field(default_factory=lambda: np.zeros(0, bool))

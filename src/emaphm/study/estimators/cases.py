@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from emaphm.actuator import Faults
-from emaphm.study.cases import SINGLE, heavy_faults, random_faults, small_fault
+from emaphm.study.cases import Group, SmallFaults, random_faults
 from emaphm.study.plan import Plan
 from emaphm.study.rig import Rig
 from emaphm.study.spoilt.run import cases as spoilt_cases
@@ -37,19 +37,10 @@ def of_base_setting(channels: tuple[str, ...], share: float) -> Iterator[Recordi
     """Yield the cases on the base setting."""
     rig = Rig(label="base", channels=channels)
     count = {name: max(1, round(share * number)) for name, number in COUNTS.items()}
-
-    def case(group: str, label: str, faults: Faults, number: int) -> RecordingCase:
-        return RecordingCase(group, label, tuple(map(float, faults.vector)), rig, number)
-
-    for n in range(count["random"]):
-        yield case("random", "random", random_faults(n), n)
-    for n in range(count["heavy"]):
-        yield case("heavy", "heavy", heavy_faults(n), n)
-    for n in range(count["healthy"]):
-        yield case("healthy", "healthy", Faults(), n)
-    for kind in SINGLE:
-        for n in range(count["small"]):
-            yield case("small", kind, small_fault(kind, SMALL, n), n)
+    small = SmallFaults(size=SMALL, count=count.pop("small"))
+    for case in Group(label="base", small=(small,), **count).all_cases({}, seed=0):
+        label = case.name.partition(" ")[0]  # of a small fault, its kind
+        yield RecordingCase(case.kind, label, case.truth, rig, case.number)
 
 
 def of_multiple(channels: tuple[str, ...]) -> Iterator[RecordingCase]:

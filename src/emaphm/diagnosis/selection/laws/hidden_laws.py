@@ -57,8 +57,7 @@ def _of_supply(actuator: Actuator) -> float:
 
 
 def _of_commutation(actuator: Actuator) -> Array:
-    poles = actuator.electrical.pole_pairs if actuator.electrical else 1
-    return np.array([1.0, 1 / (poles * typical_speed(actuator))])
+    return np.array([1.0, 1 / (actuator.pole_pairs * typical_speed(actuator))])
 
 
 def _of_speed_gain(actuator: Actuator) -> float:

@@ -93,15 +93,9 @@ def is_lag_suspected(result: SearchResult, seed: int) -> bool:
     if not can_show_lag(result.objective.problem):
         return False
     comparison = LagComparison.at(result.objective, result.point, result.objective.space)
-    points, rng = (
-        np.array([comparison.with_lag, comparison.without]),
-        stream(seed, "reference runs with a lag"),
-    )
-    no_correction, reference = (
-        np.zeros_like(comparison.objective.target),
-        reference_problem(comparison.objective),
-    )
-    outcomes = compared(comparison.objective, no_correction, points, reference, rng)
+    objective, points = comparison.objective, np.array([comparison.with_lag, comparison.without])
+    rng = stream(seed, "reference runs with a lag")
+    outcomes = compared(objective, points, reference_problem(objective), rng)
     with_lag, without = (RippleResidual.of(outcome) for outcome in outcomes)
     residuals = (with_lag, without, with_lag.less(without))
     return answer_to_lag(ripple_powers(residuals, result.noise_level)) < SENSOR_LAG_SETTINGS.least_change

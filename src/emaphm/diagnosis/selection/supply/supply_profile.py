@@ -143,14 +143,11 @@ def _residuals_at(
     """Return the residuals at `start` (d,) with `deviations` (n,) of the supply."""
     points = np.tile(start, (len(deviations), 1))
     points[:, column_of(objective)] = deviations / unit_of_supply(objective)
-    no_correction, batch_size = np.zeros_like(objective.target), REFERENCE_RUNS // SUPPLY_SCAN.runs
+    batch_size = REFERENCE_RUNS // SUPPLY_SCAN.runs
     outcomes: list[RippleResidual] = []
     for k in range(0, len(points), batch_size):
         batch = points[k : k + batch_size]
-        outcomes += [
-            RippleResidual.of(outcome)
-            for outcome in compared(objective, no_correction, batch, reference, rng)
-        ]
+        outcomes += [RippleResidual.of(outcome) for outcome in compared(objective, batch, reference, rng)]
     return outcomes
 
 
