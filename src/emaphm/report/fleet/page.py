@@ -106,7 +106,7 @@ contains:
 
 | file | content |
 | --- | --- |
-| `flights.csv`, `recordings/` | an operator's data: unit, hours, cycles, recordings |
+| `flights.csv`, `recordings/` | an operator's data: unit, hours, cycles, load, temperature, recordings |
 | `actuator.toml` | the actuator with its requirements |
 | `history.sqlite`, `prognoses.ndjson` | diagnoses, removals, findings; JSON of each working unit |
 | `truth/` | data that no operator has: laws and failures (`units.json`), levels (`levels.parquet`) |
@@ -348,8 +348,9 @@ def _population(population: Population) -> Iterator[str]:
         f"\nThe median life is the time until the component reaches its limit, under nominal stress. A unit "
         f"ages 2^(ΔT/{s.doubling:g} K) (1 + l)^3 times as fast. Its mission has standard deviations of "
         f"{s.mission_K:g} K in ΔT and {s.mission_load:g} in l; each interval between two check flights adds "
-        f"{s.flight_K:g} K and {s.flight_load:g}. The laws and the ranges of their parameters are in "
-        "`src/emaphm/fleet/synthetic/growth.py`, the numbers above in `population.py` of that folder. They "
+        f"{s.flight_K:g} K and {s.flight_load:g}. The history of a synthetic fleet has the load and the "
+        "temperature of each interval; the predictions of this study do not use them. The laws and the "
+        "ranges of their parameters are in `src/emaphm/fleet/synthetic/growth.py`, the numbers above in `population.py` of that folder. They "
         "were chosen before any prediction on them; the prognosis was developed on another fleet "
         "(`--population development`). Two settings, however, were chosen on further units drawn from this "
         "population, so that intervals contain the truth: the share of the filter in a forecast, and that "
