@@ -351,10 +351,10 @@ def _population(population: Population) -> Iterator[str]:
         f"{s.flight_K:g} K and {s.flight_load:g}. The history of a synthetic fleet has the load and the "
         "temperature of each interval; the predictions of this study do not use them. The laws and the "
         "ranges of their parameters are in `src/emaphm/fleet/synthetic/growth.py`, the numbers above in "
-        "`population.py` of that folder. They were chosen before any prediction on them; the prognosis was developed on another fleet "
-        "(`--population development`). Two settings, however, were chosen on further units drawn from this "
-        "population, so that intervals contain the truth: the share of the filter in a forecast, and that "
-        "the forecast uses the filter alone where a unit has passed no step."
+        "`population.py` of that folder. They were chosen before any prediction on them; the prognosis was "
+        "developed on another fleet (`--population development`). Two settings, however, were chosen on "
+        "further units drawn from this population, so that intervals contain the truth: the share of the "
+        "filter in a forecast, and that the forecast uses the filter alone where a unit has passed no step."
     )
 
 
