@@ -12,6 +12,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.arrays import Array
 from emaphm.diagnosis.diagnose import objective_for, without_spoilt_rows
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.identifiability import identifiability
@@ -311,13 +312,48 @@ def alone_estimates(alone: Sequence[SearchResult], joint: JointObjective, seed: 
     """Return the separate estimates and their meta-analysis; None for a single recording."""
     if len(alone) == 1:
         return None
-    shared_columns = [term.shared_places for term in joint.terms]
-    points = np.array([result.point[columns] for result, columns in zip(alone, shared_columns, strict=True)])
-    covariances = np.array(
-        [
-            identifiability(result, seed).covariance[np.ix_(columns, columns)]
-            for result, columns in zip(alone, shared_columns, strict=True)
-        ]
-    )
+    shared = [_shared(result, r, joint, seed) for r, result in enumerate(alone)]
+    points, covariances = (np.array(parts) for parts in zip(*shared, strict=True))
     meta = random_effects(points, covariances, joint.prior_deviations[: joint.shared])
     return AloneEstimates(points, covariances, np.ones(len(alone)), meta)
+
+
+def _shared(result: SearchResult, r: int, joint: JointObjective, seed: int) -> tuple[Array, Array]:
+    """Return the shared coordinates (p,) of an estimate of recording `r`, and their covariance (p, p)."""
+    places = joint.terms[r].shared_places
+    return result.point[places], identifiability(result, seed).covariance[np.ix_(places, places)]
+
+
+def with_better_fits(
+    estimates: AloneEstimates,
+    alone: Sequence[SearchResult],
+    together: Sequence[SearchResult],
+    joint: JointObjective,
+    seed: int,
+) -> AloneEstimates:
+    """Return the separate estimates, with the joint estimate of each recording that it fits as well.
+
+    In a slow motion the optimum may lie in a long valley, and a separate search may end far from the others
+    although the recording contains no evidence against them. The linear covariance does not show this. The
+    residuals by the reference model do: `together` are the joint estimate as a result of each recording.
+    """
+    points, covariances = estimates.points.copy(), estimates.covariances.copy()
+    for r, (separate, common) in enumerate(zip(alone, together, strict=True)):
+        if _fits_as_well(common, separate):
+            points[r], covariances[r] = _shared(common, r, joint, seed)
+    meta = random_effects(points, covariances, joint.prior_deviations[: joint.shared])
+    return replace(estimates, points=points, covariances=covariances, meta=meta)
+
+
+def _fits_as_well(common: SearchResult, separate: SearchResult) -> bool:
+    """Return whether the residual of `common` is not larger, with the weights of `separate`."""
+    objective = separate.objective
+
+    def misfit(result: SearchResult) -> float:
+        square = float(np.mean(objective.rescaled(result.residual, result.objective) ** 2))
+        if result.discrepancy is None:
+            return square
+        error = objective.rescaled(result.discrepancy.standard_error, result.objective)
+        return square - float(np.mean(error**2))
+
+    return misfit(common) <= misfit(separate)

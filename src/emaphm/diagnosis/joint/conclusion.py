@@ -11,6 +11,7 @@ from emaphm.actuator import NAMES
 from emaphm.arrays import Array, rms
 from emaphm.diagnosis.diagnose import nuisance_estimates, tested
 from emaphm.diagnosis.identifiability import collinear_sets
+from emaphm.diagnosis.joint.alone import with_better_fits
 from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording
 from emaphm.diagnosis.nuisance_estimate import of_unit
 from emaphm.diagnosis.result import Diagnosis
@@ -18,7 +19,7 @@ from emaphm.diagnosis.verdict import Estimate, estimates, unexplained
 from emaphm.estimation.joint.contradictions import contradictions, dissenting
 from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.joint.objective import JointObjective
-from emaphm.estimation.joint.uncertainty import JointUncertainty
+from emaphm.estimation.joint.uncertainty import AloneEstimates, JointUncertainty
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, jacobians_of
@@ -47,7 +48,11 @@ def conclusion(
         The joint fit, and its uncertainty.
     """
     joint, space = estimate.joint, results[0].objective.space
-    between = _contradictions_between(uncertainty, joint)
+    between = _contradictions_between(uncertainty.alone, joint)
+    if uncertainty.alone is not None and not between.agree:
+        # A search that ended away from the optimum is no evidence for a contradiction.
+        better = with_better_fits(uncertainty.alone, alone, results, joint, seed)
+        between = _contradictions_between(better, joint)
     explained = all(diagnosis.explained for diagnosis in single)
     covariance = _covariance(estimate, uncertainty, between, results, seed)
     local = covariance[np.ix_(joint.indices[0], joint.indices[0])]
@@ -166,14 +171,14 @@ class _Between:
         return not (self.contradicted.any() or self.named.any())
 
 
-def _contradictions_between(uncertainty: JointUncertainty, joint: JointObjective) -> _Between:
+def _contradictions_between(alone: AloneEstimates | None, joint: JointObjective) -> _Between:
     """Return the contradictions between the recordings; none without separate estimates."""
     shared, count = joint.shared, len(joint.terms)
-    if uncertainty.alone is None:
+    if alone is None:
         return _Between(np.zeros(shared, bool), np.zeros(count, bool), np.zeros((shared, shared)))
     priors = joint.prior_deviations[:shared]
-    heterogeneity = contradictions(uncertainty.alone, priors)
-    dissenters = dissenting(uncertainty.alone, priors)
+    heterogeneity = contradictions(alone, priors)
+    dissenters = dissenting(alone, priors)
     between = _Between(heterogeneity.contradicted, dissenters, heterogeneity.covariance)
     # The mean of n consistent recordings has 1/n of their scatter. Where they contradict each other, the
     # value of any recording may be the true one.
