@@ -1,6 +1,7 @@
 """Joint diagnosis of several recordings of a unit: smaller errors, and detection of contradictions."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.cli import main
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.joint import JointDiagnosis, diagnose_joint
+from emaphm.diagnosis.joint.alone import AloneSearches, search_alone
+from emaphm.diagnosis.joint.result import JointRecording, on_contradictions
 from emaphm.diagnosis.selection import first_look
 from emaphm.diagnosis.selection.laws import hidden_laws, sensor_lag
 from emaphm.errors import MethodError
@@ -208,7 +211,41 @@ def test_a_contradicting_recording_is_named_and_no_component_has_a_verdict() -> 
     assert [recording.contradicts for recording in diagnosis.recordings] == [False, True, False]
     assert diagnosis.recordings[1].misfit_ratio > 1.5
     assert diagnosis.recordings[1].alone[0] == pytest.approx(0.6, abs=0.02)
-    assert "Contradicting the others: day 7. " in str(diagnosis)
+    assert "Not explained: contradicting the others: day 7. " in str(diagnosis)
+    assert diagnosis.to_dict()["reasons"][0].startswith("contradicting the others: day 7. ")
+
+
+def test_a_separate_fit_that_is_worse_than_the_joint_one_is_no_contradiction(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    faults, days = Faults(friction=0.3, backlash=0.4), []
+    for seed in range(2):
+        whole = simulate(THESIS, Chirp(duration=0.15), faults=faults, duration=0.15, noise=0.05, seed=seed)
+        days.append(Recording({name: whole[name] for name in CHANNELS[:3]}))
+
+    def astray(*arguments: Any) -> AloneSearches:
+        searches = search_alone(*arguments)
+        point = searches.results[0].point + 0.2 * (np.arange(searches.results[0].point.size) == 1)
+        wrong = replace(searches.results[0], point=point, known_outputs=None)
+        return replace(searches, results=[wrong, *searches.results[1:]])
+
+    monkeypatch.setattr("emaphm.diagnosis.joint.diagnose.search_alone", astray)
+    diagnosis = diagnose_joint(days, THESIS, nuisances=("load",), max_corrections=2)
+    assert diagnosis.recordings[0].alone[1] - faults.backlash > 0.15
+    assert (diagnosis.contradicting, diagnosis.contradicted) == ((), ())
+    assert diagnosis.explained
+    assert diagnosis.faults.backlash == pytest.approx(faults.backlash, abs=0.01)
+
+
+def test_components_without_a_single_outlier_are_named_with_their_range() -> None:
+    def day(friction: float, *, contradicts: bool) -> JointRecording:
+        alone = (friction, *FAULTS.vector[1:].tolist())
+        return JointRecording("day", ("current_A",), True, 0.1, 0.03, 1.0, contradicts, alone, {})
+
+    days = [day(0.16, contradicts=False), day(0.19, contradicts=False)]
+    (reason,) = on_contradictions(days, ("friction",))
+    assert "contradict each other in friction (alone 0.1600 to 0.1900)" in reason
+    assert not list(on_contradictions(days, ()))
 
 
 def test_of_two_contradicting_recordings_neither_is_accepted() -> None:

@@ -12,7 +12,7 @@ from emaphm.arrays import Array, rms
 from emaphm.diagnosis.diagnose import nuisance_estimates, tested
 from emaphm.diagnosis.identifiability import collinear_sets
 from emaphm.diagnosis.joint.alone import with_better_fits
-from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording
+from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording, on_contradictions
 from emaphm.diagnosis.nuisance_estimate import of_unit
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import Estimate, estimates, unexplained
@@ -49,7 +49,7 @@ def conclusion(
     """
     joint, space = estimate.joint, results[0].objective.space
     between = _contradictions_between(uncertainty.alone, joint)
-    if uncertainty.alone is not None and not between.agree:
+    if uncertainty.alone is not None and estimate.corrected and not between.agree:
         # A search that ended away from the optimum is no evidence for a contradiction.
         better = with_better_fits(uncertainty.alone, alone, results, joint, seed)
         between = _contradictions_between(better, joint)
@@ -65,9 +65,18 @@ def conclusion(
     else:
         components = _tested_by_each(components, results, seed)
     residual = np.concatenate([result.compared_residual for result in results])
+    recordings = tuple(
+        _recording_entry(diagnosis, searched, result, contradicts=bool(named))
+        for diagnosis, searched, result, named in zip(single, alone, results, between.named, strict=True)
+    )
+    contradicted = tuple(
+        dict.fromkeys(NAMES[column] for i, column in enumerate(space.columns) if between.contradicted[i])
+    )
+    common = _common_fields(single)
     return JointDiagnosis(
-        **_common_fields(single)
+        **common
         | {
+            "reasons": (*on_contradictions(recordings, contradicted), *common["reasons"]),
             "components": components,
             "coordinates": tuple(space.coordinates[i] for i in joint.terms[0].shared_places),
             "covariance": covariance[: joint.shared, : joint.shared],
@@ -77,13 +86,8 @@ def conclusion(
             "nuisances": of_unit(nuisance_estimates(results[0].objective, results[0].point, local)),
             "collinear_sets": sets,
         },
-        recordings=tuple(
-            _recording_entry(diagnosis, searched, result, contradicts=bool(named))
-            for diagnosis, searched, result, named in zip(single, alone, results, between.named, strict=True)
-        ),
-        contradicted=tuple(
-            dict.fromkeys(NAMES[column] for i, column in enumerate(space.columns) if between.contradicted[i])
-        ),
+        recordings=recordings,
+        contradicted=contradicted,
     )
 
 
