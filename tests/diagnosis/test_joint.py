@@ -1,7 +1,6 @@
 """Joint diagnosis of several recordings of a unit: smaller errors, and detection of contradictions."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +14,19 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.cli import main
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.joint import JointDiagnosis, diagnose_joint
-from emaphm.diagnosis.joint.alone import AloneSearches, search_alone
+from emaphm.diagnosis.joint.alone import with_better_fits
 from emaphm.diagnosis.joint.result import JointRecording, on_contradictions
 from emaphm.diagnosis.selection import first_look
 from emaphm.diagnosis.selection.laws import hidden_laws, sensor_lag
 from emaphm.errors import MethodError
+from emaphm.estimation.global_search.multistart import MULTISTART
+from emaphm.estimation.joint.contradictions import dissenting
+from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
+from emaphm.estimation.joint.random_effects import random_effects
+from emaphm.estimation.joint.uncertainty import AloneEstimates
+from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.posing import problem_of
+from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording, acquire, write_recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED
@@ -215,26 +222,27 @@ def test_a_contradicting_recording_is_named_and_no_component_has_a_verdict() -> 
     assert diagnosis.to_dict()["reasons"][0].startswith("contradicting the others: day 7. ")
 
 
-def test_a_separate_fit_that_is_worse_than_the_joint_one_is_no_contradiction(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    faults, days = Faults(friction=0.3, backlash=0.4), []
-    for seed in range(2):
-        whole = simulate(THESIS, Chirp(duration=0.15), faults=faults, duration=0.15, noise=0.05, seed=seed)
-        days.append(Recording({name: whole[name] for name in CHANNELS[:3]}))
+def test_a_separate_fit_counts_against_the_others_if_it_is_better_than_the_joint_one() -> None:
+    problem = problem_of(recorded(FAULTS, 1), IDEAL)
+    objective = faults_objective(problem, ("load",))
+    (truth,) = objective.space.points(FAULTS.vector[np.newaxis])
+    term = RecordingTerm.of(objective, len(objective.space.columns))
+    joint = JointObjective((term, term), objective.space.nuisances.unit, MULTISTART.fine.step)
+    other = truth + 0.2 * (np.arange(truth.size) == NAMES.index("backlash"))
+    points = np.array([other, truth])[:, term.shared_places]
+    covariances = np.array([1e-4 * np.eye(len(row)) for row in points])
+    priors = joint.prior_deviations[: joint.shared]
+    separate = AloneEstimates(points, covariances, np.ones(2), random_effects(points, covariances, priors))
 
-    def astray(*arguments: Any) -> AloneSearches:
-        searches = search_alone(*arguments)
-        point = searches.results[0].point + 0.2 * (np.arange(searches.results[0].point.size) == 1)
-        wrong = replace(searches.results[0], point=point, known_outputs=None)
-        return replace(searches, results=[wrong, *searches.results[1:]])
+    def dissent(alone: np.ndarray, together: np.ndarray) -> list[bool]:
+        """Return which recordings contradict, if the first has these fits, alone and together."""
+        fits = [[SearchResult.at(objective, point) for point in (of, truth)] for of in (alone, together)]
+        marked: list[bool] = dissenting(with_better_fits(separate, *fits, joint), priors).tolist()
+        return marked
 
-    monkeypatch.setattr("emaphm.diagnosis.joint.diagnose.search_alone", astray)
-    diagnosis = diagnose_joint(days, THESIS, nuisances=("load",), max_corrections=2)
-    assert diagnosis.recordings[0].alone[1] - faults.backlash > 0.15
-    assert (diagnosis.contradicting, diagnosis.contradicted) == ((), ())
-    assert diagnosis.explained
-    assert diagnosis.faults.backlash == pytest.approx(faults.backlash, abs=0.01)
+    assert dissenting(separate, priors).all()
+    assert dissent(alone=other, together=truth) == [False, False]
+    assert dissent(alone=truth, together=other) == [True, True]
 
 
 def test_components_without_a_single_outlier_are_named_with_their_range() -> None:

@@ -12,7 +12,6 @@ from typing import Self, TypeVar
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.arrays import Array
 from emaphm.diagnosis.diagnose import objective_for, without_spoilt_rows
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.identifiability import identifiability
@@ -40,6 +39,7 @@ from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import BASELINE
+from emaphm.estimation.uncertainty.local_covariance import moves_slowly
 from emaphm.progress import Progress
 from emaphm.recording.sensor_checks import CheckedRecording
 from emaphm.simulation import AVERAGED
@@ -312,16 +312,16 @@ def alone_estimates(alone: Sequence[SearchResult], joint: JointObjective, seed: 
     """Return the separate estimates and their meta-analysis; None for a single recording."""
     if len(alone) == 1:
         return None
-    shared = [_shared(result, r, joint, seed) for r, result in enumerate(alone)]
-    points, covariances = (np.array(parts) for parts in zip(*shared, strict=True))
+    shared_columns = [term.shared_places for term in joint.terms]
+    points = np.array([result.point[columns] for result, columns in zip(alone, shared_columns, strict=True)])
+    covariances = np.array(
+        [
+            identifiability(result, seed).covariance[np.ix_(columns, columns)]
+            for result, columns in zip(alone, shared_columns, strict=True)
+        ]
+    )
     meta = random_effects(points, covariances, joint.prior_deviations[: joint.shared])
     return AloneEstimates(points, covariances, np.ones(len(alone)), meta)
-
-
-def _shared(result: SearchResult, r: int, joint: JointObjective, seed: int) -> tuple[Array, Array]:
-    """Return the shared coordinates (p,) of an estimate of recording `r`, and their covariance (p, p)."""
-    places = joint.terms[r].shared_places
-    return result.point[places], identifiability(result, seed).covariance[np.ix_(places, places)]
 
 
 def with_better_fits(
@@ -329,20 +329,26 @@ def with_better_fits(
     alone: Sequence[SearchResult],
     together: Sequence[SearchResult],
     joint: JointObjective,
-    seed: int,
+    *,
+    slow_only: bool = False,
 ) -> AloneEstimates:
     """Return the separate estimates, with the joint estimate of each recording that it fits as well.
 
-    In a slow motion the optimum may lie in a long valley, and a separate search may end far from the others
-    although the recording contains no evidence against them. The linear covariance does not show this. The
-    residuals by the reference model do: `together` are the joint estimate as a result of each recording.
+    The optimum may lie in a long valley, above all in a slow motion, and a separate search may end far from
+    the others although the recording contains no evidence against them. The linear covariance does not show
+    this. The residuals by the reference model do: `together` are the joint estimate as a result of each
+    recording. Covariances remain those of the separate estimates. With `slow_only`, only recordings of slow
+    motions are compared: the residuals have random errors of some percent, which would hide a small scatter
+    between other recordings.
     """
-    points, covariances = estimates.points.copy(), estimates.covariances.copy()
+    points = estimates.points.copy()
     for r, (separate, common) in enumerate(zip(alone, together, strict=True)):
+        if slow_only and not moves_slowly(separate.objective.problem):
+            continue
         if _fits_as_well(common, separate):
-            points[r], covariances[r] = _shared(common, r, joint, seed)
-    meta = random_effects(points, covariances, joint.prior_deviations[: joint.shared])
-    return replace(estimates, points=points, covariances=covariances, meta=meta)
+            points[r] = common.point[joint.terms[r].shared_places]
+    meta = random_effects(points, estimates.covariances, joint.prior_deviations[: joint.shared])
+    return replace(estimates, points=points, meta=meta)
 
 
 def _fits_as_well(common: SearchResult, separate: SearchResult) -> bool:

@@ -48,11 +48,7 @@ def conclusion(
         The joint fit, and its uncertainty.
     """
     joint, space = estimate.joint, results[0].objective.space
-    between = _contradictions_between(uncertainty.alone, joint)
-    if uncertainty.alone is not None and estimate.corrected and not between.agree:
-        # A search that ended away from the optimum is no evidence for a contradiction.
-        better = with_better_fits(uncertainty.alone, alone, results, joint, seed)
-        between = _contradictions_between(better, joint)
+    between = _between_recordings(alone, results, estimate, uncertainty)
     explained = all(diagnosis.explained for diagnosis in single)
     covariance = _covariance(estimate, uncertainty, between, results, seed)
     local = covariance[np.ix_(joint.indices[0], joint.indices[0])]
@@ -173,6 +169,26 @@ class _Between:
     def agree(self) -> bool:
         """Whether the recordings do not contradict each other."""
         return not (self.contradicted.any() or self.named.any())
+
+
+def _between_recordings(
+    alone: Sequence[SearchResult],
+    results: Sequence[SearchResult],
+    estimate: JointEstimate,
+    uncertainty: JointUncertainty,
+) -> _Between:
+    """Return the contradictions; a separate search that ended away from its optimum is no evidence for one.
+
+    Arguments as for `conclusion`.
+    """
+    separate, joint = uncertainty.alone, estimate.joint
+    if separate is None or not estimate.corrected:
+        return _contradictions_between(separate, joint)
+    separate = with_better_fits(separate, alone, results, joint, slow_only=True)
+    between = _contradictions_between(separate, joint)
+    if between.agree:
+        return between
+    return _contradictions_between(with_better_fits(separate, alone, results, joint), joint)
 
 
 def _contradictions_between(alone: AloneEstimates | None, joint: JointObjective) -> _Between:
