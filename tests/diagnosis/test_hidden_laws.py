@@ -11,6 +11,8 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.actuator.laws import LAWS, typical_speed
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import diagnose
+from emaphm.diagnosis.law_parameters import shown_laws
+from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.selection import deviations
 from emaphm.diagnosis.selection.laws import hidden_laws, law_selection
 from emaphm.diagnosis.selection.laws.hidden_laws import Score, hidden_scores, suspected_laws
@@ -166,3 +168,16 @@ def test_a_voltage_drop_of_the_inverter_is_not_read_as_inertia() -> None:
     drop = diagnosis.nuisances["baseline voltage_drop"]
     assert abs(drop.value - np.log(1.0 / (0.01 * 48.0))) <= 4 * drop.standard_error
     assert drop.standard_error < 0.1
+
+
+@pytest.mark.parametrize(("size", "named"), [(1.9, False), (2.1, True)])
+def test_a_law_that_begins_at_0_is_named_if_a_parameter_is_significant(size: float, named: bool) -> None:
+    error = 0.005
+    estimate = NuisanceEstimate(size * error, error, "rad", True)
+    laws = shown_laws(("hall-angles",), {"baseline hall_a": estimate}, THESIS)
+    assert laws == (("hall-angles",) if named else ())
+
+
+def test_a_law_with_an_effect_at_its_start_is_named_if_a_parameter_is_known() -> None:
+    estimate = NuisanceEstimate(0.01, 0.5, "-", True)
+    assert shown_laws(("speed-lag",), {"baseline speed_lag": estimate}, THESIS) == ("speed-lag",)

@@ -14,9 +14,19 @@ from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_par
 from emaphm.cli import main
 from emaphm.diagnosis import diagnose
 from emaphm.diagnosis.joint import JointDiagnosis, diagnose_joint
+from emaphm.diagnosis.joint.alone import with_better_fits
+from emaphm.diagnosis.joint.result import JointRecording, on_contradictions
 from emaphm.diagnosis.selection import first_look
 from emaphm.diagnosis.selection.laws import hidden_laws, sensor_lag
 from emaphm.errors import MethodError
+from emaphm.estimation.global_search.multistart import MULTISTART
+from emaphm.estimation.joint.contradictions import dissenting
+from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
+from emaphm.estimation.joint.random_effects import random_effects
+from emaphm.estimation.joint.uncertainty import AloneEstimates
+from emaphm.estimation.objective import faults_objective
+from emaphm.estimation.posing import problem_of
+from emaphm.estimation.search_result import SearchResult
 from emaphm.recording import Recording, acquire, write_recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED
@@ -208,7 +218,42 @@ def test_a_contradicting_recording_is_named_and_no_component_has_a_verdict() -> 
     assert [recording.contradicts for recording in diagnosis.recordings] == [False, True, False]
     assert diagnosis.recordings[1].misfit_ratio > 1.5
     assert diagnosis.recordings[1].alone[0] == pytest.approx(0.6, abs=0.02)
-    assert "Contradicting the others: day 7. " in str(diagnosis)
+    assert "Not explained: contradicting the others: day 7. " in str(diagnosis)
+    assert diagnosis.to_dict()["reasons"][0].startswith("contradicting the others: day 7. ")
+
+
+def test_a_separate_fit_counts_against_the_others_if_it_is_better_than_the_joint_one() -> None:
+    problem = problem_of(recorded(FAULTS, 1), IDEAL)
+    objective = faults_objective(problem, ("load",))
+    (truth,) = objective.space.points(FAULTS.vector[np.newaxis])
+    term = RecordingTerm.of(objective, len(objective.space.columns))
+    joint = JointObjective((term, term), objective.space.nuisances.unit, MULTISTART.fine.step)
+    other = truth + 0.2 * (np.arange(truth.size) == NAMES.index("backlash"))
+    points = np.array([other, truth])[:, term.shared_places]
+    covariances = np.array([1e-4 * np.eye(len(row)) for row in points])
+    priors = joint.prior_deviations[: joint.shared]
+    separate = AloneEstimates(points, covariances, np.ones(2), random_effects(points, covariances, priors))
+
+    def dissent(alone: np.ndarray, together: np.ndarray) -> list[bool]:
+        """Return which recordings contradict, if the first has these fits, alone and together."""
+        fits = [[SearchResult.at(objective, point) for point in (of, truth)] for of in (alone, together)]
+        marked: list[bool] = dissenting(with_better_fits(separate, *fits, joint), priors).tolist()
+        return marked
+
+    assert dissenting(separate, priors).all()
+    assert dissent(alone=other, together=truth) == [False, False]
+    assert dissent(alone=truth, together=other) == [True, True]
+
+
+def test_components_without_a_single_outlier_are_named_with_their_range() -> None:
+    def day(friction: float, *, contradicts: bool) -> JointRecording:
+        alone = (friction, *FAULTS.vector[1:].tolist())
+        return JointRecording("day", ("current_A",), True, 0.1, 0.03, 1.0, contradicts, alone, {})
+
+    days = [day(0.16, contradicts=False), day(0.19, contradicts=False)]
+    (reason,) = on_contradictions(days, ("friction",))
+    assert "contradict each other in friction (alone 0.1600 to 0.1900)" in reason
+    assert not list(on_contradictions(days, ()))
 
 
 def test_of_two_contradicting_recordings_neither_is_accepted() -> None:

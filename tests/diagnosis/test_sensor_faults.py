@@ -38,6 +38,15 @@ def test_a_wrong_scale_of_speed_may_be_that_of_the_position_sensor() -> None:
         assert ("A wrong scale of the position sensor" in fault.sentence) == also
 
 
+@pytest.mark.parametrize(("factor", "unit"), [(9.55, "rpm"), (57.2, "deg/s"), (0.16, "turns/s"), (9.0, None)])
+def test_a_speed_with_the_factor_of_another_unit_has_its_name(factor: float, unit: str | None) -> None:
+    estimate = {"speed_scale": NuisanceEstimate(factor - 1, 1e-3, "-", True)}
+    (fault,) = sensor_faults((), tuple(estimate), estimate, (), FOUR, THESIS, explained=True)
+    assert ("under [channels]" in fault.sentence) == (unit is not None)
+    if unit is not None:
+        assert f"A speed in {unit} has this factor" in fault.sentence
+
+
 @pytest.fixture
 def unrefined(monkeypatch: pytest.MonkeyPatch) -> None:
     """Omit the refinement of unexplained searches, to save time: the steps after it are tested here.

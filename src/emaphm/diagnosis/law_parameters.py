@@ -5,10 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from emaphm.actuator import Actuator
-from emaphm.actuator.laws import LAWS
+from emaphm.actuator.actuator import described_parts
+from emaphm.actuator.laws import LAWS, Law
 from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.actuator.unit.baseline import LUMPED_PARAMETERS, SIGNED
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.diagnosis.selection.settings import LAW_SELECTION
 from emaphm.estimation.space.nuisances import BASELINE
 
 
@@ -35,20 +37,35 @@ def law_parameters(
     return values
 
 
-def shown_laws(laws: Sequence[str], nuisances: Mapping[str, NuisanceEstimate]) -> tuple[str, ...]:
+def shown_laws(
+    laws: Sequence[str], nuisances: Mapping[str, NuisanceEstimate], actuator: Actuator
+) -> tuple[str, ...]:
     """Return the `laws` that the recording identifies: at least one estimated parameter is known.
 
-    A law without estimated parameters is kept: it was compared at its starting values.
+    If a law has no effect with all its parameters at 0, one of them must also be significantly different from
+    0: the standard errors here contain more than those at the selection (the switching in slow motions; the
+    other recordings of a joint diagnosis). A law without estimated parameters is kept: it was compared at its
+    starting values.
     """
-    estimated = {
-        law: [nuisances[BASELINE + name] for name in LAWS[law].parameters if BASELINE + name in nuisances]
-        for law in laws
-    }
-    return tuple(
-        law
-        for law, estimates in estimated.items()
-        if not estimates or any(estimate.known for estimate in estimates)
-    )
+    return tuple(law for law in laws if _is_shown(LAWS[law], nuisances, actuator))
+
+
+def _is_shown(law: Law, nuisances: Mapping[str, NuisanceEstimate], actuator: Actuator) -> bool:
+    """Return whether the recording identifies a law; arguments as for `shown_laws`."""
+    names = [BASELINE + name for name in law.parameters if BASELINE + name in nuisances]
+    if not names:
+        return True
+    estimates = [nuisances[name] for name in names if nuisances[name].known]
+    if without_effect_at_zero(law, law.added_to(actuator)):
+        significant = LAW_SELECTION.significant
+        estimates = [one for one in estimates if abs(one.value) > significant * one.standard_error]
+    return bool(estimates)
+
+
+def without_effect_at_zero(law: Law, actuator: Actuator) -> bool:
+    """Return whether `law`, which the `actuator` has, acts only through parameters that begin at 0."""
+    described = tuple(name for name in law.parameters if described_parts(actuator, name) is not None)
+    return not any(lumped_parameters(actuator, described).values())
 
 
 def without_laws(

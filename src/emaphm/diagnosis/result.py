@@ -151,7 +151,7 @@ class Diagnosis:
         reduces such a residual need not be its cause.
         """
         if self.explained:
-            return replace(self, laws=shown_laws(laws, self.nuisances))
+            return replace(self, laws=shown_laws(laws, self.nuisances, self.actuator))
         return replace(self, laws=(), nuisances=without_laws(self.nuisances, laws))
 
     @property

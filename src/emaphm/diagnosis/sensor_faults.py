@@ -1,5 +1,6 @@
 """Faults of sensors: from checks of the signals without a model, and from errors estimated with the model."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -36,6 +37,14 @@ LIKE_A_CURRENT_SCALE = (
     " A torque constant of {factor:.3g} times the described value would have the same effect."
 )
 """Added if the actuator has no electrical description: a current then acts through its torque alone."""
+
+SPEED_UNITS = {"rpm": 30 / math.pi, "deg/s": 180 / math.pi, "turns/s": 0.5 / math.pi}
+"""Units of a speed other than rad/s, and the scale factor that the sensor then seems to have."""
+
+LIKE_A_UNIT = 0.02
+"""Largest relative deviation of a scale factor from that of a unit up to which the unit is named."""
+
+LIKE_ANOTHER_UNIT = " A speed in {unit} has this factor: check its unit under [channels]."
 
 UNFOLLOWED = "does not follow its quantity: its scale of {factor:.2g} may be 0"
 """Meaning of a scale factor within `CERTAIN` standard errors of 0."""
@@ -122,7 +131,8 @@ def sensor_faults(
                 continue
             if error[1] == "delay" or size > usual_deviation(actuator, name):
                 fault = _estimated_fault(name, *error, nuisances[name], collinear_sets, channels)
-                faults.append(_with_torque_constant(fault) if actuator.electrical is None else fault)
+                fault = _with_torque_constant(fault) if actuator.electrical is None else fault
+                faults.append(fault if actuator.has_linear_motor else _with_unit(fault))
     return tuple(faults)
 
 
@@ -132,6 +142,16 @@ def _with_torque_constant(fault: SensorFault) -> SensorFault:
         return fault
     alike = LIKE_A_CURRENT_SCALE.format(factor=1 / (1 + fault.size))
     return replace(fault, sentence=f"{fault.sentence}{alike}")
+
+
+def _with_unit(fault: SensorFault) -> SensorFault:
+    """Return the fault, with the unit that a wrong scale of a speed indicates."""
+    if (fault.channel, fault.kind) != ("speed_rad_s", "scale"):
+        return fault
+    for unit, factor in SPEED_UNITS.items():
+        if abs((1 + fault.size) / factor - 1) < LIKE_A_UNIT:
+            return replace(fault, sentence=f"{fault.sentence}{LIKE_ANOTHER_UNIT.format(unit=unit)}")
+    return fault
 
 
 def _estimated_fault(

@@ -39,6 +39,7 @@ from emaphm.estimation.search import search
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.space.nuisances import BASELINE
+from emaphm.estimation.uncertainty.local_covariance import moves_slowly
 from emaphm.progress import Progress
 from emaphm.recording.sensor_checks import CheckedRecording
 from emaphm.simulation import AVERAGED
@@ -321,3 +322,44 @@ def alone_estimates(alone: Sequence[SearchResult], joint: JointObjective, seed: 
     )
     meta = random_effects(points, covariances, joint.prior_deviations[: joint.shared])
     return AloneEstimates(points, covariances, np.ones(len(alone)), meta)
+
+
+def with_better_fits(
+    estimates: AloneEstimates,
+    alone: Sequence[SearchResult],
+    together: Sequence[SearchResult],
+    joint: JointObjective,
+    *,
+    slow_only: bool = False,
+) -> AloneEstimates:
+    """Return the separate estimates, with the joint estimate of each recording that it fits as well.
+
+    The optimum may lie in a long valley, above all in a slow motion, and a separate search may end far from
+    the others although the recording contains no evidence against them. The linear covariance does not show
+    this. The residuals by the reference model do: `together` are the joint estimate as a result of each
+    recording. Covariances remain those of the separate estimates. With `slow_only`, only recordings of slow
+    motions are compared: the residuals have random errors of some percent, which would hide a small scatter
+    between other recordings.
+    """
+    points = estimates.points.copy()
+    for r, (separate, common) in enumerate(zip(alone, together, strict=True)):
+        if slow_only and not moves_slowly(separate.objective.problem):
+            continue
+        if _fits_as_well(common, separate):
+            points[r] = common.point[joint.terms[r].shared_places]
+    meta = random_effects(points, estimates.covariances, joint.prior_deviations[: joint.shared])
+    return replace(estimates, points=points, meta=meta)
+
+
+def _fits_as_well(common: SearchResult, separate: SearchResult) -> bool:
+    """Return whether the residual of `common` is not larger, with the weights of `separate`."""
+    objective = separate.objective
+
+    def misfit(result: SearchResult) -> float:
+        square = float(np.mean(objective.rescaled(result.residual, result.objective) ** 2))
+        if result.discrepancy is None:
+            return square
+        error = objective.rescaled(result.discrepancy.standard_error, result.objective)
+        return square - float(np.mean(error**2))
+
+    return misfit(common) <= misfit(separate)

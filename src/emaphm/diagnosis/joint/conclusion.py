@@ -11,14 +11,15 @@ from emaphm.actuator import NAMES
 from emaphm.arrays import Array, rms
 from emaphm.diagnosis.diagnose import nuisance_estimates, tested
 from emaphm.diagnosis.identifiability import collinear_sets
-from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording
+from emaphm.diagnosis.joint.alone import with_better_fits
+from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording, on_contradictions
 from emaphm.diagnosis.nuisance_estimate import of_unit
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.verdict import Estimate, estimates, unexplained
 from emaphm.estimation.joint.contradictions import contradictions, dissenting
 from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.joint.objective import JointObjective
-from emaphm.estimation.joint.uncertainty import JointUncertainty
+from emaphm.estimation.joint.uncertainty import AloneEstimates, JointUncertainty
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.fisher_information import information
 from emaphm.estimation.uncertainty.local_covariance import jacobians_at, jacobians_of
@@ -47,7 +48,7 @@ def conclusion(
         The joint fit, and its uncertainty.
     """
     joint, space = estimate.joint, results[0].objective.space
-    between = _contradictions_between(uncertainty, joint)
+    between = _between_recordings(alone, results, estimate, uncertainty)
     explained = all(diagnosis.explained for diagnosis in single)
     covariance = _covariance(estimate, uncertainty, between, results, seed)
     local = covariance[np.ix_(joint.indices[0], joint.indices[0])]
@@ -60,9 +61,18 @@ def conclusion(
     else:
         components = _tested_by_each(components, results, seed)
     residual = np.concatenate([result.compared_residual for result in results])
+    recordings = tuple(
+        _recording_entry(diagnosis, searched, result, contradicts=bool(named))
+        for diagnosis, searched, result, named in zip(single, alone, results, between.named, strict=True)
+    )
+    contradicted = tuple(
+        dict.fromkeys(NAMES[column] for i, column in enumerate(space.columns) if between.contradicted[i])
+    )
+    common = _common_fields(single)
     return JointDiagnosis(
-        **_common_fields(single)
+        **common
         | {
+            "reasons": (*on_contradictions(recordings, contradicted), *common["reasons"]),
             "components": components,
             "coordinates": tuple(space.coordinates[i] for i in joint.terms[0].shared_places),
             "covariance": covariance[: joint.shared, : joint.shared],
@@ -72,13 +82,8 @@ def conclusion(
             "nuisances": of_unit(nuisance_estimates(results[0].objective, results[0].point, local)),
             "collinear_sets": sets,
         },
-        recordings=tuple(
-            _recording_entry(diagnosis, searched, result, contradicts=bool(named))
-            for diagnosis, searched, result, named in zip(single, alone, results, between.named, strict=True)
-        ),
-        contradicted=tuple(
-            dict.fromkeys(NAMES[column] for i, column in enumerate(space.columns) if between.contradicted[i])
-        ),
+        recordings=recordings,
+        contradicted=contradicted,
     )
 
 
@@ -166,14 +171,34 @@ class _Between:
         return not (self.contradicted.any() or self.named.any())
 
 
-def _contradictions_between(uncertainty: JointUncertainty, joint: JointObjective) -> _Between:
+def _between_recordings(
+    alone: Sequence[SearchResult],
+    results: Sequence[SearchResult],
+    estimate: JointEstimate,
+    uncertainty: JointUncertainty,
+) -> _Between:
+    """Return the contradictions; a separate search that ended away from its optimum is no evidence for one.
+
+    Arguments as for `conclusion`.
+    """
+    separate, joint = uncertainty.alone, estimate.joint
+    if separate is None or not estimate.corrected:
+        return _contradictions_between(separate, joint)
+    separate = with_better_fits(separate, alone, results, joint, slow_only=True)
+    between = _contradictions_between(separate, joint)
+    if between.agree:
+        return between
+    return _contradictions_between(with_better_fits(separate, alone, results, joint), joint)
+
+
+def _contradictions_between(alone: AloneEstimates | None, joint: JointObjective) -> _Between:
     """Return the contradictions between the recordings; none without separate estimates."""
     shared, count = joint.shared, len(joint.terms)
-    if uncertainty.alone is None:
+    if alone is None:
         return _Between(np.zeros(shared, bool), np.zeros(count, bool), np.zeros((shared, shared)))
     priors = joint.prior_deviations[:shared]
-    heterogeneity = contradictions(uncertainty.alone, priors)
-    dissenters = dissenting(uncertainty.alone, priors)
+    heterogeneity = contradictions(alone, priors)
+    dissenters = dissenting(alone, priors)
     between = _Between(heterogeneity.contradicted, dissenters, heterogeneity.covariance)
     # The mean of n consistent recordings has 1/n of their scatter. Where they contradict each other, the
     # value of any recording may be the true one.

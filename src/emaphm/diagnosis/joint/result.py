@@ -1,9 +1,10 @@
 """The result of a joint diagnosis: faults of one unit, and the fit of each of its recordings."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from emaphm.actuator import NAMES
 from emaphm.diagnosis.load_estimate import LoadEstimate, is_of_load
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
@@ -81,6 +82,31 @@ class JointRecording:
         )
 
 
+def on_contradictions(recordings: Sequence[JointRecording], contradicted: Sequence[str]) -> Iterator[str]:
+    """Yield why recordings that contradict each other are not explained: sentences without a full stop.
+
+    `contradicted` are the components in which they differ. If single recordings contradict the others, these
+    are named; else the components, with the range of the separate estimates.
+    """
+    names = [recording.name for recording in recordings if recording.contradicts]
+    if names:
+        yield (
+            f"contradicting the others: {', '.join(names)}. Either the unit has changed between the "
+            "recordings, or these recordings are of another unit, or one of their channels is reversed or "
+            "not in the described unit: diagnose them alone, and the others without them"
+        )
+    elif contradicted:
+        ranges = []
+        for name in contradicted:
+            values = [recording.alone[NAMES.index(name)] for recording in recordings]
+            ranges.append(f"{name} (alone {min(values):z.4f} to {max(values):z.4f})")
+        yield (
+            f"the recordings contradict each other in {', '.join(ranges)}: either the unit has changed "
+            "between them, for example by wear or a repair, or their conditions differ in a quantity that is "
+            "not estimated; diagnose each alone"
+        )
+
+
 HEADER = ("recording", "explained", "residual", "ratio to own fit", "contradicts the others", "nuisances")
 
 
@@ -119,17 +145,6 @@ class JointDiagnosis(Diagnosis):
         lines = super().notes()
         if all(recording.explained for recording in self.recordings):
             lines = [line for line in lines if line != NOT_EXPLAINED]
-        if self.contradicting:
-            lines.append(
-                f"Contradicting the others: {', '.join(self.contradicting)}. Either the unit has changed "
-                "between the recordings, or these recordings are of another unit, or one of their channels "
-                "is reversed or not in the described unit: diagnose them alone, and the others without them."
-            )
-        elif self.contradicted:
-            lines.append(
-                f"The recordings contradict each other in {', '.join(self.contradicted)}: diagnose each "
-                "alone."
-            )
         return lines
 
     def __str__(self) -> str:

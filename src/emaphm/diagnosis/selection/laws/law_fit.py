@@ -12,8 +12,8 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.actuator.actuator import described_parts
 from emaphm.actuator.laws import LAWS, Law
-from emaphm.actuator.lumped_parameters import lumped_parameters
 from emaphm.arrays import Array
+from emaphm.diagnosis.law_parameters import without_effect_at_zero
 from emaphm.diagnosis.selection.residual_share import hopelessness_relative_to, is_residual_above
 from emaphm.diagnosis.selection.settings import DESCRIPTION_ERRORS, LAW_SELECTION, MOTOR
 from emaphm.estimation.bias_correction import correct_bias
@@ -125,8 +125,7 @@ def acts(result: SearchResult, law: Law, seed: int) -> bool:
     """
     objective, point = result.objective, result.point
     actuator = objective.problem.actuator
-    described = tuple(name for name in law.parameters if described_parts(actuator, name) is not None)
-    if any(lumped_parameters(actuator, described).values()):
+    if not without_effect_at_zero(law, actuator):
         return True
     jacobians = jacobians_at(objective, point, stream(seed, "Jacobians of a second law"))
     local = local_covariance(objective, point, result.residual[: objective.channel_rows], jacobians)
