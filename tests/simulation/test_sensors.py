@@ -95,6 +95,19 @@ def test_a_delay_of_whole_rows_is_exact(rows: int, seed: int) -> None:
     np.testing.assert_allclose(delayed_signal[:rows], signal[0], rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_lag_and_delay_of_few_rows_are_those_of_the_longer_signal(rows: int) -> None:
+    signal = np.cumsum(np.random.default_rng(rows).normal(size=10))
+    shift = 1.0 * INTERVAL  # a delay of one row needs no row behind
+    np.testing.assert_allclose(
+        delayed(signal[:rows], INTERVAL, shift), delayed(signal, INTERVAL, shift)[:rows], rtol=1e-12
+    )
+    # A lag integrates up to a row with the row behind it, which is extrapolated for the last one.
+    np.testing.assert_allclose(
+        lagged(signal[:rows], INTERVAL, 2e-3)[: rows - 1], lagged(signal, INTERVAL, 2e-3)[: rows - 1]
+    )
+
+
 def test_each_signal_may_have_its_lag_or_delay() -> None:
     several = np.stack([swing(TIME), TIME, np.cos(OMEGA * TIME)])
     times = np.array([0.0, 2e-4, 3.3e-3])

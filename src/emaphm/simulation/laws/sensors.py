@@ -157,11 +157,12 @@ def rounded(signal: Array, resolution: float) -> Array:
 def _padded(signal: Array, before: int) -> Array:
     """Return `signal` (…, n) with `before` copies of its first value in front and one value behind.
 
-    The value behind is extrapolated by the parabola through the last three rows.
+    The value behind is extrapolated by the parabola through the last three rows, of which the first are
+    copies if the signal has only one row or two.
     """
-    held = np.repeat(signal[..., :1], before, axis=-1)
-    after = 3 * (signal[..., -1:] - signal[..., -2:-1]) + signal[..., -3:-2]
-    return np.concatenate([held, signal, after], axis=-1)
+    held = np.concatenate([np.repeat(signal[..., :1], before, axis=-1), signal], axis=-1)
+    after = 3 * (held[..., -1:] - held[..., -2:-1]) + held[..., -3:-2]
+    return np.concatenate([held, after], axis=-1)
 
 
 def _powers(s: Array) -> Array:
