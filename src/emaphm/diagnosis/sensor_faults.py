@@ -1,6 +1,5 @@
 """Faults of sensors: from checks of the signals without a model, and from errors estimated with the model."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from emaphm.actuator import NAMES, Actuator
+from emaphm.actuator.columns.units import in_unit
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.estimation.compared_channels import TORQUE_CURRENTS
 from emaphm.estimation.sensors.sensor_model import SENSOR_CHANNELS, sensor_error
@@ -38,8 +38,8 @@ LIKE_A_CURRENT_SCALE = (
 )
 """Added if the actuator has no electrical description: a current then acts through its torque alone."""
 
-SPEED_UNITS = {"rpm": 30 / math.pi, "deg/s": 180 / math.pi, "turns/s": 0.5 / math.pi}
-"""Units of a speed other than rad/s, and the scale factor that the sensor then seems to have."""
+SPEED_UNITS = ("rpm", "deg/s", "turns/s")
+"""Units of a speed other than rad/s: a column in one of them seems to have a wrong scale."""
 
 LIKE_A_UNIT = 0.02
 """Largest relative deviation of a scale factor from that of a unit up to which the unit is named."""
@@ -148,7 +148,8 @@ def _with_unit(fault: SensorFault) -> SensorFault:
     """Return the fault, with the unit that a wrong scale of a speed indicates."""
     if (fault.channel, fault.kind) != ("speed_rad_s", "scale"):
         return fault
-    for unit, factor in SPEED_UNITS.items():
+    for unit in SPEED_UNITS:
+        factor = float(in_unit(np.ones(1), "rad/s", unit)[0])
         if abs((1 + fault.size) / factor - 1) < LIKE_A_UNIT:
             return replace(fault, sentence=f"{fault.sentence}{LIKE_ANOTHER_UNIT.format(unit=unit)}")
     return fault
