@@ -1,6 +1,7 @@
 """Coordinates of an estimator: the faults that an actuator can have, and their bounds."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -109,9 +110,12 @@ class ParameterSpace(Box):
         points = np.asarray(points, float)
         full = np.broadcast_to(HEALTHY_POINT, (*points.shape[:-1], len(NAMES))).copy()
         full[..., list(self.columns)] = points[..., : len(self.columns)]
-        least = np.zeros(len(NAMES))
-        least[0] = self.limits(NAMES[0])[0]
-        return from_cartesian(full).clip(least, 1.0)
+        return from_cartesian(full).clip(self._least, 1.0)
+
+    @cached_property
+    def _least(self) -> Array:
+        """The least value of each fault component, (8,)."""
+        return np.array([self.limits(name)[0] for name in NAMES])
 
     def limits(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a fault component."""
