@@ -7,6 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
+import polars as pl
 import pytest
 
 from cases import THESIS
@@ -64,6 +65,17 @@ def test_stress_determines_the_rate_of_ageing() -> None:
         assert aged(hours, of_intervals, stress, 100.0) == pytest.approx(rate * hours)
     changing = np.array([[0.0, 40.0], [0.0, 0.0]])
     assert aged(hours, changing, stress, 500.0)[[50, 100]] == pytest.approx([500.0, 1500.0])
+
+
+def test_the_recorded_stress_gives_the_true_hours_of_ageing() -> None:
+    for number in range(3):
+        unit = drawn_unit(PLAN, number)
+        flights = unit.check_flights(PLAN.interval)
+        recorded = [unit.recorded_stress(i, StressModel()) for i in range(1, flights.size + 1)]
+        heat = np.array([stress.temperature for stress in recorded], float) - 288.0
+        load = np.array([stress.load for stress in recorded], float) / 0.1
+        true = unit.ageing[[unit.row(hours) for hours in flights]]
+        assert np.cumsum(PLAN.interval * 2 ** (heat / 40) * load**3) == pytest.approx(true)
 
 
 def test_a_unit_ends_at_its_first_limit_and_is_independent_of_the_fleet_size() -> None:
@@ -147,6 +159,10 @@ def test_one_command_runs_the_chain_and_continues_an_interrupted_one(
     assert f"emaphm prognose --unit UNIT --db {folder / 'history.sqlite'}" in output
     with History.open(folder / "history.sqlite") as history:
         assert [[result.hours for result in unit.diagnoses()] for unit in history.units()] == [[80.0], [80.0]]
+        kept = [(flight.load, flight.temperature) for unit in history.units() for flight in unit.flights()]
+    listed = pl.read_csv(folder / "flights.csv").select("load_Nm", "temperature_K").rows()
+    assert None not in {value for row in kept for value in row}
+    assert kept == [pytest.approx(row) for row in listed]
     assert read_recording(next(iter(written)), THESIS).labels["origin"] == "synthetic"
     assert main(["fleet", "simulate", "-o", str(folder), "--units", "3", "--flights", "1"]) == 2
     assert "holds another synthetic fleet: 'plan.units' (2 there, 3 here)" in capsys.readouterr().err
