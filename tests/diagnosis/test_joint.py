@@ -236,8 +236,11 @@ def test_a_separate_fit_counts_against_the_others_if_it_is_better_than_the_joint
 
     def dissent(alone: np.ndarray, together: np.ndarray) -> list[bool]:
         """Return which recordings contradict, if the first has these fits, alone and together."""
-        fits = [[SearchResult.at(objective, point) for point in (of, truth)] for of in (alone, together)]
-        marked: list[bool] = dissenting(with_better_fits(separate, *fits, joint), priors).tolist()
+        first, common = (
+            [SearchResult.at(objective, point), SearchResult.at(objective, truth)]
+            for point in (alone, together)
+        )
+        marked: list[bool] = dissenting(with_better_fits(separate, first, common, joint), priors).tolist()
         return marked
 
     assert dissenting(separate, priors).all()
