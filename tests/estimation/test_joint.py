@@ -3,15 +3,20 @@
 import numpy as np
 
 from cases import THESIS
-from emaphm.actuator import Chirp
+from emaphm.actuator import Chirp, Sine
 from emaphm.actuator.unit.baseline import Baseline
 from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.joint.contradictions import dissenting
+from emaphm.estimation.joint.correction import compared
 from emaphm.estimation.joint.objective import JointObjective, RecordingTerm
 from emaphm.estimation.joint.random_effects import random_effects
-from emaphm.estimation.joint.uncertainty import AloneEstimates
+from emaphm.estimation.joint.uncertainty import AloneEstimates, joint_uncertainty
 from emaphm.estimation.objective import faults_objective
 from emaphm.estimation.posing import problem_of
+from emaphm.estimation.search_result import SearchResult
+from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance, response_of
+from emaphm.estimation.uncertainty.switching_scores import switching_errors, switching_scores
+from emaphm.random_streams import stream
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
@@ -54,6 +59,31 @@ def test_faults_and_baseline_are_shared_and_each_recording_has_its_nuisances() -
     x = terms[0].objective.space.columns.index(5)
     point[x : x + 2] = 3.0, 4.0
     np.testing.assert_allclose(joint.box.project(point)[x : x + 2], [0.6, 0.8])
+
+
+def test_a_slow_recording_has_the_covariance_of_a_single_fit() -> None:
+    whole = simulate(THESIS, Sine(0.002, 2.0), duration=0.3, noise=0.05, sample_rate=2000.0)
+    recording = Recording({name: whole[name] for name in ("time_s", "command_rad", "current_A")})
+    objective = faults_objective(problem_of(recording, THESIS), ("load",))
+    unit, shared = objective.space.nuisances.unit, len(objective.space.columns)
+    joint = JointObjective((RecordingTerm.of(objective, shared),), unit, 2e-3, 1)
+    (point,) = objective.space.points(np.array([[0.2, 0.3, 0.1, 0.1, 0.1, 0.3, 0.6, 0.45]]))
+    (estimate,) = compared(joint, point[np.newaxis], 0, "start")
+    together = joint_uncertainty(estimate, 0, slow_terms=True)
+
+    result = SearchResult.at(objective, point, discrepancy=estimate.discrepancies[0])
+    derivatives = jacobians_at(objective, point, stream(0, "Jacobians of the covariance", 0))
+    response = response_of(result, stream(0, "Jacobians of the response", 0))
+    errors = switching_errors(result, stream(0, "switching of the covariance", 0))
+    assert response is not None
+    scores = switching_scores(derivatives.mean(axis=0), errors)
+    residual = estimate.corrected_residuals[0][: objective.channel_rows]
+    single = local_covariance(objective, point, residual, derivatives, 0.0, scores, response)
+    remaining = objective.space.project(point + single.step) - point
+    expected = single.covariance + np.outer(remaining, remaining)
+    np.testing.assert_allclose(together.covariance, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+    fast = joint_uncertainty(estimate, 0).covariance
+    assert np.diag(expected)[-2] > 1.5 * np.diag(fast)[-2]  # the gain
 
 
 def estimates(points: np.ndarray, deviation: float) -> AloneEstimates:

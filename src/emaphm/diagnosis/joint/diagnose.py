@@ -102,7 +102,7 @@ def diagnose_joint(
     # Without correction, the separate searches end before their optimum: steps from the joint estimate then
     # give the separate estimates.
     separate_estimates = alone_estimates(separate_results, joint, seed) if estimate.corrected else None
-    uncertainty = joint_uncertainty(estimate, seed, alone=separate_estimates)
+    uncertainty = joint_uncertainty(estimate, seed, alone=separate_estimates, slow_terms=estimate.corrected)
     results = [with_discrepancy(result, seed) for result in _by_recording(estimate, uncertainty.point)]
     single = [
         replace(

@@ -11,10 +11,17 @@ from emaphm.estimation.joint.correction import JointEstimate
 from emaphm.estimation.joint.random_effects import MetaAnalysis, random_effects
 from emaphm.estimation.joint.search import DESCENT, SEARCH, settle
 from emaphm.estimation.levenberg_marquardt import least_squares
+from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.uncertainty.covariance import ScoreStatistics, score_statistics
 from emaphm.estimation.uncertainty.fisher_information import information
-from emaphm.estimation.uncertainty.local_covariance import jacobians_at, local_covariance, rounding_scores
+from emaphm.estimation.uncertainty.local_covariance import (
+    jacobians_at,
+    local_covariance,
+    response_of,
+    rounding_scores,
+)
 from emaphm.estimation.uncertainty.repeated_errors import RepeatedErrors, ScoreSeries, repeated_errors
+from emaphm.estimation.uncertainty.switching_scores import switching_errors, switching_scores
 from emaphm.random_streams import stream
 
 FAR = 2.0
@@ -73,6 +80,7 @@ def joint_uncertainty(
     unresolved: Callable[[int, Array], Array] | None = None,
     alone: AloneEstimates | None = None,
     hidden: Callable[[int, Array], Array | float] = lambda _number, _jacobian: 0.0,
+    slow_terms: bool = False,
 ) -> JointUncertainty:
     """Return how well an estimate is known, and what each recording alone would have.
 
@@ -80,6 +88,9 @@ def joint_uncertainty(
     the covariance (p, p) of what it by principle has no information on. `alone` is known where each recording
     has been searched by itself. `hidden` returns, of the number of a recording and its mean Jacobian (own +
     shared, channel rows), the covariance of that Jacobian times an error that the residual does not show.
+    With `slow_terms`, recordings of slow motions have the derivatives of the reference model and the scores
+    of its switching, as in a single diagnosis, and the remaining step counts as an error: this takes some 200
+    runs of the reference model for each of them.
     """
     joint = estimate.joint
     jacobians = joint.for_each(
@@ -90,22 +101,16 @@ def joint_uncertainty(
         )
     )
     repeated = _repeated_errors(estimate, jacobians)
-    statistics, normals, gradients = list[ScoreStatistics](), list[Array](), list[Array]()
-    for r, (term, residual) in enumerate(zip(joint.terms, estimate.corrected_residuals, strict=True)):
-        channels, problem, replicates = (
-            residual[: term.objective.channel_rows],
-            term.objective.problem,
-            jacobians[r],
-        )
-        mean = replicates.mean(axis=0)
+    slow = joint.for_each(lambda r: _slow_motion(estimate, r, seed)) if slow_terms else []
+    scores = list[_Scores]()
+    for r, term in enumerate(joint.terms):
+        mean = jacobians[r].mean(axis=0)
         # What the model lacks is the same in each repetition of a manoeuvre.
-        unseen = rounding_scores(problem, mean) + repeated.repetitions[r] * hidden(r, mean)
-        statistics.append(score_statistics(replicates, channels, len(problem.channels), unseen))
-        normals.append(information(replicates) / np.mean(channels**2))
-        gradients.append(replicates.mean(axis=0) @ channels / np.mean(channels**2))
+        unseen = rounding_scores(term.objective.problem, mean) + repeated.repetitions[r] * hidden(r, mean)
+        scores.append(_scores_of(estimate, r, jacobians[r], unseen, slow[r] if slow else _SlowMotion()))
     total = ScoreStatistics(
-        joint.summed_matrices([one.information for one in statistics]),
-        joint.summed_matrices([one.score_covariance for one in statistics])
+        joint.summed_matrices([one.statistics.information for one in scores]),
+        joint.summed_matrices([one.statistics.score_covariance for one in scores])
         + repeated.covariance
         - repeated.independent,
     )
@@ -114,15 +119,81 @@ def joint_uncertainty(
     prior = joint.prior_precisions
     pull = prior * estimate.point
     pull[: joint.faults] = 0.0
-    gradient = joint.summed_vectors(gradients) - pull
-    step = np.asarray(np.linalg.solve(joint.summed_matrices(normals) + np.diag(prior), gradient), float)
+    gradient = joint.summed_vectors([one.gradient for one in scores]) - pull
+    normal = joint.summed_matrices([one.normal for one in scores])
+    is_slow = any(motion.response is not None for motion in slow)
+    if is_slow:
+        normal = joint.summed_matrices([one.cross for one in scores])
+        total = total.answered_by(normal, joint.correlated_rows / joint.prior_deviations**2)
+    step = np.asarray(np.linalg.solve(normal + np.diag(prior), gradient), float)
+    covariance = total.covariance(joint.prior_deviations, joint.correlated_rows)
+    if is_slow:
+        remaining = joint.box.project(estimate.point + step) - estimate.point
+        covariance = covariance + np.outer(remaining, remaining)
     return JointUncertainty(
         # The iterations of a correction have taken such steps, and the mean of them.
         estimate.point if estimate.corrected else _stepped(estimate, step),
-        total.covariance(joint.prior_deviations, joint.correlated_rows),
+        covariance,
         alone or (_alone(estimate, jacobians, unresolved, seed) if len(joint.terms) > 1 else None),
         repeated.correlation,
         repeated.manoeuvres,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _SlowMotion:
+    """Response and switching of the reference model in a slow motion; None in faster motions.
+
+    `response` (own + shared, channel rows) are the derivatives, `errors` (n, channel rows) the deviations of
+    single runs (`switching_errors`).
+    """
+
+    response: Array | None = None
+    errors: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Scores:
+    """Terms of one recording: statistics of its scores, normal matrix and gradient of its linear model.
+
+    `cross` (d, d) is the normal matrix with the derivatives of the reference model in a slow motion, in the
+    unit of the information.
+    """
+
+    statistics: ScoreStatistics
+    normal: Array
+    gradient: Array
+    cross: Array
+
+
+def _scores_of(
+    estimate: JointEstimate, r: int, jacobians: Array, unseen: Array, slow: _SlowMotion
+) -> _Scores:
+    """Return the terms of recording `r` from its `jacobians` (n, own + shared, channel rows).
+
+    `unseen`, square, is the covariance of the scores of errors that the residual does not show.
+    """
+    objective, mean = estimate.joint.terms[r].objective, jacobians.mean(axis=0)
+    residual = estimate.corrected_residuals[r][: objective.channel_rows]
+    variance = np.mean(residual**2)
+    unseen = unseen + switching_scores(mean, slow.errors)
+    statistics = score_statistics(jacobians, residual, len(objective.problem.channels), unseen)
+    cross = statistics.information if slow.response is None else mean @ slow.response.T / variance
+    return _Scores(statistics, information(jacobians) / variance, mean @ residual / variance, cross)
+
+
+def _slow_motion(estimate: JointEstimate, r: int, seed: int) -> _SlowMotion:
+    """Return the response and the errors of recording `r` at the joint estimate."""
+    discrepancy = estimate.discrepancies[r]
+    result = SearchResult.at(
+        estimate.joint.terms[r].objective,
+        estimate.joint.local(r, estimate.point),
+        correction=discrepancy.mean,
+        discrepancy=discrepancy,
+    )
+    return _SlowMotion(
+        response_of(result, stream(seed, "Jacobians of the response", r)),
+        switching_errors(result, stream(seed, "switching of the covariance", r)),
     )
 
 
