@@ -77,7 +77,7 @@ def test_a_start_in_motion_is_found_behind_late_sensors() -> None:
     late = Actuator.from_dict({**THESIS.model_dump(exclude_none=True), "sensors": sensors})
     full, first = full_recording(), 700
     shown = {name: sensed(full[name], late.sensors.of(name), full.interval_s)[first:] for name in sensors}
-    recording = Recording(cut(first, *ELECTRICAL).channels | shown)
+    recording = Recording({**cut(first, *ELECTRICAL).channels, **shown})
     problem = problem_of(recording, late, channels=None)
     # Between rows: a row is a mean, valid half an interval after its beginning.
     angle, speed = (full[name][first - 1 : first + 1].mean() for name in sensors)
