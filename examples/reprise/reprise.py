@@ -243,6 +243,8 @@ def _check_filled(path: Path, column: pl.Series, rows: pl.Series | None = None) 
 
 def tests_of(frame: pl.DataFrame, frequency: float) -> list[Test]:
     """Return the tests with a sinusoid of that frequency [Hz], in their order."""
+    if frame.is_empty():
+        raise RecordingError("the table has no rows; give the table of REPRISE's features")
     known = sorted(frame["frequency_hz"].unique().to_list())
     rows = frame.filter(pl.col("frequency_hz") == frequency)
     if rows.is_empty():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cases import INTERVAL, THESIS, USUAL
-from emaphm.actuator import Chirp, Command, Faults, Ramp, Sine, Step
+from emaphm.actuator import Actuator, Chirp, Command, Faults, Ramp, Sine, Step
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.estimation import replay
 from emaphm.estimation.posing import problem_of
@@ -16,6 +16,7 @@ from emaphm.estimation.rows.moving_start import MOVING_START
 from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import Initial
+from emaphm.simulation.laws.sensors import sensed
 
 ELECTRICAL = ("current_A", "voltage_V")
 RATIO = THESIS.mechanics.gear_ratio
@@ -69,6 +70,53 @@ def test_a_fine_position_or_a_speed_identifies_the_start_and_a_coarse_one_does_n
     # At the turn, row 619, the motor crosses the backlash while the user stands.
     assert max(unknown[:3]) <= (0.02 if first == 619 else 0.0)
     assert unknown[3] > 0.01
+
+
+def test_a_start_in_motion_is_found_behind_late_sensors() -> None:
+    sensors = {"position_rad": {"delay": 2e-3, "lag": 2e-4}, "speed_rad_s": {"delay": 1e-3}}
+    late = Actuator.from_dict({**THESIS.model_dump(exclude_none=True), "sensors": sensors})
+    full, first = full_recording(), 700
+    shown = {name: sensed(full[name], late.sensors.of(name), full.interval_s)[first:] for name in sensors}
+    recording = Recording({**cut(first, *ELECTRICAL).channels, **shown})
+    problem = problem_of(recording, late, channels=None)
+    # Between rows: a row is a mean, valid half an interval after its beginning.
+    angle, speed = (full[name][first - 1 : first + 1].mean() for name in sensors)
+    travelled = abs(full["position_rad"][first] - full["position_rad"][first - 10])
+    assert abs(problem.start.angle * RATIO - angle) < 0.02 * travelled
+    assert problem.start.speed == pytest.approx(speed, rel=0.01)
+    assert problem.unknown_start.seconds == pytest.approx(2e-3 + 5 * 2e-4)
+
+
+def test_a_slow_servo_without_a_position_is_compared_after_it_has_forgotten_its_start() -> None:
+    description = THESIS.model_dump(exclude_none=True) | {
+        "name": "servo",
+        "drive": {"kind": "voltage"},
+        "controller": {"position_gain": 1.15, "speed_gain": 1.0, "speed_feedback": 0.0, "current_limit": 3.0},
+        "motor": {"torque_constant": 0.4},
+        "electrical": {"supply": 7.4, "resistance": 3.5, "inductance": 1e-4},
+        "mechanics": {
+            "inertia_motor": 6e-3,
+            "viscous_motor": 5e-3,
+            "static_friction_motor": 0.02,
+            "dynamic_friction_motor": 0.02,
+            "gear_ratio": 1.0,
+        },
+    }
+    servo, first = Actuator.from_dict(description), 333
+    swing = simulate(
+        servo, Sine(0.8, 0.9), model="averaged", duration=5.0, sample_rate=200, sampling="instant"
+    )
+    names = ("time_s", "command_rad", "current_A")
+    part = Recording({name: swing[name][first:] for name in names}, "instant")
+    problem = problem_of(part, servo, channels=None)
+    known = Initial(swing["position_rad"][first], swing["speed_rad_s"][first])
+    from_rest, moving = (
+        candidate.predict(Faults().vector[np.newaxis])[0, 0]
+        for candidate in (problem, replace(problem, start=known))
+    )
+    rows, difference = problem.unknown_start.rows, np.abs(from_rest - moving)
+    assert rows * problem.inputs.interval > MOVING_START.longest
+    assert difference[rows:].max() < 0.01 * np.ptp(swing["current_A"])
 
 
 def test_the_assumed_motion_before_the_start_is_within_the_end_stops() -> None:

@@ -60,7 +60,8 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     angle_until_first_row = speed * _first_time(recording)
     if "position_rad" in recording:
         measured = true_values(recording["position_rad"], "position_rad", actuator)
-        first = _starting_position(motion, measured, ratio) if motion and speed else float(measured[0])
+        time = _shown_times(recording, actuator, "position_rad")
+        first = _starting_position(motion, time, measured, ratio) if motion and speed else float(measured[0])
         if abs(first - position) > max(SIGNIFICANT * noise_level(measured), visible_count(measured)):
             position = _within_stops(first, actuator)
     angle = position / ratio
@@ -70,8 +71,8 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     return Initial(angle, speed, offset)
 
 
-def _starting_position(motion: "_FirstMotion", measured: Array, ratio: float) -> float:
-    """Return the user's position [rad] at the start of a motion, from its `measured` rows (n,).
+def _starting_position(motion: "_FirstMotion", time: Array, measured: Array, ratio: float) -> float:
+    """Return the user's position [rad] at the start of a motion, from its `measured` rows (n,) at `time`.
 
     It is the mean over the rows from which the speed is estimated, minus the distance since the start
     according to their parabola: a single row has an error of noise and half a count, which the position gain
@@ -81,7 +82,7 @@ def _starting_position(motion: "_FirstMotion", measured: Array, ratio: float) ->
     parabola = np.polynomial.Polynomial(np.polyfit(motion.time[:rows], motion.column[:rows], 2)[::-1])
     if motion.order:
         return float(parabola(0.0))
-    distance = ratio * parabola.integ()(motion.time[:rows])
+    distance = ratio * parabola.integ()(time[:rows])
     return float(np.mean(measured[:rows] - distance))
 
 
@@ -97,6 +98,17 @@ def _within_stops(position: float, actuator: Actuator) -> float:
 def _first_time(recording: Recording) -> float:
     """Return the time of the first row after the start [s]: half an interval if rows are means, else 0."""
     return recording.interval_s / 2 if recording.sampling == "mean" else 0.0
+
+
+def _shown_times(recording: Recording, actuator: Actuator, name: str) -> Array:
+    """Return the times (n,) [s] since the start at which a channel had the values of its rows.
+
+    A described sensor shows them later by its delay, and in a steady motion by its lag: its first rows are of
+    the motion before the start.
+    """
+    sensor = actuator.sensors.of(name)
+    since = recording["time_s"] - recording["time_s"][0] + _first_time(recording)
+    return np.asarray(since - (sensor.delay + sensor.lag))
 
 
 def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
@@ -149,9 +161,9 @@ def _starting_speed(motion: "_FirstMotion") -> float:
 class _FirstMotion:
     """The channel from which the motor's initial speed is estimated, by polynomials through the first rows.
 
-    `column` (n,) at `time` (n,) [s] from the start is the motor's speed if `order` is 0, the user's position
-    if `order` is 1: the speed [rad/s] is then `scale` times its slope. `noise` is the rms noise of a row,
-    `count` the step of the converter (0 if not visible), both in the unit of `column`.
+    `column` (n,) at `time` (n,) [s] from the start (`_shown_times`) is the motor's speed if `order` is 0, the
+    user's position if `order` is 1: the speed [rad/s] is then `scale` times its slope. `noise` is the rms
+    noise of a row, `count` the step of the converter (0 if not visible), both in the unit of `column`.
     """
 
     time: Array
@@ -173,8 +185,7 @@ class _FirstMotion:
         column = true_values(recording[name], name, actuator)
         count = visible_count(column)
         noise = max(noise_level(np.diff(column, 2)) / NOISE_OF_SECOND_DIFFERENCES, count / ROUNDING)
-        time = recording["time_s"] - recording["time_s"][0] + _first_time(recording)
-        return cls(time, column, order, scale, noise, count)
+        return cls(_shown_times(recording, actuator, name), column, order, scale, noise, count)
 
     @property
     def chosen(self) -> int:

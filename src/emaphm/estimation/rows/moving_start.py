@@ -15,6 +15,7 @@ from emaphm.arrays import Array, rms
 from emaphm.estimation.driving_signals import DrivingSignals
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.first_rows import (
+    FORGOTTEN_S,
     first_rows,
     least_residual,
     likely_faults,
@@ -48,7 +49,10 @@ class MovingStartSettings:
     to the first 20 ms, none according to the first 5 ms.
 
     Rows are left out while the models differ, up to `most` of all rows. The models are compared over at most
-    `longest` [s], or over `FIRST_MOTION.longest` if the command does not move.
+    `longest` [s], or over `FIRST_MOTION.longest` if the command does not move. A slow actuator has neither
+    followed the motion before within `lead` nor forgotten it after `longest`. If the command moves, no
+    position is recorded, and the models still differ at the end, both times are therefore doubled until the
+    models no longer differ, up to `most_slow` of all rows. A recorded position confines the models before.
     """
 
     window: float = 0.01
@@ -60,6 +64,7 @@ class MovingStartSettings:
     rest: float = 0.75
     shows: float = 5e-3
     most: float = 0.5
+    most_slow: float = 0.75
     longest: float = 1.0
 
 
@@ -141,9 +146,13 @@ def rows_of_moving_start(problem: Problem, *, moves: bool) -> tuple[int, float]:
         return 0, 0.0
     longest = MOVING_START.longest if moves else FIRST_MOTION.longest
     rows = min(problem.samples, max(1, math.ceil(longest / problem.inputs.interval)))
-    at_rest = _from_rest(problem, rows, faults)
-    moving = [_after_motion(problem, motion, rows, faults) for motion in motions]
-    count = rows_apart(problem, [*at_rest, *moving])
+    lead = math.ceil(MOVING_START.lead / problem.inputs.interval)
+    at_rest, moving, count = _compared_starts(problem, motions, lead, rows, faults)
+    most, slow = (int(x * problem.samples) for x in (MOVING_START.most, MOVING_START.most_slow))
+    open_start = moves and "position_rad" not in problem.measured
+    while open_start and rows < slow and (rows - count) * problem.inputs.interval < FORGOTTEN_S:
+        lead, rows, most = rows, min(slow, 2 * rows), slow
+        at_rest, moving, count = _compared_starts(problem, motions, lead, rows, faults)
     if not count:
         return 0, 0.0
     shown = min(count, _shown_rows(problem))
@@ -153,7 +162,19 @@ def rows_of_moving_start(problem: Problem, *, moves: bool) -> tuple[int, float]:
     if rest_residual <= share * min(moving_residuals):
         return 0, 0.0
     side = side_of(motions[int(np.argmin(moving_residuals))][0])
-    return min(count, int(MOVING_START.most * problem.samples)), side
+    return min(count, most), side
+
+
+def _compared_starts(
+    problem: Problem, motions: list[tuple[float, float]], lead: int, rows: int, faults: Array
+) -> tuple[list[Array], list[Array], int]:
+    """Return the models over `rows` from rest and after `lead` rows of each motion, and how many rows differ.
+
+    Each element has the shape (n, channels, rows).
+    """
+    at_rest = _from_rest(problem, rows, faults)
+    moving = [_after_motion(problem, motion, lead, rows, faults) for motion in motions]
+    return at_rest, moving, rows_apart(problem, [*at_rest, *moving])
 
 
 def _shown_rows(problem: Problem) -> int:
@@ -182,8 +203,9 @@ def _from_rest(problem: Problem, rows: int, faults: Array) -> list[Array]:
 def residual_after_motion(problem: Problem, rows: int) -> float:
     """Return the least rms residual over the first `rows` of models with a motion before the recording."""
     faults = likely_faults(problem)
+    lead = math.ceil(MOVING_START.lead / problem.inputs.interval)
     return min(
-        least_residual(problem, _after_motion(problem, motion, rows, faults), 0, rows)
+        least_residual(problem, _after_motion(problem, motion, lead, rows, faults), 0, rows)
         for motion in motions_before(problem)
     )
 
@@ -198,9 +220,10 @@ def motions_before(problem: Problem) -> list[tuple[float, float]]:
     return [first_motion(problem), *((sign * size, 0.0) for size in rates for sign in (1.0, -1.0))]
 
 
-def _after_motion(problem: Problem, motion: tuple[float, float], rows: int, faults: Array) -> Array:
-    """Return the channels (n, channels, rows) of models with a `motion` of the command before them."""
-    lead = math.ceil(MOVING_START.lead / problem.inputs.interval)
+def _after_motion(
+    problem: Problem, motion: tuple[float, float], lead: int, rows: int, faults: Array
+) -> Array:
+    """Return the channels (n, channels, rows) of models after `lead` rows of a `motion` of the command."""
     driving, angle = _with_motion_before(problem, motion, lead, rows)
     return first_rows(problem, driving, angle, faults)[:, :, lead:]
 

@@ -1,5 +1,8 @@
 """Unknown start of a recording: a motion before it, or a position at which friction holds the shaft."""
 
+import math
+from dataclasses import replace
+
 from emaphm.estimation.problem import Problem
 from emaphm.estimation.rows.begun_step import rows_of_begun_step
 from emaphm.estimation.rows.gap_side import (
@@ -13,6 +16,9 @@ from emaphm.estimation.rows.held_start import command_stands, current_not_drawn,
 from emaphm.estimation.rows.moving_start import command_moves, first_motion, rows_of_moving_start
 from emaphm.estimation.rows.unknown_start import FROM_REST, Start, UnknownStart
 
+LAGS = 5.0
+"""Time until a lag has followed the motion before the start, in its time constants: to 1 %."""
+
 
 def unknown_start(problem: Problem, *, shown: bool) -> UnknownStart:
     """Return the unknown part of the start.
@@ -20,6 +26,24 @@ def unknown_start(problem: Problem, *, shown: bool) -> UnknownStart:
     `shown` states whether the recording determines position and speed at its start
     (`emaphm.estimation.rows.initial_state.shows_start`); with a moving command, the start is then known.
     """
+    unknown = _unknown_motion(problem, shown=shown)
+    rows = _rows_of_late_sensors(problem)
+    if unknown.held or rows <= unknown.rows:
+        return unknown
+    return replace(unknown, rows=rows, seconds=rows * problem.inputs.interval, what="sensor")
+
+
+def _rows_of_late_sensors(problem: Problem) -> int:
+    """Return the number of first rows in which described sensors show the motion before a start in motion."""
+    if not problem.start.speed:
+        return 0
+    sensors = [problem.actuator.sensors.of(name) for name in problem.channels]
+    seconds = max(sensor.delay + LAGS * sensor.lag for sensor in sensors)
+    return min(math.ceil(seconds / problem.inputs.interval), problem.samples // 2)
+
+
+def _unknown_motion(problem: Problem, *, shown: bool) -> UnknownStart:
+    """Return the unknown part of the start without that of late sensors."""
     interval, moves = problem.inputs.interval, command_moves(problem)
     if moves and not shown:
         rows, side = rows_of_moving_start(problem, moves=moves)

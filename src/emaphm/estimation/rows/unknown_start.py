@@ -7,7 +7,7 @@ import numpy as np
 
 from emaphm.recording.sensor_checks.resolution import Mask
 
-Start: TypeAlias = Literal["held", "current", "motion", "step", "seen", "side"]
+Start: TypeAlias = Literal["held", "current", "motion", "step", "seen", "side", "sensor"]
 """The unknown of a start."""
 
 
@@ -18,8 +18,8 @@ class UnknownStart:
     `what` is "held" if friction holds the shaft at a distance from the command; "current" if friction or a
     motion causes the initial current; "motion" if the command moved before; "step" if the shaft follows a
     step before the recording; "seen" if it is in a motion that was not recorded; "side" if the motor may be
-    at either side of the backlash. Models start at `gap`, relative to half the backlash, to which the last
-    motion has led the motor.
+    at either side of the backlash; "sensor" if late sensors show the motion before the first row. Models
+    start at `gap`, relative to half the backlash, to which the last motion has led the motor.
     """
 
     rows: int = 0
@@ -49,7 +49,8 @@ class UnknownStart:
             return (f"{NOTES[self.what]}: {left_out}",)
         if not self.rows:
             return ()
-        return (NOTES[self.what].format(f"the first {1e3 * self.seconds:.3g} ms"),)
+        left_out = f"{1e3 * self.seconds:.3g} ms" if self.seconds < 1 else f"{self.seconds:.3g} s"
+        return (NOTES[self.what].format(f"the first {left_out}"),)
 
 
 NOTES: dict[Start, str] = {
@@ -70,6 +71,8 @@ NOTES: dict[Start, str] = {
     "speed_rad_s",
     "side": "the side of the backlash at which the motor stands in the first row is unknown: {} depend on "
     "it and are not compared",
+    "sensor": "the recording begins within a motion, and sensors with a described delay or lag first show "
+    "the motion before it: {} are not compared",
 }
 
 FROM_REST = UnknownStart()
