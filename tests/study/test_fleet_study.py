@@ -1,5 +1,6 @@
 """The study of predictions for a synthetic fleet: simple alternatives, scores, and the page."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from emaphm.actuator.requirements import Requirement
 from emaphm.fleet.synthetic import FleetPlan, drawn_unit
 from emaphm.prognosis import Evidence, Observation
 from emaphm.prognosis.filter.following import LEAST_ERROR
+from emaphm.prognosis.stress import Stress, StressPiece
 from emaphm.random_streams import stream
 from emaphm.report.fleet.page import fleet_page
 from emaphm.study.fleet import informed as informed_module
@@ -19,7 +21,7 @@ from emaphm.study.fleet.acting import PolicyOutcome, acted, outcome, over_life
 from emaphm.study.fleet.baselines import fleet_lives, last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.drawn import DiagnosisPool, drawn_evidence
-from emaphm.study.fleet.informed import Component, informed
+from emaphm.study.fleet.informed import Component, ageing_ahead, informed, recorded_stretches
 from emaphm.study.fleet.judging import SHARES, WAYS, WITH_FLEET
 from emaphm.study.fleet.run import DRAWN, PARTS, PLAN, RECORDED, without_part
 from emaphm.study.fleet.scores import alpha_lambda_interval, scores, warnings
@@ -211,7 +213,7 @@ def test_the_rate_of_a_linear_law_agrees_with_a_quadrature_over_lives(
     hours, true_life = np.arange(100.0, 1001.0, 100.0), 2000.0
     evidence = straight(wear.limit / true_life, error=0.0)
     for observation in evidence.used:
-        component.update(observation)
+        component.update(observation, 100.0)
     weight = np.exp(component.log_weight - component.log_weight.max())
     weight /= weight.sum()
     sampled = np.log(component.life)
@@ -219,19 +221,15 @@ def test_the_rate_of_a_linear_law_agrees_with_a_quadrature_over_lives(
     deviation = float(np.sqrt(weight @ (sampled - middle) ** 2))
 
     lives = np.geomspace(800.0, 6000.0, 400)
-    # For a stretch of 100 h, in logarithms: 10 K and 0.06 of load; for a mission: 8 K and 0.06.
-    of_stretch = np.hypot(10 / 40 * np.log(2), 3 * 0.06)
-    spread = np.hypot(wear.spread, np.hypot(8 / 40 * np.log(2), 3 * 0.06))
-    mean_ageing = np.exp(0.5 * (10 / 40 * np.log(2)) ** 2) * (1 + 3 * 0.06**2)
     expected_level, together = wear.limit * hours / true_life, np.minimum.outer(hours, hours)
     log_density = [
         multivariate_normal(
             wear.limit * hours / life,
             population.new_level**2
-            + together * ((wear.limit / life * of_stretch) ** 2 * 100.0 + population.drift**2 / life)
+            + together * population.drift**2 / life
             + LEAST_ERROR**2 * np.eye(hours.size),
         ).logpdf(expected_level)
-        + norm.logpdf(np.log(life * mean_ageing / wear.life) / spread)
+        + norm.logpdf(np.log(life / wear.life) / wear.spread)
         for life in lives
     ]
     density = np.exp(np.array(log_density) - np.max(log_density))
@@ -241,3 +239,38 @@ def test_the_rate_of_a_linear_law_agrees_with_a_quadrature_over_lives(
     # 20,000 weighted draws are as accurate as some thousand draws: to a twentieth of the deviation.
     assert middle == pytest.approx(exact, abs=0.05 * exact_deviation)
     assert deviation == pytest.approx(exact_deviation, rel=0.05)
+
+
+def test_the_ageing_ahead_continues_the_recorded_mission() -> None:
+    """At 40 K above nominal in many intervals, components age twice as fast; nothing recorded is nominal.
+
+    The logarithm of the rate then varies by the interval's 10 K and 0.06 of load, and without records also
+    by the mission's 8 K and 0.06; the third power of the load is linear for deviations so small.
+    """
+    plan, hot = FleetPlan(units=1, flights=70, interval=100.0, seed=5), Stress(0.1, 288.0 + 40.0)
+    pieces = tuple(StressPiece(100.0 * i, 100.0 * (i + 1), hot) for i in range(400))
+    evidence = replace(straight(3e-4), stresses=pieces)
+    of_interval, of_mission = np.hypot(10 / 40 * np.log(2), 0.18), np.hypot(8 / 40 * np.log(2), 0.18)
+    for end, rate, spread in ((40_000.0, 2.0, of_interval), (0.0, 1.0, np.hypot(of_interval, of_mission))):
+        flown = recorded_stretches(evidence, plan.drawn_from.stress, 0.0, end)
+        ahead = np.log(ageing_ahead(flown, plan, stream(3, "test")))
+        assert np.median(ahead) == pytest.approx(np.log(rate), abs=0.02)
+        assert np.std(ahead) == pytest.approx(spread, rel=0.05)
+
+
+def test_a_level_reached_under_more_stress_means_a_longer_life(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two units with the same levels, one of which has aged twice as fast under its recorded stress."""
+    monkeypatch.setattr(informed_module, "SAMPLE", 4000)
+    plan = FleetPlan(units=1, flights=70, interval=100.0, seed=5)
+    model, lives = plan.drawn_from.stress, []
+    for heat in (0.0, 40.0):
+        pieces = (StressPiece(0.0, 1000.0, Stress(0.1, 288.0 + heat)),)
+        evidence = replace(straight(2e-4), stresses=pieces)
+        component = Component("friction", plan.drawn_from.wear["friction"], plan, stream(7, "test"), "linear")
+        for observation in evidence.used:
+            flown = recorded_stretches(evidence, model, observation.hours - 100.0, observation.hours)
+            component.update(observation, flown.aged(model))
+        weight = np.exp(component.log_weight - component.log_weight.max())
+        lives.append(float(weight @ component.life / weight.sum()))
+    # The limit of 0.6 at 2e-4 per hour: 3,000 h.
+    assert lives == pytest.approx([3000.0, 6000.0], rel=0.05)

@@ -67,6 +67,12 @@ class StressModel:
         """Return ΔT = `heat` [K] and l = `load` as an operator records them."""
         return Stress(self.nominal_load * max(1 + load, 0.0), self.nominal_K + heat)
 
+    def deviations(self, stress: Stress) -> tuple[float, float]:
+        """Return ΔT [K] and l of a recorded stress, the inverse of `recorded`; an unknown value is 0."""
+        heat = 0.0 if stress.temperature is None else stress.temperature - self.nominal_K
+        load = 0.0 if stress.load is None else stress.load / self.nominal_load - 1
+        return heat, load
+
 
 @dataclass(frozen=True)
 class CheckFlightRig:

@@ -56,17 +56,17 @@ CLAIRVOYANTS = (LAW_AND_LEVEL, CLAIRVOYANT)
 INFORMATION = (
     (
         WITH_FLEET,
-        "the unit's diagnoses and those of its fleet",
+        "the diagnoses and the recorded stress of the unit and of its fleet",
         "the population of the fleet",
     ),
     (
         INFORMED,
-        "the unit's diagnoses",
+        "the unit's diagnoses and recorded stress",
         "the laws of its components, their parameters and lives, and the unit's mission",
     ),
     (
         LAW_AND_LEVEL,
-        "the law of each component and its true level at each past check flight",
+        "the law of each component, its true level at each past check flight, and the recorded stress",
         "the parameters of these laws, the lives (and so the rates), and the unit's mission",
     ),
     (
@@ -246,12 +246,11 @@ def _verdicts(recorded: Units, drawn: Units) -> Iterator[str]:
         yield f"- *{way}* uses {used}; it does not use {not_used}."
     yield (
         "\nThe last three also use the population from which the fleet is drawn: the laws of each component "
-        "with their shares, the ranges of their parameters, the distributions of lives and stress. The two "
-        "predictions with unknown parameters apply Bayes' rule to it, separately for each component: the "
-        "information of all components on the unit's stress is not used. On average over such units, Bayes' "
-        "rule from the diagnoses is therefore close to the best possible prediction without knowledge of the "
-        "unit's own laws. The difference between it and the clairvoyant predictions cannot be learnt from a "
-        "fleet of any size."
+        "with their shares, the ranges of their parameters, the distributions of lives and stress, and how "
+        "stress determines ageing. The two predictions with unknown parameters apply Bayes' rule to it. On "
+        "average over such units, Bayes' rule from the diagnoses is therefore the best possible prediction "
+        "without knowledge of the unit's own laws. The difference between it and the clairvoyant predictions "
+        "cannot be learnt from a fleet of any size."
     )
 
 
@@ -348,8 +347,8 @@ def _population(population: Population) -> Iterator[str]:
         f"\nThe median life is the time until the component reaches its limit, under nominal stress. A unit "
         f"ages 2^(ΔT/{s.doubling:g} K) (1 + l)^3 times as fast. Its mission has standard deviations of "
         f"{s.mission_K:g} K in ΔT and {s.mission_load:g} in l; each interval between two check flights adds "
-        f"{s.flight_K:g} K and {s.flight_load:g}. The history of a synthetic fleet has the load and the "
-        "temperature of each interval; the predictions of this study do not use them. The laws and the "
+        f"{s.flight_K:g} K and {s.flight_load:g}. The load and the temperature of each interval are "
+        "recorded, as an operator can; the simple alternatives do not use them. The laws and the "
         "ranges of their parameters are in `src/emaphm/fleet/synthetic/growth.py`, the numbers above in "
         "`population.py` of that folder. They were chosen before any prediction on them; the prognosis was "
         "developed on another fleet (`--population development`). Two settings, however, were chosen on "

@@ -15,6 +15,7 @@ from emaphm.arrays import Array
 from emaphm.fleet.synthetic import FleetPlan, SyntheticUnit
 from emaphm.fleet.synthetic.recordings import PART_NUMBER
 from emaphm.prognosis import Evidence, Observation
+from emaphm.prognosis.stress import StressPiece
 from emaphm.random_streams import stream
 
 
@@ -44,10 +45,12 @@ EXACT = DiagnosisPool(
 
 
 def drawn_evidence(unit: SyntheticUnit, plan: FleetPlan, pool: DiagnosisPool) -> Evidence:
-    """Return diagnoses of a unit with random errors, one per check flight."""
+    """Return diagnoses of a unit with random errors, one per check flight, and its recorded stress."""
     random = stream(plan.seed, "drawn diagnoses", unit.serial_number)
-    observations = []
-    for hours in unit.check_flights(plan.interval):
+    observations, stresses = [], []
+    for number, hours in enumerate(unit.check_flights(plan.interval), start=1):
+        stress = unit.recorded_stress(number, plan.drawn_from.stress)
+        stresses.append(StressPiece(float(hours - plan.interval), float(hours), stress))
         true = to_cartesian(unit.vectors[unit.row(hours)])
         covariance = pool.near(true)
         level = random.multivariate_normal(true, covariance, method="eigh")
@@ -58,4 +61,5 @@ def drawn_evidence(unit: SyntheticUnit, plan: FleetPlan, pool: DiagnosisPool) ->
         observations[-1].hours,
         tuple(observations),
         failures=() if unit.failure is None else (unit.failure,),
+        stresses=tuple(stresses),
     )

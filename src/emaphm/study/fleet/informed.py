@@ -1,18 +1,21 @@
 """Remaining useful life by Bayes' rule from the true population: the best prediction for an unknown unit.
 
 The prior is the true population of the fleet (`population.py`, `growth.py`): the laws with their shares and
-ranges of parameters and lives, the drift, and the spread of the stress. The unit's own values are unknown;
-only its diagnoses are used. No method that learns from a fleet can have more information on a new unit.
+ranges of parameters and lives, the drift, and how stress determines ageing. The unit's own values are
+unknown; only its diagnoses and its recorded stress are used. No method that learns from a fleet can have more
+information on a new unit.
 
 Given the law of each component of the unit and diagnoses without error, the prediction is clairvoyant on law
 and true level, but not on the parameters of the law, the rate and the mission.
 
 Each component has `SAMPLE` draws of law, parameters and life, weighted by the likelihood of its diagnoses. In
-each draw, level and ageing are estimated by an extended Kalman filter, because the stress of each interval is
-random. Components are assumed to be independent; the information from their common stress is not used.
+each draw, the level is estimated by a Kalman filter; the recorded stress determines the hours of ageing.
+Given these, the components are independent. The stress of future intervals is drawn: its mean over a mission
+from the posterior distribution given the recorded intervals.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,12 +45,6 @@ STEP = 50.0
 LONGEST_LIFE = 12_000.0
 """Longest predicted life [h]."""
 
-LEAST_AGE = 1.0
-"""Smallest age of a component [h]."""
-
-SMALL = 1e-4
-"""Step of the numerical slope of a law, as a share of the life."""
-
 NEVER = "none"
 """Name of the law of a component that does not wear."""
 
@@ -56,9 +53,9 @@ CHANCE = "gamma process"
 
 
 class Component:
-    """One component of a unit: `SAMPLE` draws of law, parameters and life, with level and age in each.
+    """One component of a unit: `SAMPLE` draws of law, parameters and life, with the level in each.
 
-    If a `law` is given, all draws have this law.
+    The age of the component is in hours of ageing [h]. If a `law` is given, all draws have this law.
     """
 
     def __init__(
@@ -71,18 +68,15 @@ class Component:
         if law is not None:
             shares = [float(name == law) for name in self.laws]
         self.law = random.choice(len(self.laws), size=SAMPLE, p=shares)
-        spread = np.hypot(wear.spread, _mission_deviation(population.stress))
-        life = wear.life / _mean_ageing(population.stress)
-        self.life = life * np.exp(spread * random.standard_normal(SAMPLE))
+        self.life = wear.life * np.exp(wear.spread * random.standard_normal(SAMPLE))
         self.parameters = {
             law: {key: random.uniform(*ends, SAMPLE) for key, ends in LAWS[law].ranges.items()}
             for law in wear.laws
         }
-        self.level, self.age = np.zeros(SAMPLE), np.zeros(SAMPLE)
-        self.of_level = np.full(SAMPLE, population.new_level**2)
-        self.of_both, self.of_age = np.zeros(SAMPLE), np.zeros(SAMPLE)
+        self.level = np.zeros(SAMPLE)
+        self.variance = np.full(SAMPLE, population.new_level**2)
         self.log_weight = np.zeros(SAMPLE)
-        self.hours = 0.0
+        self.age = 0.0
 
     def moved(self, age: Array, rows: Rows) -> Array:
         """Return the change of the level of the draws `rows` (n,) at their `age` [h] (n,), shape (n,)."""
@@ -98,44 +92,29 @@ class Component:
                 result[of_law] = LAWS[law].progress(u, parameters, None)  # type: ignore[arg-type]
         return np.asarray(result * self.wear.limit)
 
-    def slope(self, age: Array, rows: Rows) -> Array:
-        """Return the rate of the level per hour of ageing, (n,) [1/h]."""
-        step = SMALL * self.life[rows]
-        return np.asarray((self.moved(age + step, rows) - self.moved(age, rows)) / step)
-
-    def update(self, diagnosis: Observation) -> None:
-        """Update levels, ages and weights of the draws with a diagnosis."""
-        level, variance = _observed(diagnosis, self.name)
-        h, rows = diagnosis.hours - self.hours, np.arange(SAMPLE)
-        uneven = _interval_variance(self.plan) * h
-        step = self.moved(self.age + h, rows) - self.moved(self.age, rows)
-        bend = self.slope(self.age + h, rows) - self.slope(self.age, rows)
-        before = self.of_level + 2 * bend * self.of_both + bend**2 * self.of_age
-        before += (step / h) ** 2 * uneven + self._noise(h, rows)
-        both = self.of_both + bend * self.of_age + step / h * uneven
-        total = before + variance + LEAST_ERROR**2
-        innovation = level - self.level - step
+    def update(self, diagnosis: Observation, aged: float) -> None:
+        """Update levels and weights of the draws with a diagnosis, `aged` [h] of ageing after the last."""
+        level, error = _observed(diagnosis, self.name)
+        rows = np.arange(SAMPLE)
+        before, after = (self.moved(np.full(SAMPLE, age), rows) for age in (self.age, self.age + aged))
+        predicted = self.level + after - before
+        variance = self.variance + self._noise(aged, rows)
+        total = variance + error + LEAST_ERROR**2
+        innovation = level - predicted
         self.log_weight -= 0.5 * (innovation**2 / total + np.log(total))
-        self.level += step + before / total * innovation
-        self.age = np.maximum(self.age + h + both / total * innovation, LEAST_AGE)
-        self.of_age = self.of_age + uneven - both**2 / total
-        self.of_level = before * (1 - before / total)
-        self.of_both = both * (1 - before / total)
-        self.hours = diagnosis.hours
+        self.level = predicted + variance / total * innovation
+        self.variance = variance * (1 - variance / total)
+        self.age += aged
 
-    def drawn(self, random: np.random.Generator) -> tuple[Rows, Array, Array]:
-        """Return `PATHS` rows of the draws, sampled by weight, with levels and ages [h], (n,) each."""
+    def drawn(self, random: np.random.Generator) -> tuple[Rows, Array]:
+        """Return `PATHS` rows of the draws, sampled by weight, with their levels, (n,) each."""
         weight = np.exp(self.log_weight - self.log_weight.max())
         rows = random.choice(SAMPLE, PATHS, p=weight / weight.sum())
-        deviation = np.sqrt(np.maximum(self.of_level[rows], 1e-12))
-        first, second = random.standard_normal((2, PATHS))
-        share = self.of_both[rows] / deviation
-        rest = np.sqrt(np.maximum(self.of_age[rows] - share**2, 0.0))
-        age = self.age[rows] + share * first + rest * second
-        return rows, self.level[rows] + deviation * first, np.maximum(age, LEAST_AGE)
+        deviation = np.sqrt(np.maximum(self.variance[rows], 0.0))
+        return rows, self.level[rows] + deviation * random.standard_normal(PATHS)
 
     def step(self, age: Array, aged: Array, rows: Rows, random: np.random.Generator) -> Array:
-        """Return the change of the levels of components of `age` while they age by `aged` [h], (n,) each."""
+        """Return the change of the levels of components of `age` that age by `aged`, both (n,) [h]."""
         change = self.moved(age + aged, rows) - self.moved(age, rows)
         if CHANCE in self.laws:
             jumps = self.parameters[CHANCE]["jumps"][rows]
@@ -145,9 +124,9 @@ class Component:
         wears = self.law[rows] < len(self.laws) - 1
         return np.asarray(change + np.where(wears, drift * random.standard_normal(rows.size), 0.0))
 
-    def _noise(self, hours: float, rows: Rows) -> Array:
-        """Return the variance that drift and jumps add to the levels within `hours`, (n,)."""
-        lives = hours / self.life[rows]
+    def _noise(self, aged: float, rows: Rows) -> Array:
+        """Return the variance that drift and jumps add to the levels within `aged` [h] of ageing, (n,)."""
+        lives = aged / self.life[rows]
         variance = np.where(self.law[rows] < len(self.laws) - 1, self.plan.drawn_from.drift**2 * lives, 0.0)
         if CHANCE in self.laws:
             jumps = self.wear.limit**2 * lives / self.parameters[CHANCE]["jumps"][rows]
@@ -169,35 +148,86 @@ def informed(
         Component(name, wear, plan, random, None if laws is None else laws.get(name, NEVER))
         for name, wear in population.wear.items()
     ]
+    hours = [0.0, *(diagnosis.hours for diagnosis in evidence.used)]
     samples = []
     for i, diagnosis in enumerate(evidence.used[: max(at) + 1]):
+        stress = recorded_stretches(evidence, population.stress, hours[i], hours[i + 1])
         for component in components:
-            component.update(diagnosis)
-        samples += [_lives(components, plan, random)] * list(at).count(i)
+            component.update(diagnosis, stress.aged(population.stress))
+        if i in at:
+            flown = recorded_stretches(evidence, population.stress, 0.0, hours[i + 1])
+            sample = _lives(components, plan, ageing_ahead(flown, plan, random), random)
+            samples += [sample] * list(at).count(i)
     return samples
 
 
-def _lives(components: list[Component], plan: FleetPlan, random: np.random.Generator) -> Array:
-    """Return a sample of the RUL of a unit [h], (`PATHS`,), from the draws of its components."""
+def _lives(components: list[Component], plan: FleetPlan, ahead: Array, random: np.random.Generator) -> Array:
+    """Return a sample of the RUL of a unit [h], (`PATHS`,), from the draws of its components.
+
+    `ahead` is the ageing rate [-] of each future interval between two check flights, (intervals, `PATHS`).
+    """
     life = np.full(PATHS, np.inf)
     states = [component.drawn(random) for component in components]
-    for component, (_, level, _) in zip(components, states, strict=True):
+    for component, (_, level) in zip(components, states, strict=True):
         life[level >= component.wear.limit] = 0.0
-    spread = np.sqrt(_interval_variance(plan) / STEP)
+    flown = np.zeros(PATHS)
     for hours in np.arange(0.0, LONGEST_LIFE, STEP):
         if np.isfinite(life).all():
             break
-        aged = STEP * np.maximum(1 + spread * random.standard_normal(PATHS), 0.1)
+        aged = STEP * ahead[int(hours / plan.interval)]
         after = []
-        for component, (rows, level, age) in zip(components, states, strict=True):
-            change = component.step(age, aged, rows, random)
+        for component, (rows, level) in zip(components, states, strict=True):
+            change = component.step(component.age + flown, aged, rows, random)
             with np.errstate(divide="ignore", invalid="ignore"):
                 passed = hours + STEP * (component.wear.limit - level) / change
             crosses = (level < component.wear.limit) & (level + change >= component.wear.limit)
             life = np.where(crosses, np.minimum(life, passed), life)
-            after.append((rows, level + change, age + aged))
-        states = after
+            after.append((rows, level + change))
+        states, flown = after, flown + aged
     return life
+
+
+class Flown(NamedTuple):
+    """Recorded stretches of flight: `hours` (n,) [h], and `values` (2, n): ΔT [K] and l."""
+
+    hours: Array
+    values: Array
+
+    def aged(self, model: StressModel) -> float:
+        """Return the hours of ageing [h]."""
+        return float(model.ageing(*self.values) @ self.hours)
+
+
+def recorded_stretches(evidence: Evidence, model: StressModel, start: float, end: float) -> Flown:
+    """Return the recorded stretches from `start` to `end` [h]."""
+    hours, values = [], []
+    for piece in evidence.stresses:
+        overlap = min(piece.end, end) - max(piece.start, start)
+        if overlap > 0:
+            hours.append(overlap)
+            values.append(model.deviations(piece.stress))
+    return Flown(np.array(hours), np.array(values, float).reshape(-1, 2).T)
+
+
+def ageing_ahead(flown: Flown, plan: FleetPlan, random: np.random.Generator) -> Array:
+    """Return ageing rates [-] of future intervals, (intervals, `PATHS`), given the recorded stretches.
+
+    ΔT and l of a mission are normal about 0, those of an interval about the mission's: the posterior
+    distribution of the mission given n intervals with mean x is normal with variance 1 / (1/σ_m² + n/σ_f²),
+    and mean x n/σ_f² times this variance.
+    """
+    model = plan.drawn_from.stress
+    count = int(np.ceil(LONGEST_LIFE / plan.interval))
+    ahead = []
+    for recorded, of_mission, of_flight in (
+        (flown.values[0], model.mission_K, model.flight_K),
+        (flown.values[1], model.mission_load, model.flight_load),
+    ):
+        variance = 1 / (of_mission**-2 + recorded.size * of_flight**-2)
+        mean = variance * recorded.sum() * of_flight**-2
+        mission = mean + np.sqrt(variance) * random.standard_normal(PATHS)
+        ahead.append(mission + of_flight * random.standard_normal((count, PATHS)))
+    return model.ageing(*ahead)
 
 
 def _observed(diagnosis: Observation, name: str) -> tuple[float, float]:
@@ -205,21 +235,3 @@ def _observed(diagnosis: Observation, name: str) -> tuple[float, float]:
     column = columns_of(name)[0]
     moved = level_of(diagnosis.level, name) - getattr(HEALTHY, name)
     return float(-moved if name in FALLING else moved), float(diagnosis.covariance[column, column])
-
-
-def _mission_deviation(stress: StressModel) -> float:
-    """Return the standard deviation of the logarithm of ageing between units."""
-    return float(np.hypot(stress.mission_K / stress.doubling * np.log(2), 3 * stress.mission_load))
-
-
-def _mean_ageing(stress: StressModel) -> float:
-    """Return the mean ageing per hour [-] of a median mission: above 1, because its law is convex."""
-    of_heat = np.exp(0.5 * (stress.flight_K / stress.doubling * np.log(2)) ** 2)
-    return float(of_heat * (1 + 3 * stress.flight_load**2))
-
-
-def _interval_variance(plan: FleetPlan) -> float:
-    """Return the variance of ageing per hour [h²/h], from the spread of the stress between check flights."""
-    stress = plan.drawn_from.stress
-    spread = np.hypot(stress.flight_K / stress.doubling * np.log(2), 3 * stress.flight_load)
-    return float(spread**2 * plan.interval)

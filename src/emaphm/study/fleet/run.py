@@ -120,14 +120,10 @@ def results(folder: StudyFolder) -> dict[str, list[dict[str, Any]]]:
 
 
 def recorded_fleet(folder: StudyFolder) -> list[tuple[SyntheticUnit, Evidence]]:
-    """Return the units of the recorded level with their diagnoses, without their recorded stress.
-
-    The other methods, which the predictions are compared with, do not use the stress either.
-    """
+    """Return the units of the recorded level with their diagnoses and their recorded stress."""
     with History.open(folder.fleet.history) as history:
         units = [drawn_unit(folder.plan, i) for i in range(folder.units)]
-        evidence = [Evidence.of(history.unit(unit.serial_number)) for unit in units]
-    return [(unit, replace(known, stresses=())) for unit, known in zip(units, evidence, strict=True)]
+        return [(unit, Evidence.of(history.unit(unit.serial_number))) for unit in units]
 
 
 @dataclass(frozen=True, eq=False)
