@@ -109,7 +109,7 @@ class Fleet:
         if not others:
             return self.general
         pace_units = [other for other in self.pace_units if other.unit != unit][:MOST_PACE_UNITS]
-        prior = fleet_mixture([self._hypotheses_of(other) for other in others], self.general)
+        prior = fleet_mixture([self._hypotheses_of(other) for other in others], self.general, self.seed)
         prior = with_fleet_pace(prior, [other.unit for other in others], pace_units)
         record = None if actuator is None else self._record(actuator)
         return prior if record is None else replace(prior, recalibration=record.without(unit))
@@ -130,7 +130,7 @@ class Fleet:
         parts = [self._hypotheses_of(unit) for unit in failed]
 
         def by_others(i: int) -> Prior:
-            return fleet_mixture([*parts[:i], *parts[i + 1 :]], self.general)
+            return fleet_mixture([*parts[:i], *parts[i + 1 :]], self.general, self.seed)
 
         about = self.general.settings, self.general.reference
         record = record_of(failed, by_others, about, actuator, self.seed)

@@ -15,6 +15,11 @@ from emaphm.prognosis.filter.resampling import drawn_rows, recombined
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.fleet_pace import FleetPaceModel
 from emaphm.prognosis.from_fleet.reference_trajectories import ReferenceTrajectories, Trajectory
+from emaphm.prognosis.from_fleet.stress_exponents import (
+    ExponentEstimates,
+    exponents_of_new_unit,
+    exponents_of_unit,
+)
 from emaphm.prognosis.laws import Mask, is_moving
 from emaphm.prognosis.prior import NEW, Hypotheses, Prior, rate_when_new
 from emaphm.prognosis.settings import FILTER
@@ -50,6 +55,7 @@ class UnitHypotheses:
 
     hypotheses: Hypotheses
     trajectories: tuple[Trajectory, ...]
+    exponents: ExponentEstimates | None = None
 
 
 HYPOTHESES: Memory[UnitHypotheses] = Memory(KEPT)
@@ -83,7 +89,12 @@ def _computed_hypotheses(evidence: Evidence, general: Prior, seed: int) -> UnitH
     has_ended = np.any([np.zeros_like(is_known), *(mask for _, mask in ended_lives)], axis=0)
     now = _hypotheses(belief, stream(seed, *name)), is_known | ~has_ended
     levels = np.array(hours), np.stack(age), np.stack(level)
-    return UnitHypotheses(_merged([*ended_lives, now]), tuple(_trajectories(evidence, *levels)))
+    reference, ranges = general.reference, general.settings.exponents
+    return UnitHypotheses(
+        _merged([*ended_lives, now]),
+        tuple(_trajectories(evidence, *levels)),
+        None if reference is None else exponents_of_unit(evidence, reference, ranges),
+    )
 
 
 def _merged(lives: Sequence[tuple[Hypotheses, Mask]]) -> Hypotheses:
@@ -105,10 +116,15 @@ def _trajectories(evidence: Evidence, hours: Array, age: Array, level: Array) ->
         yield Trajectory(hours, age, level, np.array(new_at), np.array(until), NEW)
 
 
-def fleet_mixture(parts: Sequence[UnitHypotheses], general: Prior) -> Prior:
+def fleet_mixture(parts: Sequence[UnitHypotheses], general: Prior, seed: int) -> Prior:
     """Return the prior that mixes the hypotheses of one or more units with the general prior."""
     columns = zip(*(part.hypotheses for part in parts), strict=True)
     fleet = Hypotheses(*(np.concatenate(column) for column in columns))
+    if general.reference is not None:
+        random = stream(seed, "exponents of a new unit")
+        of_units = [part.exponents for part in parts if part.exponents is not None]
+        exponents = exponents_of_new_unit(of_units, fleet.exponents, general.settings.exponents, random)
+        fleet = fleet._replace(exponents=exponents)
     return replace(
         general,
         fleet=fleet,
