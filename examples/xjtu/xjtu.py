@@ -271,7 +271,8 @@ def text(screws: list[Screw]) -> str:
     lines = []
     for one in screws:
         lines.append(
-            f"{one.name} screw: {one.torque[0]:.3f} N·m new, {one.torque[-1]:.3f} after {one.hours[-1]:g} h"
+            f"{one.name} screw: {one.torque[0]:.3f} N·m at {one.hours[0]:g} h, {one.torque[-1]:.3f} at "
+            f"{one.hours[-1]:g} h"
         )
         rows = [
             (what, f"{found.slope:+.3f} ± {found.half:.3f}", found.verdict)

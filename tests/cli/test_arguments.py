@@ -108,6 +108,7 @@ BAD_ARGUMENTS = {
     "simulate out.csv --model averaged --noise -1": ("noise", "-1", "give 0 or more"),
     "simulate out.csv --model averaged --noise nan": ("noise", "nan", "give 0 or more"),
     "simulate out.csv --model averaged --noise inf": ("noise", "inf", "give 0 or more"),
+    "simulate out.csv --model averaged --noise 1e300": ("--noise 1e+300 A", "current limit of 22.5 A"),
     "simulate out.csv --model averaged --adc-bits 1": ("1 bits", "give 4 to 24"),
     "simulate out.csv --model averaged --adc-bits -3": ("-3 bits", "give 4 to 24"),
     "simulate out.csv --model averaged --adc-bits 64": ("64 bits", "give 4 to 24"),

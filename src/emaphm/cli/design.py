@@ -11,6 +11,7 @@ from emaphm.cli.options import (
     ActuatorFile,
     Common,
     Manoeuvre,
+    check_noise,
     described_actuator,
     names_in,
     whole_number,
@@ -119,11 +120,7 @@ def design(
     common.check((out, (".csv",)), (figure, FIGURES))
     described = described_actuator(actuator)
     effort.check(manoeuvre.sample_rate * max(manoeuvre.duration, largest.max_duration or 0.0))
-    if noise > described.controller.current_limit:
-        raise SignalError(
-            f"--noise {noise:g} A exceeds the current limit of {described.controller.current_limit:g} A; "
-            "give the rms of the sensor's noise"
-        )
+    check_noise(noise, described)
     driven = manoeuvre.command_for(described)
     if not common.as_json and (jump := manoeuvre.jump_of(driven)):
         say(jump)

@@ -14,6 +14,7 @@ from emaphm.cli.options import (
     Common,
     Execution,
     Manoeuvre,
+    check_noise,
     described_actuator,
     names_in,
     whole_number,
@@ -61,6 +62,7 @@ class RecordedOptions:
         """Return the setup for which the estimator is trained: actuator, command and recorded channels."""
         from emaphm.amortized.recording_setup import RecordingSetup
 
+        check_noise(self.noise, actuator)
         return RecordingSetup.of(
             actuator,
             driven,

@@ -1,6 +1,5 @@
 """The verbs `demo`, `simulate` and `replay`: each reads its options, calls the library, and prints."""
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +16,7 @@ from emaphm.cli.options import (
     KnownList,
     Manoeuvre,
     RecordingFile,
+    check_noise,
     check_output,
     check_seed,
     described_actuator,
@@ -26,7 +26,6 @@ from emaphm.cli.options import (
     whole_number,
 )
 from emaphm.cli.output import draw, progress, say, show
-from emaphm.errors import SignalError
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -81,9 +80,8 @@ def simulate(
     from emaphm.version import VERSION
 
     common.check((out, TABLES))
-    if not 0 <= noise < math.inf:
-        raise SignalError(f"--noise {noise:g} is no valid rms; give 0 or more")
     described, faults = described_actuator(actuator), fault_vector(fault)
+    check_noise(noise, described)
     driven = manoeuvre.command_for(described)
     with progress("simulating", common.as_json):
         recording = simulated_recording.simulate(

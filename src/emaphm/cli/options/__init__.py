@@ -20,6 +20,7 @@ from emaphm.cli.options.single import (
 )
 from emaphm.cli.options.values import (
     check_fast,
+    check_noise,
     check_output,
     check_seed,
     described_actuator,
@@ -48,6 +49,7 @@ __all__ = [
     "RecordingsAt",
     "Seed",
     "check_fast",
+    "check_noise",
     "check_output",
     "check_seed",
     "described_actuator",

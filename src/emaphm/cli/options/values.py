@@ -1,5 +1,6 @@
 """Conversion of the text of options to objects, with refusal of invalid text."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,16 @@ def check_seed(seed: int) -> None:
     """Refuse a negative seed, which random generators do not accept."""
     if seed < 0:
         raise SignalError(f"--seed {seed} is negative; give 0 or more")
+
+
+def check_noise(noise: float, actuator: "Actuator") -> None:
+    """Refuse a --noise that is no rms of a current, or exceeds the current limit of the actuator."""
+    if not 0 <= noise < math.inf:
+        raise SignalError(f"--noise {noise:g} is no valid rms; give 0 or more")
+    if noise > (limit := actuator.controller.current_limit):
+        raise SignalError(
+            f"--noise {noise:g} A exceeds the current limit of {limit:g} A; give the sensor's rms"
+        )
 
 
 def check_fast(fast: bool, estimator: Path | None) -> None:
