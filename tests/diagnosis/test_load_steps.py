@@ -11,7 +11,7 @@ from emaphm.actuator import Actuator, Chirp, Faults
 from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import Diagnosis, diagnose
-from emaphm.diagnosis.diagnose import objective_for
+from emaphm.diagnosis.posing import objective_for
 from emaphm.diagnosis.selection.load_steps import best_set
 from emaphm.diagnosis.selection.selection import Selection
 from emaphm.diagnosis.selection.varying_load import LOAD_STEP, LOADS, with_varying_load

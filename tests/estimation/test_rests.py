@@ -6,7 +6,7 @@ import pytest
 from cases import THESIS
 from emaphm.actuator import Chirp
 from emaphm.arrays import Array
-from emaphm.diagnosis.diagnose import conclude
+from emaphm.diagnosis.conclusion import conclude
 from emaphm.estimation.discrepancy import reference_problem
 from emaphm.estimation.methods import method_named
 from emaphm.estimation.objective import faults_objective

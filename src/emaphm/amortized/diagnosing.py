@@ -19,7 +19,7 @@ from emaphm.amortized.estimator import Estimator
 from emaphm.amortized.networks.mixture import Mixture
 from emaphm.blas_threads import one_blas_thread
 from emaphm.diagnosis import Diagnosis, diagnose
-from emaphm.diagnosis.diagnose import nuisance_estimates
+from emaphm.diagnosis.conclusion import nuisance_estimates
 from emaphm.diagnosis.explanation.cautions import cautions
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.explanation.one_way import undecided_where_one_way

@@ -1,58 +1,35 @@
-"""The diagnosis of one recording: search, corrections, tests and verdicts."""
+"""The diagnosis of one recording: search, selection of deviations, and conclusion."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from emaphm.actuator import Actuator
 from emaphm.actuator.argument import check_actuator
-from emaphm.arrays import Array, rms
 from emaphm.blas_threads import one_blas_thread
-from emaphm.diagnosis.explanation.alternatives import with_alternatives
-from emaphm.diagnosis.explanation.cautions import cautions
-from emaphm.diagnosis.explanation.command_speed import with_command
-from emaphm.diagnosis.explanation.moment import notes_on_moment
+from emaphm.diagnosis.conclusion import conclude
 from emaphm.diagnosis.explanation.motion import moves_at
-from emaphm.diagnosis.explanation.one_way import undecided_where_one_way
-from emaphm.diagnosis.explanation.open_phases import undecided_between_phases
 from emaphm.diagnosis.explanation.other_drive import other_drive
-from emaphm.diagnosis.explanation.reasons import reasons_against
-from emaphm.diagnosis.explanation.without_fault import tested_by_refits
-from emaphm.diagnosis.identifiability import identifiability
-from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
+from emaphm.diagnosis.posing import objective_for, without_spoilt_rows
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.selection.description_errors import suspected_parameters
 from emaphm.diagnosis.selection.deviations import select_deviations
 from emaphm.diagnosis.selection.residual_share import notes_on_alternatives
 from emaphm.diagnosis.selection.supply.supply_scan import with_requested_supply
-from emaphm.diagnosis.verdict import VERDICT, Estimate, estimates, undecided_by_model_error, unexplained
-from emaphm.errors import MethodError, nearest
-from emaphm.estimation.bias_correction import MAX_CORRECTIONS, over_all_phases, with_discrepancy
-from emaphm.estimation.compared_channels import TORQUE_CURRENTS
+from emaphm.errors import MethodError
+from emaphm.estimation.bias_correction import MAX_CORRECTIONS, with_discrepancy
 from emaphm.estimation.methods import WITH_LEAST_SQUARES, Method, method_named
-from emaphm.estimation.objective import MapObjective, faults_objective, faults_only_objective
-from emaphm.estimation.posing import problem_of
-from emaphm.estimation.problem import Problem
-from emaphm.estimation.rows.after_jumps import rows_after_jumps
-from emaphm.estimation.rows.means import masks_of_means, over_swings
+from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search import check_fitness, search
-from emaphm.estimation.search_result import SMALLEST_SHARE, SearchResult
+from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.sensors.channel_swaps import with_channels_exchanged
-from emaphm.estimation.space.nuisances import unit_of
 from emaphm.estimation.starts import Starts
-from emaphm.estimation.uncertainty.local_covariance import jacobians_of
-from emaphm.estimation.uncertainty.model_error import HealthyComparison, compared_with_healthy
 from emaphm.progress import Progress, subprogress
-from emaphm.random_streams import stream
 from emaphm.recording import Recording, check_plausible
 from emaphm.recording.argument import check_recording
-from emaphm.recording.schema import SCHEMA
-from emaphm.recording.sensor_checks import CheckedRecording, check_sensors
-from emaphm.simulation import Model, model_named
-from emaphm.version import VERSION
+from emaphm.recording.sensor_checks import check_sensors
+from emaphm.simulation import model_named
 
 SAMPLING_SHARE = 0.9
 """Share of the progress bar for the sampling of the posterior, where it is requested."""
@@ -239,165 +216,3 @@ def _searched_by(method: Method, starts: Starts | None, result: SearchResult) ->
         return f"{starts.method}{WITH_LEAST_SQUARES}", ()
     failure = f"least squares from the answer of the {starts.method} do not explain the recording"
     return method.name, (f"{failure}; all of the range was searched",)
-
-
-def without_spoilt_rows(objective: MapObjective, checked: CheckedRecording) -> MapObjective:
-    """Return the objective of a checked recording without the rows that the checks found unusable."""
-    return objective.ignoring(masks_of_means(checked.unusable, objective.problem))
-
-
-def objective_for(
-    recording: Recording,
-    actuator: Actuator,
-    method: Method,
-    model: Model,
-    nuisances: Sequence[str] | None,
-    workers: int | None,
-    *,
-    below_healthy: bool = True,
-) -> MapObjective:
-    """Return the objective that `method` minimises on a recording.
-
-    With least squares, this is the residual of all channels, with faults and nuisances as parameters. Rows
-    right after a jump of the command are omitted where they depend on the exact instant of the jump. Without
-    `below_healthy`, the friction has a lower bound at its healthy value. Without least squares, this is the
-    residual of the current, with only the faults as parameters, in [0, 1].
-
-    Raises
-    ------
-    MethodError
-        A nuisance is unknown, or needs an electrical description that the actuator lacks; or the method
-        estimates no nuisances.
-    """
-    problem = problem_of(recording, actuator, model, workers, None if method.least_squares else ())
-    _check_current(problem, recording)
-    if method.least_squares:
-        problem = over_swings(problem)
-        objective = faults_objective(problem, nuisances, below_healthy=below_healthy)
-        return objective.ignoring(rows_after_jumps(problem))
-    if nuisances:
-        raise MethodError(
-            f"method '{method.name}' estimates faults alone; leave out nuisance '{nuisances[0]}', or use "
-            f"'{method.name}+lsq'"
-        )
-    return faults_only_objective(problem)
-
-
-def _check_current(problem: Problem, recording: Recording) -> None:
-    """Refuse a recording without a current: no other channel identifies faults of windings and magnets."""
-    if problem.primary in TORQUE_CURRENTS:
-        return
-    others = [name for name in recording if name not in SCHEMA]
-    hint = nearest("current_A", others, "columns not used") if others else ""
-    raise MethodError(
-        f"{recording.source}: a diagnosis of all faults needs a current, and there is only "
-        f"{', '.join(problem.channels)}{hint}; record current_A, or the three phases with angle_rad, or "
-        "name it under [channels] in the actuator's TOML (replay and calibrate do without)"
-    )
-
-
-def conclude(
-    result: SearchResult,
-    recording: Recording,
-    method: str,
-    fitness: str,
-    seed: int,
-    *,
-    tests: bool = True,
-) -> Diagnosis:
-    """Return the diagnosis of `result`, with its numbers of simulations and its time still 0.
-
-    With `tests=False`, the verdicts are those of the intervals alone.
-    """
-    objective, problem, space = result.objective, result.objective.problem, result.objective.space
-    jacobians = jacobians_of(result, stream(seed, "Jacobians of the covariance"))
-    moves = moves_at(objective, result.point)
-    healthy, reasons = _explanation(result, jacobians, seed, moves=moves)
-    all_phases = over_all_phases(result, seed) if reasons else result
-    if all_phases is not result:
-        all_phases_healthy, all_phases_reasons = _explanation(all_phases, jacobians, seed, moves=moves)
-        if not all_phases_reasons:
-            result, healthy, reasons = all_phases, all_phases_healthy, all_phases_reasons
-    residual = result.fitted_residual[: problem.samples]
-    uncertainty = identifiability(replace(result, jacobians=jacobians), seed, explained=not reasons)
-    components = estimates(space, result.point, uncertainty.covariance, uncertainty.collinear_sets)
-    if reasons:
-        components = unexplained(components, space.fixed)
-        reasons = with_command((*reasons, *notes_on_moment(result)), problem)
-    elif tests:
-        components = tested(components, result, jacobians, seed)
-    components = undecided_by_model_error(components, uncertainty.model_error_share, space)
-    return Diagnosis(
-        components=components,
-        coordinates=space.coordinates,
-        covariance=uncertainty.covariance,
-        method=method,
-        model=problem.model.name,
-        fitness_name=fitness,
-        fitness=result.cost,
-        residual_rms_A=rms(result.compared_residual),
-        explained=not reasons,
-        evaluations=0,
-        reference_runs=0,
-        seconds=0.0,
-        seed=seed,
-        recording=recording.source,
-        actuator=problem.actuator,
-        version=VERSION,
-        time_s=recording["time_s"][0] + problem.inputs.time_s,
-        recorded=problem.recorded,
-        modelled=problem.recorded - residual,
-        channels=problem.channels,
-        recording_notes=(*recording.notes, *cautions(components, result, moves=moves)),
-        nuisances=nuisance_estimates(objective, result.point, uncertainty.covariance),
-        collinear_sets=uncertainty.collinear_sets,
-        moves=moves,
-        model_error=healthy,
-        reasons=reasons,
-    )
-
-
-def tested(
-    components: Mapping[str, Estimate], result: SearchResult, jacobians: Array, seed: int
-) -> dict[str, Estimate]:
-    """Return the `components` of `result`; those with an equally good other explanation are undecided.
-
-    `jacobians` (n, d, channel rows) are those of the channels at the estimate.
-    """
-    components = with_alternatives(components, result, jacobians, seed)
-    components = tested_by_refits(components, result, jacobians, seed)
-    components = undecided_where_one_way(components, result)
-    return undecided_between_phases(components, result)
-
-
-def _explanation(
-    result: SearchResult, jacobians: Array, seed: int, *, moves: bool
-) -> tuple[Mapping[str, HealthyComparison], tuple[str, ...]]:
-    """Return the comparison of residuals with healthy recordings, and the reasons against the estimate."""
-    healthy = compared_with_healthy(
-        result.objective.problem,
-        result.residual_by_channel,
-        least_share=SMALLEST_SHARE,
-        switching=result.switching_variances,
-    )
-    return healthy, reasons_against(result, jacobians, healthy, seed, moves=moves)
-
-
-def nuisance_estimates(
-    objective: MapObjective, point: Array, covariance: Array
-) -> dict[str, NuisanceEstimate]:
-    """Return the nuisances at `point` (d,), with standard errors from the `covariance` (d, d)."""
-    nuisances, first = objective.space.nuisances, len(objective.space.columns)
-    values = objective.space.nuisance_values(point[np.newaxis])
-    errors = nuisances.standard_errors(covariance[first:, first:])
-    return {
-        name: NuisanceEstimate(
-            float(value[0]),
-            float(error),
-            unit_of(name, objective.problem.actuator.coordinates),
-            name in nuisances.located or bool(error < VERDICT.uninformative * prior_deviation),
-        )
-        for (name, value), error, prior_deviation in zip(
-            values.items(), errors, nuisances.prior_deviations, strict=True
-        )
-    }

@@ -10,8 +10,8 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.calibration import calibrate
-from emaphm.diagnosis.diagnose import objective_for
 from emaphm.diagnosis.error_metric import error_percent
+from emaphm.diagnosis.posing import objective_for
 from emaphm.errors import StudyError
 from emaphm.estimation.search import search
 from emaphm.estimation.search_settings import SearchSettings

@@ -12,9 +12,9 @@ from typing import Self, TypeVar
 import numpy as np
 
 from emaphm.actuator import Actuator
-from emaphm.diagnosis.diagnose import objective_for, without_spoilt_rows
 from emaphm.diagnosis.explanation.motion import moves_at
 from emaphm.diagnosis.identifiability import identifiability
+from emaphm.diagnosis.posing import objective_for, without_spoilt_rows
 from emaphm.diagnosis.selection.control_errors import with_control_errors
 from emaphm.diagnosis.selection.description_errors import suspected_parameters, with_free
 from emaphm.diagnosis.selection.deviations import (

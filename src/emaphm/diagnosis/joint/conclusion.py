@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from emaphm.actuator import NAMES
 from emaphm.arrays import Array, rms
-from emaphm.diagnosis.diagnose import nuisance_estimates, tested
+from emaphm.diagnosis.conclusion import nuisance_estimates, tested
 from emaphm.diagnosis.identifiability import collinear_sets
 from emaphm.diagnosis.joint.alone import with_better_fits
 from emaphm.diagnosis.joint.result import JointDiagnosis, JointRecording, on_contradictions

@@ -10,7 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.argument import check_actuator
 from emaphm.arrays import Array
 from emaphm.blas_threads import one_blas_thread
-from emaphm.diagnosis.diagnose import conclude
+from emaphm.diagnosis.conclusion import conclude
 from emaphm.diagnosis.joint.alone import METHOD, alone_estimates, search_alone
 from emaphm.diagnosis.joint.conclusion import conclusion
 from emaphm.diagnosis.joint.result import JointDiagnosis
