@@ -21,7 +21,7 @@ from emaphm.study.fleet.acting import PolicyOutcome, acted, outcome, over_life
 from emaphm.study.fleet.baselines import fleet_lives, last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.diagnoses import Quality, quality
 from emaphm.study.fleet.drawn import DiagnosisPool, drawn_evidence
-from emaphm.study.fleet.informed import Component, ageing_ahead, informed, recorded_stretches
+from emaphm.study.fleet.informed import Component, informed, rates_ahead, recorded_stretches
 from emaphm.study.fleet.judging import SHARES, WAYS, WITH_FLEET
 from emaphm.study.fleet.run import DRAWN, PARTS, PLAN, RECORDED, without_part
 from emaphm.study.fleet.scores import alpha_lambda_interval, scores, warnings
@@ -241,7 +241,7 @@ def test_the_rate_of_a_linear_law_agrees_with_a_quadrature_over_lives(
     assert deviation == pytest.approx(exact_deviation, rel=0.05)
 
 
-def test_the_ageing_ahead_continues_the_recorded_mission() -> None:
+def test_the_rates_ahead_continues_the_recorded_mission() -> None:
     """At 40 K above nominal in many intervals, components age twice as fast; nothing recorded is nominal.
 
     The logarithm of the rate then varies by the interval's 10 K and 0.06 of load, and without records also
@@ -253,7 +253,7 @@ def test_the_ageing_ahead_continues_the_recorded_mission() -> None:
     of_interval, of_mission = np.hypot(10 / 40 * np.log(2), 0.18), np.hypot(8 / 40 * np.log(2), 0.18)
     for end, rate, spread in ((40_000.0, 2.0, of_interval), (0.0, 1.0, np.hypot(of_interval, of_mission))):
         flown = recorded_stretches(evidence, plan.drawn_from.stress, 0.0, end)
-        ahead = np.log(ageing_ahead(flown, plan, stream(3, "test")))
+        ahead = np.log(rates_ahead(flown, plan, stream(3, "test")))
         assert np.median(ahead) == pytest.approx(np.log(rate), abs=0.02)
         assert np.std(ahead) == pytest.approx(spread, rel=0.05)
 

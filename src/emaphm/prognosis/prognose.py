@@ -288,4 +288,7 @@ def pace_ahead(state: UnitDraws, belief: Belief, evidence: Evidence, ahead: Stre
 
     The stress is `ahead`; a value that it leaves out continues as recorded up to the filter state.
     """
-    return ageing_ahead(evidence.stresses, belief.prior.reference, belief.hours, state.exponents, ahead)
+    prior, stresses = belief.prior, evidence.stresses
+    return ageing_ahead(
+        stresses, prior.reference, belief.hours, state.exponents, ahead, prior.reference_weight
+    )

@@ -27,6 +27,13 @@ LARGEST_KELVINS = 50.0
 TEN_KELVINS = 10.0
 """Unit of the temperature covariate [K]."""
 
+NO_FLIGHTS = (0.0, 0.0, 0.0)
+"""Weight of the reference in a unit's future stress without a fleet."""
+
+FEWEST_UNITS, MOST_FLIGHTS = 5, 100.0
+"""Least number of units from which the differences between missions are estimated, and the largest weight of
+the reference, in intervals."""
+
 
 @dataclass(frozen=True)
 class Stress:
@@ -185,22 +192,56 @@ def ageing_ahead(
     hours: float,
     exponents: Array,
     ahead: Stress | None = None,
+    weight_of_reference: Sequence[float] = NO_FLIGHTS,
 ) -> Array | float:
     """Return the hours (…) by which components with `exponents` (…, 3) age in a future hour.
 
     The ageing is the mean over the past, up to `hours` [h], with the covariates y that `ahead` gives:
 
-        a = Σ h exp(β_x·x + β_y·y) / Σ h,   x: other covariates of the h flown hours
+        a = Σ h exp(β_x·(x - w x̄) + β_y·y) / Σ h,   x: other covariates of the h flown hours, of mean x̄
 
-    A covariate continues as in the past if `ahead` leaves it out, or if it was never recorded.
+    A covariate continues as in the past if `ahead` leaves it out, or if it was never recorded. Its mean over
+    n recorded intervals is shrunk towards the reference by w = k / (n + k), where k is its
+    `weight_of_reference` in intervals (`reference_weight`): a few intervals determine a mission badly.
     """
     if reference is None:
         return 1.0
     flown = exposure(pieces, reference, 0.0, hours) if hours > 0 else AT_REFERENCE
+    weight = np.array(weight_of_reference)
+    share = weight / np.maximum(sum(piece.start < hours for piece in pieces) + weight, 1e-9)
+    mean = flown.hours @ flown.covariates / flown.hours.sum()
+    flown = Exposure(flown.hours, flown.covariates - share * mean)
     if ahead is not None:
         stated = [None not in pair for pair in zip(ahead.values, reference.values, strict=True)]
         flown = Exposure(flown.hours, np.where(stated, reference.covariates(ahead), flown.covariates))
     return np.asarray(flown.aged(exponents) / flown.hours.sum())
+
+
+def reference_weight(units: Sequence[Sequence[StressPiece]], reference: StressReference) -> tuple[float, ...]:
+    """Return the numbers of intervals as which the reference counts in the mean stress of a unit, (3,).
+
+    They are the ratios of the variance between the intervals of a unit to that between the means of units,
+    by analysis of variance, with one digit. With this weight, the mean of a unit's intervals becomes the best
+    linear prediction of its mission. The weight is 0 with fewer than five units of two recorded intervals.
+    """
+    weights = []
+    for i in range(len(STRESSES)):
+        recorded = [
+            np.array(
+                [reference.covariates(one.stress)[i] for one in pieces if one.stress.values[i] is not None]
+            )
+            for pieces in units
+        ]
+        recorded = [values for values in recorded if values.size > 1]
+        if len(recorded) < FEWEST_UNITS:
+            weights.append(0.0)
+            continue
+        counts = np.array([values.size for values in recorded])
+        within = sum(values.size * values.var() for values in recorded) / (counts - 1).sum()
+        between = np.var([values.mean() for values in recorded], ddof=1) - within * np.mean(1 / counts)
+        weight = within / max(between, within / MOST_FLIGHTS) if within > 0 else 0.0
+        weights.append(float(f"{weight:.1g}"))
+    return tuple(weights)
 
 
 def stress_dict(reference: StressReference | None, ahead: Stress | None) -> dict[str, Any]:

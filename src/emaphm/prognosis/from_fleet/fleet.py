@@ -18,7 +18,7 @@ from emaphm.prognosis.from_fleet.learning import (
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.record import record_of
 from emaphm.prognosis.prior import Prior
-from emaphm.prognosis.stress import StressReference
+from emaphm.prognosis.stress import StressReference, reference_weight
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -89,8 +89,12 @@ class Fleet:
     @cached_property
     def general(self) -> Prior:
         """The prior without a fleet, with the rounded median of its units' stress as reference."""
-        reference = StressReference.of([piece for unit in self.followed for piece in unit.stresses])
-        return Prior(reference=None if reference is None else reference.rounded())
+        stresses = [unit.stresses for unit in self.followed]
+        reference = StressReference.of([piece for pieces in stresses for piece in pieces])
+        if reference is None:
+            return Prior()
+        rounded = reference.rounded()
+        return Prior(reference=rounded, reference_weight=reference_weight(stresses, rounded))
 
     def prior_of(self, unit: str, actuator: "Actuator | None" = None) -> Prior:
         """Return the prior of a unit from the other units; the general prior if none of them is usable.
@@ -132,7 +136,8 @@ class Fleet:
         def by_others(i: int) -> Prior:
             return fleet_mixture([*parts[:i], *parts[i + 1 :]], self.general, self.seed)
 
-        about = self.general.settings, self.general.reference
+        general = self.general
+        about = general.settings, general.reference, general.reference_weight
         record = record_of(failed, by_others, about, actuator, self.seed)
         return None if record is None else replace(record, failed_share=len(failed) / len(self._usable))
 

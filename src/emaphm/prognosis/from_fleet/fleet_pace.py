@@ -16,7 +16,7 @@ from emaphm.prognosis.from_fleet.fingerprint import fingerprint
 from emaphm.prognosis.from_fleet.pace_population import PopulationDraws, sampled_population
 from emaphm.prognosis.from_fleet.passages import Passages, least_hours
 from emaphm.prognosis.requirements.margins import Limit
-from emaphm.prognosis.stress import Stress, StressReference, ageing_ahead, exposure
+from emaphm.prognosis.stress import NO_FLIGHTS, Stress, StressReference, ageing_ahead, exposure
 from emaphm.random_streams import stream
 
 
@@ -73,13 +73,14 @@ class FleetPaceModel:
     """Pace of `units` towards limits, from their diagnoses; `new` is the level of a new unit, (8,).
 
     The consumed share of a margin is 0 at the level of a new unit and 1 at the limit. Hours are those at the
-    stress `reference`, with `exponents` (8, 3) for each component.
+    stress `reference`, with `exponents` (8, 3) for each component; `reference_weight` is as in `Prior`.
     """
 
     units: Sequence[Evidence]
     new: Array
     reference: StressReference | None
     exponents: Array
+    reference_weight: tuple[float, ...] = NO_FLIGHTS
 
     @cached_property
     def shown_share(self) -> float:
@@ -180,7 +181,8 @@ class FleetPaceModel:
 
     def ageing_rate(self, unit: Evidence, column: int, hours: float, ahead: Stress | None) -> float:
         """Return the hours of ageing per future flight hour: see `ageing_ahead`."""
-        return float(ageing_ahead(unit.stresses, self.reference, hours, self.exponents[column], ahead))
+        exponents, weight = self.exponents[column], self.reference_weight
+        return float(ageing_ahead(unit.stresses, self.reference, hours, exponents, ahead, weight))
 
 
 def columns_of_limit(limit: Limit) -> list[int]:

@@ -142,7 +142,8 @@ def with_fleet_pace(prior: Prior, followed: Sequence[str], others: Sequence[Evid
     The pace is at the mean of the fleet's exponents. `units` counts the units of either kind once.
     """
     assert prior.fleet is not None  # noqa: S101 - it is a mixture
-    model = FleetPaceModel(others, NEW, prior.reference, prior.fleet.exponents.mean(axis=0))
+    exponents = prior.fleet.exponents.mean(axis=0)
+    model = FleetPaceModel(others, NEW, prior.reference, exponents, prior.reference_weight)
     return replace(prior, units=len({*followed, *(other.unit for other in others)}), fleet_pace=model)
 
 

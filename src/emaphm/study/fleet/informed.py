@@ -156,7 +156,7 @@ def informed(
             component.update(diagnosis, stress.aged(population.stress))
         if i in at:
             flown = recorded_stretches(evidence, population.stress, 0.0, hours[i + 1])
-            sample = _lives(components, plan, ageing_ahead(flown, plan, random), random)
+            sample = _lives(components, plan, rates_ahead(flown, plan, random), random)
             samples += [sample] * list(at).count(i)
     return samples
 
@@ -209,7 +209,7 @@ def recorded_stretches(evidence: Evidence, model: StressModel, start: float, end
     return Flown(np.array(hours), np.array(values, float).reshape(-1, 2).T)
 
 
-def ageing_ahead(flown: Flown, plan: FleetPlan, random: np.random.Generator) -> Array:
+def rates_ahead(flown: Flown, plan: FleetPlan, random: np.random.Generator) -> Array:
     """Return ageing rates [-] of future intervals, (intervals, `PATHS`), given the recorded stretches.
 
     ΔT and l of a mission are normal about 0, those of an interval about the mission's: the posterior
