@@ -93,3 +93,14 @@ def test_a_column_of_times_takes_precedence_over_the_times_of_the_format(thesis:
     np.testing.assert_array_equal(recording["time_s"], shown)
     np.testing.assert_array_equal(recording["current_A"], FAST["current_A"])
     np.testing.assert_allclose(recording["temperature_K"], 293.0 + own, atol=1e-6)
+
+
+@pytest.mark.parametrize(("rows", "reading"), [(4000, {}), (1000, {}), (4000, {"dwell_s": 0.1})])
+def test_a_column_of_another_length_is_refused_before_rows_are_selected(
+    thesis: Actuator, refusal: Refusal, rows: int, reading: dict[str, float]
+) -> None:
+    times = np.delete(TIME, 1500)  # a lost row is interpolated in columns of equal length only
+    numeric = {"time_s": times, "command_rad": np.resize(FAST["command_rad"], rows), "current_A": times}
+    actuator = thesis.model_copy(update={"reading": Reading(**reading)})
+    text = refusal(lambda: recordings_of(FileColumns(numeric, {}), "log", actuator))
+    assert f"'command_rad' has {rows} rows, 'time_s' has 1999" in text

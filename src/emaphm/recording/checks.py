@@ -63,6 +63,13 @@ def check(columns: Mapping[str, Array], source: str, labels: Mapping[str, str] |
         raise RecordingError(f"{source}: {complaint}")
 
 
+def check_lengths(columns: Mapping[str, Array], source: str, labels: Mapping[str, str]) -> None:
+    """Raise `RecordingError` if a column has another number of rows than `time_s`; arguments of `check`."""
+    complaint = _unequal(columns, {name: _label(name, labels) for name in columns})
+    if complaint:
+        raise RecordingError(f"{source}: {complaint}")
+
+
 def missing_columns(present: Collection[str]) -> tuple[str, ...]:
     """Return the required columns that are not among `present`.
 
@@ -95,6 +102,15 @@ def _misshapen(columns: Mapping[str, Array], labels: Mapping[str, str]) -> str |
     for name, values in columns.items():
         if values.ndim != 1:
             return f"column {labels[name]} has shape {values.shape}; give one value a row"
+    if complaint := _unequal(columns, labels):
+        return complaint
+    rows = columns["time_s"].size
+    if rows < FEWEST_SAMPLES:
+        return f"too short: {rows} rows, at least {FEWEST_SAMPLES} are needed; record a longer manoeuvre"
+    return None
+
+
+def _unequal(columns: Mapping[str, Array], labels: Mapping[str, str]) -> str | None:
     rows = columns["time_s"].size
     for name, values in columns.items():
         if values.size != rows:
@@ -102,8 +118,6 @@ def _misshapen(columns: Mapping[str, Array], labels: Mapping[str, str]) -> str |
                 f"column {labels[name]} has {values.size} rows, {labels['time_s']} has {rows}; "
                 "give all columns the same length"
             )
-    if rows < FEWEST_SAMPLES:
-        return f"too short: {rows} rows, at least {FEWEST_SAMPLES} are needed; record a longer manoeuvre"
     return None
 
 

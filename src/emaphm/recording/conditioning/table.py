@@ -13,6 +13,7 @@ from emaphm.actuator.columns.expression import Expression
 from emaphm.actuator.quantity import Coordinates, unit_for
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
+from emaphm.recording.checks import check_lengths
 from emaphm.recording.conditioning.gaps import FEWEST_ROWS, covered_rows
 from emaphm.recording.conditioning.interpolation import HELD, continuous, curve, last_state, moved
 from emaphm.recording.io.channel_names import Source, columns_of, missing_name, resolved
@@ -101,6 +102,8 @@ def table_of(
             channels[name] = _converted(
                 name, channel_source, file.numeric[channel_source.column], actuator, source
             )
+    # Before rows are selected: a longer column would lose its last rows without notice.
+    check_lengths(channels, source, {name: origin.label for name, origin in sources.items()})
     for name, channel_source in sources.items():
         if channel_source.column is None and channel_source.entry.derived is not None:
             channels[name] = _derived(name, channel_source, file, channels, actuator, source)
