@@ -104,3 +104,8 @@ def test_a_column_of_another_length_is_refused_before_rows_are_selected(
     actuator = thesis.model_copy(update={"reading": Reading(**reading)})
     text = refusal(lambda: recordings_of(FileColumns(numeric, {}), "log", actuator))
     assert f"'command_rad' has {rows} rows, 'time_s' has 1999" in text
+
+
+def test_times_of_other_columns_than_those_read_are_no_time_base(thesis: Actuator, refusal: Refusal) -> None:
+    columns = FileColumns(FAST | {"other": TIME}, {}, times={"other": TIME})
+    assert "no column 'time_s', and the file has no times" in refusal(lambda: read(columns, thesis, "mean"))

@@ -163,8 +163,13 @@ def _on_one_base(
         base = _converted("time_s", time_source, file.numeric[str(time_source.column)], actuator, source)
         clock = _times_of_format(str(time_source.column), wanted, file, base)
     else:
-        leading = sources["command_rad"].column
-        leading = leading if leading in times else next(name for name in wanted if name in times)
+        leading = next((name for name in (sources["command_rad"].column, *wanted) if name in times), None)
+        if leading is None:
+            raise RecordingError(
+                f"{source}: no column 'time_s', and the file has no times of the columns that are read; "
+                "export them with their times, or put time_s = \"that name\" under [channels] in the "
+                "actuator's TOML"
+            )
         base = clock = times[leading]
     numeric = dict(file.numeric)
     held = {*states, *(channel_source.column for name, channel_source in sources.items() if name in HELD)}
