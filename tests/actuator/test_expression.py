@@ -25,6 +25,9 @@ COLUMNS = {
         ("not (1 < a <= 2)", [True, False, True]),
         ("not b", [False, False, True]),
         ("profile != 'trap' or a == 3", [False, True, True]),
+        ("(a > 1) + (a > 2)", [0, 1, 2]),
+        ("(a > 1) - (b > 1) + abs(b > 1)", [0, 1, 1]),
+        ("-(a > 1)", [0, -1, -1]),
     ],
 )
 def test_values_agree_with_pythons_arithmetic(text: str, expected: list[float]) -> None:
@@ -69,6 +72,12 @@ def test_a_text_is_not_used_as_a_number() -> None:
 def test_a_text_is_never_compared_with_a_number(text: str) -> None:
     with pytest.raises(ValueError, match="a text is compared"):
         Expression.parse(text).evaluate({"number": np.arange(3.0), "word": np.array(["a", "b", "a"])})
+
+
+@pytest.mark.parametrize("text", ["x", "x and 1", "not not x"])
+def test_any_number_but_0_is_true(text: str) -> None:
+    rows = Expression.parse(text).holds({"x": np.array([2.0, -1.0, 0.0])})
+    assert rows.tolist() == [True, True, False]
 
 
 @pytest.mark.parametrize("text", ["x != 0", "x and y < 5", "y < 5 and x", "x == 1", "x > 0"])

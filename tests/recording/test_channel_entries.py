@@ -298,6 +298,8 @@ BAD: dict[str, tuple[dict[str, Any], dict[str, Any], list[str]]] = {
     "times that leave nothing": ({"times": [[7.0, 8.0]]}, {}, ["times = [[7.0, 8.0]]", "leaves no row"]),
     "a mask of an unknown column": ({"keep": "enable == 1"}, {}, ["no column 'enable'", "keep"]),
     "a mask of texts and numbers": ({"keep": "mode > 1"}, {}, ["keep", "text"]),
+    "a mask of texts alone": ({"keep": "mode"}, {}, ["keep", "text"]),
+    "a mask of negated texts": ({"keep": "not mode"}, {}, ["keep", "text"]),
     "an unknown serial number": ({"serial": "SN"}, {}, ["column 'SN'", "not in the file"]),
     "a serial number that changes": ({"serial": "number"}, {}, ["'number'", "not the same throughout"]),
     "a low-pass beyond the rate": ({"low_pass_hz": 2500.0}, {}, ["low_pass_hz = 2500", "5000 Hz"]),

@@ -77,7 +77,8 @@ class Expression:
     def evaluate(self, columns: Mapping[str, Any]) -> Any:
         """Return the values (n,), numbers or truth values, for `columns` (n,), which include all `names`.
 
-        A division by 0 gives an infinite value or NaN, without a warning.
+        A division by 0 gives an infinite value or NaN, without a warning. In arithmetic, true is 1 and false
+        is 0.
 
         Raises
         ------
@@ -86,9 +87,21 @@ class Expression:
         """
         import numpy as np
 
+        return self._evaluated(lambda: np.asarray(_value(self._tree, columns, self._quoted)))
+
+    def holds(self, columns: Mapping[str, Any]) -> Any:
+        """Return whether the expression is true in each row (n,): not 0 and not an empty cell.
+
+        The argument and the error are those of `evaluate`; a text alone is also an error.
+        """
+        return self._evaluated(lambda: _truth(self.evaluate(columns)))
+
+    def _evaluated(self, evaluation: Callable[[], Any]) -> Any:
+        import numpy as np
+
         try:
             with np.errstate(all="ignore"):
-                return np.asarray(_value(self._tree, columns, self._quoted))
+                return evaluation()
         except TypeError:
             raise ValueError("a text is compared or combined with a number") from None
 
@@ -143,11 +156,11 @@ def _value(node: ast.expr, columns: Mapping[str, Any], quoted: tuple[str, ...]) 
         case ast.Name():
             result = columns[_name(node, quoted)]
         case ast.BinOp(left=left, op=op, right=right):
-            result = ARITHMETIC[type(op)](of(left), of(right))
+            result = ARITHMETIC[type(op)](_number(of(left)), _number(of(right)))
         case ast.UnaryOp(op=op, operand=operand):
             result = _unary(op, of(operand))
         case ast.Call(args=[argument]):
-            result = np.abs(of(argument))
+            result = np.abs(_number(of(argument)))
         case ast.BoolOp(op=op, values=values):
             truths = (_truth(of(operand)) for operand in values)
             result = reduce(np.logical_and if isinstance(op, ast.And) else np.logical_or, truths)
@@ -158,6 +171,16 @@ def _value(node: ast.expr, columns: Mapping[str, Any], quoted: tuple[str, ...]) 
         case _:
             raise AssertionError(node)
     return result
+
+
+def _number(value: Any) -> Any:
+    """Return truth values as the numbers 1 and 0, and other values unchanged.
+
+    NumPy would add truth values as "or", and would not subtract them.
+    """
+    import numpy as np
+
+    return np.asarray(value, float) if np.asarray(value).dtype == bool else value
 
 
 def _truth(value: Any) -> Any:
@@ -182,5 +205,5 @@ def _compared(op: type[ast.cmpop], left: Any, right: Any) -> Any:
 
 def _unary(op: ast.unaryop, value: Any) -> Any:
     if isinstance(op, ast.Not):
-        return value == 0
-    return -value if isinstance(op, ast.USub) else value
+        return _compared(ast.Eq, value, 0.0)
+    return -_number(value) if isinstance(op, ast.USub) else _number(value)

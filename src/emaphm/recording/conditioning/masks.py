@@ -29,7 +29,7 @@ def kept_rows(table: Table, reading: Reading, source: str) -> NDArray[np.bool_]:
         expression = Expression.parse(reading.keep)
         operands = operands_of(expression, table.further, table.channels, source, "the condition keep names")
         try:
-            condition = np.asarray(expression.evaluate(operands))
+            condition = np.asarray(expression.holds(operands))
         except ValueError as error:
             raise RecordingError(
                 f'{source}: keep = "{reading.keep}": {error}; compare like with like'
@@ -39,7 +39,7 @@ def kept_rows(table: Table, reading: Reading, source: str) -> NDArray[np.bool_]:
                 f'{source}: keep = "{reading.keep}" gives {condition.size} values for {time.size} rows; name '
                 "columns that have a value for each row"
             )
-        kept &= condition.astype(float) > 0 if condition.dtype != bool else condition
+        kept &= condition
         _check_not_empty(kept, f'keep = "{reading.keep}"', source)
     if reading.times:
         kept &= np.logical_or.reduce([(time >= first) & (time <= last) for first, last in reading.times])
