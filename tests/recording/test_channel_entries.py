@@ -341,6 +341,22 @@ def test_jitter_up_to_a_fifth_is_resampled_with_a_note(columns: Columns) -> None
     assert "resampled" in recording.notes[0]
 
 
+@pytest.mark.parametrize("longest_gap", [3, 5])
+def test_a_gap_next_to_rows_left_out_for_another_channel_is_left_out(
+    columns: Columns, tmp_path: Path, thesis: Actuator, longest_gap: int
+) -> None:
+    columns["command_rad"][:3] = columns["command_rad"][-2:] = np.nan
+    columns["current_A"][3:6] = columns["current_A"][-5:-1] = np.nan
+    path, actuator = save(columns, tmp_path), rig(thesis, {"longest_gap": longest_gap})
+    if longest_gap < 4:  # the last gap of the current is a long one, also in its remaining part
+        with pytest.raises(RecordingError, match="row 2490 of column 'current_A' is empty"):
+            read_recording(path, actuator)
+        return
+    recording = read_recording(path, actuator)
+    np.testing.assert_array_equal(recording["time_s"], columns["time_s"][6:-5])
+    assert "the first 6 rows and the last 5 rows left out" in recording.notes[0]
+
+
 def test_a_file_without_foreign_names_is_read_by_schema_names_with_a_note(
     columns: Columns, tmp_path: Path, thesis: Actuator
 ) -> None:

@@ -114,15 +114,20 @@ def _without_open_ends(channels: Columns, longest: int) -> tuple[Columns, tuple[
     rows = channels["time_s"].size
     first, last = 0, rows
     names = []
-    for name in _measured_channels(channels):
-        gaps = runs(np.isnan(channels[name]))
-        if not gaps:
-            continue
-        if gaps[0][0] == 0 and gaps[0][1] <= longest:
-            first = max(first, gaps[0][1])
+    gaps = [
+        (start, stop, name)
+        for name in _measured_channels(channels)
+        for start, stop in runs(np.isnan(channels[name]))
+        if stop - start <= longest
+    ]
+    # Rows that one channel leaves out may uncover a gap of another channel: its other side is left out too.
+    for start, stop, name in sorted(gaps):
+        if start <= first < stop:
+            first = stop
             names.append(name)
-        if gaps[-1][1] == rows and rows - gaps[-1][0] <= longest:
-            last = min(last, gaps[-1][0])
+    for start, stop, name in sorted(gaps, key=lambda gap: -gap[1]):
+        if start < last <= stop:
+            last = start
             names.append(name)
     if not names:
         return channels, ()
