@@ -349,12 +349,20 @@ def test_a_gap_next_to_rows_left_out_for_another_channel_is_left_out(
     columns["current_A"][3:6] = columns["current_A"][-5:-1] = np.nan
     path, actuator = save(columns, tmp_path), rig(thesis, {"longest_gap": longest_gap})
     if longest_gap < 4:  # the last gap of the current is a long one, also in its remaining part
-        with pytest.raises(RecordingError, match="row 2490 of column 'current_A' is empty"):
+        with pytest.raises(RecordingError, match="row 2496 of column 'current_A' is empty"):
             read_recording(path, actuator)
         return
     recording = read_recording(path, actuator)
     np.testing.assert_array_equal(recording["time_s"], columns["time_s"][6:-5])
     assert "the first 6 rows and the last 5 rows left out" in recording.notes[0]
+
+
+def test_a_message_names_the_row_of_the_file(columns: Columns, tmp_path: Path, thesis: Actuator) -> None:
+    columns["command_rad"][:3] = np.nan  # left out
+    columns = {name: np.delete(values, [700, 701]) for name, values in columns.items()}  # interpolated
+    columns["current_A"][1000] = np.inf
+    with pytest.raises(RecordingError, match="row 1001 of column 'current_A' is empty or not a finite number;"):
+        read_recording(save(columns, tmp_path), thesis)
 
 
 def test_a_file_without_foreign_names_is_read_by_schema_names_with_a_note(

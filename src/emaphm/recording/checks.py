@@ -56,6 +56,7 @@ def check(columns: Mapping[str, Array], source: str, labels: Mapping[str, str] |
         _missing(columns)
         or _misshapen(columns, labels)
         or _not_finite(columns, labels)
+        or _not_increasing(columns["time_s"], labels["time_s"])
         or _time_steps(columns["time_s"], labels["time_s"])
         or _nothing_commanded(columns["command_rad"], labels["command_rad"])
     )
@@ -66,6 +67,17 @@ def check(columns: Mapping[str, Array], source: str, labels: Mapping[str, str] |
 def check_lengths(columns: Mapping[str, Array], source: str, labels: Mapping[str, str]) -> None:
     """Raise `RecordingError` if a column has another number of rows than `time_s`; arguments of `check`."""
     complaint = _unequal(columns, {name: _label(name, labels) for name in columns})
+    if complaint:
+        raise RecordingError(f"{source}: {complaint}")
+
+
+def check_values(columns: Mapping[str, Array], source: str, labels: Mapping[str, str]) -> None:
+    """Raise `RecordingError` for a value that is not finite, or a time that does not increase.
+
+    The arguments are those of `check`.
+    """
+    labels = {name: _label(name, labels) for name in columns}
+    complaint = _not_finite(columns, labels) or _not_increasing(columns["time_s"], labels["time_s"])
     if complaint:
         raise RecordingError(f"{source}: {complaint}")
 
@@ -133,16 +145,20 @@ def _not_finite(columns: Mapping[str, Array], labels: Mapping[str, str]) -> str 
     return None
 
 
+def _not_increasing(time: Array, label: str) -> str | None:
+    back = np.flatnonzero(time[1:] <= time[:-1])
+    if not back.size:
+        return None
+    row = back[0] + 2
+    return (
+        f"time does not increase at row {row} of column {label} ({time[row - 2]:.9g} s, then "
+        f"{time[row - 1]:.9g} s); sort the rows and drop repeated ones ({COUNTING})"
+    )
+
+
 def _time_steps(time: Array, label: str) -> str | None:
     with np.errstate(over="ignore"):
         steps = np.diff(time)
-    back = np.flatnonzero(steps <= 0)
-    if back.size:
-        row = back[0] + 2
-        return (
-            f"time does not increase at row {row} of column {label} ({time[row - 2]:.9g} s, then "
-            f"{time[row - 1]:.9g} s); sort the rows and drop repeated ones ({COUNTING})"
-        )
     if is_uniform(time):
         return None
     with np.errstate(over="ignore", invalid="ignore"):

@@ -5,9 +5,9 @@ from collections.abc import Collection, Mapping
 from emaphm.actuator.channels import Sampling
 from emaphm.actuator.reading import Reading
 from emaphm.arrays import Array
-from emaphm.recording.checks import check
+from emaphm.recording.checks import check, check_values
 from emaphm.recording.conditioning.delays import without_delays
-from emaphm.recording.conditioning.gaps import with_lost_rows, without_short_gaps
+from emaphm.recording.conditioning.gaps import with_lost_rows, with_zeros_in_short_gaps, without_short_gaps
 from emaphm.recording.conditioning.outliers import without_outliers
 
 
@@ -47,6 +47,8 @@ def conditioned(
     RecordingError
         There is a long gap, the columns do not pass `check`, or a delay is longer than the recording.
     """
+    # The rows that a message names are those given, before rows are left out or added.
+    check_values(with_zeros_in_short_gaps(channels, reading.longest_gap), source, names)
     columns, lost = with_lost_rows(dict(channels), reading.longest_gap)
     columns, filled = without_short_gaps(columns, reading.longest_gap)
     check(columns, source, names)

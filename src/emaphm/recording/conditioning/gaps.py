@@ -27,6 +27,21 @@ def in_long_gaps(channels: Mapping[str, Array], longest: int) -> NDArray[np.bool
     return inside
 
 
+def with_zeros_in_short_gaps(channels: Mapping[str, Array], longest: int) -> Columns:
+    """Return `channels` with 0 in the empty cells of the measured channels in gaps of at most `longest` rows.
+
+    A value that is not finite then lies in a long gap, or was recorded so.
+    """
+    columns = dict(channels)
+    for name in _measured_channels(columns):
+        short = [(start, stop) for start, stop in runs(np.isnan(columns[name])) if stop - start <= longest]
+        if short:
+            columns[name] = columns[name].copy()
+        for start, stop in short:
+            columns[name][start:stop] = 0.0
+    return columns
+
+
 def interval_of(time: Array) -> float:
     """Return the median of the positive steps of `time` (n,) [s], NaN if there is none."""
     steps = np.diff(time)
