@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -210,3 +211,16 @@ def test_rounded_times_shift_no_period(tmp_path: Path, thesis: Actuator) -> None
         [recording["time_s"][0] for recording in recordings], np.arange(60) / 3, atol=1e-6
     )
     assert not any(recording.notes for recording in recordings)
+
+
+@pytest.mark.parametrize("reading", [{"split": "stretches"}, {"times": [[0.0, 0.2]]}])
+def test_an_empty_column_is_named_where_it_leaves_no_piece(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal, reading: dict[str, Any]
+) -> None:
+    path = tmp_path / "rec.csv"
+    pl.DataFrame(columns | {"current_A": [None] * 2500}).write_csv(path)
+    actuator = thesis.model_copy(update={"reading": Reading(**reading)})
+    text = refusal(lambda: read_recordings(path, actuator))
+    assert "'current_A' is empty in all rows that are used" in text
+    path.write_text("time_s,command_rad,current_A\n")
+    assert "no rows" in refusal(lambda: read_recordings(path, thesis, split="stretches"))

@@ -167,7 +167,7 @@ def _on_one_base(
         if leading is None:
             raise RecordingError(
                 f"{source}: no column 'time_s', and the file has no times of the columns that are read; "
-                "export them with their times, or put time_s = \"that name\" under [channels] in the "
+                'export them with their times, or put time_s = "that name" under [channels] in the '
                 "actuator's TOML"
             )
         base = clock = times[leading]

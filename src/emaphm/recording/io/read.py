@@ -13,7 +13,7 @@ from emaphm.actuator import Actuator, Sampled
 from emaphm.actuator.argument import check_actuator
 from emaphm.actuator.channels import OWN_NAME
 from emaphm.actuator.columns.expression import Expression
-from emaphm.actuator.reading import Reading
+from emaphm.actuator.reading import ALWAYS_THERE, Reading
 from emaphm.errors import RecordingError, SignalError, nearest
 from emaphm.input_files import checked_size
 from emaphm.recording.checks import check
@@ -94,6 +94,8 @@ def read_recording(
     else:
         pieces = list(_cut(file, file.reading.split).pieces)
         cause = f'split = "{file.reading.split}" makes'
+    if not pieces:
+        raise RecordingError(f"{path}: {_why_no_row_is_left(file)}")
     if len(pieces) != 1:
         raise RecordingError(
             f"{path}: {cause} {len(pieces)} recordings of this file; read them with read_recordings, or cut "
@@ -163,7 +165,7 @@ def _recordings(
             reasons.append(str(error))
     if not recordings:
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
-        raise RecordingError(reasons[0] + more if reasons else f"{path}: no row is left; correct [reading]")
+        raise RecordingError(reasons[0] + more if reasons else f"{path}: {_why_no_row_is_left(file)}")
     for reason in reasons if on_refused else ():
         on_refused(reason)  # type: ignore[misc] # the loop is empty without it
     return recordings
@@ -247,6 +249,21 @@ def _constants(known: Known, source: str) -> dict[str, float]:
                 f"{source}: {name} = {value} cannot hold for a whole recording; give a number"
             )
     return {name: float(value) for name, value in constants.items()}
+
+
+def _why_no_row_is_left(file: _File) -> str:
+    """Return the reason why no piece of a file is left, in words that continue "FILE: …"."""
+    if not file.table.rows:
+        return "too short: it has a header and no rows; record or copy it again"
+    empty = [name for name, values in file.table.channels.items() if not np.any(~np.isnan(values[file.kept]))]
+    if empty:
+        label = file.table.sources[empty[0]].label if empty[0] in file.table.sources else empty[0]
+        remedy = "" if empty[0] in ALWAYS_THERE else ", or leave it out (ignore under [reading])"
+        return f"column '{label}' is empty in all rows that are used; correct it{remedy}"
+    return (
+        f"no row is left: each row that is used lies in a gap of more than {file.reading.longest_gap} rows "
+        "in some channel; correct [reading], or leave a channel out (ignore)"
+    )
 
 
 def _cut(file: _File, by: str) -> Cut:
