@@ -10,6 +10,7 @@ from emaphm.actuator import Actuator, Chirp
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.calibration import CampaignRow, calibrate
 from emaphm.calibration.motion.fit import coordinates, measured_start
+from emaphm.calibration.motion.result import described_for_motion
 from emaphm.calibration.unit_fit import NO_START
 from emaphm.errors import MethodError
 from emaphm.recording import Recording
@@ -194,3 +195,13 @@ def test_the_closed_loop_starts_from_measured_motion_if_possible(reference: Reco
     assert measured_start(rows, THESIS, ("position_gain",), None) == NO_START
     # All torques times a common factor give the same current.
     assert measured_start(rows, THESIS, (*FREE, "torque_constant"), None) == NO_START
+
+
+@pytest.mark.parametrize("known", [{}, {"offset": 0.02}])
+def test_a_law_with_the_effect_of_a_load_leaves_a_known_or_unknown_load_out(
+    reference: Recording, known: dict[str, float]
+) -> None:
+    description = described_for_motion([CampaignRow(reference, known)], THESIS, None, ["directional"])
+    assert description.free == (
+        "inertia", "viscous", "coulomb", "coulomb_asymmetry", "viscous_asymmetry"
+    )  # fmt: skip

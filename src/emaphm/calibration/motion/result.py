@@ -53,10 +53,10 @@ def described_for_motion(
     for law in requested:
         extended = extended if law.is_in(extended) else law.added_to(extended)
     of_laws = [name for law in requested for name in parameters_of(law, extended)]
-    known = {name for row in rows for name in (*row.known, *row.free)}
-    usual = [name for name in (*MECHANICS, "offset") if name not in known]
-    if "coulomb_asymmetry" in of_laws:
-        usual.remove("offset")
+    settled = {name for row in rows for name in (*row.known, *row.free)}
+    if "coulomb_asymmetry" in of_laws:  # in motion, it has the effect of a constant load
+        settled.add("offset")
+    usual = [name for name in (*MECHANICS, "offset") if name not in settled]
     names = tuple(dict.fromkeys([*(usual if free is None else free), *of_laws]))
     if not names:
         raise MethodError("no parameter to calibrate; name some, such as inertia and coulomb")
