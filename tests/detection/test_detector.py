@@ -183,6 +183,17 @@ def test_too_few_runs_to_leave_one_out_are_reported_with_their_number() -> None:
         RecordingError, match=r"4 healthy runs .*counted without the run of .*, which is left out"
     ):
         list(judged_left_out(recordings, "abcde"))
+    with pytest.raises(RecordingError, match="all 5 recordings are of one run; give further runs"):
+        list(judged_left_out(recordings, "aaaaa"))
+    with pytest.raises(MethodError, match="2 groups for 5 recordings"):
+        list(judged_left_out(recordings, "ab"))
+
+
+@pytest.mark.parametrize("rate", [1e-15, 1 - 1e-15])
+def test_a_rate_without_a_threshold_is_refused(rate: float) -> None:
+    recordings, _ = runs(HEALTHY, 5, seed=28)
+    with pytest.raises(MethodError, match="has no threshold with"):
+        Detector.learn(recordings, settings=replace(DETECTOR, false_alarm_rate=rate))
 
 
 def test_a_saved_and_loaded_detector_has_the_same_result(detector: Detector, tmp_path: Path) -> None:

@@ -75,10 +75,7 @@ class Detector(DetectorContent):
                 "no healthy recordings to learn from; give five runs of a manoeuvre at least"
             )
         labels = list(range(len(recordings))) if groups is None else list(groups)
-        if len(labels) != len(recordings):
-            raise MethodError(
-                f"{len(labels)} groups for {len(recordings)} recordings; give the run of each recording"
-            )
+        check_groups(labels, recordings)
         channels = common_channels(recordings)
         cycles = [cycle_of(recording, channels, actuator) for recording in recordings]
         return cls.of_cycles(cycles, labels, channels, actuator, settings)
@@ -305,6 +302,12 @@ class Detector(DetectorContent):
             Contribution(name.channel, *segments[name.segment], name.kind, float(t2[k]), float(q[k]))
             for k, name in enumerate(names)
         )
+
+
+def check_groups(groups: Sequence[Hashable], recordings: Sequence[Recording]) -> None:
+    """Raise `MethodError` if there is not one group, the run, for each recording."""
+    if len(groups) != len(recordings):
+        raise MethodError(f"{len(groups)} groups for {len(recordings)} recordings; give the run of each")
 
 
 def drift_note(loads: Sequence[HealthyAtLoad]) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from emaphm.actuator import Actuator
 from emaphm.detection.cycle import check_each_once, common_channels, cycle_of
-from emaphm.detection.detector import Detector
+from emaphm.detection.detector import Detector, check_groups
 from emaphm.detection.result import DetectorResult
 from emaphm.detection.settings import DETECTOR, DetectorSettings
 from emaphm.errors import RecordingError
@@ -42,14 +42,17 @@ def judged_left_out(
         There are too few runs without the one left out, there is no channel in common, or a recording cannot
         be of this actuator.
     MethodError
-        A rate is impossible, or scikit-learn is not installed.
+        `groups` has another length, a rate is impossible, or scikit-learn is not installed.
     """
+    check_groups(groups, recordings)
     channels = common_channels(recordings)
     cycles = [cycle_of(recording, channels, actuator) for recording in recordings]
     check_each_once(cycles)
     for group in dict.fromkeys(groups):
         inside = [k for k, label in enumerate(groups) if label == group]
         others = [k for k, label in enumerate(groups) if label != group]
+        if not others:
+            raise RecordingError(f"all {len(cycles)} recordings are of one run; give further runs")
         try:
             detector = Detector.of_cycles(
                 [cycles[k] for k in others], [groups[k] for k in others], channels, actuator, settings

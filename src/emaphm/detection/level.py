@@ -12,6 +12,7 @@ from emaphm.detection.drift import serial_correlation
 from emaphm.detection.settings import DetectorSettings
 from emaphm.detection.statistics import HealthyScatter, shrunk_correlations
 from emaphm.detection.thresholds import Labels, joint_thresholds
+from emaphm.errors import MethodError
 
 Selection = NDArray[np.bool_]
 
@@ -223,8 +224,16 @@ def _left_out_scores(healthy: _Healthy, cycles: int, correlation: float) -> _Lef
 
 
 def _level(healthy: _Healthy, cycles: int, scores: _LeftOutScores, singles: _LeftOutScores) -> Level:
-    """Return the level of healthy cycles, or of means, with thresholds from their left-out `scores`."""
+    """Return the level of healthy cycles, or of means, with thresholds from their left-out `scores`.
+
+    `MethodError` if a threshold is infinite or 0: the rate of false alarms is extreme for so few runs.
+    """
     thresholds, number = scores.thresholds()
+    if not np.all(np.isfinite(thresholds) & (thresholds > 0)):
+        raise MethodError(
+            f"a rate of false alarms of {scores.rate:g} has no threshold with {number:.2g} independent "
+            "healthy runs; give a rate nearer to 0.01, or more runs"
+        )
     runs = scores.thresholds_without
     alarms = sum(_alarms_left_out(run, scores, singles) for run in runs)
     energy = float(np.mean(scores.energies))

@@ -57,7 +57,8 @@ def joint_thresholds(
     if correlation:
         number = max(number * (1 - correlation) / (1 + correlation), FEWEST_INDEPENDENT)
     bound = prediction_bound(largest, number, rate)
-    return np.asarray(np.exp(mean + deviation * bound)), number
+    with np.errstate(over="ignore"):  # an extreme rate has an infinite threshold
+        return np.asarray(np.exp(mean + deviation * bound)), number
 
 
 def prediction_bound(values: Array, number: float, rate: float) -> float:
