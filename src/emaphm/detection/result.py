@@ -210,17 +210,19 @@ class DetectorResult:
 
     def _shares(self, by: str) -> dict[str, float]:
         shares: dict[str, float] = {}
+        total = self._total()
         for contribution in self.contributions:
             name = getattr(contribution, by)
-            shares[name] = shares.get(name, 0.0) + self._value(contribution) / self._total()
+            shares[name] = shares.get(name, 0.0) + self._value(contribution) / total
         return shares
 
     def _largest_share(self) -> tuple[str, str, float]:
         """Return the pair of channel and kind of stroke with the largest contribution, and its share."""
         shares: dict[tuple[str, str], float] = {}
+        total = self._total()
         for contribution in self.contributions:
             pair = (contribution.channel, contribution.stroke)
-            shares[pair] = shares.get(pair, 0.0) + self._value(contribution) / self._total()
+            shares[pair] = shares.get(pair, 0.0) + self._value(contribution) / total
         pair = max(shares, key=lambda key: shares[key])
         return *pair, shares[pair]
 
