@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 from emaphm.actuator import Chirp, Faults
@@ -90,6 +91,21 @@ def test_text_output_has_the_verdict_and_its_basis(emaphm: Emaphm, folder: Path)
     judged = emaphm("detect", "judge", folder / "known.json", folder / "dry.csv")
     assert "dry.csv: not like healthy (" in judged.out
     assert "of 6 healthy runs left out alarmed" in judged.out
+
+
+def test_recordings_are_judged_by_the_names_in_the_given_description(
+    emaphm: Emaphm, folder: Path, tmp_path: Path, refused: Refusal
+) -> None:
+    description = tmp_path / "logger.toml"
+    description.write_text(DESCRIPTION + '\n[channels]\ncurrent_A = { column = "I", unit = "mA" }\n')
+    table = pl.read_csv(folder / "dry.csv")
+    table.with_columns(I=1e3 * pl.col("current_A")).drop("current_A").write_csv(tmp_path / "logged.csv")
+    known = folder / "known.json"
+    by_names = emaphm("detect", "judge", known, tmp_path / "logged.csv", "--actuator", description, "--json")
+    (result,) = json.loads(by_names.out)["results"]
+    (original,) = json.loads(emaphm("detect", "judge", known, folder / "dry.csv", "--json").out)["results"]
+    assert result["q"] == pytest.approx(original["q"])
+    assert "no such actuator file" in refused("detect", "judge", known, "good.csv", "--actuator", "no.toml")
 
 
 def test_a_diagnosis_states_whether_the_recording_is_like_healthy_ones(emaphm: Emaphm, folder: Path) -> None:

@@ -133,7 +133,13 @@ def judge(
             "channels and segments: .png, .svg or .pdf."
         ),
     ] = None,
-    actuator: ActuatorFile = "thesis",
+    actuator: Annotated[
+        str | None,
+        Parameter(
+            help="TOML description by which the recordings are read, or the name of a built-in one; default "
+            "that in the detector, otherwise 'thesis'. The subtracted model is always that of the detector."
+        ),
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -142,7 +148,8 @@ def judge(
     from emaphm.detection import Detector
 
     learned = Detector.load(detector)
-    described = learned.actuator or described_actuator(actuator)
+    described = learned.actuator if actuator is None else described_actuator(actuator)
+    described = described or described_actuator("thesis")
     recordings = [recording_of(path, described) for path in recording]
     if not recordings:
         raise MethodError("no recording to judge; name one or more files")
