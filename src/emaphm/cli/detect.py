@@ -103,7 +103,7 @@ def learn(
     except RecordingError as error:
         raise RecordingError("; ".join([str(error), *notes])) from None
     detector.save(out)
-    for note in notes:
+    for note in () if as_json else notes:
         say(f"note: {note}")
     repeated = [name for name in shared_channels(recordings) if name not in detector.channels]
     text = str(detector)
