@@ -1,12 +1,15 @@
 """Output files: nothing is overwritten unasked or written partly, and refusals come before the work."""
 
+import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from matplotlib.figure import Figure
 
 # Loaded before a function is replaced: a module that imports its name later would keep the replacement.
 import emaphm.demo  # noqa: F401
+from emaphm.cli.output import draw
 
 from .conftest import Emaphm, Refusal
 
@@ -155,3 +158,13 @@ def test_impossible_sensors_are_refused_before_the_work(
 def test_the_first_result_file_may_be_named_by_an_option(emaphm: Emaphm, desk: Path, line: str) -> None:
     assert emaphm(*line.split()).code == 0
     assert (desk / line.rsplit(maxsplit=1)[-1]).is_file()
+
+
+@pytest.mark.parametrize("name", ["out.png", "out.pdf"])
+def test_a_character_that_the_font_lacks_causes_no_warning(name: str, tmp_path: Path) -> None:
+    figure = _plain_figure()
+    figure.suptitle("\u8bb0\u5f55.csv")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        draw(SimpleNamespace(plot=lambda: figure), tmp_path / name)
+    assert (tmp_path / name).stat().st_size > 1000

@@ -108,7 +108,9 @@ def draw(result: Any, figure: Path | None) -> None:
     from emaphm.output_files import written_whole
 
     if figure is not None:
-        with written_whole(figure) as temporary:
+        from emaphm.plotting.svg import missing_glyphs_as_boxes
+
+        with written_whole(figure) as temporary, missing_glyphs_as_boxes():
             result.plot().savefig(temporary, format=figure.suffix[1:].lower(), dpi=150)
 
 

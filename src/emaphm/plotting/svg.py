@@ -23,11 +23,17 @@ def plain_style() -> Iterator[None]:
 def svg(figure: "Figure") -> bytes:
     """Return `figure` as SVG without a date."""
     buffer = io.BytesIO()
-    with warnings.catch_warnings():
-        # A name may contain characters that the font does not have; they are drawn as boxes.
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font", category=UserWarning)
+    with missing_glyphs_as_boxes():
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     return buffer.getvalue()
+
+
+@contextmanager
+def missing_glyphs_as_boxes() -> Iterator[None]:
+    """Draw characters of a name that the font does not have as boxes, without a warning."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font", category=UserWarning)
+        yield
 
 
 def svg_uri(picture: bytes) -> str:
