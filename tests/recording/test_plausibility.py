@@ -124,6 +124,14 @@ def test_further_channels_of_a_drive_are_checked(
     check_plausible(Recording({**columns, name: np.ones(2500)}), thesis)
 
 
+def test_a_message_on_a_linear_actuator_has_its_unit(
+    columns: Columns, emps: Actuator, refusal: Refusal
+) -> None:
+    alone = {name: columns[name] for name in ("time_s", "current_A")}
+    bad = Recording({**alone, "command_rad": 1e20 * columns["command_rad"]})
+    assert "convert the column to m (" in refusal(lambda: check_plausible(bad, emps))
+
+
 def test_phase_currents_are_checked(columns: Columns, thesis: Actuator, refusal: Refusal) -> None:
     bad = Recording({**columns, "current_b_A": 1e3 * columns["current_A"]})
     assert "current_b_A reaches" in refusal(lambda: check_plausible(bad, thesis))

@@ -104,7 +104,7 @@ def check_plausible(recording: Recording, actuator: Actuator) -> None:
         or _enabled(recording)
         or _load(recording, actuator)
         or _temperature(recording)
-        or _magnitude(recording)
+        or _magnitude(recording, actuator)
     )
     if complaint:
         raise RecordingError(f"{recording.source}: {complaint}")
@@ -310,10 +310,10 @@ def _temperature(recording: Recording) -> str | None:
     )
 
 
-def _magnitude(recording: Recording) -> str | None:
+def _magnitude(recording: Recording, actuator: Actuator) -> str | None:
     for name in filter(recording.__contains__, SCHEMA):
         reached, row = _peak(recording, name)
-        unit = unit_for(SCHEMA[name].unit, "rotary")
+        unit = unit_for(SCHEMA[name].unit, actuator.coordinates)
         if reached > LARGEST:
             return (
                 f"{name} reaches {reached:.4g} at row {row}, which no sensor gives; correct that value, or "
