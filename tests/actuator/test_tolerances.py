@@ -71,5 +71,10 @@ def test_errors_name_the_wrong_value(tmp_path: Path, toml: str, pieces: tuple[st
         assert piece in str(caught.value)
 
 
+def test_a_tolerance_of_a_negative_value_is_refused_with_that_value() -> None:
+    with pytest.raises(ActuatorError, match=r"'hinge' is -0.5 in \[mechanics\]"):
+        THESIS.changed({"mechanics.hinge": -0.5, "tolerances.hinge": 0.1})
+
+
 def test_the_largest_tolerance_is_a_factor_of_three() -> None:
     assert Tolerances(viscous=LARGEST_TOLERANCE).deviations["viscous"] == pytest.approx(math.log(3) / 2)

@@ -134,7 +134,8 @@ class Actuator(Section):
                 raise ValueError(f"'{key}': '{name}' needs [{PARTS[name][0]}] with it; add it")
             if name not in SIGNED and not sum(values) > 0:
                 raise ValueError(
-                    f"'{key}': '{name}' is 0 in [{PARTS[name][0]}]: nothing is relative to it; leave it out"
+                    f"'{key}': '{name}' is {sum(values):g} in [{PARTS[name][0]}], and a relative deviation "
+                    "needs a value above 0; leave it out"
                 )
         return self
 
