@@ -13,7 +13,7 @@ import scipy.stats
 
 from cases import THESIS
 from emaphm.actuator import NAMES, Actuator, Chirp, Command, DecayingChirp, Sampled, Sine, Step
-from emaphm.errors import EmaphmError
+from emaphm.errors import EmaphmError, OutputError
 from emaphm.experiment import Design, candidate_search, design
 from emaphm.experiment.candidate_search import PlannedTest, choose_finalist
 from emaphm.experiment.excitation import Excitation
@@ -283,6 +283,11 @@ def test_a_written_step_rises_at_its_start(start: float, tmp_path: Path) -> None
     times = np.array([0.0, start - 1e-6, start, start + 1e-6, 0.5])
     times = times[(times >= 0) & (times <= 0.5)]
     np.testing.assert_array_equal(written(times), step(times))
+
+
+def test_a_command_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot be written"):
+        THESIS_CHIRP.write(tmp_path / "absent" / "command.csv", 100.0)
 
 
 def test_the_figure_shows_both_manoeuvres_and_all_half_widths(improved: Design, linear: Design) -> None:

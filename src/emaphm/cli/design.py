@@ -115,7 +115,6 @@ def design(
 ) -> None:
     """Predict how well a manoeuvre will identify each fault, and search for a better manoeuvre."""
     from emaphm.experiment import design as plan
-    from emaphm.output_files import written_whole
 
     common.check((out, (".csv",)), (figure, FIGURES))
     described = described_actuator(actuator)
@@ -143,8 +142,7 @@ def design(
         )
     text = str(result)
     if out is not None:
-        with written_whole(out) as temporary:
-            result.write_command(temporary)
+        result.write_command(out)
         text += f"\n\nCommand written to {out}; {result.found.excitation.played(described.coordinates)}."
     common.show(result.to_dict(), text)
     draw(result, figure)

@@ -10,6 +10,7 @@ from emaphm.actuator import Chirp, Command, DecayingChirp, Sampled, Sine, Step
 from emaphm.actuator.commands import rest_position
 from emaphm.actuator.quantity import USER_ANGLE, unit_for
 from emaphm.arrays import Array
+from emaphm.output_files import written_whole
 
 PERIOD_ROWS = 200
 """Rows of a written command in its shortest period: linear interpolation has an error of a ten-thousandth."""
@@ -93,11 +94,19 @@ class Excitation:
         """Write the command to a CSV file for `emaphm simulate --command`.
 
         A command from a file is written with its own rows, any other command at `sample_rate` [Hz] or faster.
+        An existing file is replaced.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written; no partial file is left.
         """
         import polars as pl
 
         t = self._written_times(sample_rate)
-        pl.DataFrame({"time_s": t, "command_rad": self.command(t)}).write_csv(path)
+        rows = pl.DataFrame({"time_s": t, "command_rad": self.command(t)}).write_csv()
+        with written_whole(path) as temporary:
+            temporary.write_text(rows, encoding="utf-8")
 
     def _written_times(self, sample_rate: float) -> Array:
         """Return the times [s] of the rows, between which the command is interpolated linearly."""

@@ -62,7 +62,10 @@ class Design:
         }
 
     def write_command(self, path: str | Path) -> None:
-        """Write the command of the better test to a CSV file for `emaphm simulate --command`."""
+        """Write the command of the better test to a CSV file for `emaphm simulate --command`.
+
+        An existing file is replaced; `OutputError` if the file cannot be written.
+        """
         self.found.excitation.write(path, self.setup.sample_rate)
 
     def plot(self) -> "Figure":
