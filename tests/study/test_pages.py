@@ -190,10 +190,16 @@ def test_the_page_has_all_rows_of_its_sections_and_both_sizes(accuracy: Plan) ->
     assert "not complete" not in accuracy_page(accuracy, complete)
 
 
+def test_heavy_shorts_in_which_nothing_moves_have_no_error(accuracy: Plan) -> None:
+    page = accuracy_page(accuracy, made("accuracy")[1].with_columns(moves=pl.lit(value=False)))
+    assert "| 0 of 6 | – | – | – | – | – |" in page
+
+
 def test_a_page_without_results_is_refused(accuracy: Plan, limits: Plan) -> None:
-    runs = made("accuracy")[1].filter(pl.col("case_kind") != "heavy")
-    with pytest.raises(StudyError, match="no run of '0' with heavy cases is finished"):
-        accuracy_page(accuracy, runs)
+    runs = made("accuracy")[1]
+    for kind, row in (("heavy", "0"), ("small", "current and line voltage")):
+        with pytest.raises(StudyError, match=f"no run of '{row}' with {kind} cases is finished"):
+            accuracy_page(accuracy, runs.filter(pl.col("case_kind") != kind))
     runs = made("limits")[1].filter(pl.col("rig") != "8 bits")
     with pytest.raises(StudyError, match="no run of '8 bits' with random cases is finished"):
         limits_page(limits, runs, "limits")

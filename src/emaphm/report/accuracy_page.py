@@ -172,7 +172,7 @@ def _on_rig(results: Results) -> Iterator[Line]:
         f"{100 * alarm_rate:.2f} %",
         alarm_rate <= 0.005,
     )
-    size = results.sizes(main)[0]
+    size = min(single_fault(truth)[1] for truth in results.of(main, "small")["truth"])
     small = results.small(main, size)
     yield (
         f"{min(rows.height for rows in small.values())} each of {100 * size:.0f} % faults, {main.text}",
@@ -235,19 +235,8 @@ def _heavy(results: Results) -> Iterator[str]:
     for row in results.heavy.rows:
         heavy = results.of(row, "heavy")
         moved = heavy.filter(pl.col("moves"))
-        percents = errors(moved)
-        wrong = moved.filter(pl.col("error_percent") > 5)
-        rows.append(
-            [
-                row.text,
-                f"{moved.height} of {heavy.height}",
-                quantiles(percents),
-                f"{100 * np.mean(percents <= 2):.0f} %",
-                f"{100 * np.mean(percents <= 5):.0f} %",
-                f"{100 * min(coverage(moved)):.0f} %",
-                f"{wrong['explained'].sum()} of {wrong.height}",
-            ]
-        )
+        cells = [MET[None]] * 5 if moved.is_empty() else _cells_of_moved(moved)
+        rows.append([row.text, f"{moved.height} of {heavy.height}", *cells])
     yield markdown_table(
         [
             results.heavy.label,
@@ -260,6 +249,18 @@ def _heavy(results: Results) -> Iterator[str]:
         ],
         rows,
     )
+
+
+def _cells_of_moved(moved: pl.DataFrame) -> list[str]:
+    """Return errors, coverage and explained errors of trials with heavy shorts in which it moved."""
+    percents, wrong = errors(moved), moved.filter(pl.col("error_percent") > 5)
+    return [
+        quantiles(percents),
+        f"{100 * np.mean(percents <= 2):.0f} %",
+        f"{100 * np.mean(percents <= 5):.0f} %",
+        f"{100 * min(coverage(moved)):.0f} %",
+        f"{wrong['explained'].sum()} of {wrong.height}",
+    ]
 
 
 def _base(results: Results) -> Iterator[str]:
