@@ -89,6 +89,8 @@ def test_a_recording_is_no_campaign(folder: Path) -> None:
         ("file,file\nlogs/a.csv,logs/b.csv\n", ": 2 columns are named 'file'; leave one"),
         ("file,load\n", "no recording in this campaign"),
         ("file,load\n,1\n", "row 1: column 'file' is missing"),
+        ("file,load\n,\nlogs/a.csv,much\n", "row 2, column 'load': 'much' is no number"),
+        (f"file,load\n{'x' * 200_000},1\n", ": not a readable CSV file"),
     ],
 )
 def test_errors_in_a_row_are_named(folder: Path, text: str, message: str) -> None:
@@ -108,6 +110,11 @@ def test_errors_in_a_row_are_named(folder: Path, text: str, message: str) -> Non
         ('[[recording]]\nfile = "logs/a.csv"\nload = true\n', "column 'load': True is no number"),
         ('[[recording]]\nfile = "logs/a.csv"\nfree = 3\n', "column 'free': give a list"),
         ("recording = [", "not valid TOML"),
+        (
+            f'[[recording]]\nfile = "logs/a.csv"\nload = 1{"0" * 400}\n',
+            "row 1, column 'load': 10.* no number",
+        ),
+        ('[[recording]]\nfile = "logs/a\\u0000.csv"\n', "row 1, column 'file': no file can have this name"),
     ],
 )
 def test_errors_in_a_toml_are_named(folder: Path, text: str, message: str) -> None:

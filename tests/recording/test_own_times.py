@@ -1,5 +1,7 @@
 """Columns with their own times are resampled at the times of the command."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -97,7 +99,7 @@ def test_a_column_of_times_takes_precedence_over_the_times_of_the_format(thesis:
 
 @pytest.mark.parametrize(("rows", "reading"), [(4000, {}), (1000, {}), (4000, {"dwell_s": 0.1})])
 def test_a_column_of_another_length_is_refused_before_rows_are_selected(
-    thesis: Actuator, refusal: Refusal, rows: int, reading: dict[str, float]
+    thesis: Actuator, refusal: Refusal, rows: int, reading: dict[str, Any]
 ) -> None:
     times = np.delete(TIME, 1500)  # a lost row is interpolated in columns of equal length only
     numeric = {"time_s": times, "command_rad": np.resize(FAST["command_rad"], rows), "current_A": times}

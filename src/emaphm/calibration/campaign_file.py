@@ -8,7 +8,7 @@ Paths are relative to the campaign file.
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -65,12 +65,12 @@ def read_campaign(
         raise MethodError(f"{path}: no recording in this campaign; give one row a recording, with its file")
     if len(rows) > MOST_ROWS:
         raise MethodError(f"{path}: {len(rows)} recordings are too many; {MOST_ROWS} are possible")
-    parsed = [_parsed(values, f"{path}, row {i}") for i, values in enumerate(rows, start=1)]
+    parsed = {i: _parsed(values, f"{path}, row {i}") for i, values in rows.items()}
     _check_files(path, parsed)
-    return tuple(_row(path, i, values, actuator, read) for i, values in enumerate(parsed, start=1))
+    return tuple(_row(path, i, values, actuator, read) for i, values in parsed.items())
 
 
-def _toml_rows(path: Path) -> Sequence[Mapping[str, Any]]:
+def _toml_rows(path: Path) -> Mapping[int, Mapping[str, Any]]:
     content = read_toml(path, "campaign file", MethodError)
     for key in content:
         if key != "recording":
@@ -78,10 +78,10 @@ def _toml_rows(path: Path) -> Sequence[Mapping[str, Any]]:
     rows = content.get("recording", [])
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise MethodError(f"{path}: 'recording' is no list of tables; write [[recording]] above each")
-    return rows
+    return dict(enumerate(rows, start=1))
 
 
-def _csv_rows(path: Path) -> Sequence[Mapping[str, Any]]:
+def _csv_rows(path: Path) -> Mapping[int, Mapping[str, Any]]:
     try:
         text = read_bytes(path, MOST_TOML_BYTES, MethodError).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -92,13 +92,20 @@ def _csv_rows(path: Path) -> Sequence[Mapping[str, Any]]:
     for name in filter(None, names):
         if names.count(name) > 1:
             raise MethodError(f"{path}: {names.count(name)} columns are named '{name}'; leave one")
-    rows = []
-    for i, row in enumerate(reader, start=1):
+    rows = {}
+    for i, row in _numbered(reader, path):
         if None in row:
             raise MethodError(f"{path}, row {i}: has more cells than the header; take them out")
         cells = {name.strip(): (value or "").strip() for name, value in row.items()}
-        rows.append({name: value for name, value in cells.items() if value})
-    return [row for row in rows if row]
+        rows[i] = {name: value for name, value in cells.items() if value}
+    return {i: row for i, row in rows.items() if row}
+
+
+def _numbered(reader: "csv.DictReader[str]", path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
+    try:
+        yield from enumerate(reader, start=1)
+    except csv.Error as error:
+        raise MethodError(f"{path}: not a readable CSV file ({error}); check its quotes") from None
 
 
 def _parsed(values: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -106,6 +113,8 @@ def _parsed(values: Mapping[str, Any], where: str) -> dict[str, Any]:
     if not isinstance(values.get(FILE), str):
         close = "" if FILE in values else nearest(FILE, values)
         raise MethodError(f"{where}: column 'file' is missing{close}; give the path of the recording")
+    if "\0" in values[FILE]:
+        raise MethodError(f"{where}, column 'file': no file can have this name; correct the path")
     known = {}
     for name, value in values.items():
         if name in (FILE, FREE):
@@ -113,7 +122,7 @@ def _parsed(values: Mapping[str, Any], where: str) -> dict[str, Any]:
         check_known_name(name, where)
         try:
             known[name] = float(value)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise MethodError(f"{where}, column '{name}': {value!r} is no number; give one") from None
         if isinstance(value, bool):
             raise MethodError(f"{where}, column '{name}': {value!r} is no number; give one")
@@ -124,15 +133,15 @@ def _parsed(values: Mapping[str, Any], where: str) -> dict[str, Any]:
     return {FILE: values[FILE], FREE: tuple(dict.fromkeys(names)), "known": known}
 
 
-def _check_files(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Raise `MethodError` if two rows have the same file."""
+def _check_files(path: Path, rows: Mapping[int, Mapping[str, Any]]) -> None:
+    """Raise `MethodError` if two rows have the same file; `rows` by their number in the file."""
     first: dict[Path, int] = {}
-    for i, row in enumerate(rows, start=1):
+    for i, row in rows.items():
         file = _resolved(path, row[FILE])
         if file not in first:
             first[file] = i
             continue
-        before = rows[first[file] - 1]
+        before = rows[first[file]]
         same = {**row["known"], FREE: row[FREE]} == {**before["known"], FREE: before[FREE]}
         differing = "" if same else ", with other values"
         raise MethodError(
