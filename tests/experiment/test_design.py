@@ -285,6 +285,11 @@ def test_a_written_step_rises_at_its_start(start: float, tmp_path: Path) -> None
     np.testing.assert_array_equal(written(times), step(times))
 
 
+def test_the_range_of_a_command_from_a_file_includes_a_short_pulse() -> None:
+    pulse = Sampled([0.0, 30.0, 30.001, 30.002, 70.0], [0.0, 0.0, 0.7, 0.0, -0.9])
+    assert Excitation(pulse, 60.0).range == pytest.approx((-0.9 * 29.998 / 39.998, 0.7))
+
+
 def test_a_command_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         THESIS_CHIRP.write(tmp_path / "absent" / "command.csv", 100.0)

@@ -45,7 +45,10 @@ class Excitation:
     @property
     def range(self) -> tuple[float, float]:
         """The lowest and the highest command [rad] at the user."""
-        values = self.command(np.linspace(0.0, self.duration, 10_000))
+        times = np.linspace(0.0, self.duration, 10_000)
+        if isinstance(self.command, Sampled):  # its extremes are at its own rows
+            times = np.append(times, self._written_times(0.0))
+        values = self.command(times)
         return float(np.min(values)), float(np.max(values))
 
     @property
