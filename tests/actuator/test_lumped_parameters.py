@@ -86,6 +86,12 @@ def test_a_total_that_was_zero_is_given_to_the_motor() -> None:
     assert (m.viscous_motor, m.viscous_user) == (1e-4, 0.0)
 
 
+@pytest.mark.parametrize("name", ["offset", "rotor_zero"])
+def test_an_estimate_that_differs_from_0_by_rounding_is_0(name: str) -> None:
+    unit = with_lumped_parameters(THESIS, {name: -5e-25})
+    assert lumped_parameters(unit, (name,)) == {name: 0.0}
+
+
 def test_impossible_lumped_parameters_are_refused() -> None:
     with pytest.raises(MethodError, match=r"unknown parameter 'intertia' \(did you mean 'inertia'\?\)"):
         with_lumped_parameters(THESIS, {"intertia": 1.0})

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from emaphm.actuator.actuator import Actuator, described_parts
-from emaphm.actuator.unit.baseline import HALL_SENSORS, LUMPED_PARAMETERS, PARTS
+from emaphm.actuator.section import SMALLEST
+from emaphm.actuator.unit.baseline import HALL_SENSORS, LUMPED_PARAMETERS, PARTS, SIGNED
 from emaphm.errors import MethodError, nearest
 
 __all__ = [
@@ -109,8 +110,10 @@ def with_lumped_parameters(
     """
     check_lumped_parameters(actuator, values)
     description = actuator.model_dump()
-    for parameter, value in static_follows(actuator, values).items():
+    for parameter, given in static_follows(actuator, values).items():
         section, first, *further = PARTS[parameter]
+        # An estimate of either sign may differ from 0 by rounding only, which no description accepts.
+        value = 0.0 if parameter in SIGNED and abs(given) < SMALLEST else given
         if section == "ripple":
             description["ripple"][int(first) - 1][further[0]] = float(value)
             continue
