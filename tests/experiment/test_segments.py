@@ -119,6 +119,14 @@ def test_a_current_in_milliamperes_is_not_called_saturated(flight_recording: Rec
         segments(in_mA, THESIS)
 
 
+def test_times_in_milliseconds_are_refused_as_by_a_diagnosis(flight_recording: Recording) -> None:
+    wrong = flight_recording.with_channels(
+        {**flight_recording.channels, "time_s": 1e3 * flight_recording["time_s"]}
+    )
+    with pytest.raises(RecordingError, match="if time_s is in milliseconds convert it"):
+        segments(wrong, THESIS)
+
+
 def test_the_same_seed_has_the_same_stretches(flight_recording: Recording, cut: Segments) -> None:
     assert segments(flight_recording, THESIS, workers=1).to_dict() == cut.to_dict()
 

@@ -110,15 +110,16 @@ def check_plausible(recording: Recording, actuator: Actuator) -> None:
         raise RecordingError(f"{recording.source}: {complaint}")
 
 
-def check_current(recording: Recording, actuator: Actuator) -> None:
-    """Refuse a recording of any length whose current is orders of magnitude beyond its limit.
+def check_rate_and_current(recording: Recording, actuator: Actuator) -> None:
+    """Refuse a recording of any length with slow rows, or a current orders of magnitude beyond its limit.
 
     Raises
     ------
     RecordingError
-        The current is beyond that limit; the message names the likely unit and the remedy.
+        The interval between rows or the current is beyond its limit; the message names the likely unit and
+        the remedy.
     """
-    if complaint := _high_current(recording, actuator):
+    if complaint := _interval(recording) or _high_current(recording, actuator):
         raise RecordingError(f"{recording.source}: {complaint}")
 
 

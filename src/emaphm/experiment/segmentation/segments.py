@@ -19,7 +19,7 @@ from emaphm.experiment.segmentation.result import Segment, Segments
 from emaphm.progress import Progress
 from emaphm.recording import Recording
 from emaphm.recording.checks import FEWEST_SAMPLES
-from emaphm.recording.plausibility import MOST_ROWS, check_current
+from emaphm.recording.plausibility import MOST_ROWS, check_rate_and_current
 
 IN_MOTION = "begins in motion: the states of backlash and controller are not known there"
 """Reason against a stretch that continues a movement after its longest stretch. Such recordings of a healthy
@@ -79,14 +79,15 @@ def segments(
     MethodError
         `wanted` or `longest_s` is not above 0, or the model has nothing to compare with the recording.
     RecordingError
-        A recorded supply is not positive, a current is orders of magnitude beyond its limit, or only phase
-        currents could be compared and the actuator has no electrical description.
+        A recorded supply is not positive, rows are too far apart for a diagnosis, a current is orders of
+        magnitude beyond its limit, or only phase currents could be compared and the actuator has no
+        electrical description.
     """
     if not 0 < wanted <= 1:
         raise MethodError(f"a precision of ±{wanted:g} is impossible; give more than 0, up to 1")
     if not 0 < longest_s < math.inf:
         raise MethodError(f"stretches of {longest_s:g} s are impossible; give a number above 0")
-    check_current(recording, actuator)
+    check_rate_and_current(recording, actuator)
     cells = Cells.of(recording, actuator)
     shortest = max(cells.rows, FEWEST_SAMPLES) / recording.sample_rate_hz
     if longest_s < shortest:
