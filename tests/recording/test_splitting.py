@@ -224,3 +224,13 @@ def test_an_empty_column_is_named_where_it_leaves_no_piece(
     assert "'current_A' is empty in all rows that are used" in text
     path.write_text("time_s,command_rad,current_A\n")
     assert "no rows" in refusal(lambda: read_recordings(path, thesis, split="stretches"))
+
+
+@pytest.mark.parametrize("split", ["stretches", "rests"])
+def test_times_that_do_not_increase_are_named_where_they_leave_no_piece(
+    columns: Columns, tmp_path: Path, thesis: Actuator, refusal: Refusal, split: str
+) -> None:
+    for times in (columns["time_s"][::-1], np.round(columns["time_s"], 3)):
+        path = save(columns | {"time_s": times}, tmp_path)
+        text = refusal(lambda path=path: read_recordings(path, thesis, split=split))
+        assert "time does not increase at row 2 of column 'time_s'" in text

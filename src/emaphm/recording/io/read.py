@@ -16,7 +16,7 @@ from emaphm.actuator.columns.expression import Expression
 from emaphm.actuator.reading import ALWAYS_THERE, Reading
 from emaphm.errors import RecordingError, SignalError, nearest
 from emaphm.input_files import checked_size
-from emaphm.recording.checks import check
+from emaphm.recording.checks import FEWEST_SAMPLES, check, check_values
 from emaphm.recording.conditioning.condition import conditioned
 from emaphm.recording.conditioning.low_pass import low_passed
 from emaphm.recording.conditioning.masks import kept_rows
@@ -164,6 +164,7 @@ def _recordings(
                 raise
             reasons.append(str(error))
     if not recordings:
+        _check_times(file)
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
         raise RecordingError(reasons[0] + more if reasons else f"{path}: {_why_no_row_is_left(file)}")
     for reason in reasons if on_refused else ():
@@ -249,6 +250,13 @@ def _constants(known: Known, source: str) -> dict[str, float]:
                 f"{source}: {name} = {value} cannot hold for a whole recording; give a number"
             )
     return {name: float(value) for name, value in constants.items()}
+
+
+def _check_times(file: _File) -> None:
+    """Raise `RecordingError` if the times of a file increase over too few rows for any recording."""
+    time = file.table.channels["time_s"]
+    if np.count_nonzero(time[1:] <= time[:-1]) * FEWEST_SAMPLES >= time.size:
+        check_values({"time_s": time}, str(file.path), {"time_s": file.table.sources["time_s"].label})
 
 
 def _why_no_row_is_left(file: _File) -> str:
