@@ -12,6 +12,7 @@ from emaphm.actuator import Actuator
 from emaphm.actuator.channels import Channels
 from emaphm.actuator.reading import Reading
 from emaphm.recording import read_recording, read_recordings
+from emaphm.recording.conditioning.masks import at_rest
 from emaphm.recording.splitting import command_period
 
 from .conftest import Columns, Refusal, measured_file
@@ -234,3 +235,17 @@ def test_times_that_do_not_increase_are_named_where_they_leave_no_piece(
         path = save(columns | {"time_s": times}, tmp_path)
         text = refusal(lambda path=path: read_recordings(path, thesis, split=split))
         assert "time does not increase at row 2 of column 'time_s'" in text
+
+
+def test_a_rest_is_found_by_the_rows_that_have_a_value() -> None:
+    rng, rows = np.random.default_rng(5), 11
+    for _ in range(100):
+        command = np.repeat(rng.normal(size=20), rng.integers(1, 30, 20))
+        command[rng.integers(0, command.size, 2)] = np.nan
+        expected = np.zeros(command.size, bool)
+        for first in range(command.size - rows + 1):
+            known = command[first : first + rows][~np.isnan(command[first : first + rows])]
+            if not known.size or np.ptp(known) == 0:
+                expected[first : first + rows] = True
+        found = at_rest(np.arange(command.size) / 1e3, command, (rows - 1) / 1e3)
+        np.testing.assert_array_equal(found, expected)

@@ -52,7 +52,10 @@ def kept_rows(table: Table, reading: Reading, source: str) -> NDArray[np.bool_]:
 
 @np.errstate(over="ignore", invalid="ignore")
 def at_rest(time: Array, command: Array, least_s: float) -> NDArray[np.bool_]:
-    """Return whether each row (n,) lies in a rest of the command of at least `least_s` [s]."""
+    """Return whether each row (n,) lies in a rest of the command of at least `least_s` [s].
+
+    Empty cells (NaN) do not end a rest.
+    """
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     interval = interval_of(time)
@@ -63,7 +66,10 @@ def at_rest(time: Array, command: Array, least_s: float) -> NDArray[np.bool_]:
     if rows > command.size:
         return np.zeros(command.size, bool)
     # A filter of n rows at row i covers rows i - n // 2 to i - n // 2 + n - 1.
-    swing = maximum_filter1d(command, rows, mode="nearest") - minimum_filter1d(command, rows, mode="nearest")
+    # The filters lose values next to NaN.
+    empty = np.isnan(command)
+    swing = maximum_filter1d(np.where(empty, -np.inf, command), rows, mode="nearest")
+    swing -= minimum_filter1d(np.where(empty, np.inf, command), rows, mode="nearest")
     middle = np.arange(command.size)
     complete = (middle - rows // 2 >= 0) & (middle - rows // 2 + rows <= command.size)
     starts = np.flatnonzero(complete & (swing <= REST * np.ptp(known))) - rows // 2
