@@ -1,6 +1,7 @@
 """Splitting of a file into recordings: by columns, by the period of the command, at rests and at gaps."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -233,7 +234,7 @@ def test_times_that_do_not_increase_are_named_where_they_leave_no_piece(
 ) -> None:
     for times in (columns["time_s"][::-1], np.round(columns["time_s"], 3)):
         path = save(columns | {"time_s": times}, tmp_path)
-        text = refusal(lambda path=path: read_recordings(path, thesis, split=split))
+        text = refusal(partial(read_recordings, path, thesis, split=split))
         assert "time does not increase at row 2 of column 'time_s'" in text
 
 
