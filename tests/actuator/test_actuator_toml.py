@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.unit.baseline import Baseline
 from emaphm.errors import ActuatorError, OutputError
 from strategies import actuators
 
@@ -188,3 +189,14 @@ def test_one_end_stop_is_not_enough(tmp_path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace("end_stops = [-0.5236, 0.5236]", "end_stops = [-0.5236]"), encoding="utf-8")
     assert "mechanics.end_stops" in complaint_about(path)
+
+
+@pytest.mark.parametrize("name", ["flight\x1b.csv", "flight\udcff.csv"])
+def test_any_name_of_a_file_is_written_so_that_it_is_read_again(name: str, tmp_path: Path) -> None:
+    baseline = Baseline.of(("inertia",), [[1e-4]], (name,))
+    unit = Actuator.thesis().model_copy(update={"baseline": baseline})
+    unit.to_toml(tmp_path / "unit.toml", comments=f"Calibrated on {name}", ending=name)
+    again = Actuator.from_toml(tmp_path / "unit.toml")
+    assert again.baseline is not None
+    assert again.baseline.recordings == (name.replace("\udcff", "?"),)
+    assert "# Calibrated on flight?.csv" in (tmp_path / "unit.toml").read_text(encoding="utf-8")

@@ -340,7 +340,8 @@ class Actuator(Section):
             The file cannot be written.
         """
         with written_whole(path) as temporary:
-            temporary.write_text(write_toml(self, comments, ending), encoding="utf-8")
+            # A recording's name may be invalid text: characters that cannot be encoded become question marks.
+            temporary.write_text(write_toml(self, comments, ending), encoding="utf-8", errors="replace")
 
 
 def described_parts(actuator: Actuator, name: str) -> tuple[float, ...] | None:

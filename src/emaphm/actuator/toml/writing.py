@@ -20,7 +20,7 @@ def write_toml(actuator: BaseModel, comments: str = "", ending: str = "") -> str
 
     document = tomlkit.document()
     for line in comments.splitlines():
-        document.add(tomlkit.comment(line))
+        document.add(tomlkit.comment(_printable(line)))
     values = actuator.model_dump(mode="json", exclude_none=True)
     coordinates = values["coordinates"]
     for name, value in values.items():
@@ -35,8 +35,13 @@ def write_toml(actuator: BaseModel, comments: str = "", ending: str = "") -> str
         written = section.model_dump(mode="json", exclude_defaults=True) if name in QUIET else value
         if written:
             document.add(name, _table(type(section), written, coordinates))
-    below = "".join(f"\n# {line}".rstrip() if line else "\n#" for line in ending.splitlines())
+    below = "".join(f"\n# {_printable(line)}".rstrip() if line else "\n#" for line in ending.splitlines())
     return tomlkit.dumps(document) + (f"{below}\n" if below else "")
+
+
+def _printable(line: str) -> str:
+    """Return a line with question marks for control characters, which file names may contain, unlike TOML."""
+    return "".join(letter if letter.isprintable() else "?" for letter in line)
 
 
 def _tables(sections: tuple[BaseModel, ...], values: list[dict[str, Any]], coordinates: str) -> Any:
