@@ -10,7 +10,7 @@ from emaphm.recording import Recording, write_recording
 from emaphm.simulated_recording import simulate
 from emaphm.version import VERSION
 
-from .conftest import Emaphm
+from .conftest import Emaphm, Refusal
 from .test_verbs import parsed
 
 
@@ -36,6 +36,14 @@ def flight(tmp_path: Path, flown: bytes) -> Path:
     path = tmp_path / "flight.csv"
     path.write_bytes(flown)
     return path
+
+
+@pytest.mark.parametrize("number", [1, 7])
+def test_a_stretch_that_is_cut_again_is_not_lost(flight: Path, number: int, refused: Refusal) -> None:
+    stretch = flight.rename(flight.parent / f"stretch_{number:03d}.csv")
+    content = stretch.read_bytes()
+    assert "is the recording to be cut" in refused("segment", stretch, "-o", stretch.parent, "--force")
+    assert stretch.read_bytes() == content
 
 
 def test_segment_prints_and_writes_the_stretches(emaphm: Emaphm, flight: Path, tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def segment(
     described = described_actuator(actuator)
     recorded = recording_of(recording, described)
     if out is not None:
-        check_folder(out, force=common.force)
+        check_folder(out, force=common.force, source=recording)
     with progress("segmenting", common.as_json) as advance:
         result = segments(
             recorded, described, wanted=wanted, longest_s=longest, seed=common.seed, on_progress=advance

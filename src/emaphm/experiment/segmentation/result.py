@@ -136,17 +136,20 @@ def _times(segment: Segment) -> str:
     return f"{segment.start_s:.2f} to {segment.end_s:.2f}"
 
 
-def check_folder(folder: str | Path, *, force: bool = False) -> None:
+def check_folder(folder: str | Path, *, force: bool = False, source: Path | None = None) -> None:
     """Make a folder for stretches and check that they can be written; to be called before long work.
 
     Raises
     ------
     OutputError
-        The folder cannot be made or written to, or has stretches already and `force` is not given.
+        The folder cannot be made or written to, or has stretches already and `force` is not given, or the
+        file `source`, which is to be cut, would be replaced or removed as one of them.
     """
     folder = Path(folder)
     make_folder(folder)
     for path in (_path(folder, 1), *_earlier_files(folder)):
+        if source is not None and path.exists() and path.samefile(source):
+            raise OutputError(f"{path}: is the recording to be cut; choose another folder for its stretches")
         check_writable(path, force=force)
 
 
