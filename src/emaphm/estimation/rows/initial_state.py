@@ -57,7 +57,6 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     speed = _starting_speed(motion) if motion else 0.0
     # The command at t = 0: a row that is a mean is valid half an interval later.
     position = float(reconstructed(recording, "command_rad")(np.zeros(1))[0])
-    angle_until_first_row = speed * _first_time(recording)
     if "position_rad" in recording:
         measured = true_values(recording["position_rad"], "position_rad", actuator)
         time = _shown_times(recording, actuator, "position_rad")
@@ -67,7 +66,7 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     angle = position / ratio
     offset = _rotor_offset(recording, actuator) if "angle_rad" in recording else 0.0
     if "angle_rad" in recording and "position_rad" not in recording:
-        angle += float(wrap(recording["angle_rad"][0] - angle_until_first_row - offset - angle))
+        angle += float(wrap(_starting_angle(recording, actuator, speed) - offset - angle))
     return Initial(angle, speed, offset)
 
 
@@ -84,6 +83,21 @@ def _starting_position(motion: "_FirstMotion", time: Array, measured: Array, rat
         return float(parabola(0.0))
     distance = ratio * parabola.integ()(time[:rows])
     return float(np.mean(measured[:rows] - distance))
+
+
+def _motor_angle(recording: Recording, actuator: Actuator) -> tuple[Array, Array]:
+    """Return the times (n,) [s] of `_shown_times`, and the motor's recorded angle (n,) [rad], continuous."""
+    angle = true_values(np.unwrap(recording["angle_rad"]), "angle_rad", actuator)
+    return _shown_times(recording, actuator, "angle_rad"), angle
+
+
+def _starting_angle(recording: Recording, actuator: Actuator, speed: float) -> float:
+    """Return the recorded angle [rad] of the motor at the start, at which it has this `speed` [rad/s]."""
+    time, angle = _motor_angle(recording, actuator)
+    if not speed:
+        return float(angle[0])
+    # A late sensor shows the start in a later row; without delay, the first row is half an interval late.
+    return float(np.interp(0.0, time, angle) - speed * max(time[0], 0.0))
 
 
 def _within_stops(position: float, actuator: Actuator) -> float:
@@ -114,17 +128,23 @@ def _shown_times(recording: Recording, actuator: Actuator, name: str) -> Array:
 def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
     """Return the motor's angle minus the user's [rad]; 0 if backlash, noise or lag can be the cause."""
     ratio = actuator.mechanics.gear_ratio
-    motor = np.unwrap(recording["angle_rad"])
+    time, motor = _motor_angle(recording, actuator)
     # Within the gap, the motor is up to half its width ahead of the user or behind it.
     tolerance = actuator.mechanics.backlash * (1 + actuator.faults.backlash) / 2
     tolerance += SIGNIFICANT * noise_level(motor)
     if "position_rad" in recording:
         user = true_values(recording["position_rad"], "position_rad", actuator) / ratio
+        user_time = _shown_times(recording, actuator, "position_rad")
         tolerance += SIGNIFICANT * noise_level(user)
     else:
-        user = recording["command_rad"] / ratio
-        tolerance += float(np.ptp(motor - user)) / 4
-    distances = motor - user
+        user, user_time = recording["command_rad"] / ratio, _shown_times(recording, actuator, "command_rad")
+    # The two sensors may have different delays.
+    common = (time >= user_time[0]) & (time <= user_time[-1])
+    if not common.any():
+        return 0.0
+    distances = (motor - np.interp(time, user_time, user))[common]
+    if "position_rad" not in recording:
+        tolerance += float(np.ptp(distances)) / 4
     distance = float(wrap(distances[0] + np.median(wrap(distances - distances[0]))))
     return distance if abs(distance) > tolerance else 0.0
 
