@@ -397,6 +397,20 @@ def test_described_errors_of_the_angles_sensor_are_no_motion_and_no_offset(
     assert start.angle == pytest.approx(whole["angle_rad"][CUT - 1 : CUT + 1].mean(), abs=4e-3)
 
 
+@pytest.mark.parametrize("delay", [5e-3, 0.05, 0.11])
+def test_a_start_behind_a_very_late_sensor_is_not_extrapolated(delay: float) -> None:
+    sensors = dict.fromkeys(("position_rad", "speed_rad_s"), {"delay": delay})
+    late = Actuator.from_dict({**THESIS.model_dump(exclude_none=True), "sensors": sensors})
+    whole = simulate(THESIS, Sine(0.02, 4.0), model="averaged", duration=0.24, sample_rate=2e4)
+    first = 2400
+    shown = {name: sensed(whole[name], late.sensors.of(name), whole.interval_s)[first:] for name in sensors}
+    columns = {name: whole[name][first:] for name in ("time_s", "command_rad", "current_A")}
+    start = initial_state(Recording(columns | shown), late)
+    assert start.speed == pytest.approx(whole["speed_rad_s"][first], rel=1e-3)
+    assert start.angle == pytest.approx(whole["position_rad"][first] / RATIO, abs=LARGEST_GAP)
+    problem_of(Recording(columns | shown), late, channels=None)
+
+
 def test_a_manoeuvre_about_another_position_is_diagnosed() -> None:
     chirp = Chirp(duration=0.3)
     inputs = Inputs.of(lambda t: 0.1 + chirp(t), samples=1500, interval=INTERVAL, step=REFERENCE.step)

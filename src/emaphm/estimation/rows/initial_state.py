@@ -59,8 +59,9 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     position = float(reconstructed(recording, "command_rad")(np.zeros(1))[0])
     if "position_rad" in recording:
         measured = true_values(recording["position_rad"], "position_rad", actuator)
-        time = _shown_times(recording, actuator, "position_rad")
-        first = _starting_position(motion, time, measured, ratio) if motion and speed else float(measured[0])
+        shown = _rows_from_start(recording, actuator, "position_rad")
+        moves = motion is not None and speed and shown[0][-1] >= 0
+        first = _starting_position(motion, *shown, ratio) if motion and moves else float(measured[0])
         if abs(first - position) > max(SIGNIFICANT * noise_level(measured), visible_count(measured)):
             position = _within_stops(first, actuator)
     angle = position / ratio
@@ -123,6 +124,16 @@ def _shown_times(recording: Recording, actuator: Actuator, name: str) -> Array:
     sensor = actuator.sensors.of(name)
     since = recording["time_s"] - recording["time_s"][0] + _first_time(recording)
     return np.asarray(since - (sensor.delay + sensor.lag))
+
+
+def _rows_from_start(recording: Recording, actuator: Actuator, name: str) -> tuple[Array, Array]:
+    """Return the `_shown_times` (n,) [s] of a channel and its true values (n,), from the start on.
+
+    A polynomial through the rows of a late sensor before the start would have to be extrapolated.
+    """
+    time = _shown_times(recording, actuator, name)
+    first = max(int(np.searchsorted(time, 0.0, side="right")) - 1, 0)
+    return time[first:], true_values(recording[name], name, actuator)[first:]
 
 
 def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
@@ -195,17 +206,22 @@ class _FirstMotion:
 
     @classmethod
     def of(cls, recording: Recording, actuator: Actuator) -> Self | None:
-        """Return the first motion from a recorded speed, or else from a position; None without either."""
+        """Return the first motion from a recorded speed, or else from a position.
+
+        None without either, or if a late sensor shows too few rows after the start.
+        """
         if "speed_rad_s" in recording and not actuator.sensors.speed_rad_s.unsigned:
             name, order, scale = "speed_rad_s", 0, 1.0
         elif "position_rad" in recording:
             name, order, scale = "position_rad", 1, 1 / actuator.mechanics.gear_ratio
         else:
             return None
-        column = true_values(recording[name], name, actuator)
+        time, column = _rows_from_start(recording, actuator, name)
+        if column.size < FIRST_ROWS[0]:
+            return None
         count = visible_count(column)
         noise = max(noise_level(np.diff(column, 2)) / NOISE_OF_SECOND_DIFFERENCES, count / ROUNDING)
-        return cls(_shown_times(recording, actuator, name), column, order, scale, noise, count)
+        return cls(time, column, order, scale, noise, count)
 
     @property
     def chosen(self) -> int:
