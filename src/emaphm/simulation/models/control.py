@@ -77,7 +77,9 @@ def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Arr
     zero, command, position = np.zeros(plant.count), inputs.command[0], plant.gear_ratio * start.angle
     measured, lagged, rate = zero + start.speed, zero + command, zero
     if start.speed:
-        measured = measured - plant.speed_lag * _parabola(plant, inputs, plant.speed_lag)[1] / plant.gear_ratio
+        measured = (
+            measured - plant.speed_lag * _parabola(plant, inputs, plant.speed_lag)[1] / plant.gear_ratio
+        )
         slope, curvature = _parabola(plant, inputs, plant.command_lag)
         # Of a parabola c, a lag T leaves c - T dc/dt + T² d²c/dt².
         lagged = command - plant.command_lag * slope + plant.command_lag**2 * curvature
