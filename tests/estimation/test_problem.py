@@ -399,7 +399,7 @@ def test_described_errors_of_the_angles_sensor_are_no_motion_and_no_offset(
 
 @pytest.mark.parametrize("delay", [5e-3, 0.05, 0.11])
 def test_a_start_behind_a_very_late_sensor_is_not_extrapolated(delay: float) -> None:
-    sensors = dict.fromkeys(("position_rad", "speed_rad_s"), {"delay": delay})
+    sensors = {name: {"delay": delay} for name in ("position_rad", "speed_rad_s")}
     late = Actuator.from_dict({**THESIS.model_dump(exclude_none=True), "sensors": sensors})
     whole = simulate(THESIS, Sine(0.02, 4.0), model="averaged", duration=0.24, sample_rate=2e4)
     first = 2400
