@@ -79,10 +79,11 @@ def _starting_position(motion: "_FirstMotion", time: Array, measured: Array, rat
     converts to a speed.
     """
     rows = motion.chosen
-    parabola = np.polynomial.Polynomial(np.polyfit(motion.time[:rows], motion.column[:rows], 2)[::-1])
+    since = motion.time[:rows] - motion.origin
+    parabola = np.polynomial.Polynomial(np.polyfit(since, motion.column[:rows], 2)[::-1])
     if motion.order:
-        return float(parabola(0.0))
-    distance = ratio * parabola.integ()(time[:rows])
+        return float(parabola(-motion.origin))
+    distance = ratio * parabola.integ(lbnd=-motion.origin)(time[:rows] - motion.origin)
     return float(np.mean(measured[:rows] - distance))
 
 
@@ -127,12 +128,13 @@ def _shown_times(recording: Recording, actuator: Actuator, name: str) -> Array:
 
 
 def _rows_from_start(recording: Recording, actuator: Actuator, name: str) -> tuple[Array, Array]:
-    """Return the `_shown_times` (n,) [s] of a channel and its true values (n,), from the start on.
+    """Return the `_shown_times` (n,) [s] of a channel and its true values (n,), without its delay's rows.
 
-    A polynomial through the rows of a late sensor before the start would have to be extrapolated.
+    A polynomial through the rows of a late sensor before the start would have to be extrapolated. The rows of
+    a lag are kept: only in a steady motion they are those of an earlier time.
     """
     time = _shown_times(recording, actuator, name)
-    first = max(int(np.searchsorted(time, 0.0, side="right")) - 1, 0)
+    first = max(int(np.searchsorted(time, -actuator.sensors.of(name).lag, side="right")) - 1, 0)
     return time[first:], true_values(recording[name], name, actuator)[first:]
 
 
@@ -224,6 +226,11 @@ class _FirstMotion:
         return cls(time, column, order, scale, noise, count)
 
     @property
+    def origin(self) -> float:
+        """The time [s] from which polynomials are computed: far from their rows, they would be singular."""
+        return min(float(self.time[0]), 0.0)
+
+    @property
     def chosen(self) -> int:
         """The largest number of first rows whose residual from a parabola is within the noise.
 
@@ -238,11 +245,13 @@ class _FirstMotion:
 
     def speed(self, rows: int, degree: int) -> Speed:
         """Return the speed at the start from a polynomial of this `degree` through the first `rows`."""
-        coefficients, covariance = np.polyfit(self.time[:rows], self.column[:rows], degree, cov="unscaled")
-        error = max(self._residual(rows, degree), self.noise) * float(
-            covariance[-1 - self.order, -1 - self.order] ** 0.5
-        )
-        return self.scale * float(coefficients[-1 - self.order]), self.scale * error
+        since = self.time[:rows] - self.origin
+        coefficients, covariance = np.polyfit(since, self.column[:rows], degree, cov="unscaled")
+        powers = np.arange(degree, -1, -1)
+        # The derivative of `order` of each power at the start.
+        terms = powers**self.order * (-self.origin) ** np.maximum(powers - self.order, 0.0)
+        error = max(self._residual(rows, degree), self.noise) * float((terms @ covariance @ terms) ** 0.5)
+        return self.scale * float(terms @ coefficients), self.scale * error
 
     @property
     def at_once(self) -> Speed:
@@ -253,5 +262,5 @@ class _FirstMotion:
 
     def _residual(self, rows: int, degree: int) -> float:
         """Return the rms residual of the first `rows` from a polynomial of this `degree`."""
-        time, column = self.time[:rows], self.column[:rows]
+        time, column = self.time[:rows] - self.origin, self.column[:rows]
         return rms(column - np.polyval(np.polyfit(time, column, degree), time))
