@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cases import INTERVAL, THESIS
-from emaphm.actuator import Faults, Sampled, Step
+from emaphm.actuator import Actuator, Faults, Sampled, Step
 from emaphm.diagnosis import diagnose, error_percent
 from emaphm.estimation import replay
 from emaphm.estimation.posing import problem_of
@@ -143,3 +143,22 @@ def test_a_replay_without_the_rest_has_a_note() -> None:
     result = replay(cut(FIRST, *ELECTRICAL), THESIS, faults=FAULTS)
     assert result.first_row > REST - FIRST
     assert "begins at a rest" in result.recording.notes[-1]
+
+
+@pytest.mark.parametrize("name", ["pmsm", "six-step"])
+def test_a_held_start_is_within_the_travel_where_the_current_does_not_depend_on_it(name: str) -> None:
+    actuator = Actuator.load(name)
+    command = Sampled(np.linspace(0.0, 0.4, 9), 0.157 * np.array([0, 0, 0, 1, 1, 1, 0.5, 0.5, 0.5]))
+    whole = simulate(
+        actuator,
+        command,
+        faults=Faults(friction=0.3),
+        model="averaged",
+        duration=0.6,
+        sample_rate=100.0,
+        sampling="instant",
+    )
+    channels = ("time_s", "command_rad", "current_A", "voltage_V", "position_rad")
+    recording = Recording({channel: whole[channel][:58] for channel in channels}, "instant")
+    # In rows of 10 ms, a distance of a millionth of the travel changes the current by rounding alone.
+    assert problem_of(recording, actuator, channels=None).samples == 58

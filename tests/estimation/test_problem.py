@@ -20,6 +20,7 @@ from emaphm.estimation.rows.initial_state import initial_state
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import AVERAGED, REFERENCE, Initial, Inputs, Plant, run
+from emaphm.simulation.laws.sensors import sensed
 
 RATIO = THESIS.mechanics.gear_ratio
 LARGEST_GAP = 0.05
@@ -379,6 +380,35 @@ def test_a_recording_may_start_within_a_motion(missing: list[str]) -> None:
     assert start.rotor_offset == 0.0
     diagnosis = diagnose(cut, THESIS, nuisances=USUAL)
     assert error_percent(SHORT.vector, diagnosis.faults.vector) <= 2.0
+
+
+@pytest.mark.parametrize("missing", ["position_rad", ""])
+@pytest.mark.parametrize("errors", [{"delay": 2e-3}, {"offset": 0.3, "scale": 2e-3}, {"lag": 5e-4}])
+def test_described_errors_of_the_angles_sensor_are_no_motion_and_no_offset(
+    errors: dict[str, float], missing: str
+) -> None:
+    whole = simulate(THESIS, Sine(0.02, 4.0), model="averaged", duration=0.25)
+    late = Actuator.from_dict({**THESIS.model_dump(exclude_none=True), "sensors": {"angle_rad": errors}})
+    shown = sensed(whole["angle_rad"], late.sensors.angle_rad, INTERVAL)
+    columns = {name: whole[name][CUT:] for name in whole if name not in (missing, "angle_rad")}
+    start = initial_state(Recording(columns | {"angle_rad": shown[CUT:]}), late)
+    assert start.rotor_offset == 0.0
+    # Without the described errors, the angle would be wrong by 0.02 to 0.3 rad, the offset by up to 0.3 rad.
+    assert start.angle == pytest.approx(whole["angle_rad"][CUT - 1 : CUT + 1].mean(), abs=4e-3)
+
+
+@pytest.mark.parametrize("delay", [5e-3, 0.05, 0.11])
+def test_a_start_behind_a_very_late_sensor_is_not_extrapolated(delay: float) -> None:
+    sensors = {name: {"delay": delay} for name in ("position_rad", "speed_rad_s")}
+    late = Actuator.from_dict({**THESIS.model_dump(exclude_none=True), "sensors": sensors})
+    whole = simulate(THESIS, Sine(0.02, 4.0), model="averaged", duration=0.24, sample_rate=2e4)
+    first = 2400
+    shown = {name: sensed(whole[name], late.sensors.of(name), whole.interval_s)[first:] for name in sensors}
+    columns = {name: whole[name][first:] for name in ("time_s", "command_rad", "current_A")}
+    start = initial_state(Recording(columns | shown), late)
+    assert start.speed == pytest.approx(whole["speed_rad_s"][first], rel=1e-3)
+    assert start.angle == pytest.approx(whole["position_rad"][first] / RATIO, abs=LARGEST_GAP)
+    problem_of(Recording(columns | shown), late, channels=None)
 
 
 def test_a_manoeuvre_about_another_position_is_diagnosed() -> None:

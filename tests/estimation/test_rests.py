@@ -72,6 +72,33 @@ def test_the_removed_offset_of_a_rest_is_its_most_probable_value() -> None:
     np.testing.assert_array_equal(drawn[:, :, outside], outputs[:, :, outside])
 
 
+def test_rows_that_are_not_compared_do_not_change_the_removed_offset() -> None:
+    rng = np.random.default_rng(5)
+    bounds, noise = np.array([[2, 14]]), np.array([0.3, 0.05])
+    patterns, outputs = rng.normal(0.0, 0.2, (1, 2)), rng.normal(0.0, 1.0, (3, 2, 20))
+    measured = rng.normal(0.0, 1.0, (2, 20))
+    rows = np.r_[2:6, 10:14]
+    (shorter, fewer), kept = (measured[:, rows], outputs[:, :, rows]), outputs[:, :, rows].copy()
+    Rests.of(np.array([[0, 8]]), patterns, noise).draw(fewer, shorter)
+    outputs[:, :, 6:10] = measured[:, 6:10]
+    drawn = outputs.copy()
+    Rests.of(bounds, patterns, noise, np.array([[8, 8]])).draw(drawn, measured)
+    np.testing.assert_allclose(drawn[:, :, rows] - kept, fewer - kept)
+
+
+def test_the_residual_of_a_dropout_within_a_rest_is_0() -> None:
+    recording = recorded(0.0, 1)
+    dropout = {"current_A": (recording["time_s"] > 0.22) & (recording["time_s"] < 0.25)}
+    objective = faults_objective(problem_of(recording, THESIS, channels=CHANNELS), NUISANCES)
+    objective, point = objective.ignoring(dropout), np.zeros(objective.space.dimensions)
+    rng = np.random.default_rng(2)
+    resting = with_rests(objective, point, reference_problem(objective), rng)
+    assert resting.problem.rests is not None
+    residual = resting.residual(point)[: recording.samples]
+    assert np.all(residual[dropout["current_A"]] == 0)
+    assert np.any(resting.problem.rests.patterns != 0)
+
+
 def test_steps_have_rests_and_a_chirp_has_none() -> None:
     chirp = problem_of(simulate(THESIS, Chirp()), THESIS)
     assert not command_stands(chirp)

@@ -138,14 +138,14 @@ class MapObjective:
 
     def outputs(self, points: Array) -> Array:
         """Return the sensed and weighted channels, then the nuisances, at `points` (n, d): (n, rows)."""
-        sensed = self._sensed(points, self.problem.channels)
-        if self.problem.rests is not None:
-            self.problem.rests.draw(
-                sensed, np.stack([self.problem.measured[name] for name in self.problem.channels])
-            )
+        problem = self.problem
+        sensed = self._sensed(points, problem.channels)
+        if problem.rests is not None:
+            problem.rests.draw(sensed, np.stack([problem.measured[name] for name in problem.channels]))
+            self._leave_out(sensed, problem.channels)
         rows: Array = np.empty((len(points), self.channel_rows + len(self.space.nuisances.names)))
         channels = rows[:, : self.channel_rows].reshape(sensed.shape)
-        np.multiply(sensed, self.problem.weights[:, np.newaxis], out=channels)
+        np.multiply(sensed, problem.weights[:, np.newaxis], out=channels)
         coordinates = points[:, len(self.space.columns) :]
         rows[:, self.channel_rows :] = self.prior_weight * coordinates / self.space.nuisances.priors
         return rows
@@ -182,11 +182,17 @@ class MapObjective:
         nuisances = self.space.nuisance_values(points)
         problem = self.problem
         sensed = with_unknown_errors(signals, channels, nuisances, problem.measured, problem.inputs.interval)
-        for i, name in enumerate(channels):
-            if name in problem.unusable:
-                # Rows whose residual is 0 at every point carry no information.
-                np.copyto(sensed[:, i], problem.measured[name], where=problem.unusable[name])
+        self._leave_out(sensed, channels)
         return sensed
+
+    def _leave_out(self, sensed: Array, channels: tuple[str, ...]) -> None:
+        """Replace rows of `sensed` (n, channels, samples) that are not compared by the measured, in place.
+
+        Rows whose residual is 0 at every point carry no information.
+        """
+        for i, name in enumerate(channels):
+            if name in self.problem.unusable:
+                np.copyto(sensed[:, i], self.problem.measured[name], where=self.problem.unusable[name])
 
     def lumped_parameters(self, points: Array) -> dict[str, Array]:
         """Return the lumped parameters at `points` (n, d) that differ from the description."""

@@ -28,7 +28,7 @@ class Rests:
         units, (k, channels).
     weights
         Weights of the channels' mean residuals in the estimate of that random variable, each in 1 / unit of
-        the channel, (k, channels).
+        the channel, (k, channels). The residual of a row that is not compared is 0.
     """
 
     bounds: NDArray[np.intp]
@@ -36,11 +36,18 @@ class Rests:
     weights: Array
 
     @classmethod
-    def of(cls, bounds: NDArray[np.intp], patterns: Array, noise: Array) -> "Rests":
-        """Return rests with these `bounds` and `patterns`; each row has white `noise` (channels,), rms."""
-        precisions = np.diff(bounds, axis=1) * patterns / noise**2
+    def of(
+        cls, bounds: NDArray[np.intp], patterns: Array, noise: Array, compared: NDArray[np.intp] | None = None
+    ) -> "Rests":
+        """Return rests with these `bounds` and `patterns`; each row has white `noise` (channels,), rms.
+
+        `compared` are the numbers of compared rows, (k, channels); all rows if None.
+        """
+        lengths = np.diff(bounds, axis=1)
+        precisions = (lengths if compared is None else compared) * patterns / noise**2
         # The random variable has the prior variance 1; if the runs do not differ, its weights are 0.
-        weights = precisions / (1.0 + np.sum(precisions * patterns, axis=1, keepdims=True))
+        variance = 1.0 / (1.0 + np.sum(precisions * patterns, axis=1, keepdims=True))
+        weights = lengths * patterns / noise**2 * variance
         return cls(bounds, patterns, weights)
 
     def draw(self, shown: Array, measured: Array) -> None:

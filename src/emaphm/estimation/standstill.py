@@ -46,7 +46,10 @@ def with_rests(
     rows = outputs[:, : objective.channel_rows].reshape(len(outputs), len(problem.channels), -1)
     rows /= problem.weights[:, np.newaxis]
     noise = np.array([_noise(problem, name, rows[:, i]) for i, name in enumerate(problem.channels)])
-    rests = Rests.of(bounds, _patterns(rows, bounds, noise), noise)
+    every = np.zeros(problem.samples, bool)
+    is_compared = ~np.array([problem.unusable.get(name, every) for name in problem.channels])
+    compared = np.array([is_compared[:, first:after].sum(axis=1) for first, after in bounds])
+    rests = Rests.of(bounds, _patterns(rows * is_compared, bounds, compared, noise), noise, compared)
     return replace(objective, problem=replace(problem, rests=rests))
 
 
@@ -84,15 +87,16 @@ def _noise(problem: Problem, channel: str, outputs: Array) -> float:
     return max(of_sensor, float(np.median([noise_level(run) for run in outputs])), TINY)
 
 
-def _patterns(outputs: Array, bounds: NDArray[np.intp], noise: Array) -> Array:
+def _patterns(outputs: Array, bounds: NDArray[np.intp], compared: NDArray[np.intp], noise: Array) -> Array:
     """Return the largest principal component of the means of each rest over n runs, (k, channels).
 
-    `outputs`, (n, channels, rows), are those of the runs. One direction of the channels per rest is enough,
-    because a single variable, the position error, causes the deviations of all channels.
+    `outputs`, (n, channels, rows), are those of the runs, 0 in rows that are not compared; `compared` are the
+    numbers of compared rows, (k, channels). One direction of the channels per rest is enough, because a
+    single variable, the position error, causes the deviations of all channels.
     """
     patterns = np.zeros((len(bounds), outputs.shape[1]))
     for k, (first, after) in enumerate(bounds):
-        means = outputs[:, :, first:after].mean(axis=2)
+        means = outputs[:, :, first:after].sum(axis=2) / np.maximum(compared[k], 1)
         _, sizes, axes = np.linalg.svd((means - means.mean(axis=0)) / noise, full_matrices=False)
         patterns[k] = axes[0] * sizes[0] / np.sqrt(len(outputs) - 1) * noise
     return patterns

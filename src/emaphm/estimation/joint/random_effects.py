@@ -61,9 +61,8 @@ def random_effects(estimates: Array, covariances: Array, prior_deviation: Array)
     if square > chi_squared_quantile(freedom, 1 - CHANCE):
         # The scatter of the terms of the mean, in which an estimate without weight does not count.
         terms = np.einsum("ij,njk,nk->ni", covariance, precisions, deviations)
-        scatter = count * count / (count - 1) * terms.T @ terms * (1 - 1 / ratio)
-        # A variance of few values is itself uncertain: widen the normal distribution to Student's t.
-        scatter *= (student_t_quantile(count - 1, 0.975) / float(normal_quantile(0.975))) ** 2
+        terms *= _scatter_per_term(np.einsum("ij,nji->ni", covariance, precisions))
+        scatter = terms.T @ terms * (1 - 1 / ratio)
         precisions = np.array(
             [np.linalg.solve(np.eye(p) + precision @ scatter, precision) for precision in precisions]
         )
@@ -71,6 +70,20 @@ def random_effects(estimates: Array, covariances: Array, prior_deviation: Array)
         covariance = covariance + scatter
     covariance = (covariance + covariance.T) / 2
     return MetaAnalysis(mean, covariance, covariance - (consistent + consistent.T) / 2, ratio**0.5)
+
+
+def _scatter_per_term(weights: Array) -> Array:
+    """Return the factors (p,) from the terms of a mean to the scatter of the estimates, root mean square.
+
+    `weights` (n, p) are those of the n estimates in each parameter's mean. Of m equal weights 1/m, the sum of
+    the squared terms has the mean (m - 1) / m² times the variance of the estimates; m is Kish's effective
+    number (1965), at least 2. A variance of few values is itself uncertain: Student's t widens it.
+    """
+    squares = np.sum(weights**2, axis=0)
+    count = np.sum(weights, axis=0) ** 2 / np.maximum(squares, np.finfo(float).tiny)
+    count = np.maximum(count, 2.0)
+    wider = np.array([student_t_quantile(round(m) - 1, 0.975) for m in count]) / float(normal_quantile(0.975))
+    return np.asarray(count / np.sqrt(count - 1) * wider)
 
 
 def _weighted_mean(estimates: Array, precisions: Array, prior: Array) -> tuple[Array, Array]:

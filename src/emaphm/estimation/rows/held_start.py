@@ -71,6 +71,9 @@ HELD_START = HeldStartSettings()
 
 CURRENT = "current_A"
 
+ROUNDED = 1e-9
+"""Change of a current, relative to its largest value, up to which it is a rounding error."""
+
 
 @dataclass(frozen=True)
 class HeldStart:
@@ -235,14 +238,21 @@ def _from_starts(problem: Problem, driving: DrivingSignals, current: float, faul
     """Return the channels (n, channels, rows) of models that start on the command and at distances from it.
 
     At the first distance, they draw about `current` [A] more than on the command; the second distance is
-    larger by the factor `HELD_START.further`.
+    larger by the factor `HELD_START.further`. No start is beyond the end stops. Where the currents do not
+    depend on the distance, for example at their limit, a small distance stands for all.
     """
     ratio, on_command = problem.actuator.mechanics.gear_ratio, _on_command(problem, driving)
     small = HELD_START.small * float(np.ptp(problem.measured["command_rad"])) / ratio
     outputs = [first_rows(problem, driving, on_command + distance, faults) for distance in (0.0, small)]
     problem = at_side(problem, side_of(current))
-    stiffness = np.abs(outputs[1] - outputs[0])[:, problem.channels.index(CURRENT)].max() / small
-    if not stiffness:
+    drawn, drawn_away = (rows[:, problem.channels.index(CURRENT)] for rows in outputs)
+    change = float(np.abs(drawn_away - drawn).max())
+    if change <= ROUNDED * float(np.abs(drawn).max()):
         return outputs
-    starts = [on_command - factor * current / stiffness for factor in (1.0, HELD_START.further)]
-    return [outputs[0], *(first_rows(problem, driving, start, faults) for start in starts)]
+    lowest, highest = problem.actuator.mechanics.end_stops or (-np.inf, np.inf)
+    starts = np.clip(
+        [on_command - factor * current * small / change for factor in (1.0, HELD_START.further)],
+        lowest / ratio,
+        highest / ratio,
+    )
+    return [outputs[0], *(first_rows(problem, driving, float(start), faults) for start in starts)]

@@ -57,17 +57,17 @@ def initial_state(recording: Recording, actuator: Actuator) -> Initial:
     speed = _starting_speed(motion) if motion else 0.0
     # The command at t = 0: a row that is a mean is valid half an interval later.
     position = float(reconstructed(recording, "command_rad")(np.zeros(1))[0])
-    angle_until_first_row = speed * _first_time(recording)
     if "position_rad" in recording:
         measured = true_values(recording["position_rad"], "position_rad", actuator)
-        time = _shown_times(recording, actuator, "position_rad")
-        first = _starting_position(motion, time, measured, ratio) if motion and speed else float(measured[0])
+        shown = _rows_from_start(recording, actuator, "position_rad")
+        moves = motion is not None and speed and shown[0][-1] >= 0
+        first = _starting_position(motion, *shown, ratio) if motion and moves else float(measured[0])
         if abs(first - position) > max(SIGNIFICANT * noise_level(measured), visible_count(measured)):
             position = _within_stops(first, actuator)
     angle = position / ratio
     offset = _rotor_offset(recording, actuator) if "angle_rad" in recording else 0.0
     if "angle_rad" in recording and "position_rad" not in recording:
-        angle += float(wrap(recording["angle_rad"][0] - angle_until_first_row - offset - angle))
+        angle += float(wrap(_starting_angle(recording, actuator, speed) - offset - angle))
     return Initial(angle, speed, offset)
 
 
@@ -79,11 +79,27 @@ def _starting_position(motion: "_FirstMotion", time: Array, measured: Array, rat
     converts to a speed.
     """
     rows = motion.chosen
-    parabola = np.polynomial.Polynomial(np.polyfit(motion.time[:rows], motion.column[:rows], 2)[::-1])
+    since = motion.time[:rows] - motion.origin
+    parabola = np.polynomial.Polynomial(np.polyfit(since, motion.column[:rows], 2)[::-1])
     if motion.order:
-        return float(parabola(0.0))
-    distance = ratio * parabola.integ()(time[:rows])
+        return float(parabola(-motion.origin))
+    distance = ratio * parabola.integ(lbnd=-motion.origin)(time[:rows] - motion.origin)
     return float(np.mean(measured[:rows] - distance))
+
+
+def _motor_angle(recording: Recording, actuator: Actuator) -> tuple[Array, Array]:
+    """Return the times (n,) [s] of `_shown_times`, and the motor's recorded angle (n,) [rad], continuous."""
+    angle = true_values(np.unwrap(recording["angle_rad"]), "angle_rad", actuator)
+    return _shown_times(recording, actuator, "angle_rad"), angle
+
+
+def _starting_angle(recording: Recording, actuator: Actuator, speed: float) -> float:
+    """Return the recorded angle [rad] of the motor at the start, at which it has this `speed` [rad/s]."""
+    time, angle = _motor_angle(recording, actuator)
+    if not speed:
+        return float(angle[0])
+    # A late sensor shows the start in a later row; without delay, the first row is half an interval late.
+    return float(np.interp(0.0, time, angle) - speed * max(time[0], 0.0))
 
 
 def _within_stops(position: float, actuator: Actuator) -> float:
@@ -111,20 +127,37 @@ def _shown_times(recording: Recording, actuator: Actuator, name: str) -> Array:
     return np.asarray(since - (sensor.delay + sensor.lag))
 
 
+def _rows_from_start(recording: Recording, actuator: Actuator, name: str) -> tuple[Array, Array]:
+    """Return the `_shown_times` (n,) [s] of a channel and its true values (n,), without its delay's rows.
+
+    A polynomial through the rows of a late sensor before the start would have to be extrapolated. The rows of
+    a lag are kept: only in a steady motion they are those of an earlier time.
+    """
+    time = _shown_times(recording, actuator, name)
+    first = max(int(np.searchsorted(time, -actuator.sensors.of(name).lag, side="right")) - 1, 0)
+    return time[first:], true_values(recording[name], name, actuator)[first:]
+
+
 def _rotor_offset(recording: Recording, actuator: Actuator) -> float:
     """Return the motor's angle minus the user's [rad]; 0 if backlash, noise or lag can be the cause."""
     ratio = actuator.mechanics.gear_ratio
-    motor = np.unwrap(recording["angle_rad"])
+    time, motor = _motor_angle(recording, actuator)
     # Within the gap, the motor is up to half its width ahead of the user or behind it.
     tolerance = actuator.mechanics.backlash * (1 + actuator.faults.backlash) / 2
     tolerance += SIGNIFICANT * noise_level(motor)
     if "position_rad" in recording:
         user = true_values(recording["position_rad"], "position_rad", actuator) / ratio
+        user_time = _shown_times(recording, actuator, "position_rad")
         tolerance += SIGNIFICANT * noise_level(user)
     else:
-        user = recording["command_rad"] / ratio
-        tolerance += float(np.ptp(motor - user)) / 4
-    distances = motor - user
+        user, user_time = recording["command_rad"] / ratio, _shown_times(recording, actuator, "command_rad")
+    # The two sensors may have different delays.
+    common = (time >= user_time[0]) & (time <= user_time[-1])
+    if not common.any():
+        return 0.0
+    distances = (motor - np.interp(time, user_time, user))[common]
+    if "position_rad" not in recording:
+        tolerance += float(np.ptp(distances)) / 4
     distance = float(wrap(distances[0] + np.median(wrap(distances - distances[0]))))
     return distance if abs(distance) > tolerance else 0.0
 
@@ -175,17 +208,27 @@ class _FirstMotion:
 
     @classmethod
     def of(cls, recording: Recording, actuator: Actuator) -> Self | None:
-        """Return the first motion from a recorded speed, or else from a position; None without either."""
+        """Return the first motion from a recorded speed, or else from a position.
+
+        None without either, or if a late sensor shows too few rows after the start.
+        """
         if "speed_rad_s" in recording and not actuator.sensors.speed_rad_s.unsigned:
             name, order, scale = "speed_rad_s", 0, 1.0
         elif "position_rad" in recording:
             name, order, scale = "position_rad", 1, 1 / actuator.mechanics.gear_ratio
         else:
             return None
-        column = true_values(recording[name], name, actuator)
+        time, column = _rows_from_start(recording, actuator, name)
+        if column.size < FIRST_ROWS[0]:
+            return None
         count = visible_count(column)
         noise = max(noise_level(np.diff(column, 2)) / NOISE_OF_SECOND_DIFFERENCES, count / ROUNDING)
-        return cls(_shown_times(recording, actuator, name), column, order, scale, noise, count)
+        return cls(time, column, order, scale, noise, count)
+
+    @property
+    def origin(self) -> float:
+        """The time [s] from which polynomials are computed: far from their rows, they would be singular."""
+        return min(float(self.time[0]), 0.0)
 
     @property
     def chosen(self) -> int:
@@ -202,11 +245,13 @@ class _FirstMotion:
 
     def speed(self, rows: int, degree: int) -> Speed:
         """Return the speed at the start from a polynomial of this `degree` through the first `rows`."""
-        coefficients, covariance = np.polyfit(self.time[:rows], self.column[:rows], degree, cov="unscaled")
-        error = max(self._residual(rows, degree), self.noise) * float(
-            covariance[-1 - self.order, -1 - self.order] ** 0.5
-        )
-        return self.scale * float(coefficients[-1 - self.order]), self.scale * error
+        since = self.time[:rows] - self.origin
+        coefficients, covariance = np.polyfit(since, self.column[:rows], degree, cov="unscaled")
+        powers = np.arange(degree, -1, -1)
+        # The derivative of `order` of each power at the start.
+        terms = powers**self.order * (-self.origin) ** np.maximum(powers - self.order, 0.0)
+        error = max(self._residual(rows, degree), self.noise) * float((terms @ covariance @ terms) ** 0.5)
+        return self.scale * float(terms @ coefficients), self.scale * error
 
     @property
     def at_once(self) -> Speed:
@@ -217,5 +262,5 @@ class _FirstMotion:
 
     def _residual(self, rows: int, degree: int) -> float:
         """Return the rms residual of the first `rows` from a polynomial of this `degree`."""
-        time, column = self.time[:rows], self.column[:rows]
+        time, column = self.time[:rows] - self.origin, self.column[:rows]
         return rms(column - np.polyval(np.polyfit(time, column, degree), time))

@@ -34,6 +34,11 @@ NEUTRAL = {"integrating": 0.0, "derivative": 0.0, "feedback_share": 1.0}
 """Values of the thesis's actuator: a speed loop without integral and derivative, a feedback without lag."""
 
 
+PARABOLA_S = 5e-3
+"""Least duration of the command from which its acceleration at a start in motion is determined [s]. Of a
+command in steps, a shorter duration would give the acceleration of a single step."""
+
+
 def state_names(structure: Structure) -> tuple[str, ...]:
     """Return the names of the controller's state."""
     of_position = ("position_integral", "position_error", "commanded") if structure.position_pid else ()
@@ -64,22 +69,65 @@ def parameters(plant: Plant, step: float) -> dict[str, Array]:
 
 
 def initial_state(plant: Plant, inputs: Inputs, start: Initial) -> dict[str, Array]:
-    """Return the controller's state at `start`, (n,) each, with integrals of 0."""
-    position_error = inputs.command[0] - plant.gear_ratio * start.angle
-    zero = np.zeros(plant.count)
-    if plant.structure.position_pid:
-        demand = np.clip(plant.position_gain * position_error, -plant.speed_limit, plant.speed_limit)
-        error = demand - plant.speed_feedback * start.speed
-    else:
-        error = speed_error(position_error, 0.0, start.speed, plant.position_gain, plant.speed_limit)
+    """Return the controller's state at `start`, (n,) each, with integrals of 0.
+
+    A drive that starts in motion has followed a parabola, which the command continues: lags of the feedback
+    and of the command, and a feed-forward, have their values in that parabola after all transients.
+    """
+    zero, command, position = np.zeros(plant.count), inputs.command[0], plant.gear_ratio * start.angle
+    measured, lagged, rate = zero + start.speed, zero + command, zero
+    if start.speed:
+        measured = (
+            measured - plant.speed_lag * _parabola(plant, inputs, plant.speed_lag)[1] / plant.gear_ratio
+        )
+        slope, curvature = _parabola(plant, inputs, plant.command_lag)
+        # Of a parabola c, a lag T leaves c - T dc/dt + T² d²c/dt².
+        lagged = command - plant.command_lag * slope + plant.command_lag**2 * curvature
+        rate = slope - plant.command_lag * curvature
+    if not plant.structure.position_pid:
+        error = speed_error(command - position, 0.0, measured, plant.position_gain, plant.speed_limit)
+        return {"feedback": measured, "integral": zero, "error": zero + error}
+    position_error = lagged - position
+    error_rate = rate - plant.gear_ratio * start.speed
+    error = pid_speed_error(
+        position_error,
+        0.0,
+        error_rate,
+        rate / plant.gear_ratio,
+        measured,
+        plant.position_gain,
+        0.0,
+        plant.position_derivative_gain,
+        plant.speed_feedforward,
+        plant.speed_feedback,
+        plant.speed_limit,
+    )
     return {
-        "feedback": zero + start.speed,
+        "feedback": measured,
         "integral": zero,
         "error": zero + error,
         "position_integral": zero,
-        "position_error": zero + position_error,
-        "commanded": zero + inputs.command[0],
+        "position_error": position_error - error_rate * inputs.step,
+        "commanded": lagged - rate * inputs.step,
     }
+
+
+def _parabola(plant: Plant, inputs: Inputs, lag: Array) -> tuple[Array, Array]:
+    """Return rate (n,) and second derivative (n,) of the command at the start, in its unit per s and s².
+
+    They are those of a parabola through the command over one `lag` (n,) [s], at least over `PARABOLA_S`; over
+    two steps without a lag. The acceleration is at most that of the largest current: a step of the command is
+    no motion before the start.
+    """
+    command = inputs.command
+    if command.size < 3:
+        return np.zeros(lag.shape), np.zeros(lag.shape)
+    window = np.where(lag > 0, np.maximum(lag, PARABOLA_S), 0.0)
+    half = np.clip(np.round(window / (2 * inputs.step)), 1, (command.size - 1) // 2).astype(int)
+    first, middle, last, interval = command[0], command[half], command[2 * half], half * inputs.step
+    largest = plant.gear_ratio * plant.current_limit * plant.torque_constant / plant.inertia
+    curvature = np.clip((last - 2 * middle + first) / interval**2, -largest, largest)
+    return (middle - first) / interval - curvature * interval / 2, curvature
 
 
 def steady_current(plant: Plant, inputs: Inputs, start: Initial) -> Array:
