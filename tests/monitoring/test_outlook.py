@@ -65,6 +65,22 @@ def test_past_forecasts_from_a_withdrawn_recording_are_computed_again(history: H
     assert [row[0] for row in again] == [row[0] for row in kept] == [0.0, 20.0]
 
 
+def test_a_prognosis_of_a_unit_that_was_withdrawn_meanwhile_is_not_stored_for_another_unit(
+    history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def moved(*values: Any, real: Any = prognose, **options: Any) -> Any:
+        made = real(*values, **options)
+        history.withdraw("S1", Mistake("recording", 0.0, "of S2"))
+        fly(history, [0.0], unit="S2")
+        return made
+
+    fly(history, [0.0])
+    monkeypatch.setattr("emaphm.prognosis.keeping.update.prognose", moved)
+    with pytest.raises(HistoryError, match="no unit 'S1'"):
+        update_prognosis(history, history.unit("S1"))
+    assert not history.prognoses()
+
+
 def test_past_forecasts_are_computed_again_after_a_change_of_requirements(history: History) -> None:
     fly(history, [0.0, 0.1, 0.2])
     before = update_prognosis(history, history.unit("S1")).fan
