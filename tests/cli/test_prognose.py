@@ -12,10 +12,11 @@ import pytest
 
 from emaphm.actuator import COMPONENTS, NAMES, Actuator, Faults
 from emaphm.actuator.toml import write_toml
-from emaphm.history import Finding, History, Removal
+from emaphm.history import Finding, History, Mistake, Removal
 from emaphm.history.views import read_curves
-from emaphm.prognosis import Evidence
+from emaphm.prognosis import Evidence, Prognosis
 from emaphm.prognosis.from_fleet import record
+from emaphm.prognosis.keeping import Curves
 from history import made_up
 
 from .conftest import Emaphm, Refusal
@@ -377,3 +378,24 @@ def test_errors_are_reported_in_one_line(fleet: Path, refused: Refusal, argument
     message = refused(*arguments)
     assert REFUSALS[arguments] in message
     assert "secret" not in message
+
+
+def test_prognoses_that_cannot_be_stored_are_printed_and_the_others_are_stored(
+    emaphm: Emaphm, fleet: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Withdrawing(Curves):
+        @classmethod
+        def of(cls, prognosis: Prognosis, *values: Any) -> Curves:
+            if prognosis.evidence.unit == "SN-3":
+                with History.open(fleet / "history.sqlite") as history:
+                    history.withdraw("SN-3", Mistake("recording", 50.0, "of SN-4"))
+            return Curves.of(prognosis, *values)
+
+    monkeypatch.setattr("emaphm.prognosis.batch.all_units.Curves", Withdrawing)
+    chosen = ("prognose", "--all", "--no-fleet", "--workers", "1", "--keep", "--json")
+    code, out, err = emaphm(*chosen)
+    assert code == 2
+    assert [unit["unit"] for unit in json.loads(out)["units"]] == ["SN-1", "SN-2", "SN-3"]
+    assert "1 of 3 prognoses could not be stored, the others are; the first: no unit 'SN-3'" in err
+    with History.open(fleet / "history.sqlite") as history:
+        assert set(history.prognoses()) == {"SN-1", "SN-2"}

@@ -16,7 +16,7 @@ from emaphm.cli.options import (
 from emaphm.cli.output import counter, draw, show
 from emaphm.cli.units.cautions import cautions
 from emaphm.cli.units.history_options import DB, Database
-from emaphm.errors import PrognosisError
+from emaphm.errors import HistoryError, HistoryFormError, HistoryUnavailableError, PrognosisError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -218,18 +218,10 @@ def _check_choice(chosen: UnitChoice, outputs: Outputs) -> None:
 
 def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> None:
     """Print all prognoses and store them in the history `keep_in`; `PrognosisError` if a unit has none."""
-    from emaphm.history import History
-    from emaphm.prognosis.keeping import keep_with_curves
     from emaphm.text_table import format_table
 
     finished = [outcome for outcome in made if not outcome.error]
     failed = [outcome for outcome in made if outcome.error]
-    if keep_in is not None:
-        with History.open(keep_in) as history:
-            for outcome in finished:
-                assert outcome.curves is not None  # noqa: S101 - finished outcomes have curves
-                # Without earlier forecasts: they would take seven times as long as the prognosis.
-                keep_with_curves(history, history.unit(outcome.unit), outcome.kept(), outcome.curves)
     rows = [(outcome.unit, *_row(outcome.values)) for outcome in finished]
     within = f"fails within {finished[0].values['horizon_hours']:.9g} h" if finished else ""
     header = ("unit", "hours", "RUL [h]", "90 %", within, "component", "advice")
@@ -242,10 +234,36 @@ def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> 
         "failed": [{"unit": outcome.unit, "error": outcome.error} for outcome in failed],
     }
     show(values, "\n".join(lines), as_json)
+    # After the answer, which took minutes: a full disk must not lose it too.
+    if keep_in is not None:
+        _keep_all(finished, keep_in)
     if failed:
         raise PrognosisError(
             f"{len(failed)} of {len(made)} units have no prognosis, the others are done; the first, "
             f"'{failed[0].unit}': {failed[0].error}"
+        )
+
+
+def _keep_all(finished: "list[UnitOutcome]", where: str) -> None:
+    """Store prognoses in the history; `HistoryError` if a unit was withdrawn meanwhile, after all others."""
+    from emaphm.history import History
+    from emaphm.prognosis.keeping import keep_with_curves
+
+    refused: list[HistoryError] = []
+    with History.open(where) as history:
+        for outcome in finished:
+            assert outcome.curves is not None  # noqa: S101 - finished outcomes have curves
+            try:
+                # Without earlier forecasts: they would take seven times as long as the prognosis.
+                keep_with_curves(history, history.unit(outcome.unit), outcome.kept(), outcome.curves)
+            except (HistoryFormError, HistoryUnavailableError):
+                raise
+            except HistoryError as error:
+                refused.append(error)
+    if refused:
+        raise HistoryError(
+            f"{len(refused)} of {len(finished)} prognoses could not be stored, the others are; the first: "
+            f"{refused[0]}"
         )
 
 
