@@ -12,6 +12,7 @@ import pytest
 
 from emaphm.actuator import COMPONENTS, NAMES, Actuator, Faults
 from emaphm.actuator.toml import write_toml
+from emaphm.errors import HistoryUnavailableError
 from emaphm.history import Finding, History, Mistake, Removal
 from emaphm.history.views import read_curves
 from emaphm.prognosis import Evidence, Prognosis
@@ -399,3 +400,17 @@ def test_prognoses_that_cannot_be_stored_are_printed_and_the_others_are_stored(
     assert "1 of 3 prognoses could not be stored, the others are; the first: no unit 'SN-3'" in err
     with History.open(fleet / "history.sqlite") as history:
         assert set(history.prognoses()) == {"SN-1", "SN-2"}
+
+
+def test_a_prognosis_that_cannot_be_stored_is_printed(
+    emaphm: Emaphm, fleet: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert fleet.is_dir()
+
+    def full(*_: object, **__: object) -> None:
+        raise HistoryUnavailableError("history.sqlite: the database cannot be used (disk is full)")
+
+    monkeypatch.setattr("emaphm.prognosis.keeping.keep_with_curves", full)
+    code, out, err = emaphm("prognose", "--unit", "SN-3", "--no-fleet", "--keep", "--json")
+    assert (code, json.loads(out)["unit"]) == (2, "SN-3")
+    assert "disk is full" in err

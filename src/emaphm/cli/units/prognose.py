@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from emaphm.actuator import Actuator
+    from emaphm.history.basis import Basis
     from emaphm.prognosis import Costs, Prognosis, Question
     from emaphm.prognosis.batch import UnitOutcome
 
@@ -139,9 +140,11 @@ def prognose(
         made = _prognose_all(db, chosen.part, described, asked, execution, common, fleet=fleet)
         _show_all(made, db if outputs.keep else None, common.as_json)
         return
-    result = _prognose_unit(db, chosen.unit, described, asked, common.seed, outputs, fleet=fleet)
-    # Before the files: a full disk must not lose the answer too.
+    result, basis = _prognose_unit(db, chosen.unit, described, asked, common.seed, outputs, fleet=fleet)
+    # Before it is stored and files are written: a full disk must not lose the answer too.
     common.show(result.to_dict(), str(result))
+    if outputs.keep:
+        _keep_unit(db, result, basis)
     draw(result, outputs.figure)
     if outputs.report is not None:
         from emaphm.report.prognosis import write_prognosis
@@ -158,11 +161,10 @@ def _prognose_unit(
     outputs: Outputs,
     *,
     fleet: bool,
-) -> "Prognosis":
-    """Return the prognosis of one unit; store it in the history if --keep was given."""
-    from emaphm.history import History, KeptPrognosis
+) -> "tuple[Prognosis, Basis]":
+    """Return the prognosis of one unit, and the basis from which it was made."""
+    from emaphm.history import History
     from emaphm.prognosis import Evidence, Prior, learnt_prior, prognose
-    from emaphm.prognosis.keeping import Curves, earlier_rows, keep_with_curves
 
     with History.open(db) as history:
         stored = history.unit(unit)
@@ -170,12 +172,18 @@ def _prognose_unit(
         evidence, described = Evidence.of(stored), stored.described_by(actuator)
         prior = learnt_prior(history, stored, seed=seed, actuator=described) if fleet else Prior()
     keep_past = outputs.keep or outputs.report is not None
-    result = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past)
-    if outputs.keep:
-        kept = KeptPrognosis.of(basis, result.to_dict())
-        with History.open(db) as history:
-            keep_with_curves(history, stored, kept, Curves.of(result), lambda: earlier_rows(result))
-    return result
+    return prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past), basis
+
+
+def _keep_unit(db: str, result: "Prognosis", basis: "Basis") -> None:
+    """Store the prognosis of one unit in the history, with its curves."""
+    from emaphm.history import History, KeptPrognosis
+    from emaphm.prognosis.keeping import Curves, earlier_rows, keep_with_curves
+
+    kept = KeptPrognosis.of(basis, result.to_dict())
+    with History.open(db) as history:
+        unit = history.unit(result.evidence.unit)
+        keep_with_curves(history, unit, kept, Curves.of(result), lambda: earlier_rows(result))
 
 
 def _prognose_all(
