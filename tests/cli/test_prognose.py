@@ -5,6 +5,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -384,15 +385,13 @@ def test_errors_are_reported_in_one_line(fleet: Path, refused: Refusal, argument
 def test_prognoses_that_cannot_be_stored_are_printed_and_the_others_are_stored(
     emaphm: Emaphm, fleet: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class Withdrawing(Curves):
-        @classmethod
-        def of(cls, prognosis: Prognosis, *values: Any) -> Curves:
-            if prognosis.evidence.unit == "SN-3":
-                with History.open(fleet / "history.sqlite") as history:
-                    history.withdraw("SN-3", Mistake("recording", 50.0, "of SN-4"))
-            return Curves.of(prognosis, *values)
+    def curves(prognosis: Prognosis) -> Curves:
+        if prognosis.evidence.unit == "SN-3":
+            with History.open(fleet / "history.sqlite") as history:
+                history.withdraw("SN-3", Mistake("recording", 50.0, "of SN-4"))
+        return Curves.of(prognosis)
 
-    monkeypatch.setattr("emaphm.prognosis.batch.all_units.Curves", Withdrawing)
+    monkeypatch.setattr("emaphm.prognosis.batch.all_units.Curves", SimpleNamespace(of=curves))
     chosen = ("prognose", "--all", "--no-fleet", "--workers", "1", "--keep", "--json")
     code, out, err = emaphm(*chosen)
     assert code == 2
