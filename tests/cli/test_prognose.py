@@ -223,7 +223,10 @@ def test_the_table_of_all_units_marks_units_with_notes(emaphm: Emaphm, fleet: Pa
     chosen = ("prognose", "--all", "--no-fleet", "--actuator", "required.toml", "--workers", "1")
     lines = emaphm(*chosen).out.splitlines()
     assert "newest recording not explained, and not used in the prognosis: SN-1" in lines
-    assert "remaining useful life mostly from the prior, with fewer than 3 explained diagnoses: SN-3" in lines
+    assert (
+        "remaining useful life mostly from the prior, with explained diagnoses of fewer than 3 flights: SN-3"
+        in lines
+    )
     noted = json_answer(emaphm, *chosen)["units"]
     count = sum(bool(unit["notes"]) for unit in noted)
     assert lines[-1].startswith(
