@@ -229,7 +229,11 @@ def _run(task: "WatchTask", actuator: "Actuator", db: str, settings: "WatchSetti
 def _source(text: str) -> Path | int:
     if text.startswith("-") and text != STREAM:
         raise MonitoringError(f"unknown option: {text}; see emaphm watch --help")
-    return sys.stdin.fileno() if text == STREAM else Path(text)
+    if text != STREAM:
+        return Path(text)
+    if sys.stdin is None:
+        raise MonitoringError("stdin is closed, so no rows can be read; connect it to the sender of the rows")
+    return sys.stdin.fileno()
 
 
 @contextmanager
