@@ -62,13 +62,7 @@ def diagnosis_blocks(diagnosis: KeptDiagnosis) -> dict[str, Any]:
 
 
 def unit_blocks(unit: Unit) -> dict[str, Any]:
-    """Return all entries of a unit and its last stored prognosis in blocks.
-
-    Raises
-    ------
-    HistoryError
-        The database fails, or the unit was withdrawn meanwhile.
-    """
+    """Return a unit's entries and last stored prognosis in blocks; `HistoryError` if it was withdrawn."""
     with unit.database.reading() as connection:  # one consistent state
         # Read again: after a withdrawal, its id may be that of another unit.
         row = reading.unit(connection, unit.serial_number)
