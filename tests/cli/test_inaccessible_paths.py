@@ -16,7 +16,6 @@ LONG = "a" * 300
         ("serve", "--host", "0.0.0.0", "--tokens", LONG),  # noqa: S104 - it is refused
         ("serve", "--templates", LONG),
         ("fleet", "simulate", "-o", LONG),
-        ("diagnose", "good.csv", LONG, "-o", "out"),
     ],
 )
 def test_a_name_that_is_too_long_is_refused(refused: Refusal, arguments: tuple[str, ...]) -> None:

@@ -7,7 +7,6 @@ from typing import Any
 
 from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError
-from emaphm.input_files import exists
 from emaphm.recording import Recording, read_recordings
 from emaphm.recording.io.read import READERS
 
@@ -24,7 +23,6 @@ def recording_files(paths: Iterable[Path]) -> list[Path]:
     """
     files: list[Path] = []
     for path in paths:
-        exists(path, RecordingError)
         files += _files_in(path) if path.is_dir() else [path]
     twice = next((path for path in files if files.count(path) > 1), None) if _has_repeats(files) else None
     if twice is not None:
