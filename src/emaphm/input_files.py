@@ -12,6 +12,22 @@ MOST_TOML_BYTES = 4 * 2**20
 """Largest TOML of a description or a plan [bytes]; typical are some kB, with a large covariance 100 kB."""
 
 
+def exists(path: Path, error: type[EmaphmError]) -> bool:
+    """Return whether there is a file or a folder at `path`.
+
+    Raises
+    ------
+    EmaphmError
+        Of the type `error`: a folder on the path may not be entered, or the name is too long.
+    """
+    try:
+        return path.exists()
+    except OSError as failure:
+        raise error(
+            f"{path}: cannot be accessed ({failure.strerror}); check the path and its permissions"
+        ) from None
+
+
 def checked_size(path: Path, most_bytes: int, error: type[EmaphmError]) -> int:
     """Return the size of a regular file [bytes].
 

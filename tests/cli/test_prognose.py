@@ -5,6 +5,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,12 @@ import pytest
 
 from emaphm.actuator import COMPONENTS, NAMES, Actuator, Faults
 from emaphm.actuator.toml import write_toml
-from emaphm.history import Finding, History, Removal
+from emaphm.errors import HistoryUnavailableError
+from emaphm.history import Finding, History, Mistake, Removal
 from emaphm.history.views import read_curves
-from emaphm.prognosis import Evidence
+from emaphm.prognosis import Evidence, Prognosis
 from emaphm.prognosis.from_fleet import record
+from emaphm.prognosis.keeping import Curves
 from history import made_up
 
 from .conftest import Emaphm, Refusal
@@ -220,7 +223,10 @@ def test_the_table_of_all_units_marks_units_with_notes(emaphm: Emaphm, fleet: Pa
     chosen = ("prognose", "--all", "--no-fleet", "--actuator", "required.toml", "--workers", "1")
     lines = emaphm(*chosen).out.splitlines()
     assert "newest recording not explained, and not used in the prognosis: SN-1" in lines
-    assert "remaining useful life mostly from the prior, with fewer than 3 explained diagnoses: SN-3" in lines
+    assert (
+        "remaining useful life mostly from the prior, with explained diagnoses of fewer than 3 flights: SN-3"
+        in lines
+    )
     noted = json_answer(emaphm, *chosen)["units"]
     count = sum(bool(unit["notes"]) for unit in noted)
     assert lines[-1].startswith(
@@ -377,3 +383,36 @@ def test_errors_are_reported_in_one_line(fleet: Path, refused: Refusal, argument
     message = refused(*arguments)
     assert REFUSALS[arguments] in message
     assert "secret" not in message
+
+
+def test_prognoses_that_cannot_be_stored_are_printed_and_the_others_are_stored(
+    emaphm: Emaphm, fleet: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def curves(prognosis: Prognosis) -> Curves:
+        if prognosis.evidence.unit == "SN-3":
+            with History.open(fleet / "history.sqlite") as history:
+                history.withdraw("SN-3", Mistake("recording", 50.0, "of SN-4"))
+        return Curves.of(prognosis)
+
+    monkeypatch.setattr("emaphm.prognosis.batch.all_units.Curves", SimpleNamespace(of=curves))
+    chosen = ("prognose", "--all", "--no-fleet", "--workers", "1", "--keep", "--json")
+    code, out, err = emaphm(*chosen)
+    assert code == 2
+    assert [unit["unit"] for unit in json.loads(out)["units"]] == ["SN-1", "SN-2", "SN-3"]
+    assert "1 of 3 prognoses could not be stored, the others are; the first: no unit 'SN-3'" in err
+    with History.open(fleet / "history.sqlite") as history:
+        assert set(history.prognoses()) == {"SN-1", "SN-2"}
+
+
+def test_a_prognosis_that_cannot_be_stored_is_printed(
+    emaphm: Emaphm, fleet: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert fleet.is_dir()
+
+    def full(*_: object, **__: object) -> None:
+        raise HistoryUnavailableError("history.sqlite: the database cannot be used (disk is full)")
+
+    monkeypatch.setattr("emaphm.prognosis.keeping.keep_with_curves", full)
+    code, out, err = emaphm("prognose", "--unit", "SN-3", "--no-fleet", "--keep", "--json")
+    assert (code, json.loads(out)["unit"]) == (2, "SN-3")
+    assert "disk is full" in err

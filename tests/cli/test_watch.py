@@ -226,6 +226,11 @@ def test_input_that_cannot_be_watched_is_refused(refused: Refusal, line: str, sa
     assert said in refused("watch", *line.split())
 
 
+def test_a_stream_from_a_closed_stdin_is_refused(refused: Refusal, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", None)
+    assert "stdin is closed" in refused("watch", "-", "--unit", "S1", "--hours", "1")
+
+
 def test_a_history_of_a_newer_version_is_refused(refused: Refusal, desk: Path) -> None:
     from emaphm.history.storage.schema import VERSION
 

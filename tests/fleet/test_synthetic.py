@@ -155,7 +155,7 @@ def test_one_command_runs_the_chain_and_continues_an_interrupted_one(
     line = ["fleet", "simulate", "-o", str(folder), "--units", "2", "--flights", "1", "--workers", "1"]
     assert main(line) == 0
     output = capsys.readouterr().out
-    assert "mostly from the prior, with fewer than 3 explained diagnoses: SYNTHETIC-0000" in output
+    assert "mostly from the prior, with explained diagnoses of fewer than 3 flights: SYNTHETIC-0000" in output
     assert f"emaphm prognose --unit UNIT --db {folder / 'history.sqlite'}" in output
     with History.open(folder / "history.sqlite") as history:
         assert [[result.hours for result in unit.diagnoses()] for unit in history.units()] == [[80.0], [80.0]]

@@ -316,6 +316,26 @@ def test_a_recording_entered_under_the_wrong_unit_can_be_moved(history: History)
     assert history.unit("S1").withdrawals() == ()
 
 
+def test_hours_with_many_digits_are_found_as_texts_show_them(history: History) -> None:
+    for number in (1, 2):
+        history.add(entry(hours=number * 1000 / 3), recording(number), diagnosis(number))
+    with pytest.raises(HistoryError, match=r"the nearest are at 333\.333333 h"):
+        history.withdraw("S1", Mistake("recording", 333.0, "too early"))
+    assert history.withdraw("S1", Mistake("recording", 333.333333, "too early")).hours == 1000 / 3
+
+
+def test_a_unit_withdrawn_while_a_program_reads_it_is_not_taken_for_another_unit(history: History) -> None:
+    for number in (1, 2):
+        history.add(entry(f"S{number}"), recording(number), diagnosis(number))
+    withdrawn = history.unit("S2")
+    history.withdraw("S2", Mistake("recording", 10.0, "of S3"))
+    with pytest.raises(HistoryError, match="no unit 'S2'"):
+        unit_blocks(withdrawn)
+    history.add(entry("S3"), recording(2), diagnosis(2))  # SQLite assigns the id again
+    with pytest.raises(HistoryError, match="no unit 'S2'"):
+        unit_blocks(withdrawn)
+
+
 def test_a_recording_to_be_withdrawn_is_selected_by_its_file_name(history: History) -> None:
     for number, name in enumerate(("left/1.csv", "right/1.csv", "right/2.csv")):
         history.add(entry(), Recording(recording(number).channels, source=name), diagnosis(number))

@@ -3,11 +3,13 @@
 import time
 from dataclasses import replace
 from datetime import timedelta
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from emaphm.actuator.requirements import Requirement
-from emaphm.errors import HistoryFormError, HistoryUnavailableError, PrognosisError
+from emaphm.errors import HistoryError, HistoryFormError, HistoryUnavailableError, PrognosisError
 from emaphm.history import Finding, History, Mistake
 from emaphm.history.storage.schema import VERSION
 from emaphm.monitoring.outlook import NoPrognosisError, Outlook
@@ -16,6 +18,7 @@ from emaphm.prognosis import Evidence, learnt_prior, prognose
 from emaphm.prognosis.keeping import update_prognosis
 
 from .stand_in import ROOMY, THESIS, fly
+from .test_watch import watch_once, write_recordings
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -60,6 +63,22 @@ def test_past_forecasts_from_a_withdrawn_recording_are_computed_again(history: H
     (*again, _) = update_prognosis(history, history.unit("S1")).fan
     assert wrong[0] == 40.0
     assert [row[0] for row in again] == [row[0] for row in kept] == [0.0, 20.0]
+
+
+def test_a_prognosis_of_a_unit_that_was_withdrawn_meanwhile_is_not_stored_for_another_unit(
+    history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def moved(*values: Any, real: Any = prognose, **options: Any) -> Any:
+        made = real(*values, **options)
+        history.withdraw("S1", Mistake("recording", 0.0, "of S2"))
+        fly(history, [0.0], unit="S2")
+        return made
+
+    fly(history, [0.0])
+    monkeypatch.setattr("emaphm.prognosis.keeping.update.prognose", moved)
+    with pytest.raises(HistoryError, match="no unit 'S1'"):
+        update_prognosis(history, history.unit("S1"))
+    assert not history.prognoses()
 
 
 def test_past_forecasts_are_computed_again_after_a_change_of_requirements(history: History) -> None:
@@ -162,6 +181,7 @@ def test_a_prognosis_in_a_separate_process_does_not_block_the_watcher(history: H
     ("error", "raised", "waiting"),
     [
         (PrognosisError("it is not finite"), NoPrognosisError, 0),
+        (HistoryError("no unit 'S1' in the history"), NoPrognosisError, 0),
         (HistoryUnavailableError("the disk is full"), HistoryUnavailableError, 1),
     ],
 )
@@ -182,3 +202,25 @@ def test_a_failed_prognosis_is_reported_and_one_that_cannot_be_stored_stays_due(
     with pytest.raises(raised, match=str(error)):
         outlook.step()
     assert outlook.waiting == waiting
+
+
+@pytest.mark.parametrize("case", ["a defect", "the unit is withdrawn"])
+def test_a_prognosis_that_fails_does_not_end_the_watcher(
+    tmp_path: Path, history: History, monkeypatch: pytest.MonkeyPatch, case: str
+) -> None:
+    for unit in (1, 2):
+        write_recordings(tmp_path, 0, unit=unit)
+
+    def prognosed(history: History, unit: str, *_: Any) -> None:
+        if unit == "U01" and case == "a defect":
+            raise ZeroDivisionError
+        if unit == "U01":
+            history.withdraw(unit, Mistake("recording", 0.0, "another unit's"))
+        history.unit(unit)
+
+    monkeypatch.setattr("emaphm.monitoring.outlook.prognosed", prognosed)
+    messages: list[str] = []
+    result = watch_once(tmp_path, history, messages)
+    assert (result.judged, result.prognoses) == (2, 1)
+    reason = "ZeroDivisionError" if case == "a defect" else "no prognosis of 'U01': no unit 'U01'"
+    assert any(reason in line for line in messages)

@@ -19,7 +19,13 @@ import pytest
 import sqlalchemy as sa
 
 import waiting
-from emaphm.errors import HistoryFormError, HistoryUnavailableError, MonitoringError, RecordingError
+from emaphm.errors import (
+    EmaphmError,
+    HistoryFormError,
+    HistoryUnavailableError,
+    MonitoringError,
+    RecordingError,
+)
 from emaphm.history import Event, History
 from emaphm.history.storage.database import Database
 from emaphm.history.storage.schema import VERSION
@@ -163,7 +169,13 @@ def test_hours_and_textual_serial_numbers_may_have_decimals() -> None:
     assert Ownership(THESIS.name).entry("day.csv", {"unit": 17.0, "hours": 812.5}).unit == "17"
 
 
-@pytest.mark.parametrize("cycles", [12.6, -1.0, "many", 1e12])
+@pytest.mark.parametrize(("hours", "message"), [(float("inf"), "no number"), (1e17, "from 0 to 1,000,000")])
+def test_impossible_hours_are_refused_as_hours(hours: float, message: str) -> None:
+    with pytest.raises(EmaphmError, match=message):
+        Ownership(THESIS.name, "S1").entry("day.csv", {"hours": hours})
+
+
+@pytest.mark.parametrize("cycles", [12.6, -1.0, "many", 1e12, 1e17, float("inf")])
 def test_cycles_that_are_not_whole_numbers_are_refused(cycles: float | str) -> None:
     with pytest.raises(RecordingError, match=r"day\.csv: its cycles are no whole number from 0 to"):
         Ownership(THESIS.name, "S1", 812.5).entry("day.csv", {"cycles": cycles})

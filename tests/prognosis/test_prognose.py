@@ -168,7 +168,12 @@ def test_a_healthy_unit_with_unexplained_newest_recordings_is_to_be_inspected_no
     )
     assert "2 of 9 diagnoses are not explained and not used, the newest among them" in prognosis.notes
     assert "otherwise replace" not in prognosis.advice.reason
-    assert prognosis.to_dict()["diagnoses"] == {"used": 7, "kept": 9, "newest_explained": False}
+    assert prognosis.to_dict()["diagnoses"] == {
+        "used": 7,
+        "flights": 7,
+        "kept": 9,
+        "newest_explained": False,
+    }
     followed_by_explained = replace(blind, observations=(*blind.observations, observation(395.0)))
     assert prognose(followed_by_explained, WORN).advice.action == "fly on"
     assert replace(blind, replacements=((395.0, "friction"),)).unexplained is None
@@ -223,11 +228,17 @@ def test_a_replacement_resets_the_level_of_its_component() -> None:
 @pytest.mark.usefixtures("few_steps")
 def test_few_diagnoses_are_noted() -> None:
     notes = " ".join(prognose(wearing(1), WORN).notes)
-    assert "explained diagnoses: 1; 3 are needed to estimate a rate" in notes
+    assert "flights with an explained diagnosis: 1; 3 are needed to estimate a rate" in notes
     assert "follow from the general prior" in notes
     without_diagnoses = prognose(Evidence("S1", "P1", 10.0), THESIS)
-    assert "explained diagnoses: 0" in without_diagnoses.notes[0]
+    assert "flights with an explained diagnosis: 0" in without_diagnoses.notes[0]
     assert any("states no [[requirements]]" in note for note in without_diagnoses.notes)
+    # Several recordings of one flight have no information on a rate.
+    once = wearing(1)
+    thrice = prognose(replace(once, observations=once.observations * 3), WORN)
+    assert "flights with an explained diagnosis: 1" in thrice.notes[0]
+    assert "explained diagnoses of 1 of 3 flights" in thrice.rul_text()
+    assert thrice.to_dict()["diagnoses"]["flights"] == 1
 
 
 @pytest.mark.usefixtures("few_steps")

@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import ks_2samp
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.faults import lower_bounds
 from emaphm.actuator.requirements import Requirement
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
@@ -25,6 +26,7 @@ from emaphm.prognosis.from_fleet.record import FEWEST_FAILED
 from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.prognose import MOST_PAST, lives, uncorrected
+from emaphm.prognosis.requirements import Requirements
 from emaphm.prognosis.settings import FORECAST, FilterSettings
 
 LIMIT = 0.6
@@ -225,6 +227,34 @@ def test_past_units_are_predicted_only_once(sparse: list[Evidence], monkeypatch:
         working = replace(flown(1.0, 50, upto=upto), failures=())
         fleet_prior([*sparse[:FEWEST_FAILED], working], seed=7, actuator=ACTUATOR)
     assert sorted(predicted) == sorted(evidence.unit for evidence in sparse[:FEWEST_FAILED])
+
+
+@pytest.mark.parametrize(
+    "described",
+    [
+        # Another least friction, and with no stated requirements another list of limits.
+        {"faults": ACTUATOR.faults.model_copy(update={"friction": 6.0})},
+        {"requirements": (), "mechanics": ACTUATOR.mechanics.model_copy(update={"backlash": 0.0})},
+    ],
+)
+def test_past_units_are_predicted_for_each_description(
+    sparse: list[Evidence], monkeypatch: pytest.MonkeyPatch, described: dict[str, Any]
+) -> None:
+    def outcome(evidence: Evidence, _: Prior, actuator: Actuator, __: int) -> PastForecasts:
+        limits = len(Requirements(actuator).limits)
+        first = np.full(limits, lower_bounds(actuator)[0])
+        return PastForecasts(evidence.unit, forecasts(np.array([0.5]), first=first), np.array([0.0]))
+
+    monkeypatch.setattr(record, "_outcome", outcome)
+    failed, actuator = sparse[:FEWEST_FAILED], ACTUATOR.model_copy(update=described)
+    whole = ACTUATOR.model_copy(update={"requirements": ()})
+    for before in (ACTUATOR, whole):
+        fleet_prior(failed, seed=8, actuator=before)
+    recalibration = fleet_prior(failed, seed=8, actuator=actuator).recalibration
+    assert recalibration is not None
+    first = recalibration.outcomes[0].situations.first
+    assert first.shape == (1, len(Requirements(actuator).limits))
+    assert (first == lower_bounds(actuator)[0]).all()
 
 
 def test_a_unit_diagnosed_only_at_its_failure_gives_no_correction(

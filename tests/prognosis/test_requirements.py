@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 
 from emaphm.actuator import Actuator, Faults, Step
+from emaphm.actuator.faults import to_cartesian
 from emaphm.actuator.requirements import Requirement
 from emaphm.actuator.toml import write_toml
 from emaphm.errors import ActuatorError
 from emaphm.prognosis import Requirements, failure_levels
+from emaphm.prognosis.forecast import Paths
+from emaphm.prognosis.requirements import vectors_of
 from emaphm.prognosis.requirements.capability import measured
+from emaphm.prognosis.requirements.measure_passage import measure_passage
 from emaphm.simulated_recording import simulate
 
 THESIS = Actuator.thesis()
@@ -193,6 +197,28 @@ def test_the_failure_level_of_a_discontinuous_measure_is_at_its_jump() -> None:
     near = np.stack([Faults(friction=friction).vector for friction in (level - 2e-3, level)])
     holds, fails = Requirements(actuator).margins(near)[0]
     assert fails < 0 < holds
+
+
+def test_a_least_settling_time_fails_where_an_endless_step_begins_to_settle() -> None:
+    """A step of 1 mrad of the built-in PMSM drive settles within 20 ms from a gain of 0.508 on, or never."""
+    least = Requirement(measure="settling_time", at_least=0.02, duration=0.2, amplitude=1e-3)
+    pmsm = Actuator.load("pmsm").model_copy(update={"requirements": (least,)})
+    (result,) = failure_levels(pmsm)
+    rising, _ = result.levels["gain"]
+    assert math.isinf(result.value)
+    assert rising is not None
+    settles = [measured(pmsm, least, Faults(gain=rising + step).vector[np.newaxis]) for step in (-1e-3, 1e-3)]
+    assert settles[0] == math.inf
+    assert settles[1] < 0.02
+    # Along paths of a rising gain, the failure is at the first time at which the step settles.
+    hours = np.array([0.0, 10.0, 20.0, 30.0])
+    level = np.tile(to_cartesian(Faults().vector), (4, 2, 1))
+    level[:, :, 7] = np.array([[0.4, 0.45, 0.49, 0.6], [0.4, 0.6, 0.6, 0.6]]).T
+    requirements = Requirements(pmsm)
+    now, last = (requirements.margins(vectors_of(one, pmsm))[0] for one in (level[0], level[-1]))
+    paths = Paths(hours, level, np.zeros((3, 2, 8)))
+    passage = measure_passage(paths, requirements, requirements.limits[0], now, last)
+    assert passage.tolist() == [30.0, 10.0]
 
 
 @pytest.mark.parametrize(("name", "absent"), [("thesis", 0), ("dc", 4)])

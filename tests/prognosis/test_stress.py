@@ -146,6 +146,15 @@ def test_the_weight_of_the_reference_is_the_ratio_of_variances_in_and_between_un
     assert reference_weight(fleet[:4], reference) == (0, 0, 0)
 
 
+@pytest.mark.parametrize("count", [7, 10, 13])
+def test_a_stress_that_never_changes_is_not_shrunk_by_rounding_errors(count: int) -> None:
+    constant = Stress(load=123.4, temperature=293.15)
+    fleet = [
+        [StressPiece(100.0 * i, 100.0 * (i + 1), constant) for i in range(count + k % 3)] for k in range(8)
+    ]
+    assert reference_weight(fleet, StressReference(load=120.0, temperature=293.0)) == (0, 0, 0)
+
+
 @pytest.mark.usefixtures("few_steps")
 def test_a_future_stress_that_was_never_recorded_does_not_change_the_sample() -> None:
     evidence = flown(3.0, count=3)

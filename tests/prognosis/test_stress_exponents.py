@@ -116,3 +116,18 @@ def test_the_filters_of_the_units_are_used_where_they_know_more() -> None:
     filtered = np.random.default_rng(9).normal(1.0, 0.2, FILTERED.shape)
     drawn = exponents_of_new_unit(estimates(np.full(2, 3.0), 0.5), filtered, RANGES, np.random.default_rng(6))
     assert (drawn[..., 0] == filtered[..., 0]).all()
+
+
+def test_several_recordings_of_a_flight_count_as_one_diagnosis() -> None:
+    once = unit(3, 1.0, error=2e-3)
+    random = np.random.default_rng(4)
+    repeated = [
+        Observation(one.hours, one.level + 2e-3 * random.standard_normal(8), one.covariance, one.seen)
+        for one in once.observations
+        for _ in range(2)
+    ]
+    twice = Evidence("twice", "part", once.hours, tuple(repeated), stresses=once.stresses)
+    with np.errstate(all="raise"):
+        mean, precision = exponents_of_unit(twice, REFERENCE, RANGES)
+    assert (abs(mean[0, :2] - [LOAD, TEMPERATURE]) < 3 * precision[0, :2] ** -0.5).all()
+    assert (precision[0, :2] ** -0.5 < [0.9, 0.12]).all()

@@ -91,12 +91,16 @@ def test_the_pages_show_no_remaining_life_for_a_failed_unit(
     client: "TestClient", state: "ServerState"
 ) -> None:
     kept = state.history.prognoses()["SN-0002"]
-    document = {**kept.document, "failed_at_hours": 160.0}
+    # The shop has named no failed component.
+    document = {**kept.document, "failed_at_hours": 160.0, "component": None, "requirement": None}
     state.history.keep_prognosis(
         "SN-0002", replace(kept, document=document, basis=replace(kept.basis, at="2099-01-02T00:00:00Z"))
     )
     assert client.get("/?search=0002").text.count("failed at 160") == 1
-    assert "none: failed at 160" in client.get("/units/3").text
+    text = client.get("/units/3").text
+    assert "none: failed at 160" in text
+    assert "<dt>Failed</dt><dd>cause not found</dd>" in text
+    assert "in sight" not in text
 
 
 def test_the_page_of_a_diagnosis_shows_its_verdicts_and_estimates(reader: "TestClient") -> None:

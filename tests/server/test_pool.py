@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import pytest
 
+from emaphm.errors import ServerError
 from emaphm.server.folders import ServerFolder
 from emaphm.server.work import pool as pool_module
 from emaphm.server.work.pool import Pool
@@ -60,3 +61,30 @@ def test_a_prognosis_is_repeated_while_the_history_is_unavailable_and_once_after
         assert pool._next(cast("Any", None))
     queue.close()
     assert ended_jobs == [("S1", state) for state in states]
+
+
+def test_a_job_ends_when_the_disk_of_the_queue_has_space_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pool_module, "AGAIN_S", 0.0)
+    queue = Queue(tmp_path / "queue.sqlite")
+    for hours in (1.0, 2.0):
+        queue.add({"unit": "S1", "hours": hours, "name": "a.csv"}, f"{hours}.csv")
+    pool = Pool(
+        queue, Place("", ServerFolder(tmp_path), {}, 2**33, 2**26), SMALL, lambda: None, lambda *_: None
+    )
+    full = iter([ServerError("no space left")] * 2)
+
+    def end(*values: Any, real: Any = queue.end) -> None:
+        for error in full:
+            raise error
+        real(*values)
+
+    monkeypatch.setattr(queue, "end", end)
+    monkeypatch.setattr(pool, "_outcome", lambda *_: JobOutcome(DONE))
+    monkeypatch.setattr(queue, "_arriving", lambda _: [])
+    assert pool._next(cast("Any", None))
+    assert pool._next(cast("Any", None))
+    states = [job.state for job in queue.jobs(2)]
+    queue.close()
+    assert states == [DONE, DONE]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from emaphm.errors import EmaphmError
+from emaphm.input_files import exists
 from emaphm.output_files import written_whole
 
 RESULTS = "results.sqlite"
@@ -57,9 +58,9 @@ class WorkFolder:
             The folder contains other files, or cannot be made or written.
         """
         folder = self.path
-        if folder.exists() and not folder.is_dir():
+        if exists(folder, self.error) and not folder.is_dir():
             raise self.error(f"{folder} is not a folder; give another name")
-        if folder.is_dir() and any(not path.name.startswith(".") for path in folder.iterdir()):
+        if folder.is_dir() and self._holds_files():
             raise self.error(f"{folder} holds something else than a {self.kind}; give a new or empty folder")
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -81,7 +82,7 @@ class WorkFolder:
         EmaphmError
             As in `begin`; or the folder's settings cannot be read, or have another revision or none.
         """
-        if not self.settings.exists():
+        if not exists(self.settings, self.error):
             self.begin(settings)
         try:
             stored = json.loads(self.settings.read_text(encoding="utf-8"))
@@ -119,6 +120,13 @@ class WorkFolder:
             if not self._is_current(lock.fileno()):
                 raise self._removed()
             yield
+
+    def _holds_files(self) -> bool:
+        """Return whether the folder has files or folders that are not hidden."""
+        try:
+            return any(not path.name.startswith(".") for path in self.path.iterdir())
+        except OSError as error:
+            raise self._not_writable(error) from None
 
     def _is_current(self, lock: int) -> bool:
         """Return whether an open lock file is still the lock file of the folder."""

@@ -62,19 +62,21 @@ def diagnosis_blocks(diagnosis: KeptDiagnosis) -> dict[str, Any]:
 
 
 def unit_blocks(unit: Unit) -> dict[str, Any]:
-    """Return all entries of a unit and its last stored prognosis in blocks."""
+    """Return a unit's entries and last stored prognosis in blocks; `HistoryError` if it was withdrawn."""
     with unit.database.reading() as connection:  # one consistent state
-        entries = UnitEntries.read(connection, unit.row.id, unit.serial_number)
-        diagnoses = reading.diagnoses(connection, unit.row.id)
-        prognosis = read_prognosis(connection, unit.row.id)
-        basis = bases(connection, UNITS.c.id == unit.row.id)[unit.row.id]
-        differences = description_notes(connection, unit.row)
+        # Read again: after a withdrawal, its id may be that of another unit.
+        row = reading.unit(connection, unit.serial_number)
+        entries = UnitEntries.read(connection, row.id, row.serial_number)
+        diagnoses = reading.diagnoses(connection, row.id)
+        prognosis = read_prognosis(connection, row.id)
+        basis = bases(connection, UNITS.c.id == row.id)[row.id]
+        differences = description_notes(connection, row)
     last = entries.flights[-1]
     is_removed = any(removal.hours >= last.hours for removal in entries.removals)
     return {
         "unit": {
-            "serial_number": unit.serial_number,
-            "part_number": unit.part_number,
+            "serial_number": row.serial_number,
+            "part_number": row.part_number,
             "position": None if is_removed else last.position,
             "hours": latest_hours(entries.flights, entries.removals, entries.findings),
             "cycles": max(

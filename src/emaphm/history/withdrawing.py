@@ -55,7 +55,7 @@ def withdraw(connection: sa.Connection, unit: UnitRow, mistake: Mistake) -> With
         table = REMOVALS if mistake.kind == "removal" else FINDINGS
         connection.execute(table.delete().where(table.c.id == row["id"]))
     withdrawal = Withdrawal(
-        mistake.kind, mistake.hours, _subject(row), mistake.reason, timestamp(), dict(finite(entry))
+        mistake.kind, row["hours"], _subject(row), mistake.reason, timestamp(), dict(finite(entry))
     )
     connection.execute(
         WITHDRAWALS.insert().values(
@@ -85,8 +85,12 @@ def read_withdrawals(connection: sa.Connection, serial_number: str) -> tuple[Wit
 def _row_of(connection: sa.Connection, unit: UnitRow, mistake: Mistake) -> sa.RowMapping:
     """Return the row of the entry that `mistake` names."""
     rows = connection.execute(_entries(mistake.kind, unit)).mappings().all()
-    at_hours = [row for row in rows if row["hours"] == mistake.hours]
-    place = f"unit '{unit.serial_number}' at {mistake.hours:.9g} h"
+    # Texts show nine digits: hours with more digits are also found by these.
+    shown = f"{mistake.hours:.9g}"
+    at_hours = [row for row in rows if row["hours"] == mistake.hours] or [
+        row for row in rows if f"{row['hours']:.9g}" == shown
+    ]
+    place = f"unit '{unit.serial_number}' at {shown} h"
     if not at_hours:
         hours = sorted(
             {row["hours"] for row in rows}, key=lambda hours_of_entry: abs(hours_of_entry - mistake.hours)

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from emaphm.errors import EmaphmError, HistoryError
+from emaphm.errors import EmaphmError, HistoryFormError, HistoryUnavailableError
 from emaphm.execution.one_process import Calls, EndedError
 from emaphm.history import Event, History
 from emaphm.monitoring.settings import IsolationSettings, PrognosisSettings
@@ -75,8 +75,10 @@ class Outlook:
         ------
         NoPrognosisError
             A unit has no prognosis, for the reason in the text.
-        HistoryError
+        HistoryUnavailableError
             The database fails; the prognosis stays due.
+        HistoryFormError
+            A newer version of emaphm has changed the history meanwhile.
         """
         if self._under_way is None and self._due:
             unit = next(iter(self._due))
@@ -87,9 +89,12 @@ class Outlook:
         (unit, future), self._under_way = self._under_way, None
         try:
             future.result()
-        except HistoryError:
+        except HistoryUnavailableError:
             self.ask(unit)
             raise
+        except HistoryFormError:
+            raise
+        # Including the error on a unit that was withdrawn meanwhile.
         except (EmaphmError, EndedError, MemoryError) as error:
             raise NoPrognosisError(f"no prognosis of '{unit}': {error or 'too little memory'}") from None
         return True

@@ -128,11 +128,11 @@ def _first(file: str, labels: Mapping[str, Label], names: tuple[str, ...]) -> st
     value = labels[label]
     if isinstance(value, str):
         return value
-    if abs(value) > MOST_EXACT:
+    if names == UNIT_LABELS and abs(value) > MOST_EXACT:
         raise RecordingError(
             f"{file}: its {label}, {value:g}, has more digits than a number keeps; write it with a letter"
         )
-    if value == int(value):
+    if float(value).is_integer():
         return str(int(value))
     if names == UNIT_LABELS:
         raise RecordingError(

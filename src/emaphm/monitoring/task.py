@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from emaphm.errors import MonitoringError
 from emaphm.history.writing import storable
+from emaphm.input_files import exists
 from emaphm.monitoring.diagnosers import Diagnose, search
 from emaphm.monitoring.judging import Cut, cut_stretches
 from emaphm.monitoring.ownership import Ownership
@@ -76,12 +77,15 @@ class WatchTask:
 
     def check(self) -> None:
         """Raise `MonitoringError` for a folder or an address that cannot be used."""
-        if isinstance(self.source, Path) and not self.source.is_dir():
-            reason = "is no folder" if self.source.exists() else "no such folder"
-            raise MonitoringError(
-                f"{self.source}: {reason}; give one where recordings arrive, or - for stdin"
-            )
-        if isinstance(self.source, Path) and not os.access(self.source, os.R_OK | os.X_OK):
-            raise MonitoringError(f"{self.source}: cannot be read; let this user read the folder")
+        if isinstance(self.source, Path):
+            _check_folder(self.source)
         if self.webhook is not None:
             Webhook(self.webhook, WATCH.delivery.timeout_s)
+
+
+def _check_folder(folder: Path) -> None:
+    reason = "is no folder" if exists(folder, MonitoringError) else "no such folder"
+    if not folder.is_dir():
+        raise MonitoringError(f"{folder}: {reason}; give one where recordings arrive, or - for stdin")
+    if not os.access(folder, os.R_OK | os.X_OK):
+        raise MonitoringError(f"{folder}: cannot be read; let this user read the folder")

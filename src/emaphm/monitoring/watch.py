@@ -243,6 +243,10 @@ class _Watcher:
                 self._wake()
         except NoPrognosisError as error:
             self.say(str(error))
+        except (HistoryFormError, StoppedError):
+            raise
+        except Exception as error:  # noqa: BLE001 - a defect must not end the monitoring of other units
+            self.say("".join(traceback.format_exception(error)).strip())
 
     def _judge(self, arrival: Arrival) -> None:
         """Judge an arrival; if it kills its process, it is tried once more and then set aside."""

@@ -126,6 +126,11 @@ class Evidence:
         return tuple(observation for observation in self.observations if observation.explained)
 
     @property
+    def flights(self) -> int:
+        """Number of flights of the used observations, which differ in hours; a rate needs several."""
+        return len({observation.hours for observation in self.used})
+
+    @property
     def seen(self) -> Mask:
         """Mask (8,) of the components that at least one used observation has estimated."""
         if not self.used:

@@ -158,6 +158,7 @@ class Prognosis(RemainingLife):
             "levels": self.levels(),
             "diagnoses": {
                 "used": len(evidence.used),
+                "flights": evidence.flights,
                 "kept": len(evidence.observations),
                 "newest_explained": evidence.unexplained is None,
             },
@@ -193,7 +194,7 @@ class Prognosis(RemainingLife):
             cause_text = "" if self.cause else ", cause not found"
             return f"none, failed at {self.evidence.unrepaired.hours:,.9g} h{cause_text}"
         low, high = (hours_text(x) for x in self.interval90)
-        evidence_text = without_rate(len(self.evidence.used))
+        evidence_text = without_rate(self.evidence.flights)
         return f"{hours_text(self.median)} (90 %: {low} to {high}{evidence_text})"
 
     @property

@@ -34,6 +34,10 @@ FEWEST_UNITS, MOST_FLIGHTS = 5, 100.0
 """Least number of units from which the differences between missions are estimated, and the largest weight of
 the reference, in intervals."""
 
+LEAST_VARIANCE = 1e-12
+"""Variance of a covariate between the intervals of a unit below which it is constant: the rest is rounding
+error."""
+
 
 @dataclass(frozen=True)
 class Stress:
@@ -239,7 +243,7 @@ def reference_weight(units: Sequence[Sequence[StressPiece]], reference: StressRe
         counts = np.array([values.size for values in recorded])
         within = sum(values.size * values.var() for values in recorded) / (counts - 1).sum()
         between = np.var([values.mean() for values in recorded], ddof=1) - within * np.mean(1 / counts)
-        weight = within / max(between, within / MOST_FLIGHTS) if within > 0 else 0.0
+        weight = within / max(between, within / MOST_FLIGHTS) if within > LEAST_VARIANCE else 0.0
         weights.append(float(f"{weight:.1g}"))
     return tuple(weights)
 

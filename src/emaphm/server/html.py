@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.errors import ServerError, nearest
+from emaphm.input_files import exists
 from emaphm.prognosis.wording.sentences import hours_text
 from emaphm.prognosis.wording.tables import value_and_interval
 from emaphm.report.wording import LABELS
@@ -54,10 +55,15 @@ def check_templates(folder: Path) -> None:
     """
     from jinja2 import TemplateError
 
-    if not folder.is_dir():
+    if not exists(folder, ServerError) or not folder.is_dir():
         raise ServerError(f"--templates {folder}: no such folder")
     known = set(_environment(None).list_templates())
-    names = sorted(path.name for path in folder.iterdir() if path.name.endswith(ENDING))
+    try:
+        names = sorted(path.name for path in folder.iterdir() if path.name.endswith(ENDING))
+    except OSError as error:
+        raise ServerError(
+            f"--templates {folder}: cannot be read ({error.strerror}); let this user read the folder"
+        ) from None
     if not names:
         raise ServerError(
             f"--templates {folder}: has no file that ends in {ENDING}; pages: {_page_names(known)}"

@@ -11,14 +11,14 @@ def cautions(prognoses: Sequence[Mapping[str, Any]], more: str) -> list[str]:
     """
     from emaphm.prognosis.notes.life import ENOUGH, without_rate
 
-    from_prior = [made["unit"] for made in prognoses if without_rate(made["diagnoses"]["used"])]
+    from_prior = [made["unit"] for made in prognoses if without_rate(made["diagnoses"]["flights"])]
     unexplained = [made["unit"] for made in prognoses if not made["diagnoses"]["newest_explained"]]
     noted = [made["unit"] for made in prognoses if made["notes"]]
     lines = []
     if from_prior:
         lines.append(
-            "remaining useful life mostly from the prior, with fewer than "
-            f"{ENOUGH} explained diagnoses: {', '.join(from_prior)}"
+            "remaining useful life mostly from the prior, with explained diagnoses of fewer than "
+            f"{ENOUGH} flights: {', '.join(from_prior)}"
         )
     if unexplained:
         lines.append(

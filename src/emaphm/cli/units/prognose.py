@@ -16,12 +16,13 @@ from emaphm.cli.options import (
 from emaphm.cli.output import counter, draw, show
 from emaphm.cli.units.cautions import cautions
 from emaphm.cli.units.history_options import DB, Database
-from emaphm.errors import PrognosisError
+from emaphm.errors import HistoryError, HistoryFormError, HistoryUnavailableError, PrognosisError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from emaphm.actuator import Actuator
+    from emaphm.history.basis import Basis
     from emaphm.prognosis import Costs, Prognosis, Question
     from emaphm.prognosis.batch import UnitOutcome
 
@@ -139,9 +140,11 @@ def prognose(
         made = _prognose_all(db, chosen.part, described, asked, execution, common, fleet=fleet)
         _show_all(made, db if outputs.keep else None, common.as_json)
         return
-    result = _prognose_unit(db, chosen.unit, described, asked, common.seed, outputs, fleet=fleet)
-    # Before the files: a full disk must not lose the answer too.
+    result, basis = _prognose_unit(db, chosen.unit, described, asked, common.seed, outputs, fleet=fleet)
+    # Before it is stored and files are written: a full disk must not lose the answer too.
     common.show(result.to_dict(), str(result))
+    if outputs.keep:
+        _keep_unit(db, result, basis)
     draw(result, outputs.figure)
     if outputs.report is not None:
         from emaphm.report.prognosis import write_prognosis
@@ -158,11 +161,10 @@ def _prognose_unit(
     outputs: Outputs,
     *,
     fleet: bool,
-) -> "Prognosis":
-    """Return the prognosis of one unit; store it in the history if --keep was given."""
-    from emaphm.history import History, KeptPrognosis
+) -> "tuple[Prognosis, Basis]":
+    """Return the prognosis of one unit, and the basis from which it was made."""
+    from emaphm.history import History
     from emaphm.prognosis import Evidence, Prior, learnt_prior, prognose
-    from emaphm.prognosis.keeping import Curves, earlier_rows, keep_with_curves
 
     with History.open(db) as history:
         stored = history.unit(unit)
@@ -170,12 +172,18 @@ def _prognose_unit(
         evidence, described = Evidence.of(stored), stored.described_by(actuator)
         prior = learnt_prior(history, stored, seed=seed, actuator=described) if fleet else Prior()
     keep_past = outputs.keep or outputs.report is not None
-    result = prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past)
-    if outputs.keep:
-        kept = KeptPrognosis.of(basis, result.to_dict())
-        with History.open(db) as history:
-            keep_with_curves(history, stored, kept, Curves.of(result), lambda: earlier_rows(result))
-    return result
+    return prognose(evidence, described, question, prior=prior, seed=seed, keep_past=keep_past), basis
+
+
+def _keep_unit(db: str, result: "Prognosis", basis: "Basis") -> None:
+    """Store the prognosis of one unit in the history, with its curves."""
+    from emaphm.history import History, KeptPrognosis
+    from emaphm.prognosis.keeping import Curves, earlier_rows, keep_with_curves
+
+    kept = KeptPrognosis.of(basis, result.to_dict())
+    with History.open(db) as history:
+        unit = history.unit(result.evidence.unit)
+        keep_with_curves(history, unit, kept, Curves.of(result), lambda: earlier_rows(result))
 
 
 def _prognose_all(
@@ -218,18 +226,10 @@ def _check_choice(chosen: UnitChoice, outputs: Outputs) -> None:
 
 def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> None:
     """Print all prognoses and store them in the history `keep_in`; `PrognosisError` if a unit has none."""
-    from emaphm.history import History
-    from emaphm.prognosis.keeping import keep_with_curves
     from emaphm.text_table import format_table
 
     finished = [outcome for outcome in made if not outcome.error]
     failed = [outcome for outcome in made if outcome.error]
-    if keep_in is not None:
-        with History.open(keep_in) as history:
-            for outcome in finished:
-                assert outcome.curves is not None  # noqa: S101 - finished outcomes have curves
-                # Without earlier forecasts: they would take seven times as long as the prognosis.
-                keep_with_curves(history, history.unit(outcome.unit), outcome.kept(), outcome.curves)
     rows = [(outcome.unit, *_row(outcome.values)) for outcome in finished]
     within = f"fails within {finished[0].values['horizon_hours']:.9g} h" if finished else ""
     header = ("unit", "hours", "RUL [h]", "90 %", within, "component", "advice")
@@ -242,10 +242,36 @@ def _show_all(made: "list[UnitOutcome]", keep_in: str | None, as_json: bool) -> 
         "failed": [{"unit": outcome.unit, "error": outcome.error} for outcome in failed],
     }
     show(values, "\n".join(lines), as_json)
+    # After the answer, which took minutes: a full disk must not lose it too.
+    if keep_in is not None:
+        _keep_all(finished, keep_in)
     if failed:
         raise PrognosisError(
             f"{len(failed)} of {len(made)} units have no prognosis, the others are done; the first, "
             f"'{failed[0].unit}': {failed[0].error}"
+        )
+
+
+def _keep_all(finished: "list[UnitOutcome]", where: str) -> None:
+    """Store prognoses in the history; `HistoryError` if a unit was withdrawn meanwhile, after all others."""
+    from emaphm.history import History
+    from emaphm.prognosis.keeping import keep_with_curves
+
+    refused: list[HistoryError] = []
+    with History.open(where) as history:
+        for outcome in finished:
+            assert outcome.curves is not None  # noqa: S101 - finished outcomes have curves
+            try:
+                # Without earlier forecasts: they would take seven times as long as the prognosis.
+                keep_with_curves(history, history.unit(outcome.unit), outcome.kept(), outcome.curves)
+            except (HistoryFormError, HistoryUnavailableError):
+                raise
+            except HistoryError as error:
+                refused.append(error)
+    if refused:
+        raise HistoryError(
+            f"{len(refused)} of {len(finished)} prognoses could not be stored, the others are; the first: "
+            f"{refused[0]}"
         )
 
 

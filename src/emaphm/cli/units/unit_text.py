@@ -95,7 +95,8 @@ def _prognosis(values: dict[str, Any]) -> str:
     made, advised = values["prognostic_assessment"], values["advisory_generation"]
     median = made["rul_hours"]["median"]
     life = "no failure in sight" if median is None else f"remaining useful life {median:,.0f} h"
-    life += without_rate(made["diagnoses"]["used"])
+    # Older versions did not store the number of flights.
+    life += without_rate(made["diagnoses"].get("flights", made["diagnoses"]["used"]))
     if made.get("failed_at_hours") is not None:
         life = f"no remaining useful life, failed at {made['failed_at_hours']:,.9g} h"
     old = ", out of date" if made["out_of_date"] else ""

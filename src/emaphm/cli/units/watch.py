@@ -25,7 +25,8 @@ from emaphm.cli.options import (
 from emaphm.cli.output import counter, say
 from emaphm.cli.units.events import FailureEvents, WebhookAddress
 from emaphm.cli.units.history_options import DB, Database
-from emaphm.errors import MonitoringError
+from emaphm.errors import HistoryError, MonitoringError
+from emaphm.input_files import exists
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -211,7 +212,7 @@ def _run(task: "WatchTask", actuator: "Actuator", db: str, settings: "WatchSetti
     from emaphm.monitoring import watch as run
 
     file = Address.of(db).file
-    is_new = file is not None and not file.exists()
+    is_new = file is not None and not exists(file, HistoryError)
     with resumable("finished diagnoses are in the history; the same command resumes"):
         with History.open(db, create=True) as history, _stopped_by_signal() as stop:
             where = task.source if isinstance(task.source, Path) else "standard input"
@@ -228,7 +229,11 @@ def _run(task: "WatchTask", actuator: "Actuator", db: str, settings: "WatchSetti
 def _source(text: str) -> Path | int:
     if text.startswith("-") and text != STREAM:
         raise MonitoringError(f"unknown option: {text}; see emaphm watch --help")
-    return sys.stdin.fileno() if text == STREAM else Path(text)
+    if text != STREAM:
+        return Path(text)
+    if sys.stdin is None:
+        raise MonitoringError("stdin is closed, so no rows can be read; connect it to the sender of the rows")
+    return sys.stdin.fileno()
 
 
 @contextmanager

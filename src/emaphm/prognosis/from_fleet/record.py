@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from emaphm.actuator import Actuator
+from emaphm.actuator.faults import lower_bounds
 from emaphm.memory import Memory
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.filter.following import follow
@@ -55,16 +56,19 @@ def record_of(
     about
         Common inputs of these priors, identified by their `repr`.
     """
-    if len(units) < FEWEST_FAILED or any(limit.component is None for limit in Requirements(actuator).limits):
+    limits = Requirements(actuator).limits
+    if len(units) < FEWEST_FAILED or any(limit.component is None for limit in limits):
         return None
     keys = [fingerprint(unit) for unit in units]
-    requirements = [requirement.model_dump() for requirement in actuator.requirements]
+    # All that a prediction needs of an actuator: its limits, stated or by default, and its least friction.
+    bounds = [(limit.component, limit.bound, limit.upper) for limit in limits]
+    least = lower_bounds(actuator).tolist()
 
     def record() -> Recalibration:
         outcomes = (_outcome(unit, prior_of(i), actuator, seed) for i, unit in enumerate(units))
         return Recalibration([outcome for outcome in outcomes if outcome is not None])
 
-    return RECORDS.get(repr((keys, requirements, about, seed)), record)
+    return RECORDS.get(repr((keys, bounds, least, about, seed)), record)
 
 
 def _outcome(evidence: Evidence, prior: Prior, actuator: Actuator, seed: int) -> PastForecasts | None:

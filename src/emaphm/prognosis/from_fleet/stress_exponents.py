@@ -14,7 +14,7 @@ within the range of the general prior. Both are estimated from the regressions o
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -146,30 +146,47 @@ def _differences(
     new_at, until = life
     column = columns_of(component)[0]
     diagnoses = [one for one in unit.used if new_at < one.hours <= until and one.seen[column]]
-    intervals = list(_intervals(unit, diagnoses, component, reference))
+    intervals = list(_intervals(unit, _flights(diagnoses, component), reference))
     pairs = [(first, second) for first, second in pairwise(intervals) if first and second]
     y = np.array([second[0] - first[0] for first, second in pairs])
     z = np.array([second[1] - first[1] for first, second in pairs]).reshape(y.size, len(STRESSES))
     return y, z, np.array([second[2] + first[2] for first, second in pairs])
 
 
-def _intervals(
-    unit: Evidence, diagnoses: Sequence[Observation], component: str, reference: StressReference
-) -> Iterator[tuple[float, Array, float] | None]:
-    """Yield y, z and the variance of y between successive diagnoses; None if the level changes too little."""
-    level = np.array([level_of(one.level, component) for one in diagnoses])
+class _Flights(NamedTuple):
+    """Flight hours (m,) [h] of a unit, its mean level on each flight (m,), and the variance (m,)."""
+
+    hours: Array
+    level: Array
+    variance: Array
+
+
+def _flights(diagnoses: Sequence[Observation], component: str) -> _Flights:
+    """Return the flights of diagnoses, which are by hours; recordings of one flight have the same hours."""
     columns = columns_of(component)
-    variance = np.array([np.diag(one.covariance)[columns].max() for one in diagnoses])
+    flights = [list(of_flight) for _, of_flight in groupby(diagnoses, key=lambda one: one.hours)]
+    level = [level_of(np.mean([one.level for one in each], axis=0), component) for each in flights]
+    variance = [
+        np.mean([np.diag(one.covariance)[columns].max() for one in each]) / len(each) for each in flights
+    ]
+    return _Flights(np.array([each[0].hours for each in flights]), np.array(level), np.array(variance))
+
+
+def _intervals(
+    unit: Evidence, flights: _Flights, reference: StressReference
+) -> Iterator[tuple[float, Array, float] | None]:
+    """Yield y, z and the variance of y between successive flights; None if the level changes too little."""
+    level, variance = flights.level, flights.variance
     change = np.diff(level) * (1 if level.size == 0 or level[-1] >= level[0] else -1)
     error = np.sqrt(variance[1:] + variance[:-1])
-    for i, (before, after) in enumerate(pairwise(diagnoses)):
+    for i, (before, after) in enumerate(pairwise(flights.hours.tolist())):
         # A selection by the change itself would leave out intervals of little stress.
         usual = np.median(change[max(i - 2, 0) : i + 3])
         if change[i] <= error[i] or usual < max(LEAST_CHANGE * error[i], 1e-9):
             yield None
             continue
-        flown = exposure(unit.stresses, reference, before.hours, after.hours)
-        hours = after.hours - before.hours
+        flown = exposure(unit.stresses, reference, before, after)
+        hours = after - before
         rate = float(np.log(change[i] / hours))
         yield rate, flown.hours @ flown.covariates / hours, float((error[i] / change[i]) ** 2)
 

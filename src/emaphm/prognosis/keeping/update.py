@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from emaphm.history import reading
 from emaphm.history.events import add_events
 from emaphm.history.kept_prognosis import KeptPrognosis, keep_prognosis
 from emaphm.history.views import read_curves
@@ -89,7 +90,7 @@ def keep_with_curves(
     Raises
     ------
     HistoryError
-        The database fails.
+        The database fails, or the unit was withdrawn meanwhile.
     """
     with history.database.reading() as connection:
         stored = read_curves(connection, unit.row.id) or {"fan": []}
@@ -100,7 +101,9 @@ def keep_with_curves(
         rows = earlier()
     curves_with_fan = replace(curves, fan=(*rows, *curves.fan))
     with history.writing() as connection:
-        keep_prognosis(connection, unit.row, prognosis, curves_with_fan.to_dict())
+        # Read again: after a withdrawal, its id may be that of another unit.
+        row = reading.unit(connection, unit.serial_number)
+        keep_prognosis(connection, row, prognosis, curves_with_fan.to_dict())
         add_events(connection, events)
     return curves_with_fan
 

@@ -11,12 +11,17 @@ from emaphm.prognosis.requirements import Requirements
 from emaphm.prognosis.requirements.failure_times import FailureTimes
 
 ENOUGH = 3
-"""Explained diagnoses needed to estimate a rate: the rate from two cannot be checked."""
+"""Flights with an explained diagnosis needed to estimate a rate: the rate from two cannot be checked.
+
+An indicator needs as many readings.
+"""
 
 
-def without_rate(used: int) -> str:
-    """Return the text added to a remaining useful life from too few `used` explained diagnoses, or ""."""
-    return f", mostly from the prior: {used} of {ENOUGH} explained diagnoses" if used < ENOUGH else ""
+def without_rate(flights: int) -> str:
+    """Return the text added to a remaining useful life from diagnoses of too few `flights`, or ""."""
+    if flights >= ENOUGH:
+        return ""
+    return f", mostly from the prior: explained diagnoses of {flights} of {ENOUGH} flights"
 
 
 def life_notes(
@@ -25,12 +30,13 @@ def life_notes(
     """Return notes on little evidence, unusual requirements, and the failures in the forecast."""
     notes: list[str] = []
     used, stored = len(evidence.used), len(evidence.observations)
-    if used < ENOUGH:
+    if evidence.flights < ENOUGH:
         fleet = "one other unit" if prior.units == 1 else f"{prior.units} other units"
         general = "the general prior, according to which more limits mean an earlier failure"
         notes.append(
-            f"explained diagnoses: {used}; {ENOUGH} are needed to estimate a rate, until then remaining "
-            f"useful life, risk and advice mostly follow from {general if prior.fleet is None else fleet}"
+            f"flights with an explained diagnosis: {evidence.flights}; {ENOUGH} are needed to estimate a "
+            "rate, until then remaining useful life, risk and advice mostly follow from "
+            f"{general if prior.fleet is None else fleet}"
         )
     if stored > used:
         newest = "" if evidence.unexplained is None else ", the newest among them"

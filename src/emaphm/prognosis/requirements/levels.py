@@ -111,5 +111,5 @@ def _first_failing(limit: Limit, margin: Array) -> int | None:
 def _crossing(levels: Array, margin: Array, i: int) -> float:
     """Return the level at which the margin (n,) falls to 0, between the levels i - 1 and i."""
     high, low = margin[i - 1], margin[i]
-    share = high / (high - low) if np.isfinite(low) else 1.0
+    share = high / (high - low) if np.isfinite(high) and np.isfinite(low) else 1.0
     return float(levels[i - 1] + share * (levels[i] - levels[i - 1]))

@@ -79,8 +79,10 @@ def measure_passage(
     low, high = low[paths], high[paths]
     margin_before, margin_after = known[low, paths], known[high, paths]
     # A margin that jumps, or that is 0 before the failure, is not interpolated.
-    is_smooth = np.isfinite(margin_after) & ((margin_before > 0) | (limit.requirement.measure in AT_ONCE))
-    share = np.where(is_smooth, margin_before / np.where(is_smooth, margin_before - margin_after, 1.0), 1.0)
+    is_smooth = np.isfinite(margin_before) & np.isfinite(margin_after)
+    is_smooth &= (margin_before > 0) | (limit.requirement.measure in AT_ONCE)
+    before, after = (np.where(is_smooth, margin, 1.0) for margin in (margin_before, margin_after))
+    share = np.where(is_smooth, before / np.where(is_smooth, before - after, 1.0), 1.0)
     passage[paths] = forecast.hours[low] + share * (forecast.hours[high] - forecast.hours[low])
     return passage
 

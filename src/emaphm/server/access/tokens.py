@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from emaphm.errors import ServerError
-from emaphm.input_files import read_bytes
+from emaphm.input_files import exists, read_bytes
 from emaphm.output_files import written_whole
 
 TOKEN_BYTES = 32
@@ -37,7 +37,7 @@ def add_token(path: Path, name: str) -> str:
         raise ServerError(
             f"{name!r} is no name of a token; give up to {LONGEST_NAME} printable characters without a space"
         )
-    known = read_tokens(path) if path.exists() else {}
+    known = read_tokens(path) if exists(path, ServerError) else {}
     if name in known.values():
         raise ServerError(
             f"{path}: has a token of '{name}' already; take its line out of the file, or give another name"
@@ -58,7 +58,7 @@ def read_tokens(path: Path) -> dict[str, str]:
     ServerError
         The file is missing, other users can read or write it, or it is no file of tokens.
     """
-    if not path.exists():
+    if not exists(path, ServerError):
         raise ServerError(f"{path}: no such file; make it with --tokens {path} --add-token NAME")
     content = read_bytes(path, MOST_BYTES, ServerError)
     status = path.stat()

@@ -4,13 +4,15 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
-from emaphm.errors import EmaphmError
+from emaphm.errors import EmaphmError, ServerError
 from emaphm.execution.one_process import OneProcess
 from emaphm.server.settings import ServerSettings
 from emaphm.server.work.queue import AGAIN, DONE, FAILED, Job, Queue
 from emaphm.server.work.worker import Forecast, JobOutcome, Place, Upload, work
+
+T = TypeVar("T")
 
 LOG = logging.getLogger("emaphm.server")
 
@@ -163,18 +165,32 @@ class Pool:
             return
         if outcome is None:
             LOG.warning("job %d: its process has died", job.id)
-            if self._queue.killed(job.id) < MOST_KILLS:
+            if self._written(lambda: self._queue.killed(job.id)) < MOST_KILLS:
                 return
             outcome = JobOutcome(FAILED, KILLED)
         if outcome.state == AGAIN:
             LOG.warning("job %d: %s; it is tried again", job.id, outcome.message)
-            self._queue.again(job.id)
+            self._written(lambda: self._queue.again(job.id))
             self._wait(AGAIN_S)
             return
-        self._queue.end(job.id, outcome.state, outcome.message, outcome.result)
+        ended = outcome
+        self._written(lambda: self._queue.end(job.id, ended.state, ended.message, ended.result))
         self._on_news()
         if outcome.state != FAILED:  # the file of a failed job is kept for inspection
             order.file.unlink(missing_ok=True)
+
+    def _written(self, write: Callable[[], T]) -> T:
+        """Return the result of writing to the queue, which is repeated while its disk is full.
+
+        Otherwise the job would count as running, and no other job of its unit would be taken.
+        """
+        while not self._stopping:
+            try:
+                return write()
+            except ServerError as error:
+                LOG.warning("%s", error)
+                self._wait(AGAIN_S)
+        return write()
 
     def _outcome(
         self, process: OneProcess, order: Any, on_progress: Callable[[float], None]
