@@ -221,9 +221,10 @@ def _values(estimator: "Estimator", out: Path, size: int) -> dict[str, Any]:
 
 
 def _text(estimator: "Estimator", out: Path, size: int) -> str:
-    from emaphm.text_table import format_table
+    from emaphm.text_table import counted, format_table
 
     facts = estimator.facts
+    epochs = counted(facts["epochs"], "epoch")
     accuracy = facts["judgement"]
     rows = [
         (name, f"{100 * share:.1f} %", f"{accuracy['rank_chi2'][name]:.1f}")
@@ -236,8 +237,8 @@ def _text(estimator: "Estimator", out: Path, size: int) -> str:
         "of the answers are not accepted: these recordings would be searched."
     )
     costs = (
-        f"{facts['simulations']} simulations in {facts['simulation_seconds']:.0f} s, {facts['epochs']} "
-        f"epochs in {facts['training_seconds']:.0f} s, seed {facts['seed']}."
+        f"{facts['simulations']} simulations in {facts['simulation_seconds']:.0f} s, {epochs} "
+        f"in {facts['training_seconds']:.0f} s, seed {facts['seed']}."
     )
     lines = [
         format_table(header, rows),
