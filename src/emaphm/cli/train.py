@@ -234,7 +234,7 @@ def _text(estimator: "Estimator", out: Path, size: int) -> str:
     errors = (
         f"{accuracy['draws']} held-out simulations: error {accuracy['median_error_percent']:.2f} % (median), "
         f"{accuracy['p95_error_percent']:.2f} % (95th percentile); {100 * accuracy['not_believed']:.1f} % "
-        "of the answers are not accepted: these recordings would be searched."
+        "of the answers are not accepted by their own tests: these recordings would be searched."
     )
     costs = (
         f"{facts['simulations']} simulations in {facts['simulation_seconds']:.0f} s, {epochs} "
