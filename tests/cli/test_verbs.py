@@ -115,6 +115,12 @@ def retracted(tmp_path: Path) -> Path:
         (("--command", "step", "--amplitude", "0.4"), 0.0, 0.4, ()),
         (("--command", "file.csv"), 0.2, 0.21, ("file.csv: the command starts at 0.2", "give --about 0.2")),
         (("--command", "file.csv", "--about", "0.2"), 0.2, 0.21, ()),
+        (
+            ("--command", "file.csv", "--about", "0.2", "--duration", "0.3"),
+            0.2,
+            0.206,
+            ("goes on to 0.5 s, but only 0.3 s of it are used", "give --duration 0.5"),
+        ),
     ],
 )
 def test_simulate_starts_with_room_to_move_and_warns_of_a_doubtful_range(

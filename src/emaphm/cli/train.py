@@ -138,8 +138,8 @@ def train(
 
     settings = learning.settings()
     driven = manoeuvre.command_for(described)
-    if not common.as_json and (jump := manoeuvre.jump_of(driven)):
-        say(jump)
+    for note in () if common.as_json else manoeuvre.notes_on(driven):
+        say(note)
     setup = recorded.setup(described, driven, manoeuvre)
     place = learning.folder or out.with_name(f"{out.name}.training")
     hint = f"simulations are stored in {place}; the same command resumes"
