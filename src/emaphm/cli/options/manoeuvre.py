@@ -107,8 +107,8 @@ class Manoeuvre:
             return None
         last = f"{command.time_s[-1]:g}"
         return (
-            f"{self.command}: the command goes on to {last} s, but only {self.duration:g} s of it are used; to "
-            f"use all of it, give --duration {last}"
+            f"{self.command}: the command goes on to {last} s, but only {self.duration:g} s of it are used; "
+            f"to use all of it, give --duration {last}"
         )
 
     def _jump_of(self, command: "Command") -> str | None:
