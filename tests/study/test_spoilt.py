@@ -10,7 +10,7 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.diagnosis import Diagnosis
 from emaphm.diagnosis.verdict import Estimate, Verdict
 from emaphm.errors import StudyError
-from emaphm.report.spoilt_page import spoilt_page
+from emaphm.report.spoilt_page import spoilt_page, write_spoilt_page
 from emaphm.study import sensor_errors
 from emaphm.study.spoilt import changes
 from emaphm.study.spoilt.classes import CLASSES
@@ -160,6 +160,14 @@ def test_results_are_stored_and_printed(tmp_path: Path) -> None:
     assert "| lengths in milliradians | 1 | 1 |" in page
     assert "None." in page
     assert "not complete" in spoilt_page(table, 3)
+
+
+def test_a_page_is_not_replaced_where_there_are_no_results(tmp_path: Path) -> None:
+    page = tmp_path / "spoilt.md"
+    page.write_text("of another study", encoding="utf-8")
+    with pytest.raises(StudyError, match=r"absent: no results .* emaphm\.study\.spoilt"):
+        write_spoilt_page(tmp_path / "absent", tmp_path)
+    assert page.read_text(encoding="utf-8") == "of another study"
 
 
 def _revision() -> str:
