@@ -110,10 +110,7 @@ def simulate(
         del signals["voltage_V"]  # an ideal current loop has no modelled voltage
     rows = {"time_s": inputs.time_s, "command_rad": _rows(command, inputs), **signals}
     if np.all(rows["command_rad"] == first):
-        raise RecordingError(
-            f"nothing was commanded: the command is {first:g} throughout the {duration:g} s; give a command "
-            "that moves, or a longer duration if it moves later"
-        )
+        raise RecordingError(f"nothing was commanded: the command is {first:g} throughout; it must move")
     if callable(load) or load:
         rows["load_Nm"] = _rows(load, inputs) if callable(load) else np.full(inputs.samples, float(load))
     exact = Recording(rows, sampling, f"simulated ({model} model)")

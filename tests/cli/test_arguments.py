@@ -83,7 +83,7 @@ BAD_ARGUMENTS = {
     "simulate out.csv --sample-rate 1e300": ("rows are too many", "sample slower"),
     "simulate out.csv --sample-rate 1e308 --duration 299": ("rows are too many", "sample slower"),
     "simulate out.csv --amplitude nan": ("command is not finite",),
-    "simulate out.csv --amplitude 0 --model averaged": ("nothing was commanded", "0 throughout the 0.5 s"),
+    "simulate out.csv --amplitude 0 --model averaged": ("nothing was commanded", "0 throughout"),
     "simulate out.csv --command sine --frequency 0 --model averaged": ("nothing was commanded",),
     "simulate out.csv --frequency nan": ("command is not finite", "--frequency nan;"),
     "simulate out.csv --frequency -3": ("--frequency -3", "give 0 Hz or more"),

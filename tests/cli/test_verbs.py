@@ -143,6 +143,13 @@ def test_simulate_starts_with_room_to_move_and_warns_of_a_doubtful_range(
     assert bool(err) == bool(said)
 
 
+def test_a_command_that_moves_only_after_the_duration_is_refused(desk: Path, refused: Refusal) -> None:
+    (desk / "late.csv").write_text("time_s,command_rad\n0,0.2\n1,0.2\n2,0.21\n", encoding="utf-8")
+    message = refused("simulate", desk / "out.csv", "--command", desk / "late.csv", "--about", "0.2")
+    assert "goes on to 2 s, but only 0.5 s of it are used" in message
+    assert "give --duration 2" in message
+
+
 def test_a_shaft_that_overshoots_into_a_stop_is_reported() -> None:
     mechanics = Actuator.thesis().mechanics.model_copy(update={"end_stops": (0.0, 0.6)})
     retracted = Actuator.thesis().model_copy(update={"mechanics": mechanics})

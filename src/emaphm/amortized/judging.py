@@ -56,8 +56,8 @@ class Judgement:
         if self.median <= MOST_ERROR:
             return None
         return (
-            f"poor: its answers err by {self.median:.3g} % (median); the model at such answers explains few "
-            "recordings, and the others are searched; give more --simulations"
+            f"poor: its answers err by {self.median:.3g} % (median), so that most recordings are searched; "
+            "give more --simulations"
         )
 
 

@@ -9,7 +9,7 @@ from emaphm.diagnosis.load_estimate import LoadEstimate, is_of_load
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.result import Diagnosis
 from emaphm.diagnosis.text import NOT_EXPLAINED
-from emaphm.text_table import counted, format_table
+from emaphm.text_table import format_table
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ class JointDiagnosis(Diagnosis):
     @property
     def subject(self) -> str:
         """Words for the diagnosed data in sentences."""
-        return f"the {counted(len(self.recordings), 'recording')}"
+        return f"the {len(self.recordings)} recordings"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `emaphm diagnose --joint --json`, ready for `json.dumps`."""
