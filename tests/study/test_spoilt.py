@@ -1,5 +1,6 @@
 """Spoilt recordings: classes of defects, judgement of outcomes, resumption of the study, and its page."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -137,6 +138,24 @@ def test_the_study_of_sensor_errors_uses_the_same_definition_of_wrong(
     result = sensor_errors.judged(spoilt_one, diagnosed.faults, None, None)
     assert result.wrong == ((name,) if identifiable and explained else ())
     assert (judged(spoilt_one, diagnosed.faults)["outcome"] == UNDETECTED_ERROR) == bool(result.wrong)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("0", "0 cases: give 1 or more"),
+        ("1 --first -1", "--first -1: give 0 or more"),
+        ("1 --channels voltage_V", "'current_A' is missing"),
+        ("1 --sensor position_rad --channels current_A", "--sensor position_rad: is not recorded"),
+    ],
+)
+def test_arguments_without_recordings_to_judge_are_refused(
+    arguments: str, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["sensor_errors", *arguments.split()])
+    with pytest.raises(SystemExit):
+        sensor_errors.main()
+    assert message in capsys.readouterr().err
 
 
 def test_a_refused_recording_is_an_outcome_and_not_a_failure() -> None:
