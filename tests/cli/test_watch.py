@@ -206,6 +206,7 @@ def test_a_closed_pipe_ends_the_watch(
         ("--foder", "unknown option: --foder"),
         ("good.csv", "is no folder"),
         (". --name {units}.csv", "did you mean 'unit'"),
+        ("- --name {unit}.csv", "--name is a pattern of file names, which a stream does not have"),
         (". --webhook ftp://host", "--webhook"),
         (". --raise-after 0", "--raise-after 0"),
         (". --clear-after 99", "--clear-after 99"),
