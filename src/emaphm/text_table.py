@@ -1,4 +1,4 @@
-"""Text tables: as data for a page, aligned for a terminal, and in Markdown."""
+"""Text tables: as data for a page, aligned for a terminal, and in Markdown; numbers as text."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -38,3 +38,8 @@ def with_digits(value: float, digits: int = 2) -> str:
     """Return `value` with `digits` significant digits, without exponent below a million: 2000, not 2e+03."""
     shortest = f"{value:.{digits}g}"
     return f"{float(shortest):.0f}" if "e+" in shortest and abs(value) < LARGE else shortest
+
+
+def counted(count: int, singular: str, plural: str = "") -> str:
+    """Return a number with its noun: `singular`, or `plural`, which is `singular` with an s if omitted."""
+    return f"{count} {singular if count == 1 else plural or f'{singular}s'}"

@@ -111,7 +111,7 @@ BAD = {
     "design --max-duration 0": ("largest duration of 0",),
     "design --max-frequency nan": ("largest frequency of nan",),
     "design --tests 0": ("--candidates 0", "--tests"),
-    "design --tests 1": ("1 tests prove nothing",),
+    "design --tests 1": ("too few simulated tests",),
     "design --candidates -3": ("-3 candidates",),
     "design --duration 0": ("--duration 0",),
     "design --seed -1": ("--seed -1",),

@@ -285,6 +285,7 @@ def test_list_and_export(emaphm: Emaphm, flown: Path) -> None:
     assert "friction" in text
     assert answer(emaphm, "list", "--part", "thesis")["units"] == [line]
     assert answer(emaphm, "export", "-o", "out.csv")["units"] == 1
+    assert emaphm("history", "export", "-o", "again.csv").out == "1 unit written to again.csv\n"
     table = pl.read_csv(flown / "out.csv")
     assert table.select("serial_number", "hours", "friction_verdict").row(0) == ("SN-7", 100.0, "degraded")
 

@@ -14,6 +14,7 @@ import pytest
 
 from emaphm.execution import ResultStore
 from emaphm.study import BUILT_IN, Plan, Store
+from emaphm.study.analysis.statistics import VARIANT
 from emaphm.study.plan import built_in_text
 from emaphm.study.store import tasks
 from emaphm.study.trials import trials_of
@@ -21,6 +22,7 @@ from processes import children, has_loaded
 from waiting import wait_for
 
 from .conftest import Emaphm, Refusal
+from .documented import undocumented
 
 PLAN = """\
 name = "small"
@@ -93,6 +95,10 @@ def test_run_prints_json(plan: Path, emaphm: Emaphm) -> None:
     assert {method["method"] for method in methods} == {"da", "dragonfly-thesis"}
     for method in methods:
         assert method["mean_error_percent"] == results.filter(method=method["method"])["error_percent"].mean()
+
+
+def test_the_columns_that_distinguish_variants_are_documented() -> None:
+    assert undocumented(("study", "run"), {"methods": [dict.fromkeys(VARIANT)]}) == []
 
 
 def test_a_report_does_not_overwrite_files_without_force(study: Path, emaphm: Emaphm) -> None:

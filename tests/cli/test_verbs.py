@@ -115,6 +115,12 @@ def retracted(tmp_path: Path) -> Path:
         (("--command", "step", "--amplitude", "0.4"), 0.0, 0.4, ()),
         (("--command", "file.csv"), 0.2, 0.21, ("file.csv: the command starts at 0.2", "give --about 0.2")),
         (("--command", "file.csv", "--about", "0.2"), 0.2, 0.21, ()),
+        (
+            ("--command", "file.csv", "--about", "0.2", "--duration", "0.3"),
+            0.2,
+            0.206,
+            ("goes on to 0.5 s, but only 0.3 s of it are used", "give --duration 0.5"),
+        ),
     ],
 )
 def test_simulate_starts_with_room_to_move_and_warns_of_a_doubtful_range(
@@ -135,6 +141,13 @@ def test_simulate_starts_with_room_to_move_and_warns_of_a_doubtful_range(
     assert (command.min(), command.max()) == pytest.approx((lowest, highest), abs=1e-4)
     assert all(text in err for text in said)
     assert bool(err) == bool(said)
+
+
+def test_a_command_that_moves_only_after_the_duration_is_refused(desk: Path, refused: Refusal) -> None:
+    (desk / "late.csv").write_text("time_s,command_rad\n0,0.2\n1,0.2\n2,0.21\n", encoding="utf-8")
+    message = refused("simulate", desk / "out.csv", "--command", desk / "late.csv", "--about", "0.2")
+    assert "goes on to 2 s, but only 0.5 s of it are used" in message
+    assert "give --duration 2" in message
 
 
 def test_a_shaft_that_overshoots_into_a_stop_is_reported() -> None:

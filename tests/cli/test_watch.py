@@ -71,7 +71,7 @@ def test_recordings_of_a_folder_are_diagnosed_and_events_are_printed(
     events = [json.loads(one) for one in out.splitlines()]
     assert len(events) == 4  # without --new-units, all are refused
     assert "--new-units" in events[-1]["message"]
-    assert "0 recordings judged" in err
+    assert "0 recordings diagnosed" in err
     assert main([*line, "--new-units", "--raise-after", "2"]) == 0
     out, err = capfd.readouterr()
     events = [json.loads(one) for one in out.splitlines()]
@@ -79,7 +79,7 @@ def test_recordings_of_a_folder_are_diagnosed_and_events_are_printed(
     assert events[1]["subject"] == "friction"
     assert events[1]["details"]["value"] == pytest.approx(0.3, abs=0.03)
     assert events[1]["details"]["false_alarms"]["recordings_per_hour"] == 1.0
-    assert "3 recordings judged, 0 were in the history already, 1 refused;" in err
+    assert "3 recordings diagnosed, 0 already in the history, 1 refused;" in err
     with History.open("h.sqlite") as history:
         assert len(history.unit("SN-7").diagnoses()) == 3
         assert history.prognoses()["SN-7"].diagnoses == 3
@@ -96,7 +96,7 @@ def test_rows_on_standard_input_are_diagnosed(
     (event,) = [json.loads(one) for one in out.splitlines()]
     assert (event["event"], event["unit"], event["subject"]) == ("health_changed", "A", "friction")
     assert event["details"]["value"] == pytest.approx(0.3, abs=0.03)
-    assert "1 recordings judged" in err
+    assert "1 recording diagnosed" in err
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
@@ -170,7 +170,7 @@ def test_a_signal_ends_a_hanging_diagnosis_which_is_repeated_at_the_next_start(
             check_that_it_ends(line, number, code)
     assert "Traceback" not in capfd.readouterr().err
     assert main([*line, "--once"]) == 0
-    assert "1 recordings judged" in capfd.readouterr().err
+    assert "1 recording diagnosed" in capfd.readouterr().err
 
 
 def check_that_it_ends(line: list[str], number: int, code: int) -> None:
@@ -206,6 +206,7 @@ def test_a_closed_pipe_ends_the_watch(
         ("--foder", "unknown option: --foder"),
         ("good.csv", "is no folder"),
         (". --name {units}.csv", "did you mean 'unit'"),
+        ("- --name {unit}.csv", "--name is a pattern of file names, which a stream does not have"),
         (". --webhook ftp://host", "--webhook"),
         (". --raise-after 0", "--raise-after 0"),
         (". --clear-after 99", "--clear-after 99"),
@@ -272,7 +273,7 @@ def test_the_estimator_diagnoses_the_recordings_it_was_trained_for(
         write_recording(Recording(columns), desk / "in" / f"U_{number}.csv")
     line = ["watch", "in", *NAME, "--once", "--settle", "0", "--db", "h.sqlite", "--new-units", "--whole"]
     assert main([*line, "--estimator", str(tmp_path / "unit.estimator"), "--fast"]) == 0
-    assert "2 recordings judged" in capfd.readouterr().err
+    assert "2 recordings diagnosed" in capfd.readouterr().err
     with History.open("h.sqlite") as history:
         diagnoses = [json.loads(one.text) for one in history.unit("U").diagnoses()]
     assert [one["method"].startswith("estimator") for one in diagnoses] == [True, False]

@@ -240,7 +240,7 @@ def test_without_a_search_the_given_manoeuvre_is_reported() -> None:
     assert not result.better
     assert (result.gain, result.given.simulated) == (None, None)
     assert result.given.predicted.identifies("gain")
-    assert "No better test was searched for." in str(result)
+    assert "No better manoeuvre was searched for." in str(result)
     assert "Not confirmed" in str(result)
 
 
@@ -328,7 +328,7 @@ BAD: dict[str, tuple[Callable[[], Any], str]] = {
     "rate": (lambda: design(THESIS, sample_rate=-1.0), "sample rate of -1 Hz"),
     "seed": (lambda: design(THESIS, seed=-1), "seed -1 is negative"),
     "candidates": (lambda: design(THESIS, candidates=-1), "-1 candidates"),
-    "few tests": (lambda: design(THESIS, tests=2), "2 tests prove nothing"),
+    "few tests": (lambda: design(THESIS, tests=2), "too few simulated tests"),
     "unproven": (lambda: design(THESIS, tests=0), "not proven to be better"),
     "duration": (lambda: design(THESIS, duration=61.0), "give up to 60 s"),
     "no duration": (lambda: design(THESIS, duration=0.0), "give up to 60 s"),

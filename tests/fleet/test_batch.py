@@ -208,7 +208,8 @@ def test_a_folder_with_other_content_is_refused(recordings: list[Path], tmp_path
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--report", "r.html"], "--report is of one recording"),
+        (["--report", "r.html"], "--report is of one recording; give one file, without --by, --joint"),
+        (["--healthy", "h.json"], "--healthy is for one recording; give one file, without --by, --joint"),
         (["--workers", "0"], "--workers 0: give 1 or more"),
         (["--workers", "2", "--scheduler", "tcp://127.0.0.1:1"], "exclude each other"),
         (["--method", "hybird"], "did you mean 'hybrid'?"),

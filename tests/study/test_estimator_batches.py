@@ -1,5 +1,6 @@
 """Batches of earlier recordings diagnosed by an estimator: number, speed, and check of the folder."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,9 @@ from amortized.toys import constant_estimator
 from emaphm.actuator import Actuator, Chirp
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.errors import StudyError
+from emaphm.study.estimators.__main__ import main
 from emaphm.study.estimators.batches import answered
+from emaphm.study.estimators.cases import GROUPS, of_base_setting, of_multiple, of_unlike
 
 SETUP = RecordingSetup.of(Actuator.thesis(), Chirp())
 CENTRE = 0.5 * np.ones(SETUP.space.dimensions)
@@ -44,3 +47,25 @@ def test_folders_of_other_work_are_refused(estimator: Path, tmp_path: Path) -> N
         answered(estimator, tmp_path, most=5)
     with pytest.raises(StudyError, match="give its own folder"):
         answered(estimator, kept(tmp_path, 1, 7), most=5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("--groups random bogus", "invalid choice: 'bogus'"),
+        ("--share 0", "--share 0: give more than 0, up to 1"),
+    ],
+)
+def test_recordings_that_do_not_exist_are_refused(
+    arguments: str, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["estimators", "unit.estimator", *arguments.split()])
+    with pytest.raises(SystemExit):
+        main()
+    assert message in capsys.readouterr().err
+
+
+def test_all_groups_have_a_name() -> None:
+    channels = ("current_A",)
+    cases = (*of_base_setting(channels, 0.01), *of_multiple(channels), *of_unlike(channels, 0.05))
+    assert {case.group for case in cases} == set(GROUPS)

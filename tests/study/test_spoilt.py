@@ -1,5 +1,6 @@
 """Spoilt recordings: classes of defects, judgement of outcomes, resumption of the study, and its page."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.diagnosis import Diagnosis
 from emaphm.diagnosis.verdict import Estimate, Verdict
 from emaphm.errors import StudyError
-from emaphm.report.spoilt_page import spoilt_page
+from emaphm.report.spoilt_page import spoilt_page, write_spoilt_page
 from emaphm.study import sensor_errors
 from emaphm.study.spoilt import changes
 from emaphm.study.spoilt.classes import CLASSES
@@ -139,6 +140,24 @@ def test_the_study_of_sensor_errors_uses_the_same_definition_of_wrong(
     assert (judged(spoilt_one, diagnosed.faults)["outcome"] == UNDETECTED_ERROR) == bool(result.wrong)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("0", "0 cases: give 1 or more"),
+        ("1 --first -1", "--first -1: give 0 or more"),
+        ("1 --channels voltage_V", "'current_A' is missing"),
+        ("1 --sensor position_rad --channels current_A", "--sensor position_rad: is not recorded"),
+    ],
+)
+def test_arguments_without_recordings_to_judge_are_refused(
+    arguments: str, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["sensor_errors", *arguments.split()])
+    with pytest.raises(SystemExit):
+        sensor_errors.main()
+    assert message in capsys.readouterr().err
+
+
 def test_a_refused_recording_is_an_outcome_and_not_a_failure() -> None:
     case = SpoiltCase("lengths in milliradians", "voltage", "healthy", 0)
     result = perform(case, _revision())
@@ -160,6 +179,14 @@ def test_results_are_stored_and_printed(tmp_path: Path) -> None:
     assert "| lengths in milliradians | 1 | 1 |" in page
     assert "None." in page
     assert "not complete" in spoilt_page(table, 3)
+
+
+def test_a_page_is_not_replaced_where_there_are_no_results(tmp_path: Path) -> None:
+    page = tmp_path / "spoilt.md"
+    page.write_text("of another study", encoding="utf-8")
+    with pytest.raises(StudyError, match=r"absent: no results .* emaphm\.study\.spoilt"):
+        write_spoilt_page(tmp_path / "absent", tmp_path)
+    assert page.read_text(encoding="utf-8") == "of another study"
 
 
 def _revision() -> str:

@@ -121,8 +121,8 @@ def design(
     effort.check(manoeuvre.sample_rate * max(manoeuvre.duration, largest.max_duration or 0.0))
     check_noise(noise, described)
     driven = manoeuvre.command_for(described)
-    if not common.as_json and (jump := manoeuvre.jump_of(driven)):
-        say(jump)
+    for note in () if common.as_json else manoeuvre.notes_on(driven):
+        say(note)
     with progress("designing", common.as_json) as advance:
         result = plan(
             described,

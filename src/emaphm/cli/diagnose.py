@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from emaphm.recording import Recording
 
 
+_ALONE = "give one file, without --by, --joint, --workers, --scheduler and --out"
+"""Remedy where an option of one recording is given for several: these options treat a file as several."""
+
+
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Method:
@@ -132,10 +136,12 @@ def diagnose(
         recorded = recording_of(recording, described, known)
         _diagnose_one(recorded, described, method, healthy, report, common)
         return
-    if report:
-        raise MethodError("--report is of one recording; diagnose this recording alone, without --joint")
-    if healthy:
-        raise MethodError("--healthy is for one recording; use 'emaphm detect judge' for several")
+    if report is not None:
+        raise MethodError(f"--report is of one recording; {_ALONE}")
+    if healthy is not None:
+        raise MethodError(
+            f"--healthy is for one recording; {_ALONE}, or use 'emaphm detect judge' for several"
+        )
     settings, reading = method.settings(common.seed), batch.reading(by, known)
     batch.diagnose_several((recording, *further), described, settings, reading, several, common)
 

@@ -50,7 +50,9 @@ def segment(
         )
     text, values = str(result), result.to_dict()
     if out is not None:
+        from emaphm.text_table import counted
+
         written = [str(path) for path in result.write(out, force=common.force)]
-        text += f"\n{len(written)} recordings written to {out}."
+        text += f"\n{counted(len(written), 'recording')} written to {out}."
         values["written"] = written
     common.show(values, text)

@@ -146,7 +146,9 @@ def plans(
 
     if name is not None:
         if name not in BUILT_IN:
-            raise StudyError(f"unknown plan '{name}'{nearest(name, BUILT_IN)}; only built-in ones are listed")
+            raise StudyError(
+                f"unknown plan '{name}'{nearest(name, BUILT_IN)}; only built-in plans can be printed"
+            )
         show({"name": name, "toml": built_in_text(name)}, built_in_text(name).rstrip(), as_json)
         return
     built_in_plans = [Plan.load(built_in) for built_in in BUILT_IN]

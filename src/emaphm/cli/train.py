@@ -138,8 +138,8 @@ def train(
 
     settings = learning.settings()
     driven = manoeuvre.command_for(described)
-    if not common.as_json and (jump := manoeuvre.jump_of(driven)):
-        say(jump)
+    for note in () if common.as_json else manoeuvre.notes_on(driven):
+        say(note)
     setup = recorded.setup(described, driven, manoeuvre)
     place = learning.folder or out.with_name(f"{out.name}.training")
     hint = f"simulations are stored in {place}; the same command resumes"
@@ -221,9 +221,10 @@ def _values(estimator: "Estimator", out: Path, size: int) -> dict[str, Any]:
 
 
 def _text(estimator: "Estimator", out: Path, size: int) -> str:
-    from emaphm.text_table import format_table
+    from emaphm.text_table import counted, format_table
 
     facts = estimator.facts
+    epochs = counted(facts["epochs"], "epoch")
     accuracy = facts["judgement"]
     rows = [
         (name, f"{100 * share:.1f} %", f"{accuracy['rank_chi2'][name]:.1f}")
@@ -233,11 +234,11 @@ def _text(estimator: "Estimator", out: Path, size: int) -> str:
     errors = (
         f"{accuracy['draws']} held-out simulations: error {accuracy['median_error_percent']:.2f} % (median), "
         f"{accuracy['p95_error_percent']:.2f} % (95th percentile); {100 * accuracy['not_believed']:.1f} % "
-        "of the answers are not accepted: these recordings would be searched."
+        "of the answers are not accepted by their own tests: these recordings would be searched."
     )
     costs = (
-        f"{facts['simulations']} simulations in {facts['simulation_seconds']:.0f} s, {facts['epochs']} "
-        f"epochs in {facts['training_seconds']:.0f} s, seed {facts['seed']}."
+        f"{facts['simulations']} simulations in {facts['simulation_seconds']:.0f} s, {epochs} "
+        f"in {facts['training_seconds']:.0f} s, seed {facts['seed']}."
     )
     lines = [
         format_table(header, rows),

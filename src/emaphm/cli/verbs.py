@@ -99,7 +99,8 @@ def simulate(
             seed=common.seed,
         )
     write_recording(recording, out, force=common.force)
-    notes = [note for note in (manoeuvre.jump_of(driven), beyond_stops(recording, described)) if note]
+    beyond = beyond_stops(recording, described)
+    notes = [*manoeuvre.notes_on(driven), *([beyond] if beyond else [])]
     for note in () if common.as_json else notes:
         say(note)
     summary = {

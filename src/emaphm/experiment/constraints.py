@@ -71,11 +71,11 @@ class Constraints:
                     "no chirps (--candidates 0)"
                 )
             if not 0 < limit < np.inf:
-                raise SignalError(f"largest {name} of {limit:g} leaves no excitation; give more than 0")
+                raise SignalError(f"largest {name} of {limit:g} leaves no manoeuvre; give more than 0")
             if own is not None and own > limit:
                 raise SignalError(
-                    f"the given excitation exceeds the largest {name}: {own:g} is more than {limit:g}; make "
-                    "it less, or allow more"
+                    f"the given manoeuvre exceeds the largest {name}: {own:g} is more than {limit:g}; reduce "
+                    f"its {name}, or give a larger --max-{name}"
                 )
             limits[name] = limit
         constraints = cls(**limits, about=given.rests_at)

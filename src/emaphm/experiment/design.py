@@ -93,7 +93,7 @@ def design(
     _check_work(candidates, tests, seed)
     setup = TestSetup.of(actuator, channels, noise, sample_rate, workers)
     if not 0 < duration <= LONGEST_S:
-        raise SignalError(f"an excitation of {duration:g} s cannot be planned; give up to {LONGEST_S:g} s")
+        raise SignalError(f"a manoeuvre of {duration:g} s cannot be planned; give up to {LONGEST_S:g} s")
     if command is None:
         about = actuator.mechanics.start_for(-Chirp().amplitude, Chirp().amplitude)
         command = Chirp(duration=duration, about=about)
@@ -128,7 +128,10 @@ def _check_work(candidates: int, tests: int, seed: int) -> None:
     if candidates < 0:
         raise MethodError(f"{candidates} candidates cannot be tried; give 0 or more")
     if tests != 0 and tests < FEWEST_TESTS:
-        raise MethodError(f"{tests} tests prove nothing; give {FEWEST_TESTS} or more, or 0 for no proof")
+        raise MethodError(
+            f"--tests {tests}: too few simulated tests to check a prediction; give {FEWEST_TESTS} or more, "
+            "or 0 for no check"
+        )
     if candidates and not tests:
         raise MethodError(
             "without tests, a chirp is not proven to be better; give some (--tests), or search no chirps "

@@ -103,9 +103,9 @@ class Design:
         too_wide = sorted(wider, key=NAMES.index)
         evidence = (
             f"{'Tested' if too_wide else 'Confirmed'} by diagnoses of {self.tests} tests simulated by the "
-            f"{setup.truth.name} model; median error of the given test {given.median_error:.2f} %"
+            f"{setup.truth.name} model; median error of the given manoeuvre {given.median_error:.2f} %"
         )
-        evidence += f", of the better test {found.median_error:.2f} %." if self.better else "."
+        evidence += f", of the better manoeuvre {found.median_error:.2f} %." if self.better else "."
         lines = [conditions, *self._motion_note(), evidence]
         if too_wide:
             lines.append(
@@ -133,7 +133,7 @@ class Design:
     def _conclusion(self) -> str:
         """Return the conclusion: whether a better test was found, with standard errors."""
         if not self.candidates:
-            return "No better test was searched for."
+            return "No better manoeuvre was searched for."
         searched = f"{self.candidates} chirps within the limits"
         if self.gain is None:
             return f"Nothing better was found: none of {searched} has a higher predicted precision."

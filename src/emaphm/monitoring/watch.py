@@ -26,6 +26,7 @@ from emaphm.monitoring.stream.source import StreamSource
 from emaphm.monitoring.task import WatchTask
 from emaphm.monitoring.watch_state import JUDGED, PARTLY, REFUSED, SET_ASIDE, WatchState
 from emaphm.recording import Recording
+from emaphm.text_table import counted
 
 T = TypeVar("T")
 
@@ -51,10 +52,10 @@ class Watching:
     rows_left_out: int = 0
 
     def __str__(self) -> str:
-        left_out = f", {self.rows_left_out} rows left out" if self.rows_left_out else ""
+        left_out = f", {counted(self.rows_left_out, 'row')} left out" if self.rows_left_out else ""
         return (
-            f"{self.judged} recordings judged, {self.known} were in the history already, {self.refused} "
-            f"refused{left_out}; {self.prognoses} prognoses"
+            f"{counted(self.judged, 'recording')} diagnosed, {self.known} already in the history, "
+            f"{self.refused} refused{left_out}; {counted(self.prognoses, 'prognosis', 'prognoses')}"
         )
 
 

@@ -5,12 +5,13 @@
 reads the results of `python -m emaphm.study.spoilt studies/spoilt`, and writes ``spoilt.md``.
 """
 
+import argparse
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from emaphm.diagnosis.error_metric import WRONG_ERROR, WRONG_HALF_WIDTHS
-from emaphm.errors import EmaphmError
+from emaphm.errors import EmaphmError, StudyError
 from emaphm.output_files import make_folder, written_whole
 from emaphm.report.markdown import incomplete
 from emaphm.study.spoilt.judging import OUTCOME_TITLES
@@ -80,9 +81,18 @@ def _reasons(results_by_case: Results) -> Iterator[str]:
 
 
 def write_spoilt_page(studies: str | Path, folder: str | Path) -> Path:
-    """Write ``spoilt.md`` to `folder` from the results in `studies`, and return its path."""
+    """Write ``spoilt.md`` to `folder` from the results in `studies`, and return its path.
+
+    `StudyError` if `studies` has no results of this version of the models: an existing page stays.
+    """
     chosen = cases()
-    page = spoilt_page(results(studies, chosen), len(chosen))
+    finished = results(studies, chosen)
+    if not finished:
+        raise StudyError(
+            f"{studies}: no results of this version of the models; compute them with "
+            f"'python -m emaphm.study.spoilt {studies}'"
+        )
+    page = spoilt_page(finished, len(chosen))
     make_folder(Path(folder))
     path = Path(folder) / "spoilt.md"
     with written_whole(path) as temporary:
@@ -90,8 +100,17 @@ def write_spoilt_page(studies: str | Path, folder: str | Path) -> Path:
     return path
 
 
+def main() -> None:
+    """Write the page for the arguments of the command line."""
+    parser = argparse.ArgumentParser(prog="python -m emaphm.report.spoilt_page", description=__doc__)
+    parser.add_argument("studies", help="folder with the results of 'python -m emaphm.study.spoilt'")
+    parser.add_argument("folder", help="folder in which spoilt.md is written")
+    arguments = parser.parse_args()
+    write_spoilt_page(arguments.studies, arguments.folder)
+
+
 if __name__ == "__main__":
     try:
-        write_spoilt_page(sys.argv[1], sys.argv[2])
+        main()
     except EmaphmError as error:
         sys.exit(f"error: {error}")

@@ -12,7 +12,7 @@ from emaphm.input_files import exists
 from emaphm.prognosis.wording.sentences import hours_text
 from emaphm.prognosis.wording.tables import value_and_interval
 from emaphm.report.wording import LABELS
-from emaphm.server.listing import counted
+from emaphm.text_table import counted
 
 if TYPE_CHECKING:
     from jinja2 import BaseLoader, Environment, TemplateError

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, replace
 from typing import Self
 
+from emaphm.text_table import counted
+
 
 @dataclass(frozen=True)
 class Listing:
@@ -37,8 +39,3 @@ class Listing:
             return f"The newest {self.size} of {total}."
         end = min(self.start + self.size, self.total)
         return f"{self.start + 1} to {end} of {total}, counted from the newest."
-
-
-def counted(count: int, singular: str, plural: str = "") -> str:
-    """Return a number with its noun: `singular`, or `plural`, which is `singular` with an s if omitted."""
-    return f"{count} {singular if count == 1 else plural or f'{singular}s'}"

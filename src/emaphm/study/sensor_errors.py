@@ -16,6 +16,7 @@ import numpy as np
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.arrays import Array
 from emaphm.diagnosis import Diagnosis, diagnose, error_percent
+from emaphm.errors import EmaphmError
 from emaphm.estimation.sensors.sensor_model import sensor_of
 from emaphm.random_streams import stream
 from emaphm.recording import Recording, full_scales
@@ -182,9 +183,17 @@ def main() -> None:
     parser.add_argument("--fault", choices=KINDS, help="kind of sensor fault; default all kinds")
     parser.add_argument("--channels", nargs="+", choices=CHANNELS, default=CHANNELS, help="recorded channels")
     parser.add_argument(
-        "--nuisances", nargs="+", help="estimated nuisances; default those that deviate significantly"
+        "--nuisances",
+        nargs="*",
+        help="estimated nuisances, none if nothing follows; default those that deviate significantly",
     )
     arguments = parser.parse_args()
+    if arguments.cases < 1:
+        parser.error(f"{arguments.cases} cases: give 1 or more")
+    if arguments.first < 0:
+        parser.error(f"--first {arguments.first}: give 0 or more")
+    if "current_A" not in arguments.channels:
+        parser.error("--channels: 'current_A' is missing; a diagnosis needs it")
     chosen = [
         (channel, kind)
         for channel, kind in ALL
@@ -192,6 +201,8 @@ def main() -> None:
         and arguments.fault in (None, kind)
         and (channel is None or channel in arguments.channels)
     ]
+    if not chosen:
+        parser.error(f"--sensor {arguments.sensor}: is not recorded; name it under --channels too")
     table = []
     for row in rows(arguments.cases, arguments.first, chosen, tuple(arguments.channels), arguments.nuisances):
         table.append(row)
@@ -200,4 +211,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except EmaphmError as error:
+        sys.exit(f"error: {error}")

@@ -13,7 +13,7 @@ from emaphm.errors import SignalError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from emaphm.actuator import Actuator, Command
+    from emaphm.actuator import Actuator, Command, Sampled
 
 AMPLITUDE = 5e-3
 """Default amplitude of a named command, at the user [rad]."""
@@ -86,12 +86,43 @@ class Manoeuvre:
             )
         if self.amplitude is not None:
             raise SignalError(f"--amplitude is of {', '.join(NAMED_COMMANDS)}; leave it out with a file")
-        return signal_in(self.command, "command_rad", self.duration)
+        signal = signal_in(self.command, "command_rad", self.duration)
+        if self._is_still(signal) and (rest := self._rest_of(signal)):
+            raise SignalError(rest)
+        return signal
 
-    def jump_of(self, command: "Command") -> str | None:
-        """Return a note if a command from a file starts away from the resting shaft, otherwise None."""
+    def notes_on(self, command: "Command") -> list[str]:
+        """Return notes on a command from a file: it starts with a jump, or goes on after the duration."""
         if self.command in NAMED_COMMANDS:
+            return []
+        return [note for note in (self._jump_of(command), self._rest_of(command)) if note]
+
+    def _is_still(self, signal: "Sampled") -> bool:
+        """Return whether a command from a file keeps its first value during the duration."""
+        import numpy as np
+
+        used = signal.values[signal.time_s < self.duration]
+        return bool(np.all(used == used[:1]) and np.all(signal(np.array(self.duration)) == used[:1]))
+
+    def _rest_of(self, command: "Command") -> str | None:
+        """Return a note if a command from a file still changes after the duration, otherwise None."""
+        import numpy as np
+
+        from emaphm.actuator import Sampled
+
+        if not isinstance(command, Sampled):
             return None
+        end = command(np.array(self.duration))
+        if np.all(command.values[command.time_s > self.duration] == end):
+            return None
+        last = f"{command.time_s[-1]:g}"
+        return (
+            f"{self.command}: the command goes on to {last} s, but only {self.duration:g} s of it are used; "
+            f"to use all of it, give --duration {last}"
+        )
+
+    def _jump_of(self, command: "Command") -> str | None:
+        """Return a note if a command from a file starts away from the resting shaft, otherwise None."""
         import numpy as np
 
         from emaphm.actuator.commands import rest_position

@@ -116,7 +116,7 @@ def _show(
 ) -> None:
     from emaphm.fleet.synthetic import prognoses
     from emaphm.history.storage.address import Address
-    from emaphm.text_table import NOTHING, format_table
+    from emaphm.text_table import NOTHING, counted, format_table
 
     made = {} if simulate_only else {prognosis["unit"]: prognosis for prognosis in prognoses(folder)}
     values: dict[str, Any] = {
@@ -145,7 +145,10 @@ def _show(
         for unit in units
     ]
     header = ("synthetic unit", "recordings", "true end", "RUL, h", "90 %, h", "component", "advice")
-    summary = f"{len(units)} synthetic units, {values['recordings']} recordings, in {folder.path}"
+    summary = (
+        f"{counted(len(units), 'synthetic unit')}, {counted(values['recordings'], 'recording')}, in "
+        f"{folder.path}"
+    )
     more = f"emaphm prognose --unit UNIT --db {shlex.quote(Address.of(address).shown)}"
     lines = [format_table(header, rows), *cautions(list(made.values()), more), summary]
     show(values, "\n".join(lines), as_json)

@@ -89,10 +89,11 @@ def export(
     """Write the history to a file: .json with the blocks of ISO 13374, or a table of all diagnoses."""
     from emaphm.history import History
     from emaphm.history.export import export as write
+    from emaphm.text_table import counted
 
     with History.open(db) as history:
         units = write(history, out, part_number=part, force=force)
-    show({"file": str(out), "units": units}, f"{units} units written to {out}", as_json)
+    show({"file": str(out), "units": units}, f"{counted(units, 'unit')} written to {out}", as_json)
 
 
 @app.command

@@ -187,7 +187,7 @@ def _text(values: dict[str, Any]) -> str:
     return "\n".join(
         [
             *(f"{recorded['recording']}: {_outcome(recorded)}" for recorded in values["recordings"]),
-            *(f"note: {note}" for note in values["notes"]),
+            *(f"Note: {note}." for note in values["notes"]),
             f"{unit} ({values['part_number']}) at {values['hours']:.9g} h, in {values['db']}",
             *map(_similarity_note, values["similar_units"]),
         ]

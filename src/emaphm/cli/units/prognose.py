@@ -100,7 +100,7 @@ class Outputs:
         Path | None,
         Parameter(help="Write a figure of the health over time and of the RUL: .png, .svg or .pdf."),
     ] = None
-    report: Annotated[Path | None, Parameter(help="Write a report of one unit: .html.")] = None
+    report: Annotated[Path | None, Parameter(help="Write a report of one unit: .html or .htm.")] = None
     keep: Annotated[
         bool,
         Parameter(
@@ -150,6 +150,8 @@ def prognose(
         from emaphm.report.prognosis import write_prognosis
 
         write_prognosis(result, outputs.report, force=common.force)
+        if not common.as_json:
+            common.show({}, f"Report written to {outputs.report}")
 
 
 def _prognose_unit(

@@ -182,7 +182,8 @@ def watch(
     watcher: Annotated[
         str | None,
         Parameter(
-            help="Name under which the history stores the progress; default the folder's name, or 'stdin'."
+            help="Name under which the history stores the progress; default the folder's absolute path, or "
+            "'stdin'."
         ),
     ] = None,
     once: Annotated[
@@ -193,6 +194,11 @@ def watch(
     """Diagnose recordings as they arrive; events are printed as lines of JSON and stored in the history."""
     check_seed(seed)
     check_fast(diagnosis.fast, diagnosis.estimator)
+    if ownership.name is not None and source == STREAM:
+        raise MonitoringError(
+            "--name is a pattern of file names, which a stream does not have; leave it out, and give --unit "
+            "and --hours, or columns 'unit' and 'hours'"
+        )
     described = described_actuator(actuator)
     task = replace(
         diagnosis.task(_source(source), ownership.ownership(described), described),

@@ -63,8 +63,8 @@ def contradiction(finding: Finding, diagnoses: Diagnoses, findings: Sequence[Fin
         level = "" if finding.level is None else f" with a level of {finding.level:g}"
         notes.append(
             f"{finding.component} was found {finding.condition}{level} at {finding.hours:.9g} h, but the "
-            f"diagnosis of {lives[differing[0]][-1].hours:.9g} h has {levels_text}; {counts}: check both, "
-            "and record again"
+            f"diagnosis of {lives[differing[0]][-1].hours:.9g} h has {levels_text}; {counts}: check both "
+            "by another recording, and withdraw the finding ('emaphm history withdraw') if it is wrong"
         )
     if finding.replaced:
         notes += [

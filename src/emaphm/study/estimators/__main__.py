@@ -17,7 +17,7 @@ from typing import Any
 from emaphm.amortized import Estimator
 from emaphm.errors import EmaphmError
 from emaphm.execution import Task, outcomes
-from emaphm.study.estimators.cases import of_base_setting, of_multiple, of_unlike
+from emaphm.study.estimators.cases import GROUPS, of_base_setting, of_multiple, of_unlike
 from emaphm.study.estimators.tables import (
     accuracy_table,
     alarms_table,
@@ -36,8 +36,10 @@ def main() -> None:
     parser.add_argument("--workers", type=int, help="number of processes; default one per core")
     parser.add_argument("--share", type=float, default=1.0, help="share of the recordings to use, up to 1")
     parser.add_argument("--methods", nargs="+", default=METHODS, choices=(*METHODS, WITHOUT_SEARCH))
-    parser.add_argument("--groups", nargs="+", default=(), help="groups of recordings; default all groups")
+    parser.add_argument("--groups", nargs="+", default=(), choices=GROUPS, help="default all groups")
     arguments = parser.parse_args()
+    if not 0 < arguments.share <= 1:
+        parser.error(f"--share {arguments.share:g}: give more than 0, up to 1")
     channels = Estimator.load(arguments.estimator).setup.channels
     cases = [
         *of_base_setting(channels, arguments.share),

@@ -12,6 +12,9 @@ from emaphm.study.spoilt.run import cases as spoilt_cases
 COUNTS = {"random": 300, "heavy": 300, "healthy": 500, "small": 50}
 """Recordings per group, for small faults per kind; as in the plan `accuracy` except for heavy shorts."""
 
+GROUPS = (*COUNTS, "multiple", "foreign", "spoilt")
+"""Groups of recordings, as in `RecordingCase.group`."""
+
 SMALL = 0.05
 """Size of the small faults."""
 
