@@ -45,8 +45,8 @@ study: evidence  ## run the long tests and what is missing of the studies in stu
 	$(BIN)/python -m emaphm.report.comparison_page studies docs/comparison
 	$(BIN)/python -m emaphm.study.spoilt studies/spoilt
 	$(BIN)/python -m emaphm.report.spoilt_page studies/spoilt docs
-	$(BIN)/python -m emaphm.study.fleet studies/fleet --units 52
-	$(BIN)/python -m emaphm.report.fleet.page studies/fleet docs --units 52
+	$(BIN)/python -m emaphm.study.fleet studies/fleet
+	$(BIN)/python -m emaphm.report.fleet.page studies/fleet docs
 
 docs: $(DOCUMENTING)  ## build the site in docs/_build/html; every example of it is run
 	rm -rf docs/_build docs/_tutorials docs/reference/generated
