@@ -1,7 +1,7 @@
 """Stress of a unit: load, temperature and cycles, which change the rate of ageing of its components."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
@@ -173,17 +173,26 @@ AT_REFERENCE = Exposure(np.ones(1), np.zeros((1, len(STRESSES))))
 """One hour at the reference: exposure of a unit that has not flown."""
 
 
+def recorded_within(
+    pieces: Sequence[StressPiece], start: float, end: float
+) -> Iterator[tuple[float, Stress]]:
+    """Yield the recorded hours [h] from `start` to `end` [h], with their stress."""
+    for piece in pieces:
+        overlap = min(piece.end, end) - max(piece.start, start)
+        if overlap > 0:
+            yield overlap, piece.stress
+
+
 def exposure(
     pieces: Sequence[StressPiece], reference: StressReference | None, start: float, end: float
 ) -> Exposure:
     """Return the exposure from `start` to `end` [h]; hours without a piece are at the reference."""
     hours, covariates, unrecorded = [], [], end - start
-    for piece in pieces if reference is not None else ():
-        overlap = min(piece.end, end) - max(piece.start, start)
-        if overlap > 0 and reference is not None:
-            hours.append(overlap)
-            covariates.append(reference.covariates(piece.stress))
-            unrecorded -= overlap
+    if reference is not None:
+        for recorded, stress in recorded_within(pieces, start, end):
+            hours.append(recorded)
+            covariates.append(reference.covariates(stress))
+            unrecorded -= recorded
     # Rounding may make the remainder slightly negative.
     hours.append(max(unrecorded, 0.0))
     covariates.append(np.zeros(len(STRESSES)))
@@ -228,24 +237,26 @@ def reference_weight(units: Sequence[Sequence[StressPiece]], reference: StressRe
     by analysis of variance, with one digit. With this weight, the mean of a unit's intervals becomes the best
     linear prediction of its mission. The weight is 0 with fewer than five units of two recorded intervals.
     """
-    weights = []
-    for i in range(len(STRESSES)):
-        recorded = [
-            np.array(
-                [reference.covariates(one.stress)[i] for one in pieces if one.stress.values[i] is not None]
-            )
-            for pieces in units
-        ]
-        recorded = [values for values in recorded if values.size > 1]
-        if len(recorded) < FEWEST_UNITS:
-            weights.append(0.0)
-            continue
-        counts = np.array([values.size for values in recorded])
-        within = sum(values.size * values.var() for values in recorded) / (counts - 1).sum()
-        between = np.var([values.mean() for values in recorded], ddof=1) - within * np.mean(1 / counts)
-        weight = within / max(between, within / MOST_FLIGHTS) if within > LEAST_VARIANCE else 0.0
-        weights.append(float(f"{weight:.1g}"))
-    return tuple(weights)
+    recorded = [[(one.stress.values, reference.covariates(one.stress)) for one in pieces] for pieces in units]
+    return tuple(
+        _reference_weight(
+            [np.array([z[i] for values, z in pieces if values[i] is not None]) for pieces in recorded]
+        )
+        for i in range(len(STRESSES))
+    )
+
+
+def _reference_weight(units: Sequence[Array]) -> float:
+    """Return the weight for one covariate, from its values in the recorded intervals (n,) of each unit."""
+    several = [values for values in units if values.size > 1]
+    if len(several) < FEWEST_UNITS:
+        return 0.0
+    counts = np.array([values.size for values in several])
+    within = sum(values.size * values.var() for values in several) / (counts - 1).sum()
+    if within <= LEAST_VARIANCE:
+        return 0.0
+    between = np.var([values.mean() for values in several], ddof=1) - within * np.mean(1 / counts)
+    return float(f"{within / max(between, within / MOST_FLIGHTS):.1g}")
 
 
 def stress_dict(reference: StressReference | None, ahead: Stress | None) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.actuator.faults import CARTESIAN_NAMES, COMPONENTS
 from emaphm.arrays import Array
 from emaphm.prognosis.columns import ECCENTRICITY, columns_of, level_of
 from emaphm.prognosis.evidence import Evidence, Observation
@@ -68,7 +68,7 @@ def exponents_of_unit(
     middle, general = (low + high) / 2, 12 / (high - low) ** 2
     mean = np.tile(middle, (len(CARTESIAN_NAMES), 1))
     precision = np.zeros(mean.shape)
-    for component in dict.fromkeys(map(_component, CARTESIAN_NAMES)):
+    for component in COMPONENTS:
         columns = columns_of(component)
         differences = [_differences(unit, component, life, reference) for life in unit.lives(columns[0])]
         information, weighted = _regression(*map(np.concatenate, zip(*differences, strict=True)))
@@ -132,11 +132,6 @@ def _predicted(mean: Array, precision: Array) -> Array:
     log_likelihood = np.log(likelihood @ population.T).sum(axis=0)
     weight = np.exp(log_likelihood - log_likelihood.max(axis=-1, keepdims=True))
     return np.asarray(weight @ population / weight.sum(axis=-1, keepdims=True))
-
-
-def _component(column: str) -> str:
-    """Return the component of a column; both coordinates of the eccentricity have one."""
-    return column.removesuffix("_x").removesuffix("_y")
 
 
 def _differences(

@@ -29,6 +29,7 @@ from emaphm.fleet.synthetic.unit import FALLING
 from emaphm.prognosis import Evidence, Observation
 from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.prognosis.filter.following import LEAST_ERROR
+from emaphm.prognosis.stress import recorded_within
 from emaphm.random_streams import stream
 
 Rows = NDArray[np.int_]
@@ -201,11 +202,9 @@ class Flown(NamedTuple):
 def recorded_stretches(evidence: Evidence, model: StressModel, start: float, end: float) -> Flown:
     """Return the recorded stretches from `start` to `end` [h]."""
     hours, values = [], []
-    for piece in evidence.stresses:
-        overlap = min(piece.end, end) - max(piece.start, start)
-        if overlap > 0:
-            hours.append(overlap)
-            values.append(model.deviations(piece.stress))
+    for recorded, stress in recorded_within(evidence.stresses, start, end):
+        hours.append(recorded)
+        values.append(model.deviations(stress))
     return Flown(np.array(hours), np.array(values, float).reshape(-1, 2).T)
 
 
