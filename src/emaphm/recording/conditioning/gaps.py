@@ -10,6 +10,7 @@ from emaphm.errors import RecordingError
 from emaphm.recording.checks import GAP
 from emaphm.recording.conditioning.interpolation import HELD, continuous, curve
 from emaphm.recording.schema import SCHEMA
+from emaphm.text_table import counted
 
 Columns = dict[str, Array]
 
@@ -27,6 +28,11 @@ def in_long_gaps(channels: Mapping[str, Array], longest: int) -> NDArray[np.bool
     return inside
 
 
+def _short_gaps(values: Array, longest: int) -> list[tuple[int, int]]:
+    """Return start and stop of the runs of at most `longest` empty cells in a column (n,)."""
+    return [(start, stop) for start, stop in runs(np.isnan(values)) if stop - start <= longest]
+
+
 def with_zeros_in_short_gaps(channels: Mapping[str, Array], longest: int) -> Columns:
     """Return `channels` with 0 in the empty cells of the measured channels in gaps of at most `longest` rows.
 
@@ -34,8 +40,7 @@ def with_zeros_in_short_gaps(channels: Mapping[str, Array], longest: int) -> Col
     """
     columns = dict(channels)
     for name in _measured_channels(columns):
-        short = [(start, stop) for start, stop in runs(np.isnan(columns[name])) if stop - start <= longest]
-        if short:
+        if short := _short_gaps(columns[name], longest):
             columns[name] = columns[name].copy()
         for start, stop in short:
             columns[name][start:stop] = 0.0
@@ -74,7 +79,7 @@ def with_lost_rows(channels: Columns, longest: int) -> tuple[Columns, tuple[str,
     for name in filled.keys() & SCHEMA.keys() - {"time_s"}:
         filled[name] = _interpolated(name, filled["time_s"], filled[name], at)
     note = (
-        f"{_count(int(lost.sum()), 'row')} lost in {_count(places.size, 'place')}, the first after "
+        f"{counted(int(lost.sum()), 'row')} lost in {counted(places.size, 'place')}, the first after "
         f"{time[places[0]]:.6g} s, interpolated"
     )
     return filled, (note,)
@@ -95,12 +100,12 @@ def without_short_gaps(channels: Columns, longest: int) -> tuple[Columns, tuple[
     time = channels["time_s"]
     filled = dict(channels)
     for name in _measured_channels(channels):
-        gaps = [(a, b) for a, b in runs(np.isnan(channels[name])) if b - a <= longest]
+        gaps = _short_gaps(channels[name], longest)
         if not gaps or not _increases(time):
             continue
         at = np.concatenate([np.arange(a, b) for a, b in gaps])
         filled[name] = _interpolated(name, time, channels[name], at)
-        note = f"{name}: {_count(at.size, 'empty cell')} in {_count(len(gaps), 'gap')}, the first at "
+        note = f"{name}: {counted(at.size, 'empty cell')} in {counted(len(gaps), 'gap')}, the first at "
         note += f"{time[at[0]]:.6g} s, {'held' if name in HELD else 'interpolated'}"
         notes += (note,)
     return filled, notes
@@ -132,8 +137,7 @@ def _without_open_ends(channels: Columns, longest: int) -> tuple[Columns, tuple[
     gaps = [
         (start, stop, name)
         for name in _measured_channels(channels)
-        for start, stop in runs(np.isnan(channels[name]))
-        if stop - start <= longest
+        for start, stop in _short_gaps(channels[name], longest)
     ]
     # Rows that one channel leaves out may uncover a gap of another channel: its other side is left out too.
     for start, stop, name in sorted(gaps):
@@ -187,14 +191,10 @@ def covered_rows(columns: Mapping[str, Array], rows: int, source: str) -> tuple[
 
 def _ends(first: int, last: int, rows: int) -> str:
     """Return the words for the rows before `first` and from `last` on."""
-    ends = [f"the first {_count(first, 'row')}"] if first else []
-    ends += [f"the last {_count(rows - last, 'row')}"] if last < rows else []
+    ends = [f"the first {counted(first, 'row')}"] if first else []
+    ends += [f"the last {counted(rows - last, 'row')}"] if last < rows else []
     return " and ".join(ends)
 
 
 def _increases(time: Array) -> bool:
     return bool(np.all(np.diff(time) > 0))
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
