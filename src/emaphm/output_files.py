@@ -113,13 +113,13 @@ def written_whole(path: str | Path) -> Iterator[Path]:
 
 
 def write_table(table: "pl.DataFrame", path: str | Path) -> None:
-    """Write a table as CSV or Parquet, according to the ending of `path`; errors as of `written_whole`."""
+    """Write a table as Parquet if `path` ends so, otherwise as CSV; errors as of `written_whole`."""
     # Written through memory, because polars' errors for a full disk differ between formats.
     content = io.BytesIO()
-    if Path(path).suffix.lower() == ".csv":
-        table.write_csv(content)
-    else:
+    if Path(path).suffix.lower() == ".parquet":
         table.write_parquet(content)
+    else:
+        table.write_csv(content)
     with written_whole(path) as temporary:
         temporary.write_bytes(content.getbuffer())
 

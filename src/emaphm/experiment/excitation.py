@@ -10,7 +10,7 @@ from emaphm.actuator import Chirp, Command, DecayingChirp, Sampled, Sine, Step
 from emaphm.actuator.commands import rest_position
 from emaphm.actuator.quantity import USER_ANGLE, unit_for
 from emaphm.arrays import Array
-from emaphm.output_files import written_whole
+from emaphm.output_files import write_table
 
 PERIOD_ROWS = 200
 """Rows of a written command in its shortest period: linear interpolation has an error of a ten-thousandth."""
@@ -47,7 +47,7 @@ class Excitation:
         """The lowest and the highest command [rad] at the user."""
         times = np.linspace(0.0, self.duration, 10_000)
         if isinstance(self.command, Sampled):  # its extremes are at its own rows
-            times = np.append(times, self._written_times(0.0))
+            times = np.append(times, self._own_times(self.command))
         values = self.command(times)
         return float(np.min(values)), float(np.max(values))
 
@@ -94,7 +94,7 @@ class Excitation:
         }
 
     def write(self, path: str | Path, sample_rate: float) -> None:
-        """Write the command to a CSV file for `emaphm simulate --command`.
+        """Write the command for `emaphm simulate --command`: to CSV, or to Parquet if `path` ends so.
 
         A command from a file is written with its own rows, any other command at `sample_rate` [Hz] or faster.
         An existing file is replaced.
@@ -107,21 +107,23 @@ class Excitation:
         import polars as pl
 
         t = self._written_times(sample_rate)
-        rows = pl.DataFrame({"time_s": t, "command_rad": self.command(t)}).write_csv()
-        with written_whole(path) as temporary:
-            temporary.write_text(rows, encoding="utf-8")
+        write_table(pl.DataFrame({"time_s": t, "command_rad": self.command(t)}), path)
 
     def _written_times(self, sample_rate: float) -> Array:
         """Return the times [s] of the rows, between which the command is interpolated linearly."""
         if isinstance(self.command, Sampled):
-            t = self.command.time_s
-            return np.concatenate([[0.0], t[(t > 0) & (t < self.duration)], [self.duration]])
+            return np.concatenate([[0.0], self._own_times(self.command), [self.duration]])
         rate = max(sample_rate, PERIOD_ROWS * (self.frequency_hz or 0.0))
         t = np.linspace(0.0, self.duration, round(self.duration * rate) + 1)
         if isinstance(self.command, Step) and 0 < self.command.start <= self.duration:
             edge = np.array([max(self.command.start - EDGE_S, 0.0), self.command.start])
             t = np.union1d(t[(t < edge[0]) | (t > edge[1])], edge)
         return t
+
+    def _own_times(self, command: Sampled) -> Array:
+        """Return the times [s] of the rows of a command from a file, between the start and the end."""
+        t = command.time_s
+        return t[(t > 0) & (t < self.duration)]
 
     def _last_hz(self, chirp: Chirp | DecayingChirp) -> float:
         """Return the frequency [Hz] at the end; a chirp continues its sweep beyond its own duration."""
