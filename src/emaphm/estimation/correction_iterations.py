@@ -40,10 +40,6 @@ class BiasCorrectionSettings:
 
 BIAS_CORRECTION = BiasCorrectionSettings()
 
-FROM_STARTS = BiasCorrectionSettings(patience=1)
-"""Settings for starts near the optimum, where one iteration without progress is enough: compared with three,
-the errors are equal and the number of reference runs is half (`python -m emaphm.study.estimators`)."""
-
 
 def never(_: object) -> bool:
     """Return False: no estimate is hopeless."""

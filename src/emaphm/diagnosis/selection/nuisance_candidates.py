@@ -57,7 +57,8 @@ def worthwhile_candidates(result: SearchResult, names: tuple[str, ...], seed: in
     scanned = (SUPPLY,) if SUPPLY in possible and is_scanned(problem.actuator) else ()
     scored = tuple(name for name in possible if name not in scanned)
     wide, start = with_nuisances(result, names, possible)
-    jacobians = jacobians_with_errors(wide, start, stream(seed, "Jacobians of the score test", *names))
+    known = {} if result.jacobians is None else _by_coordinate(result.jacobians, objective)
+    jacobians = jacobians_with_errors(wide, start, stream(seed, "Jacobians of the score test", *names), known)
     derivatives = _Derivatives(result, wide, jacobians)
     profiles = {name: _profile_points(name, names, derivatives) for name in PROFILED if name in scored}
     look = first_look(result, names, profiles.get(INERTIA), seed)
@@ -83,6 +84,11 @@ def worthwhile_candidates(result: SearchResult, names: tuple[str, ...], seed: in
     candidates += [candidate for candidate in profiled if candidate.name not in refitted]
     candidates.sort(key=lambda candidate: (not candidate.promising, candidate.share))
     return Worthwhile(replace(result, jacobians=derivatives.own), candidates, look)
+
+
+def _by_coordinate(jacobians: Array, objective: MapObjective) -> dict[str, Array]:
+    """Return the derivatives (n, channel rows) of `jacobians` (n, d, channel rows) by coordinate."""
+    return dict(zip(objective.space.coordinates, jacobians.swapaxes(0, 1), strict=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,7 @@
 """Derivatives with respect to sensor errors."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from emaphm.arrays import Array
@@ -10,14 +12,17 @@ from emaphm.estimation.space.parameter_space import Box
 from emaphm.estimation.uncertainty.local_covariance import JACOBIAN_STEP, REPLICATES
 
 
-def jacobians_with_errors(objective: MapObjective, point: Array, rng: np.random.Generator) -> Array:
+def jacobians_with_errors(
+    objective: MapObjective, point: Array, rng: np.random.Generator, known: Mapping[str, Array]
+) -> Array:
     """Return replicated Jacobians (n, d, channel rows) about `point` (d,); sensor errors are not replicated.
 
     Outputs are linear in sensor errors, without kinks: one central difference is used for all replicates.
+    `known` are derivatives (n, channel rows) that need no simulation, by coordinate.
     """
     coordinates = objective.space.coordinates
     errors = [i for i, name in enumerate(coordinates) if sensor_error(name)]
-    others = [i for i in range(len(coordinates)) if i not in errors]
+    others = [i for i, name in enumerate(coordinates) if i not in errors and name not in known]
 
     def outputs(points: Array) -> Array:
         return objective.outputs(points)[:, : objective.channel_rows]
@@ -27,10 +32,14 @@ def jacobians_with_errors(objective: MapObjective, point: Array, rng: np.random.
         complete[:, others] = points
         return outputs(complete)
 
-    box = Box(objective.space.lower[others], objective.space.upper[others])
-    jacobians = replicated_jacobians(outputs_of_others, point[others], box, JACOBIAN_STEP, REPLICATES, rng)
     result = np.empty((REPLICATES, len(coordinates), objective.channel_rows))
-    result[:, others] = jacobians
+    for name, derivatives in known.items():
+        result[:, coordinates.index(name)] = derivatives
+    if others:
+        box = Box(objective.space.lower[others], objective.space.upper[others])
+        result[:, others] = replicated_jacobians(
+            outputs_of_others, point[others], box, JACOBIAN_STEP, REPLICATES, rng
+        )
     if errors:
         steps = JACOBIAN_STEP * np.eye(len(coordinates))[errors]
         outputs_at_steps = outputs(np.concatenate([point + steps, point - steps]))

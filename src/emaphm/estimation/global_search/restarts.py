@@ -7,15 +7,17 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import compared, correct_bias
-from emaphm.estimation.correction_iterations import BIAS_CORRECTION, FROM_STARTS, never
+from emaphm.estimation.correction_iterations import never
 from emaphm.estimation.discrepancy import REFERENCE_RUNS, reference_problem
 from emaphm.estimation.global_search.heavy_current import is_heavy, leaves_switching_alone
 from emaphm.estimation.global_search.multistart import descend_from, multistart
 from emaphm.estimation.objective import MapObjective
+from emaphm.estimation.reference.corrected_steps import correct_by_steps
 from emaphm.estimation.reference.ensemble import refine_by_ensemble
 from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
+from emaphm.estimation.standstill import command_stands
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import child_seed, stream
 
@@ -92,19 +94,22 @@ def _from_starts(
 ) -> SearchResult:
     """Return the result of corrections from `points` (n, d).
 
-    From a single point, the correction ends with the first iteration without progress. Several points mean
-    that the optimum is uncertain by more than a few percent: descents from all points come first, then a
-    correction from the best with the settings of a global search. If the residual of the first correction
-    exceeds noise and switching, a second correction and steps by the reference model itself follow.
+    From a single point, corrected steps lead to the optimum. A correction with the settings of a global
+    search follows if they do not converge, or if the shaft may rest. Several points mean that the optimum is
+    uncertain by more than a few percent: descents from all points come first, then such a correction from the
+    best. If the residual exceeds noise and switching, a second correction and steps by the reference model
+    itself follow.
     """
     progress = subprogress(on_progress, 0.0, 0.9)
-    correction = FROM_STARTS
-    if len(points) > 1:
+    most, seed = settings.max_corrections, settings.seed
+    result = None
+    if len(points) == 1 and not command_stands(objective.problem):
+        result = correct_by_steps(objective, points[0], most, seed)
+    elif len(points) > 1:
         descents = descend_from(objective, points)
         points = descents.points[np.argsort(descents.costs, kind="stable")[:MOST_STARTS]]
-        correction = BIAS_CORRECTION
-    most, seed = settings.max_corrections, settings.seed
-    result = correct_bias(objective, points, most, seed, progress, correction)
+    if result is None or not result.converged:
+        result = correct_bias(objective, points, most, seed, progress)
     if not result.down_to_noise:
         child = child_seed(seed, "on from the starts")
         continued = correct_bias(objective, result.point[np.newaxis], most, child)
