@@ -90,6 +90,17 @@ def make_folder(folder: Path) -> None:
         ) from None
 
 
+def remove_earlier(path: Path) -> None:
+    """Remove the file `path` that an earlier run of the same command has written; `OutputError` if it fails."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{path}: of an earlier run, cannot be removed ({error.strerror or error}); remove it, or give "
+            "another folder"
+        ) from None
+
+
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[Path]:
     """Yield the path of a temporary file, which replaces `path` when the block has ended without an error.

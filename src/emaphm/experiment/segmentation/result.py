@@ -8,7 +8,7 @@ from typing import Any
 from emaphm.actuator import NAMES
 from emaphm.errors import OutputError
 from emaphm.experiment.segmentation.cells import stretch
-from emaphm.output_files import check_writable, make_folder
+from emaphm.output_files import check_writable, make_folder, remove_earlier
 from emaphm.recording import Recording, write_recording
 from emaphm.text_table import NOTHING, format_table
 from emaphm.version import VERSION
@@ -84,7 +84,7 @@ class Segments:
         for path, recording in zip(paths, self.recordings(), strict=True):
             write_recording(recording, path, force=force)
         for path in set(_earlier_files(folder)) - set(paths):
-            _remove(path)
+            remove_earlier(path)
         return paths
 
     def to_dict(self) -> dict[str, Any]:
@@ -160,13 +160,3 @@ def _path(folder: Path, number: int) -> Path:
 def _earlier_files(folder: Path) -> list[Path]:
     """Return the files of stretches in a folder."""
     return sorted(path for path in folder.glob("stretch_*.csv") if path.stem[len("stretch_") :].isdigit())
-
-
-def _remove(path: Path) -> None:
-    try:
-        path.unlink()
-    except OSError as error:
-        raise OutputError(
-            f"{path}: of an earlier run, cannot be removed ({error.strerror or error}); remove it, or give "
-            "another folder"
-        ) from None
