@@ -91,7 +91,7 @@ def make_folder(folder: Path) -> None:
 
 
 def remove_earlier(path: Path) -> None:
-    """Remove the file `path` that an earlier run of the same command has written; `OutputError` if it fails."""
+    """Remove a file that an earlier run of the same command has written; `OutputError` if that fails."""
     try:
         path.unlink(missing_ok=True)
     except OSError as error:
