@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from emaphm.cli.options import ActuatorFile, AsJson, By, Force, KnownList, RecordingFile, described_actuator
 from emaphm.cli.output import show
 from emaphm.errors import OutputError
+from emaphm.input_files import exists
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -75,7 +76,7 @@ def split(
 
 def _check_description(given: str, written: Path) -> None:
     """Refuse to overwrite the given description: it is needed to read the original file."""
-    if written.exists() and Path(given).exists() and written.samefile(given):
+    if exists(written, OutputError) and exists(Path(given), OutputError) and written.samefile(given):
         raise OutputError(
             f"{written}: is the description given with --actuator, which is needed to read the original "
             "file; choose another folder with --out"
@@ -113,12 +114,13 @@ def _earlier_files(path: Path, out: Path) -> set[Path]:
     """
     try:
         described = (out / DESCRIPTION).read_text(encoding="utf-8", errors="replace")
+        files = list(out.iterdir())
     except OSError:
         return set()
     if HEADING.splitlines()[0] not in described:
         return set()
     name = re.compile(rf"{re.escape(path.stem)}_\d{{4,}}_.*\.(csv|parquet)")
-    return {file for file in out.iterdir() if name.fullmatch(file.name) and file.is_file()}
+    return {file for file in files if name.fullmatch(file.name) and file.is_file()}
 
 
 def _slug(recording: "Recording", number: int) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 from emaphm.actuator import NAMES
 from emaphm.errors import OutputError
 from emaphm.experiment.segmentation.cells import stretch
+from emaphm.input_files import exists
 from emaphm.output_files import check_writable, make_folder, remove_earlier
 from emaphm.recording import Recording, write_recording
 from emaphm.text_table import NOTHING, format_table
@@ -148,7 +149,7 @@ def check_folder(folder: str | Path, *, force: bool = False, source: Path | None
     folder = Path(folder)
     make_folder(folder)
     for path in (_path(folder, 1), *_earlier_files(folder)):
-        if source is not None and path.exists() and path.samefile(source):
+        if source is not None and exists(path, OutputError) and path.samefile(source):
             raise OutputError(f"{path}: is the recording to be cut; choose another folder for its stretches")
         check_writable(path, force=force)
 
