@@ -123,14 +123,17 @@ def written_whole(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def write_table(table: "pl.DataFrame", path: str | Path) -> None:
-    """Write a table as Parquet if `path` ends so, otherwise as CSV; errors as of `written_whole`."""
+def write_table(table: "pl.DataFrame", path: str | Path, *, quote_texts: bool = False) -> None:
+    """Write a table as Parquet if `path` ends so, otherwise as CSV; errors as of `written_whole`.
+
+    `quote_texts` puts all texts of a CSV in quotes, to distinguish them from numbers.
+    """
     # Written through memory, because polars' errors for a full disk differ between formats.
     content = io.BytesIO()
     if Path(path).suffix.lower() == ".parquet":
         table.write_parquet(content)
     else:
-        table.write_csv(content)
+        table.write_csv(content, quote_style="non_numeric" if quote_texts else "necessary")
     with written_whole(path) as temporary:
         temporary.write_bytes(content.getbuffer())
 
