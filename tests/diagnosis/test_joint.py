@@ -101,6 +101,7 @@ def test_the_residual_is_that_of_the_compared_rows() -> None:
 def test_the_joint_diagnosis_of_one_recording_is_its_diagnosis() -> None:
     day = recorded(FAULTS, 1)
     together = joint([day])
+    assert "explains the recording:" in together.summary()
     alone = diagnose(day, IDEAL, nuisances=("load",))
     for name in NAMES:
         estimate, single_estimate = together.components[name], alone.components[name]
