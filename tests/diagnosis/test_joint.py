@@ -327,7 +327,7 @@ def test_the_command_prints_one_json_object(tmp_path: Path, capsys: pytest.Captu
         )
         write_recording(Recording({name: whole[name] for name in CHANNELS[:3]}), path)
     arguments = ["diagnose", str(tmp_path), "--joint"]
-    assert main([*arguments, "--json"]) == 0
+    assert main([*arguments, "--json", "--workers", "1"]) == 0
     out, err = capsys.readouterr()
     assert (out.count("\n"), err) == (1, "")
     answer = json.loads(out)
