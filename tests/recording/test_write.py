@@ -52,7 +52,7 @@ def test_a_recording_read_back_is_the_same_to_the_last_bit(
         np.testing.assert_array_equal(np.signbit(recording[name][zeros]), np.signbit(values[zeros]))
 
 
-LABELS = {
+LABELS: dict[str, float | str] = {
     "serial": "42",
     "long": "12345678901234567890",
     "form": "1.10",
