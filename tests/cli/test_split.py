@@ -105,7 +105,8 @@ def test_the_given_description_is_not_overwritten(emaphm: Emaphm, log: Path, tmp
 def test_earlier_recordings_of_the_same_file_are_removed(emaphm: Emaphm, log: Path, tmp_path: Path) -> None:
     out, arguments = tmp_path / "out", ("split", log, "-o", tmp_path / "out")
     assert emaphm(*arguments, "--by", "run", "--actuator", tmp_path / "rig.toml").code == 0
-    kept = [out / name for name in ("log_notes.csv", "log_0003.txt", "other_0001_run_1.csv")]
+    names = ("log_notes.csv", "log_0003.txt", "other_0001_run_1.csv", "log_0001_0001_run_1.csv")
+    kept = [out / name for name in names]
     for path in kept:
         path.write_text("not of this command")
     described = ("--actuator", tmp_path / "rig.toml", "--force")

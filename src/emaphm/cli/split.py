@@ -119,7 +119,8 @@ def _earlier_files(path: Path, out: Path) -> set[Path]:
         return set()
     if HEADING.splitlines()[0] not in described:
         return set()
-    name = re.compile(rf"{re.escape(path.stem)}_\d{{4,}}_.*\.(csv|parquet)")
+    # A second number belongs to a recording of another file, e.g. log_0001.csv and not log.csv.
+    name = re.compile(rf"{re.escape(path.stem)}_\d{{4,}}_(?!\d{{4,}}_).*\.(csv|parquet)")
     return {file for file in files if name.fullmatch(file.name) and file.is_file()}
 
 
