@@ -81,6 +81,9 @@ WRONG = {
     "row 2 of column 'rms_A' is empty": (
         "date,condition,frequency_hz,rms_A\n2017-10-02,normal,1.0,2.5\n2017-10-02,normal,1.0,\n"
     ),
+    "divide it by 1,000 if it is in mA": (
+        "date,condition,frequency_hz,rms_A\n2017-10-02,normal,1.0,2510\n2017-10-02,normal,1.0,2490\n"
+    ),
     "1 of 1 tests are of the condition 'normal' first": (
         "date,condition,frequency_hz,rms_A\n2017-10-02,normal,1.0,2.5\n"
     ),

@@ -44,6 +44,9 @@ HEALTHY = "normal"
 FEWEST_HEALTHY = 3
 """Of them: from two, the prediction bound of the alarm is 39 standard deviations wide."""
 
+MOST_USUAL_A = 100.0
+"""Median of all periods above which they are not in A: it is about 3 A, with at most 9 A in a period."""
+
 EXCEEDED = 0.01
 """Share of a sinusoid's periods that exceed the most current the drive gives: those may be errors."""
 
@@ -220,6 +223,12 @@ def read(path: Path, frequency: float = 1.0) -> pl.DataFrame:
         raise RecordingError(f"{path}: {str(error).splitlines()[0]}; give dates as 2017-10-02") from None
     for name in NEEDED[:-1]:
         _check_filled(path, typed[name])
+    usual = typed["rms_A"].median()
+    if isinstance(usual, float) and usual > MOST_USUAL_A:
+        raise RecordingError(
+            f"{path}: the column rms_A has a median of {usual:,.0f}, too much for A of this actuator; divide "
+            "it by 1,000 if it is in mA"
+        )
     looked_at = typed["frequency_hz"] == frequency
     _check_filled(path, typed["rms_A"], looked_at)
     return typed.filter(looked_at | ~_empty(typed["rms_A"])).sort("date", maintain_order=True)

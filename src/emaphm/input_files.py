@@ -3,6 +3,7 @@
 import hashlib
 import stat
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,22 @@ def exists(path: Path, error: type[EmaphmError]) -> bool:
     EmaphmError
         Of the type `error`: a folder on the path may not be entered, or the name is too long.
     """
+    return _answer(path.exists, error, path)
+
+
+def is_folder(path: Path, error: type[EmaphmError]) -> bool:
+    """Return whether there is a folder at `path`; errors as of `exists`."""
+    return _answer(path.is_dir, error, path)
+
+
+def is_file(path: Path, error: type[EmaphmError]) -> bool:
+    """Return whether there is a regular file at `path`; errors as of `exists`."""
+    return _answer(path.is_file, error, path)
+
+
+def _answer(question: Callable[[], bool], error: type[EmaphmError], path: Path) -> bool:
     try:
-        return path.exists()
+        return question()
     except OSError as failure:
         raise error(
             f"{path}: cannot be accessed ({failure.strerror}); check the path and its permissions"
@@ -119,7 +134,7 @@ def read_toml(path: Path, what: str, error: type[EmaphmError]) -> dict[str, Any]
     EmaphmError
         Of the type `error`: the file cannot be read, or is no TOML.
     """
-    if not path.exists() and not path.is_symlink():
+    if not exists(path, error) and not path.is_symlink():
         raise error(f"{path}: no such {what}; give the path of its TOML")
     content = read_bytes(path, MOST_TOML_BYTES, error)
     try:

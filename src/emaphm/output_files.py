@@ -90,6 +90,17 @@ def make_folder(folder: Path) -> None:
         ) from None
 
 
+def remove_earlier(path: Path) -> None:
+    """Remove a file that an earlier run of the same command has written; `OutputError` if that fails."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{path}: of an earlier run, cannot be removed ({error.strerror or error}); remove it, or give "
+            "another folder"
+        ) from None
+
+
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[Path]:
     """Yield the path of a temporary file, which replaces `path` when the block has ended without an error.
@@ -112,14 +123,17 @@ def written_whole(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def write_table(table: "pl.DataFrame", path: str | Path) -> None:
-    """Write a table as Parquet if `path` ends so, otherwise as CSV; errors as of `written_whole`."""
+def write_table(table: "pl.DataFrame", path: str | Path, *, quote_texts: bool = False) -> None:
+    """Write a table as Parquet if `path` ends so, otherwise as CSV; errors as of `written_whole`.
+
+    `quote_texts` puts all texts of a CSV in quotes, to distinguish them from numbers.
+    """
     # Written through memory, because polars' errors for a full disk differ between formats.
     content = io.BytesIO()
     if Path(path).suffix.lower() == ".parquet":
         table.write_parquet(content)
     else:
-        table.write_csv(content)
+        table.write_csv(content, quote_style="non_numeric" if quote_texts else "necessary")
     with written_whole(path) as temporary:
         temporary.write_bytes(content.getbuffer())
 

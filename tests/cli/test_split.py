@@ -102,6 +102,27 @@ def test_the_given_description_is_not_overwritten(emaphm: Emaphm, log: Path, tmp
     assert description.read_bytes() == content
 
 
+def test_earlier_recordings_of_the_same_file_are_removed(emaphm: Emaphm, log: Path, tmp_path: Path) -> None:
+    out, arguments = tmp_path / "out", ("split", log, "-o", tmp_path / "out")
+    assert emaphm(*arguments, "--by", "run", "--actuator", tmp_path / "rig.toml").code == 0
+    names = ("log_notes.csv", "log_0003.txt", "other_0001_run_1.csv", "log_0001_0001_run_1.csv")
+    kept = [out / name for name in names]
+    for path in kept:
+        path.write_text("not of this command")
+    described = ("--actuator", tmp_path / "rig.toml", "--force")
+    assert emaphm(*arguments, "--by", "stretches", *described).code == 0
+    assert set(out.iterdir()) == {out / "actuator.toml", out / "log_0001_stretch_1.csv", *kept}
+
+
+def test_files_named_like_recordings_are_kept_in_a_folder_that_was_not_written_by_split(
+    emaphm: Emaphm, log: Path, tmp_path: Path
+) -> None:
+    own = tmp_path / "log_2024_raw.csv"
+    own.write_text("the user's")
+    assert emaphm("split", log, "-o", tmp_path, "--actuator", tmp_path / "rig.toml", "--force").code == 0
+    assert own.read_text() == "the user's"
+
+
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [

@@ -101,6 +101,7 @@ def test_the_residual_is_that_of_the_compared_rows() -> None:
 def test_the_joint_diagnosis_of_one_recording_is_its_diagnosis() -> None:
     day = recorded(FAULTS, 1)
     together = joint([day])
+    assert "explains the recording:" in together.summary()
     alone = diagnose(day, IDEAL, nuisances=("load",))
     for name in NAMES:
         estimate, single_estimate = together.components[name], alone.components[name]
@@ -326,7 +327,7 @@ def test_the_command_prints_one_json_object(tmp_path: Path, capsys: pytest.Captu
         )
         write_recording(Recording({name: whole[name] for name in CHANNELS[:3]}), path)
     arguments = ["diagnose", str(tmp_path), "--joint"]
-    assert main([*arguments, "--json"]) == 0
+    assert main([*arguments, "--json", "--workers", "1"]) == 0
     out, err = capsys.readouterr()
     assert (out.count("\n"), err) == (1, "")
     answer = json.loads(out)

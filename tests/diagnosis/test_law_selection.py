@@ -68,7 +68,7 @@ def diagnosis(recording: Recording, progress: list[float]) -> Iterator[Diagnosis
             patched.setattr(module, "can_show_lag", lambda _: False)
         few = replace(SENSOR_SELECTION, most_corrected=1)
         patched.setattr("emaphm.diagnosis.selection.nuisance_selection.SENSOR_SELECTION", few)
-        yield diagnose(recording, THESIS, max_corrections=2, on_progress=progress.append)
+        yield diagnose(recording, THESIS, max_corrections=1, on_progress=progress.append)
 
 
 def test_the_law_is_named_and_its_parameter_estimated(diagnosis: Diagnosis) -> None:

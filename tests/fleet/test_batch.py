@@ -214,7 +214,7 @@ def test_a_folder_with_other_content_is_refused(recordings: list[Path], tmp_path
         (["--workers", "2", "--scheduler", "tcp://127.0.0.1:1"], "exclude each other"),
         (["--method", "hybird"], "did you mean 'hybrid'?"),
         (["--nuisance", "lode"], "unknown nuisance 'lode' (did you mean 'load'?)"),
-        (["--joint", "--workers", "2"], "--workers is for recordings diagnosed one by one"),
+        (["--joint", "--out", "results"], "--out is for recordings diagnosed one by one"),
         (["--joint", "--method", "de"], "--method is for recordings diagnosed one by one"),
     ],
 )

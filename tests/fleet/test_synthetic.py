@@ -198,14 +198,16 @@ def test_a_history_contains_only_one_synthetic_fleet(
         assert complaint in capsys.readouterr().err
 
 
-def test_an_unusable_history_is_refused_before_the_simulation(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("place", ["missing/fleet.sqlite", "notes.txt"])
+def test_an_unusable_history_is_refused_before_the_folder_is_made(
+    place: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    db = tmp_path / "missing" / "fleet.sqlite"
+    (tmp_path / "notes.txt").write_text("no database")
+    db = tmp_path / place
     line = ["fleet", "simulate", "-o", str(tmp_path / "fleet"), "--units", "1", "--flights", "1"]
     assert main([*line, "--workers", "1", "--db", str(db)]) == 2
     assert str(db) in capsys.readouterr().err
-    assert not list(tmp_path.rglob("flight-*.parquet"))
+    assert list(tmp_path.iterdir()) == [tmp_path / "notes.txt"]
 
 
 @pytest.mark.parametrize(

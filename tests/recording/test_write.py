@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -49,6 +50,32 @@ def test_a_recording_read_back_is_the_same_to_the_last_bit(
         np.testing.assert_array_equal(recording[name], values)
         zeros = values == 0  # an equality does not compare the sign of 0
         np.testing.assert_array_equal(np.signbit(recording[name][zeros]), np.signbit(values[zeros]))
+
+
+LABELS: dict[str, float | str] = {
+    "serial": "42",
+    "long": "12345678901234567890",
+    "form": "1.10",
+    "odd": "inf",
+    "rig": "left",
+    "run": 42.0,
+}
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_labels_of_digits_stay_texts(columns: Columns, tmp_path: Path, thesis: Actuator, ending: str) -> None:
+    path = tmp_path / f"rec.{ending}"
+    write_recording(Recording(columns, labels=LABELS), path)
+    assert read_recording(path, thesis, limits=ReadLimits(isolated=False)).labels == LABELS
+
+
+def test_numbers_in_quotes_stay_numbers_if_a_program_quotes_all_values(
+    columns: Columns, tmp_path: Path, thesis: Actuator
+) -> None:
+    table = pl.DataFrame({**columns, "run": np.full(len(columns["time_s"]), 42.0)})
+    table.write_csv(tmp_path / "rec.csv", quote_style="always")
+    recording = read_recording(tmp_path / "rec.csv", thesis, limits=ReadLimits(isolated=False))
+    assert recording.labels == {"run": 42.0}
 
 
 @pytest.mark.parametrize("name", ["rec.csv", "REC.CSV", "rec.Parquet"])

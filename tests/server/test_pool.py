@@ -8,11 +8,13 @@ from typing import Any, cast
 import pytest
 
 from emaphm.errors import ServerError
+from emaphm.execution.one_process import OneProcess
 from emaphm.server.folders import ServerFolder
 from emaphm.server.work import pool as pool_module
+from emaphm.server.work import worker
 from emaphm.server.work.pool import Pool
 from emaphm.server.work.queue import AGAIN, DONE, FAILED, REFUSED, Queue
-from emaphm.server.work.worker import JobOutcome, Place
+from emaphm.server.work.worker import Forecast, JobOutcome, Place, Upload, work
 
 from .conftest import SMALL
 
@@ -88,3 +90,36 @@ def test_a_job_ends_when_the_disk_of_the_queue_has_space_again(
     states = [job.state for job in queue.jobs(2)]
     queue.close()
     assert states == [DONE, DONE]
+
+
+def test_a_job_fails_after_an_unexpected_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def defect(*_: Any) -> None:
+        raise RuntimeError("a defect in /srv/private")
+
+    queue = Queue(tmp_path / "queue.sqlite")
+    queue.add({"unit": "S1", "hours": 1.0, "name": "a.csv"}, "a.csv")
+    place = Place("", ServerFolder(tmp_path), {}, 2**33, 2**26)
+    pool = Pool(queue, place, SMALL, lambda: None, lambda *_: None)
+    monkeypatch.setattr(pool, "_outcome", defect)
+    monkeypatch.setattr(queue, "_arriving", lambda _: [])
+    process = OneProcess(work)
+    assert pool._next(process)
+    (ended,) = queue.jobs(1)
+    queue.close()
+    assert ended.state == FAILED
+    assert "unexpected error (RuntimeError)" in ended.message
+
+
+@pytest.mark.parametrize("job", [Forecast("S1"), Upload(Path("a.csv"), "a.csv", {})])
+def test_a_worker_answers_after_an_unexpected_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, job: Upload | Forecast
+) -> None:
+    def defect(*_: Any) -> None:
+        raise PermissionError("/srv/private")
+
+    monkeypatch.setattr(worker, "_executed", defect)
+    outcome = worker._outcome(job, Place("", ServerFolder(tmp_path), {}, 2**33, 2**26), cast("Any", None))
+    assert outcome.state == FAILED
+    assert "unexpected error (PermissionError)" in outcome.message
+    assert "PermissionError: /srv/private" in caplog.text  # for the operator, not for clients
+    assert "private" not in outcome.message

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from amortized.toys import constant_estimator
-from emaphm.actuator import Actuator, Chirp
+from emaphm.actuator import NAMES, Actuator, Chirp
 from emaphm.amortized.recording_setup import RecordingSetup
 from emaphm.errors import StudyError
 from emaphm.study.estimators.__main__ import main
 from emaphm.study.estimators.batches import answered
-from emaphm.study.estimators.cases import GROUPS, of_base_setting, of_multiple, of_unlike
+from emaphm.study.estimators.cases import GROUPS, RecordingCase, of_base_setting, of_multiple, of_unlike
+from emaphm.study.estimators.tables import alarms_table
+from emaphm.study.estimators.trial import METHODS
 
 SETUP = RecordingSetup.of(Actuator.thesis(), Chirp())
 CENTRE = 0.5 * np.ones(SETUP.space.dimensions)
@@ -63,6 +65,12 @@ def test_recordings_that_do_not_exist_are_refused(
     with pytest.raises(SystemExit):
         main()
     assert message in capsys.readouterr().err
+
+
+def test_rates_of_groups_that_were_left_out_are_no_numbers() -> None:
+    healthy = {"moves": True, "degraded": [False] * len(NAMES)}
+    table = alarms_table([(RecordingCase("healthy", "healthy", (), None, 0), METHODS[0], healthy)])
+    assert "| 0.0 % | – | – |" in table
 
 
 def test_all_groups_have_a_name() -> None:

@@ -21,7 +21,7 @@ from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMON
 from emaphm.actuator.unit.model_error import NOT_LEARNED, ModelError
 from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.errors import ActuatorError, nearest
-from emaphm.input_files import read_toml
+from emaphm.input_files import exists, read_toml
 from emaphm.output_files import written_whole
 
 PRESETS = ("thesis", "six-step", "pmsm", "dc")
@@ -319,7 +319,7 @@ class Actuator(Section):
         built_in = SAME_PRESET.get(str(name), str(name))
         if built_in not in PRESETS:
             path = Path(name)
-            if not path.exists() and not path.is_symlink():
+            if not exists(path, ActuatorError) and not path.is_symlink():
                 known = (*PRESETS, *SAME_PRESET)
                 raise ActuatorError(
                     f"{name}: no such actuator file{nearest(str(name), known, 'built in')}; give the path of "

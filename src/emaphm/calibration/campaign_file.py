@@ -15,7 +15,7 @@ from typing import Any
 from emaphm.actuator import Actuator
 from emaphm.calibration.campaign import CampaignRow, check_known_name
 from emaphm.errors import MethodError, RecordingError, nearest
-from emaphm.input_files import MOST_TOML_BYTES, read_bytes, read_toml
+from emaphm.input_files import MOST_TOML_BYTES, is_file, read_bytes, read_toml
 from emaphm.recording import Recording, read_recording
 
 FILE, FREE = "file", "free"
@@ -28,10 +28,13 @@ def is_campaign(path: Path) -> bool:
     """Return whether a file is a campaign: a TOML, or a CSV with a column `file`."""
     if path.suffix.lower() == ".toml":
         return True
-    if path.suffix.lower() != ".csv" or not path.is_file():
+    if path.suffix.lower() != ".csv" or not is_file(path, MethodError):
         return False
-    with path.open("rb") as file:
-        header = file.readline(10_000).decode("utf-8-sig", errors="replace")
+    try:
+        with path.open("rb") as file:
+            header = file.readline(10_000).decode("utf-8-sig", errors="replace")
+    except OSError:  # the reader of its only recording names the reason
+        return False
     return FILE in [name.strip().strip('"') for name in header.replace(";", ",").split(",")]
 
 
@@ -163,7 +166,7 @@ def _row(
 ) -> CampaignRow:
     where = f"{path}, row {number}"
     file = path.parent / row[FILE]
-    if not file.is_file():
+    if not is_file(file, MethodError):
         raise MethodError(
             f"{where}, column 'file': there is no file {file}; give its path from the campaign's folder"
         )

@@ -72,7 +72,7 @@ def diagnose_several(
     """
     if several.joint:
         _check_joint(chosen, several)
-        _diagnose_joint(paths, actuator, chosen, reading, common)
+        _diagnose_joint(paths, actuator, chosen, reading, several.execution.workers, common)
     else:
         _diagnose_each(paths, actuator, chosen, reading, several, common.as_json)
 
@@ -131,7 +131,7 @@ def _check_joint(chosen: "DiagnosisSettings", several: BatchOptions) -> None:
     from emaphm.fleet import DiagnosisSettings
 
     defaults, execution = DiagnosisSettings(), several.execution
-    given = {"--workers": execution.workers, "--scheduler": execution.scheduler, "--out": several.out}
+    given = {"--scheduler": execution.scheduler, "--out": several.out}
     named = [name for name, value in given.items() if value is not None]
     named += [
         f"--{name}"
@@ -149,6 +149,7 @@ def _diagnose_joint(
     actuator: "Actuator",
     chosen: "DiagnosisSettings",
     reading: "FileReading",
+    workers: int | None,
     common: Common,
 ) -> None:
     """Print the joint diagnosis of the unit from which all recordings come."""
@@ -165,6 +166,7 @@ def _diagnose_joint(
             nuisances=chosen.nuisances,
             max_corrections=chosen.max_corrections,
             seed=chosen.seed,
+            workers=workers,
             on_progress=advance,
         )
     common.show(diagnosis.to_dict(), str(diagnosis))

@@ -22,7 +22,8 @@ from emaphm.cli.options import (
     recording_of,
 )
 from emaphm.cli.output import progress
-from emaphm.errors import MethodError
+from emaphm.errors import MethodError, RecordingError
+from emaphm.input_files import is_folder
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -132,7 +133,7 @@ def diagnose(
     described = described_actuator(actuator)
     check_fast(method.fast, method.estimator)
     several.execution.check()
-    if not (further or several.is_given or by or recording.is_dir()):
+    if not (further or several.is_given or by or is_folder(recording, RecordingError)):
         recorded = recording_of(recording, described, known)
         _diagnose_one(recorded, described, method, healthy, report, common)
         return

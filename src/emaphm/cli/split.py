@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from emaphm.cli.options import ActuatorFile, AsJson, By, Force, KnownList, RecordingFile, described_actuator
 from emaphm.cli.output import show
 from emaphm.errors import OutputError
+from emaphm.input_files import exists
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -35,7 +36,8 @@ def split(
     """Cut a long file into recordings, convert and clean them, and write each to a separate file.
 
     Without --by and without [reading] split in the TOML, the file is cut where time jumps or masks leave a
-    gap. The folder also gets a description of the actuator with the names and units of the new files.
+    gap. The folder also gets a description of the actuator with the names and units of the new files. With
+    --force, recordings of the same file by an earlier run are replaced or removed.
     """
     from emaphm.cli.options import known_values
     from emaphm.recording import read_recordings
@@ -74,7 +76,7 @@ def split(
 
 def _check_description(given: str, written: Path) -> None:
     """Refuse to overwrite the given description: it is needed to read the original file."""
-    if written.exists() and Path(given).exists() and written.samefile(given):
+    if exists(written, OutputError) and exists(Path(given), OutputError) and written.samefile(given):
         raise OutputError(
             f"{written}: is the description given with --actuator, which is needed to read the original "
             "file; choose another folder with --out"
@@ -82,8 +84,11 @@ def _check_description(given: str, written: Path) -> None:
 
 
 def _write(recordings: "list[Recording]", path: Path, out: Path, *, force: bool) -> list[Path]:
-    """Write the recordings of the file `path` into the folder `out`; return their files."""
-    from emaphm.output_files import check_writable, make_folder
+    """Write the recordings of the file `path` into the folder `out`; return their files.
+
+    Those of an earlier run are removed, so that they are not read together with the new ones.
+    """
+    from emaphm.output_files import check_writable, make_folder, remove_earlier
     from emaphm.recording import write_recording
 
     ending = ".csv" if path.suffix.lower() == ".csv" else ".parquet"
@@ -94,9 +99,29 @@ def _write(recordings: "list[Recording]", path: Path, out: Path, *, force: bool)
     make_folder(out)
     for file in (*files, out / DESCRIPTION):
         check_writable(file, force=force, endings=(ending, ".toml"))
+    earlier = _earlier_files(path, out)
     for file, recording in zip(files, recordings, strict=True):
         write_recording(recording, file, force=force)
+    for file in earlier - set(files):
+        remove_earlier(file)
     return files
+
+
+def _earlier_files(path: Path, out: Path) -> set[Path]:
+    """Return the recordings of the file `path` that an earlier run has written into the folder `out`.
+
+    Only the description in the folder shows that its files with such names were written by this command.
+    """
+    try:
+        described = (out / DESCRIPTION).read_text(encoding="utf-8", errors="replace")
+        files = list(out.iterdir())
+    except OSError:
+        return set()
+    if HEADING.splitlines()[0] not in described:
+        return set()
+    # A second number belongs to a recording of another file, e.g. log_0001.csv and not log.csv.
+    name = re.compile(rf"{re.escape(path.stem)}_\d{{4,}}_(?!\d{{4,}}_).*\.(csv|parquet)")
+    return {file for file in files if name.fullmatch(file.name) and file.is_file()}
 
 
 def _slug(recording: "Recording", number: int) -> str:

@@ -13,6 +13,7 @@ from emaphm.cli.options import (
 )
 from emaphm.cli.output import counter, show
 from emaphm.errors import OutputError
+from emaphm.input_files import is_folder
 
 if TYPE_CHECKING:
     from emaphm.study import Plan, Store
@@ -102,7 +103,7 @@ def report(
     """
     from emaphm.study import Store
 
-    if out is not None and not force and out.is_dir() and any(out.iterdir()):
+    if out is not None and not force and is_folder(out, OutputError) and _has_files(out):
         raise OutputError(
             f"{out}: contains files already; give another folder with --out, or --force to write there"
         )
@@ -209,3 +210,12 @@ def _summary(store: "Store", methods: list[dict[str, Any]]) -> str:
         for method in methods
     ]
     return f"{summary}\n{format_table(header, rows)}"
+
+
+def _has_files(folder: Path) -> bool:
+    try:
+        return any(folder.iterdir())
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: cannot be read ({error.strerror}); let this user read the folder, or give another one"
+        ) from None

@@ -160,8 +160,13 @@ def train(
     written = _saved(estimator, out, place, force=common.force)
     if learning.folder is None:
         remove_training_folder(place)
-    size = written.stat().st_size
-    common.show(_values(estimator, written, size), _text(estimator, written, size))
+    size, notes = written.stat().st_size, list(estimator.facts["notes"])
+    if written != out:
+        notes.append(
+            f"{out} has appeared during the training and is not replaced; the estimator is in {written}"
+        )
+    values = _values(estimator, written, size) | {"notes": notes}
+    common.show(values, _text(estimator, written, size, notes))
 
 
 def _saved(estimator: "Estimator", out: Path, folder: Path, *, force: bool) -> Path:
@@ -174,8 +179,6 @@ def _saved(estimator: "Estimator", out: Path, folder: Path, *, force: bool) -> P
         estimator.save(written)
     except OutputError as error:
         raise OutputError(f"{error}{_save_copy(estimator, folder / out.name)}") from None
-    if written != out:
-        say(f"{out} has appeared during the training and is not replaced; the estimator is in {written}")
     return written
 
 
@@ -220,7 +223,7 @@ def _values(estimator: "Estimator", out: Path, size: int) -> dict[str, Any]:
     }
 
 
-def _text(estimator: "Estimator", out: Path, size: int) -> str:
+def _text(estimator: "Estimator", out: Path, size: int, notes: list[str]) -> str:
     from emaphm.text_table import counted, format_table
 
     facts = estimator.facts
@@ -243,7 +246,7 @@ def _text(estimator: "Estimator", out: Path, size: int) -> str:
     lines = [
         format_table(header, rows),
         errors,
-        *(f"Note: {note}." for note in facts["notes"]),
+        *(f"Note: {note}." for note in notes),
         costs,
         f"Written to {out} ({size / 2**20:.1f} MiB)",
     ]

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from emaphm.errors import EmaphmError
-from emaphm.input_files import exists
+from emaphm.input_files import exists, is_folder
 from emaphm.output_files import written_whole
 
 RESULTS = "results.sqlite"
@@ -58,9 +58,9 @@ class WorkFolder:
             The folder contains other files, or cannot be made or written.
         """
         folder = self.path
-        if exists(folder, self.error) and not folder.is_dir():
+        if exists(folder, self.error) and not is_folder(folder, self.error):
             raise self.error(f"{folder} is not a folder; give another name")
-        if folder.is_dir() and self._holds_files():
+        if is_folder(folder, self.error) and self._holds_files():
             raise self.error(f"{folder} holds something else than a {self.kind}; give a new or empty folder")
         try:
             folder.mkdir(parents=True, exist_ok=True)

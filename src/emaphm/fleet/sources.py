@@ -7,6 +7,7 @@ from typing import Any
 
 from emaphm.actuator import Actuator
 from emaphm.errors import RecordingError
+from emaphm.input_files import is_folder
 from emaphm.recording import Recording, read_recordings
 from emaphm.recording.io.read import READERS
 
@@ -23,7 +24,7 @@ def recording_files(paths: Iterable[Path]) -> list[Path]:
     """
     files: list[Path] = []
     for path in paths:
-        files += _files_in(path) if path.is_dir() else [path]
+        files += _files_in(path) if is_folder(path, RecordingError) else [path]
     twice = next((path for path in files if files.count(path) > 1), None) if _has_repeats(files) else None
     if twice is not None:
         raise RecordingError(f"{twice}: is named twice; name each recording once")

@@ -16,7 +16,7 @@ from emaphm.actuator.section import Section
 from emaphm.actuator.toml import validation_message
 from emaphm.errors import StudyError, nearest
 from emaphm.estimation.search import check_fitness
-from emaphm.input_files import read_toml
+from emaphm.input_files import is_file, read_toml
 from emaphm.recording.equivalent_current import Form
 from emaphm.simulation import model_named
 from emaphm.study.cases import MOST_RUNS, Count, Group, RandomCases
@@ -193,7 +193,9 @@ class Plan(Section):
             )
         values = read_toml(path, "plan file", StudyError)
         actuator = values.get("actuator")
-        if isinstance(actuator, str) and (path.parent / actuator).is_file():  # preferred: next to the plan
+        if isinstance(actuator, str) and is_file(
+            path.parent / actuator, StudyError
+        ):  # preferred: next to the plan
             values["actuator"] = str(path.parent / actuator)
         return cls._of(values, str(path))
 

@@ -19,7 +19,7 @@ from emaphm.errors import StudyError
 from emaphm.execution.folder import WorkFolder, difference
 from emaphm.execution.store import ResultStore
 from emaphm.execution.tasks import Outcome, Task
-from emaphm.input_files import content_digest
+from emaphm.input_files import content_digest, exists
 from emaphm.study.plan import Plan
 from emaphm.study.revision import revision
 from emaphm.study.task import perform
@@ -108,7 +108,7 @@ class Store:
             Its results are damaged, or cannot be read.
         """
         folder = Path(folder)
-        if not (folder / PLAN).exists():
+        if not exists(folder / PLAN, StudyError):
             _folder(folder).begin(plan.model_dump_json(indent=1))
         store = cls.open(folder)
         differing = difference(*(compared.model_dump(mode="json") for compared in (store.plan, plan)))

@@ -19,12 +19,17 @@ ALIASES = {
     "": "dimensionless",
     "1/min": "rpm",
     "min⁻¹": "rpm",
+    "min^-1": "rpm",
+    "r/min": "rpm",
+    "U/min": "rpm",
+    "RPM": "rpm",
+    "r/s": "rps",
     "µ": "u",
     "·": "*",
     "²": "**2",
 }
-"""Spellings of units and their signs that pint does not read, with pint's spelling. 1/min means turns per
-minute."""
+"""Spellings of units and their signs that pint does not read, or reads otherwise, with pint's spelling.
+1/min, r/min (ISO 80000-3) and U/min mean turns per minute."""
 
 LONGEST = 40
 """Longest unit [characters]."""
@@ -85,7 +90,8 @@ def _registry() -> "pint.UnitRegistry[Any]":
     import pint
 
     registry: pint.UnitRegistry[Any] = pint.UnitRegistry()
-    # Common in data sheets for torques, but unknown to pint.
+    # Common in data sheets for speeds and torques, but unknown to pint.
+    registry.define("@alias turn = rev")
     registry.define("newton_meter = newton * meter = Nm")
     registry.define("newton_centimeter = newton * centimeter = Ncm")
     return registry

@@ -130,7 +130,7 @@ class JointDiagnosis(Diagnosis):
     @property
     def subject(self) -> str:
         """Words for the diagnosed data in sentences."""
-        return f"the {len(self.recordings)} recordings"
+        return super().subject if len(self.recordings) == 1 else f"the {len(self.recordings)} recordings"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `emaphm diagnose --joint --json`, ready for `json.dumps`."""

@@ -8,7 +8,8 @@ from typing import Any
 from emaphm.actuator import NAMES
 from emaphm.errors import OutputError
 from emaphm.experiment.segmentation.cells import stretch
-from emaphm.output_files import check_writable, make_folder
+from emaphm.input_files import exists
+from emaphm.output_files import check_writable, make_folder, remove_earlier
 from emaphm.recording import Recording, write_recording
 from emaphm.text_table import NOTHING, format_table
 from emaphm.version import VERSION
@@ -84,7 +85,7 @@ class Segments:
         for path, recording in zip(paths, self.recordings(), strict=True):
             write_recording(recording, path, force=force)
         for path in set(_earlier_files(folder)) - set(paths):
-            _remove(path)
+            remove_earlier(path)
         return paths
 
     def to_dict(self) -> dict[str, Any]:
@@ -148,7 +149,7 @@ def check_folder(folder: str | Path, *, force: bool = False, source: Path | None
     folder = Path(folder)
     make_folder(folder)
     for path in (_path(folder, 1), *_earlier_files(folder)):
-        if source is not None and path.exists() and path.samefile(source):
+        if source is not None and exists(path, OutputError) and path.samefile(source):
             raise OutputError(f"{path}: is the recording to be cut; choose another folder for its stretches")
         check_writable(path, force=force)
 
@@ -160,13 +161,3 @@ def _path(folder: Path, number: int) -> Path:
 def _earlier_files(folder: Path) -> list[Path]:
     """Return the files of stretches in a folder."""
     return sorted(path for path in folder.glob("stretch_*.csv") if path.stem[len("stretch_") :].isdigit())
-
-
-def _remove(path: Path) -> None:
-    try:
-        path.unlink()
-    except OSError as error:
-        raise OutputError(
-            f"{path}: of an earlier run, cannot be removed ({error.strerror or error}); remove it, or give "
-            "another folder"
-        ) from None

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from emaphm.actuator.faults import NAMES
-from emaphm.errors import ExecutionError
+from emaphm.errors import ExecutionError, HistoryError
 from emaphm.execution import OnTask, Task, check_workers, outcomes
 from emaphm.fleet.synthetic.folder import CheckFlight, FleetFolder, revision
 from emaphm.fleet.synthetic.plan import FleetPlan
@@ -16,6 +16,9 @@ from emaphm.fleet.synthetic.recordings import PART_NUMBER, fleet_actuator
 from emaphm.fleet.synthetic.tasks import diagnose_flight, record_unit
 from emaphm.fleet.synthetic.unit import SyntheticUnit, drawn_unit
 from emaphm.history import Entry, Finding, History, Removal
+from emaphm.history.storage.address import Address
+from emaphm.input_files import exists
+from emaphm.output_files import check_writable
 from emaphm.prognosis import Evidence
 from emaphm.recording import read_recording
 from emaphm.recording.content import recording_hash
@@ -69,14 +72,13 @@ def run_chain(chain: Chain, *, simulate_only: bool = False) -> list[SyntheticUni
         The history or the folder cannot be used.
     """
     check_workers(chain.scheduler)
+    if not simulate_only:
+        _check_history(chain)
     chain.folder.begin(chain.plan)
     units = [drawn_unit(chain.plan, i) for i in range(chain.plan.units)]
     with chain.folder.work.locked():
         chain.folder.work.clear()
         chain.folder.write_description(units, chain.plan, fleet_actuator(chain.plan.drawn_from))
-        if not simulate_only:  # Raises for an unusable history before the recordings are made.
-            with History.open(chain.where, create=True):
-                pass
         _record(chain, units)
         if simulate_only:
             return units
@@ -97,6 +99,16 @@ def run_chain(chain: Chain, *, simulate_only: bool = False) -> list[SyntheticUni
             on_task=chain.on_step("predicting"),
         )
     return units
+
+
+def _check_history(chain: Chain) -> None:
+    """Refuse a history that cannot be used, before the folder is begun; a missing file is not created."""
+    file = Address.of(chain.where).file
+    if file is None or exists(file, HistoryError):
+        with History.open(chain.where, create=True):
+            return
+    if file.parent.resolve() != chain.folder.path.resolve():  # that folder may be missing yet
+        check_writable(file)
 
 
 def _record(chain: Chain, units: list[SyntheticUnit]) -> None:

@@ -2,7 +2,9 @@
 
 import csv
 import io
+import re
 from collections.abc import Collection, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +23,12 @@ COMPRESSED = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"PK\x03\x04": "
 """First bytes of compressed files; some programs keep the ending .csv."""
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+CELL = re.compile(rb'("(?:[^"]|"")*"|[^,\r\n]*)(?:,|\r?\n|\r|$)')
+"""A cell of a row, with its quotes, and the separator after it."""
+
+MOST_HEADER_BYTES = 2**16
+"""Bytes in which the header and the first row are looked for: a stray quote could extend over the file."""
 
 
 def read_csv(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileColumns:
@@ -68,9 +76,10 @@ def read_csv(path: Path, limits: ReadLimits, _: Collection[str] = ()) -> FileCol
         raise RecordingError(f"{source}: {complaint}") from None
     names = _column_names(rows.row(0), source)
     columns = FileColumns({}, {})
-    for name, column in zip(names, rows.slice(1).get_columns(), strict=True):
+    quoted = _quoted(content, len(names))
+    for number, (name, column) in enumerate(zip(names, rows.slice(1).get_columns(), strict=True)):
         if name:
-            _add(columns, name, column)
+            _add(columns, name, column, is_quoted=number in quoted)
     if not ends_in_line:
         _check_last_value(columns, names, rows, content)
     return columns
@@ -95,7 +104,17 @@ def _separated_otherwise(header: str) -> str | None:
     return None
 
 
-def _add(columns: FileColumns, name: str, column: "pl.Series") -> None:
+def _quoted(content: bytes, count: int) -> set[int]:
+    """Return which of `count` columns are in quotes in the first row; none if all of them are.
+
+    Programs that put only texts in quotes, as `write_recording` does, show thereby that 42 is a name.
+    """
+    cells = [match[1] for match in islice(CELL.finditer(content[:MOST_HEADER_BYTES]), 2 * count)]
+    quoted = {number for number, cell in enumerate(cells[count:]) if cell.startswith(b'"')}
+    return quoted if len(quoted) < count else set()
+
+
+def _add(columns: FileColumns, name: str, column: "pl.Series", *, is_quoted: bool) -> None:
     """Add a column of text to `columns`, as numbers, texts or both; see `FileColumns`."""
     text = column.str.strip_chars()
     numbers = text.cast(float, strict=False)
@@ -109,7 +128,7 @@ def _add(columns: FileColumns, name: str, column: "pl.Series") -> None:
         columns.texts[name] = text.fill_null("").to_numpy()
     else:
         columns.numeric[name] = numbers.to_numpy()
-        if _are_names(text):
+        if _are_names(text) or (is_quoted and text.n_unique() == 1):
             columns.texts[name] = text.fill_null("").to_numpy()
 
 

@@ -10,7 +10,7 @@ from emaphm.errors import EmaphmError, ServerError
 from emaphm.execution.one_process import OneProcess
 from emaphm.server.settings import ServerSettings
 from emaphm.server.work.queue import AGAIN, DONE, FAILED, Job, Queue
-from emaphm.server.work.worker import Forecast, JobOutcome, Place, Upload, work
+from emaphm.server.work.worker import Forecast, JobOutcome, Place, Upload, unexpected, work
 
 T = TypeVar("T")
 
@@ -159,7 +159,12 @@ class Pool:
 
     def _upload(self, job: Job, process: OneProcess) -> None:
         order = Upload(self._place.folder.upload(job.file), job.request["name"], job.request)
-        outcome = self._outcome(process, order, lambda share: self._progress.__setitem__(job.id, share))
+        try:
+            outcome = self._outcome(process, order, lambda share: self._progress.__setitem__(job.id, share))
+        except Exception as error:
+            LOG.exception("job %d: a defect of emaphm", job.id)
+            process.end()  # its pending answer must not be taken for that of the next job
+            outcome = JobOutcome(FAILED, unexpected(error))
         self._progress.pop(job.id, None)
         if self._stopping and outcome is None:
             return

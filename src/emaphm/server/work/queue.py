@@ -16,7 +16,7 @@ from emaphm.history.timestamp import timestamp
 WAITING, RUNNING, DONE, REFUSED, FAILED = "waiting", "running", "done", "refused", "failed"
 STATES = (WAITING, RUNNING, DONE, REFUSED, FAILED)
 """States of a job. Refused: the recording or its fields cannot be used. Failed: its process was killed
-twice."""
+twice, it took too long or too much memory, or an unexpected error occurred."""
 
 AGAIN = "again"
 """Outcome of a job or a prognosis during which the history was not available: it waits again.

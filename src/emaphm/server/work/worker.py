@@ -91,6 +91,22 @@ def work(orders: Connection, parent: Connection, place: Place) -> None:
 
 
 def _outcome(job: Upload | Forecast, place: Place, orders: Connection) -> JobOutcome:
+    """Return the outcome of a job, "failed" after an unexpected error, whose traceback is logged."""
+    try:
+        return _executed(job, place, orders)
+    except ConnectionError:  # the server has ended
+        raise
+    except Exception as error:
+        LOG.exception("a defect of emaphm; the worker goes on")
+        return JobOutcome(FAILED, unexpected(error))
+
+
+def unexpected(error: Exception) -> str:
+    """Return the message for an unexpected error; clients must not learn its text, which may name paths."""
+    return f"an unexpected error ({type(error).__name__}); the log of the server contains its cause"
+
+
+def _executed(job: Upload | Forecast, place: Place, orders: Connection) -> JobOutcome:
     from emaphm.history import History
     from emaphm.monitoring.outlook import prognosed
 

@@ -19,7 +19,7 @@ from emaphm.study.estimators.trial import METHODS, NOT_TAKEN, WITHOUT_SEARCH
 from emaphm.study.record import recorded
 from emaphm.study.rig import Manoeuvre, Rig
 from emaphm.study.spoilt.judging import OUTCOME_TITLES, OUTCOMES, UNDETECTED_ERROR
-from emaphm.text_table import markdown_table
+from emaphm.text_table import NOTHING, markdown_table
 
 LARGEST_BATCH = 1024
 """Largest batch of recordings in the measurement of the speed."""
@@ -162,4 +162,7 @@ def speed_table(path: Path) -> str:
 
 
 def _percent(values: Any) -> str:
+    """Return the share of true `values`, a dash if there are none, as for a group that was left out."""
+    if not len(values):
+        return NOTHING
     return f"{100 * float(np.mean(values)):.1f} %"
