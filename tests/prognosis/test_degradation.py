@@ -275,6 +275,25 @@ def test_a_surprise_in_one_coordinate_of_an_eccentricity_counts_for_both() -> No
     assert np.array_equal(after.log_weights[:, 5], after.log_weights[:, 6])
 
 
+@pytest.mark.parametrize("seed", [109, 111])
+def test_a_finished_crack_of_an_eccentricity_has_one_weight(seed: int) -> None:
+    """Each coordinate has another error; cracks of short lives have ended before the last diagnosis."""
+    prior = Prior(DegradationSettings(laws=(0.2, 0, 0, 0, 0, 0, 0.8), life_scale=(200.0, 3000.0)))
+    random = np.random.default_rng(seed)
+    belief = Belief.new(prior, seed=seed, settings=FilterSettings(particles=300))
+    covariance = np.diag([1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 0.01, 0.09, 1e-4])
+    finished = 0
+    for i in range(1, 8):
+        z = NEW + 0.01 * random.standard_normal(8)
+        z[5] += 0.7
+        belief = predicted(belief, 100.0 * i)
+        finished += int(np.sum(belief.life_scale[:, 5] <= belief.aged[:, 5]))
+        belief = updated(belief, z, covariance)
+        assert np.array_equal(belief.log_weights[:, 5], belief.log_weights[:, 6])
+        assert np.array_equal(belief.law[:, 5], belief.law[:, 6])
+    assert finished > 10
+
+
 @pytest.mark.parametrize(("first", "last"), [(600.0, 600.0), (300.0, 900.0)])
 def test_the_posterior_of_a_working_unit_excludes_cracks_that_would_be_infinite_by_now(
     first: float, last: float

@@ -261,9 +261,19 @@ def _finished_crack_likelihood(belief: Belief, estimate: Array, covariance: Arra
     """Return the log-likelihood (n, 8) of an estimate for cracks that have become infinite before.
 
     Such a component is at the end of its scale, independent of the level of its Kalman filter: the error of
-    an estimate (8,) is its distance from the end. The result is 0 for all other components.
+    an estimate (8,) is its distance from the end. Both coordinates of an eccentricity have the distance of
+    its magnitude, with the variance of the magnitude. The result is 0 for all other components.
     """
-    log_likelihood = -0.5 * to_the_end(estimate, belief.prior.least_friction) ** 2 / np.diag(covariance)
+    variance = np.diag(covariance).copy()
+    if has_plane(variance.size):
+        plane = list(ECCENTRICITY)
+        of_plane, magnitude = covariance[np.ix_(plane, plane)], float(np.hypot(*estimate[plane]))
+        if magnitude > 0:
+            direction = estimate[plane] / magnitude
+            variance[plane] = direction @ of_plane @ direction
+        else:  # no direction: the mean over all directions
+            variance[plane] = np.trace(of_plane) / 2
+    log_likelihood = -0.5 * to_the_end(estimate, belief.prior.least_friction) ** 2 / variance
     return np.where((belief.law == CRACK_GROWTH) & (belief.life_scale <= belief.aged), log_likelihood, 0.0)
 
 
