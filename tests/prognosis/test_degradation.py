@@ -2,6 +2,7 @@
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -183,6 +184,12 @@ def test_a_replacement_resets_only_its_component() -> None:
     assert not np.any(later.age_and_level[:, 0])
     assert not np.any(later.aged[:, 0])
     assert after.law_probabilities()[0, :-1] == pytest.approx(before.prior.settings.laws, abs=0.06)
+
+
+def test_a_replacement_ends_the_surprise_of_its_component() -> None:
+    before = replace(flown([0.0] * 3), surprise=np.full(8, 0.9))
+    after = replaced(before, np.arange(8) == 1)
+    assert after.surprise.tolist() == [0.9, 0.0, *[0.9] * 6]
 
 
 def test_equal_seeds_give_identical_beliefs_and_other_seeds_give_others() -> None:

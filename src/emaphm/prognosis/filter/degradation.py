@@ -311,6 +311,7 @@ def replaced(belief: Belief, components: Mask) -> Belief:
         level=np.where(components, NEW[:count], belief.level),
         levels=levels,
         mixed=mixed,
+        surprise=np.where(components, 0.0, belief.surprise),
         steps=belief.steps + 1,
     )
 
