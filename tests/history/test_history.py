@@ -332,8 +332,18 @@ def test_a_unit_withdrawn_while_a_program_reads_it_is_not_taken_for_another_unit
     with pytest.raises(HistoryError, match="no unit 'S2'"):
         unit_blocks(withdrawn)
     history.add(entry("S3"), recording(2), diagnosis(2))  # SQLite assigns the id again
-    with pytest.raises(HistoryError, match="no unit 'S2'"):
-        unit_blocks(withdrawn)
+    for read in (
+        lambda: unit_blocks(withdrawn),
+        withdrawn.flights,
+        withdrawn.diagnoses,
+        withdrawn.removals,
+        withdrawn.findings,
+        withdrawn.lives,
+        withdrawn.description_notes,
+        lambda: withdrawn.actuator,
+    ):
+        with pytest.raises(HistoryError, match="no unit 'S2'"):
+            read()
 
 
 def test_a_recording_to_be_withdrawn_is_selected_by_its_file_name(history: History) -> None:

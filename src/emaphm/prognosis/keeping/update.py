@@ -93,7 +93,9 @@ def keep_with_curves(
         The database fails, or the unit was withdrawn meanwhile.
     """
     with history.database.reading() as connection:
-        stored = read_curves(connection, unit.row.id) or {"fan": []}
+        # Read again, here and below: after a withdrawal, its id may be that of another unit.
+        row = reading.unit(connection, unit.serial_number)
+        stored = read_curves(connection, row.id) or {"fan": []}
     rows = [tuple(row) for row in stored["fan"] if row[0] < curves.now]
     # Older versions did not keep the labels.
     is_same_life = stored.get("requirements", list(curves.requirements)) == list(curves.requirements)
@@ -101,7 +103,6 @@ def keep_with_curves(
         rows = earlier()
     curves_with_fan = replace(curves, fan=(*rows, *curves.fan))
     with history.writing() as connection:
-        # Read again: after a withdrawal, its id may be that of another unit.
         row = reading.unit(connection, unit.serial_number)
         keep_prognosis(connection, row, prognosis, curves_with_fan.to_dict())
         add_events(connection, events)
