@@ -25,6 +25,9 @@ LARGEST_EXPONENT = 7.0
 LEAST_LEFT = 1e-3
 """Smallest remaining share of a growing crack's life scale: from there, it leaves its bounds in one step."""
 
+SOON_INFINITE = 1e-200
+"""Remaining time [h] of a crack that becomes infinite within a step: no life divided by it overflows."""
+
 Numbers = NDArray[np.int8]
 
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
@@ -115,9 +118,8 @@ def transition(
     rows, (step, a, scale, q) = rows_and_arguments(CRACK_GROWTH)
     if rows.size:
         remaining = np.maximum(scale - a, LEAST_LEFT * scale)
-        ratio = np.minimum(
-            remaining / np.maximum(remaining - step, 1e-300), np.exp(LARGEST_EXPONENT / (q + 1))
-        )
+        end = np.maximum(remaining - step, SOON_INFINITE)
+        ratio = np.minimum(remaining / end, np.exp(LARGEST_EXPONENT / (q + 1)))
         reach[rows], growth[rows] = remaining / q * (ratio**q - 1), ratio ** (q + 1)
     if trajectories is not None:
         rows, (step, a, scale, number) = rows_and_arguments(AS_ANOTHER)
