@@ -87,7 +87,9 @@ def test_each_life_of_a_component_gives_a_separate_trajectory() -> None:
     assert trajectories.change[1, 0, -1] == pytest.approx(0.08)
 
 
-def test_a_trajectory_follows_the_levels_if_the_estimated_age_falls_between_recordings_of_one_flight() -> None:
+def test_a_trajectory_follows_the_levels_if_the_estimated_age_falls_between_recordings_of_one_flight() -> (
+    None
+):
     """With the level a function of the hours, it is a straight line through the last recordings."""
     hours = np.repeat([500.0, 1000.0, 1500.0, 2000.0], 2)
     estimated = np.tile((hours + np.tile([0.0, -12.0], 4))[:, np.newaxis], 8)
