@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import sqlalchemy as sa
 
 from emaphm.errors import HistoryError
-from emaphm.history.columns import columns_of
 from emaphm.history.reading import UnitRow, has_diagnosis, latest_entry, unit_or_none
 from emaphm.history.records import Entry, Finding, Removal
+from emaphm.history.storage.diagnosis_row import row_of
 from emaphm.history.storage.tables import (
     DESCRIPTIONS,
     DIAGNOSES,
@@ -197,7 +197,7 @@ def add_diagnosis(
     )
     description_id = _id_of(connection, DESCRIPTIONS, {"hash": settings.description}, {"toml": toml})
     row = {"recording_id": recording_id, "description_id": description_id, "added_at": now}
-    connection.execute(DIAGNOSES.insert().values(row | columns_of(diagnosis)))
+    connection.execute(DIAGNOSES.insert().values(row | row_of(diagnosis)))
     return True
 
 

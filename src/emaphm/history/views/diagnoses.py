@@ -7,9 +7,9 @@ from typing import Any
 import sqlalchemy as sa
 
 from emaphm.actuator.faults import degraded_in, health_in
-from emaphm.history.columns import diagnosis_of
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.reading import UnitRow, flights
+from emaphm.history.storage.diagnosis_row import diagnosis_of
 from emaphm.history.storage.tables import DESCRIPTIONS, DIAGNOSES, FLIGHTS, RECORDINGS, UNITS
 
 
