@@ -11,7 +11,7 @@ from emaphm.history.views import read_curves
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.from_fleet.fleet import learnt_prior
 from emaphm.prognosis.keeping.curves import Curves, fan_row
-from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, past_lives, prognose
+from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, past_rul_forecasts, prognose
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -98,8 +98,8 @@ def keep_with_curves(
         stored = read_curves(connection, row.id) or {"fan": []}
     rows = [tuple(row) for row in stored["fan"] if row[0] < curves.now]
     # Older versions did not keep the labels.
-    is_same_life = stored.get("requirements", list(curves.requirements)) == list(curves.requirements)
-    if len(rows) < ENOUGH or not is_same_life:
+    has_same_requirements = stored.get("requirements", list(curves.requirements)) == list(curves.requirements)
+    if len(rows) < ENOUGH or not has_same_requirements:
         rows = earlier()
     curves_with_fan = replace(curves, fan=(*rows, *curves.fan))
     with history.writing() as connection:
@@ -112,4 +112,4 @@ def keep_with_curves(
 def earlier_rows(prognosis: "Prognosis") -> list[tuple[float, ...]]:
     """Return earlier rows of a fan: forecasts recomputed from the kept earlier filter states."""
     now, longest = prognosis.evidence.hours, float(prognosis.paths.hours[-1])
-    return [fan_row(hours, sample, longest) for hours, sample in past_lives(prognosis) if hours < now]
+    return [fan_row(hours, sample, longest) for hours, sample in past_rul_forecasts(prognosis) if hours < now]
