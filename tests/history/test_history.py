@@ -334,6 +334,7 @@ def test_a_unit_withdrawn_while_a_program_reads_it_is_not_taken_for_another_unit
     history.add(entry("S3"), recording(2), diagnosis(2))  # SQLite assigns the id again
     for read in (
         lambda: unit_blocks(withdrawn),
+        withdrawn.entries,
         withdrawn.flights,
         withdrawn.diagnoses,
         withdrawn.removals,

@@ -50,6 +50,11 @@ class Unit:
     def _id(self, connection: "sa.Connection") -> int:
         return self._present(connection).id
 
+    def entries(self) -> UnitEntries:
+        """Return flights, removals, findings and withdrawals, read from one state of the history."""
+        with self.database.reading() as connection:
+            return UnitEntries.read(connection, self._id(connection), self.serial_number)
+
     def flights(self) -> tuple[Flight, ...]:
         """Return the flights with a recording, by hours."""
         with self.database.reading() as connection:
@@ -90,8 +95,7 @@ class Unit:
 
         `emaphm.history.lives.lives` defines the end of a life, and censoring.
         """
-        with self.database.reading() as connection:
-            return UnitEntries.read(connection, self._id(connection), self.serial_number).lives(component)
+        return self.entries().lives(component)
 
     def description_notes(self) -> tuple[str, ...]:
         """Return a note if its description differs from those of other units of the part number, or none."""
