@@ -9,8 +9,8 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.bounds import BEYOND, bounds, within_bounds
 from emaphm.prognosis.filter.degradation import LARGEST_RATE
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined, systematic
-from emaphm.prognosis.laws import Numbers, breaks, in_common, is_moving, noise_rates, transition
-from emaphm.prognosis.prior import Prior, is_waiting, replace_law_fields, with_rows
+from emaphm.prognosis.laws import Numbers, breaks, in_common, is_moving, is_waiting, noise_rates, transition
+from emaphm.prognosis.prior import Prior, replace_law_fields, with_rows
 from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
 from emaphm.random_streams import stream
 

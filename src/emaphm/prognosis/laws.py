@@ -134,6 +134,11 @@ def is_moving(law: Numbers) -> Mask:
     return np.asarray((law != CONSTANT) & (law != SUDDEN_ONSET))
 
 
+def is_waiting(law: Numbers) -> Mask:
+    """Return a mask of the components with a sudden onset that has not occurred yet."""
+    return np.asarray(law == SUDDEN_ONSET)
+
+
 def rate_scale(
     law: Numbers, life_scale: Array, shape: Array, age: Array, settings: DegradationSettings
 ) -> Array:

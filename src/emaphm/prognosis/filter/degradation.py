@@ -44,10 +44,11 @@ from emaphm.prognosis.laws import (
     Mask,
     has_plane,
     in_common,
+    is_waiting,
     noises,
     transition,
 )
-from emaphm.prognosis.prior import EVERY_ROW, NEW, is_waiting
+from emaphm.prognosis.prior import EVERY_ROW, NEW
 from emaphm.prognosis.settings import AS_ANOTHER, CRACK_GROWTH, EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
 from emaphm.prognosis.stress import Exposure
 from emaphm.random_streams import stream
