@@ -139,6 +139,14 @@ def is_waiting(law: Numbers) -> Mask:
     return np.asarray(law == SUDDEN_ONSET)
 
 
+def keeps_rate(before: Numbers, after: Numbers) -> Mask:
+    """Return a mask of the components that keep their rate when their law changes, of the shape of the laws.
+
+    Both laws must have a rate of the component itself: along the trajectory of another unit, it is a pace.
+    """
+    return np.asarray(is_moving(before) & (before != AS_ANOTHER) & is_moving(after))
+
+
 def rate_scale(
     law: Numbers, life_scale: Array, shape: Array, age: Array, settings: DegradationSettings
 ) -> Array:
@@ -149,6 +157,14 @@ def rate_scale(
     """
     reach, _ = transition(law, life_scale, shape, age, life_scale, settings)
     return np.where(is_moving(law), 1 / np.maximum(reach, life_scale * 1e-3), 0.0)
+
+
+def onsets(law: Numbers, life_scale: Array, hours: Array, random: np.random.Generator) -> Mask:
+    """Return a mask (n, components) of the sudden onsets within `hours` [h], of probability 1 - exp(-h/T).
+
+    Parameters and shapes are those of `transition`.
+    """
+    return is_waiting(law) & (in_common(random.random(law.shape)) < -np.expm1(-hours / life_scale))
 
 
 def breaks(

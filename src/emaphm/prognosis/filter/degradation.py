@@ -46,6 +46,7 @@ from emaphm.prognosis.laws import (
     in_common,
     is_waiting,
     noises,
+    onsets,
     transition,
 )
 from emaphm.prognosis.prior import EVERY_ROW, NEW
@@ -115,9 +116,7 @@ def _with_onsets(belief: Belief, step: Array) -> tuple[Belief, Array, Array]:
     An onset is at a uniformly distributed time, from which on the level changes.
     """
     random = stream(belief.seed, "degradation", belief.steps, "onset")
-    sets_in = is_waiting(belief.law) & (
-        in_common(random.random(belief.law.shape)) < -np.expm1(-step / belief.life_scale)
-    )
+    sets_in = onsets(belief.law, belief.life_scale, step, random)
     prior = belief.prior
     reach, growth = transition(
         belief.law, belief.life_scale, belief.shape, belief.aged, step, prior.settings, prior.trajectories
