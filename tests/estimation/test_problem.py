@@ -112,17 +112,11 @@ def test_a_recorded_load_is_reconstructed_like_the_command() -> None:
     assert not np.any(problem_of(recorded(), THESIS).inputs.load)
 
 
-def test_a_recorded_supply_is_smooth_and_enabled_is_held_over_each_row() -> None:
-    def supply(t: Array) -> Array:
-        return np.asarray(7.3 - 0.3 * np.sin(20 * t) ** 2)
-
+def test_a_recorded_switch_is_held_over_each_row() -> None:
     enabled = np.where(np.arange(ROWS) < 120, 1.0, 0.0)
-    driving = problem_of(recorded(supply_V=interval_means(supply), enabled=enabled), THESIS).driving
-    assert driving.supply is not None
+    driving = problem_of(recorded(enabled=enabled), THESIS).driving
     assert driving.enabled is not None
     t = steps_of(problem_of(recorded(), THESIS))
-    # As for the command: more accurate than the curvature, at most 0.3 × 2 × 20² V/s².
-    assert np.abs(driving.supply(t) - supply(t)).max() < INTERVAL**2 * 240 / 6 / 10
     np.testing.assert_array_equal(driving.enabled(t), np.repeat(enabled, t.size // ROWS))
     assert problem_of(recorded(), THESIS).driving.enabled is None
 

@@ -12,11 +12,11 @@ import sqlalchemy as sa
 
 from emaphm.errors import HistoryError
 from emaphm.history import History, Removal
-from emaphm.history.columns import columns_of
 from emaphm.history.fingerprint import description_of
 from emaphm.history.storage import schema
 from emaphm.history.storage.address import Address
 from emaphm.history.storage.database import Database
+from emaphm.history.storage.diagnosis_row import row_of
 from emaphm.history.storage.schema import ADVISORY_LOCK, KNOWN, NEWEST, VERSION, upgrade
 from emaphm.history.storage.tables import DESCRIPTIONS, DIAGNOSES, FLIGHTS, METADATA, RECORDINGS, UNITS
 from emaphm.recording.content import recording_hash
@@ -146,7 +146,7 @@ def _fill_oldest(connection: sa.Connection) -> None:
         }
         connection.execute(RECORDINGS.insert().values(samples=200, sample_rate_hz=1e3, added_at=now, **about))
         row = {"id": number, "recording_id": number, "description_id": 1, "added_at": now}
-        connection.execute(DIAGNOSES.insert().values(row | columns_of(diagnosis(number))))
+        connection.execute(DIAGNOSES.insert().values(row | row_of(diagnosis(number))))
 
 
 def form(address: str) -> str:

@@ -332,8 +332,33 @@ def test_a_unit_withdrawn_while_a_program_reads_it_is_not_taken_for_another_unit
     with pytest.raises(HistoryError, match="no unit 'S2'"):
         unit_blocks(withdrawn)
     history.add(entry("S3"), recording(2), diagnosis(2))  # SQLite assigns the id again
-    with pytest.raises(HistoryError, match="no unit 'S2'"):
-        unit_blocks(withdrawn)
+    for read in (
+        lambda: unit_blocks(withdrawn),
+        withdrawn.entries,
+        withdrawn.flights,
+        withdrawn.diagnoses,
+        withdrawn.removals,
+        withdrawn.findings,
+        withdrawn.lives,
+        withdrawn.description_notes,
+        lambda: withdrawn.actuator,
+    ):
+        with pytest.raises(HistoryError, match="no unit 'S2'"):
+            read()
+
+
+def test_wrong_cycles_of_a_flight_are_corrected_as_the_refusal_states(history: History) -> None:
+    """The flight of two recordings keeps the cycles of the first after it is withdrawn."""
+    wrong, right, none = (replace(entry(), cycles=cycles) for cycles in (55, 50, None))
+    history.add(wrong, recording(1), diagnosis(1))
+    history.add(none, recording(2), diagnosis(2))
+    history.withdraw("S1", Mistake("recording", 10.0, "wrong cycles", "1.csv"))
+    with pytest.raises(HistoryError, match="withdraw all recordings of those hours"):
+        history.add(right, recording(1), diagnosis(1))
+    history.withdraw("S1", Mistake("recording", 10.0, "wrong cycles"))
+    history.add(right, recording(1), diagnosis(1))
+    history.add(none, recording(2), diagnosis(2))
+    assert [flight.cycles for flight in history.unit("S1").flights()] == [50]
 
 
 def test_a_recording_to_be_withdrawn_is_selected_by_its_file_name(history: History) -> None:

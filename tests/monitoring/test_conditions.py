@@ -9,7 +9,7 @@ import pytest
 
 from emaphm.diagnosis import Diagnosis
 from emaphm.history import Entry, Event, Flight, History, KeptDiagnosis, KeptSettings, Replacement
-from emaphm.history.columns import columns_of
+from emaphm.history.storage.diagnosis_row import row_of
 from emaphm.monitoring.conditions import Situation, health_events
 from emaphm.monitoring.false_alarms import FalseAlarmRate
 from emaphm.monitoring.judging import Judge
@@ -22,7 +22,7 @@ RECORDING = Recording({name: np.arange(60.0) for name in ("time_s", "command_rad
 
 
 def kept(hours: float, friction: float = 0.0, *, explained: bool = True, **document: object) -> KeptDiagnosis:
-    row = columns_of(replace(diagnosis(RECORDING, THESIS, friction), explained=explained))
+    row = row_of(replace(diagnosis(RECORDING, THESIS, friction), explained=explained))
     return KeptDiagnosis(
         Flight(hours, None, None),
         f"hash {hours}",
@@ -168,7 +168,7 @@ def test_the_rate_of_false_alarms_of_independent_verdicts_is_below_the_stated_ra
     share, count = 0.3, 1500
     random = np.random.default_rng(0)
     decides, is_false = random.random(count) < decided, random.random(count) < share
-    undecided_document = json.loads(columns_of(undecided(diagnosis(RECORDING, THESIS, 0.0)))["document"])
+    undecided_document = json.loads(row_of(undecided(diagnosis(RECORDING, THESIS, 0.0)))["document"])
     by_verdict = {
         False: kept(0.0),
         True: kept(0.0, 0.5),

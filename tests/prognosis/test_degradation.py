@@ -2,6 +2,7 @@
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -185,6 +186,12 @@ def test_a_replacement_resets_only_its_component() -> None:
     assert after.law_probabilities()[0, :-1] == pytest.approx(before.prior.settings.laws, abs=0.06)
 
 
+def test_a_replacement_ends_the_surprise_of_its_component() -> None:
+    before = replace(flown([0.0] * 3), surprise=np.full(8, 0.9))
+    after = replaced(before, np.arange(8) == 1)
+    assert after.surprise.tolist() == [0.9, 0.0, *[0.9] * 6]
+
+
 def test_equal_seeds_give_identical_beliefs_and_other_seeds_give_others() -> None:
     first, repeated, other_seed = (flown([0.01 * i for i in range(8)], seed=seed) for seed in (3, 3, 4))
     assert np.array_equal(first.level, repeated.level)
@@ -273,6 +280,25 @@ def test_a_surprise_in_one_coordinate_of_an_eccentricity_counts_for_both() -> No
     assert after.surprise[5] == after.surprise[6]
     assert np.array_equal(after.law[:, 5], after.law[:, 6])
     assert np.array_equal(after.log_weights[:, 5], after.log_weights[:, 6])
+
+
+@pytest.mark.parametrize("seed", [109, 111])
+def test_a_finished_crack_of_an_eccentricity_has_one_weight(seed: int) -> None:
+    """Each coordinate has another error; cracks of short lives have ended before the last diagnosis."""
+    prior = Prior(DegradationSettings(laws=(0.2, 0, 0, 0, 0, 0, 0.8), life_scale=(200.0, 3000.0)))
+    random = np.random.default_rng(seed)
+    belief = Belief.new(prior, seed=seed, settings=FilterSettings(particles=300))
+    covariance = np.diag([1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 0.01, 0.09, 1e-4])
+    finished = 0
+    for i in range(1, 8):
+        z = NEW + 0.01 * random.standard_normal(8)
+        z[5] += 0.7
+        belief = predicted(belief, 100.0 * i)
+        finished += int(np.sum(belief.life_scale[:, 5] <= belief.aged[:, 5]))
+        belief = updated(belief, z, covariance)
+        assert np.array_equal(belief.log_weights[:, 5], belief.log_weights[:, 6])
+        assert np.array_equal(belief.law[:, 5], belief.law[:, 6])
+    assert finished > 10
 
 
 @pytest.mark.parametrize(("first", "last"), [(600.0, 600.0), (300.0, 900.0)])

@@ -87,6 +87,20 @@ def test_each_life_of_a_component_gives_a_separate_trajectory() -> None:
     assert trajectories.change[1, 0, -1] == pytest.approx(0.08)
 
 
+def test_a_trajectory_follows_the_levels_if_the_estimated_age_falls_between_recordings_of_one_flight() -> (
+    None
+):
+    """With the level a function of the hours, it is a straight line through the last recordings."""
+    hours = np.repeat([500.0, 1000.0, 1500.0, 2000.0], 2)
+    estimated = np.tile((hours + np.tile([0.0, -12.0], 4))[:, np.newaxis], 8)
+    levels = np.tile(NEW, (hours.size, 1))
+    levels[:, 0] = 1e-4 * hours
+    twice = Trajectory(hours, estimated, levels, np.zeros(8), np.full(8, np.inf), NEW)
+    trajectories = ReferenceTrajectories.of([twice])
+    assert trajectories.span[0, 0] == 2000.0
+    assert trajectories.change[0, 0] == pytest.approx(np.linspace(0.0, 0.2, 65), abs=1e-12)
+
+
 def test_copies_of_particles_are_dispersed_without_a_larger_variance() -> None:
     random = np.random.default_rng(0)
     values = np.exp(random.normal([[1.0, 5.0]], [[0.3, 0.6]], (4000, 2)))

@@ -205,6 +205,9 @@ def test_a_crack_beyond_its_singularity_is_large_and_finite(age: float, hours: f
     )
     assert 0 < reach[0] < 1e6
     assert 1 <= growth[0] <= 1.001 * np.exp(LARGEST_EXPONENT)
+    # A life of centuries under a stress far above the reference does not overflow.
+    long = np.array([CRACK_GROWTH], np.int8), np.array([1e12]), np.array([q]), np.array([age]), 2e12
+    assert np.all(np.isfinite(transition(*long, DEGRADATION)))
     if hours >= max(800 - age, 0.8):  # the law's last thousandth takes 0.8 h, also beyond the singularity
         assert growth[0] == pytest.approx(np.exp(LARGEST_EXPONENT))
 

@@ -17,7 +17,7 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.forecast import Paths, drawn_states, paths
 from emaphm.prognosis.metrics import Prediction, probability_integral_transform
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.requirements import Requirements, vectors_of
+from emaphm.prognosis.requirements import Requirements, failure_levels, vectors_of
 from emaphm.prognosis.requirements.failure_times import failure_times, responsible
 from emaphm.prognosis.settings import DegradationSettings, ForecastSettings
 
@@ -121,6 +121,15 @@ def test_a_level_does_not_fall_below_the_end_of_its_scale() -> None:
     assert math.isinf(prognosis.median)
     assert prognosis.probability_of_failure == 0
     assert "no single fault at the end of its scale violates: backlash at least 0" in prognosis.notes
+
+
+@pytest.mark.usefixtures("few_steps")
+def test_friction_may_violate_a_limit_at_the_friction_of_a_new_unit() -> None:
+    """`failure_levels` agrees: friction is the only such component that may fall below healthy."""
+    actuator = requiring(Requirement(component="friction", at_least=0.0))
+    prognosis = prognose(wearing(3, rate=0.0, start=-0.2), actuator)
+    assert prognosis.probability_of_failure == 1
+    assert failure_levels(actuator)[0].levels["friction"] == (None, 0.0)
 
 
 @pytest.mark.usefixtures("few_steps")

@@ -25,7 +25,7 @@ from emaphm.prognosis.from_fleet.recalibration import (
 from emaphm.prognosis.from_fleet.record import FEWEST_FAILED
 from emaphm.prognosis.metrics import Prediction, coverage, probability_integral_transform
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.prognose import MOST_PAST, lives, uncorrected
+from emaphm.prognosis.prognose import MOST_PAST, rul_forecasts, uncorrected
 from emaphm.prognosis.requirements import Requirements
 from emaphm.prognosis.settings import FORECAST, FilterSettings
 
@@ -209,7 +209,9 @@ def test_forecasts_of_several_times_together_agree_with_separate_forecasts(fleet
     chosen = [past[5], past[-1]]
     settings = replace(FORECAST, paths=300, steps=40)
     together = uncorrected(chosen, fleet[0], ACTUATOR, settings)
-    for times, (_, one) in zip(together, lives(chosen, fleet[0], ACTUATOR, settings=settings), strict=True):
+    for times, (_, one) in zip(
+        together, rul_forecasts(chosen, fleet[0], ACTUATOR, settings=settings), strict=True
+    ):
         assert times.first.shape == one.shape
         assert ks_2samp(times.first, one).pvalue > 0.01
 

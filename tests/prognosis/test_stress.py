@@ -23,7 +23,7 @@ from emaphm.prognosis.evidence import stress_pieces
 from emaphm.prognosis.filter.following import follow
 from emaphm.prognosis.notes.stress import stress_notes
 from emaphm.prognosis.prior import NEW, Prior
-from emaphm.prognosis.prognose import lives
+from emaphm.prognosis.prognose import rul_forecasts
 from emaphm.prognosis.settings import FilterSettings
 from emaphm.prognosis.stress import ageing_ahead, exposure, reference_weight
 
@@ -82,7 +82,7 @@ def test_a_lighter_future_load_lengthens_the_rul() -> None:
     evidence = flown(3.0, count=20)
     prognosis = prognose(evidence, WORN, Question(ahead=HEAVY), keep_past=False)
     light, as_before = (
-        np.median(lives([prognosis.belief], evidence, WORN, ahead)[0][1]) for ahead in (LIGHT, None)
+        np.median(rul_forecasts([prognosis.belief], evidence, WORN, ahead)[0][1]) for ahead in (LIGHT, None)
     )
     heavy = prognosis.median
     assert heavy == pytest.approx((0.6 - 0.45) / 8e-4, rel=0.3)

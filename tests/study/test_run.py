@@ -231,9 +231,7 @@ def test_methods_share_their_recordings_including_noise(monkeypatch: pytest.Monk
 
 
 def test_a_worker_of_another_version_is_refused() -> None:
-    with pytest.raises(
-        StudyError, match=r"another version of the models \(.*; the study's is 0123\); install"
-    ):
+    with pytest.raises(StudyError, match=r"another version of emaphm \(.*; the study's is 0123\); install"):
         perform(PLAN.actuator, PLAN.manoeuvre, trials_of(PLAN)[0], "0123")
 
 

@@ -15,6 +15,15 @@ LOWEST_FRICTION = -1.0
 ComponentName = Literal["friction", "backlash", "short_a", "short_b", "short_c", "eccentricity", "gain"]
 """Components that can degrade, in the order of `Faults`."""
 
+
+def component_of(coordinate: str) -> str:
+    """Return the component of an estimator's coordinate (`faults.CARTESIAN_NAMES`).
+
+    Both coordinates of an eccentricity have the same; every other name is returned unchanged.
+    """
+    return coordinate.removesuffix("_x").removesuffix("_y")
+
+
 MeasureName = Literal[
     "tracking_error", "bandwidth", "settling_time", "stall_margin", "peak_current", "free_play"
 ]

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from emaphm.actuator.requirements import component_of
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.unexplained import alternatives_covariance, inflation, unexplained_scores
 from emaphm.diagnosis.verdict import VERDICT, Z95
@@ -110,7 +111,7 @@ def _parameter_name(coordinate: str) -> str:
     if coordinate.startswith(BASELINE):
         name = coordinate.removeprefix(BASELINE)
         return "the baseline" if name.isdigit() else f"the unit's {name}"
-    return coordinate.removesuffix("_x").removesuffix("_y")
+    return component_of(coordinate)
 
 
 def further_information(result: SearchResult, seed: int) -> dict[str, Array]:

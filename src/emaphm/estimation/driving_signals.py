@@ -1,4 +1,4 @@
-"""Input signals of a model: command, load, supply and enable switch, of a recording or of a planned test."""
+"""Input signals of a model: command, load and enable switch, of a recording or of a planned test."""
 
 import threading
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ class DrivingSignals:
     """Input signals of a model as functions of time [s], and the rows in which its outputs are compared.
 
     `command` [rad] is at the user, `load` [N·m] at the motor; there are `samples` rows, `interval` [s] apart.
-    `supply` [V] and `enabled` (0 where the drive is switched off, else 1) are None if they were not recorded.
-    `other_command`, another curve through the rows of the command, is None if the rows are dense.
+    `enabled` (0 where the drive is switched off, else 1) is None if it was not recorded. `other_command`,
+    another curve through the rows of the command, is None if the rows are dense.
     """
 
     command: Command
@@ -31,20 +31,18 @@ class DrivingSignals:
     samples: int
     interval: float
     sampling: Sampling
-    supply: Command | None = None
     enabled: Command | None = None
     other_command: Command | None = None
 
     @classmethod
     def of(cls, recording: Recording) -> Self:
-        """Return recorded command, load and supply as smooth curves, and the piecewise constant switch."""
+        """Return recorded command and load as smooth curves, and the piecewise constant switch."""
         return cls(
             reconstructed(recording, "command_rad"),
             reconstructed(recording, "load_Nm") if "load_Nm" in recording else 0.0,
             recording.samples,
             recording.interval_s,
             recording.sampling,
-            reconstructed(recording, "supply_V") if "supply_V" in recording else None,
             held(recording, "enabled") if "enabled" in recording else None,
             other_curve(recording, "command_rad"),
         )

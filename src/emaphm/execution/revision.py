@@ -11,6 +11,8 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from emaphm.errors import EmaphmError, ExecutionError
+
 ROOT = Path(__file__).parents[1]
 """Folder of the package."""
 
@@ -40,6 +42,23 @@ def revision_of(names: tuple[str, ...], left_out: tuple[str, ...]) -> str:
         fingerprint = _digest((name, meaning(source)) for name, source in files.items())[:LENGTH]
         _store(place, f"{sources} {fingerprint}")
     return fingerprint
+
+
+def check_revision(here: str, expected: str, work: str, error: type[EmaphmError] = ExecutionError) -> None:
+    """Refuse a part of some `work` ("batch", "study") in a process whose code is not that of the work.
+
+    `here` is the revision of this process, `expected` that of the work, both by `revision_of`.
+
+    Raises
+    ------
+    ExecutionError, or `error` if given
+        The revisions differ.
+    """
+    if here != expected:
+        raise error(
+            f"this worker runs another version of emaphm ({here}; the {work}'s is {expected}); install the "
+            "same one there"
+        )
 
 
 def _digest(texts: Iterable[tuple[str, str]]) -> str:

@@ -5,8 +5,8 @@ from typing import Any
 
 from emaphm.actuator import Actuator
 from emaphm.diagnosis import deciding_code as diagnosis
-from emaphm.errors import EmaphmError, ExecutionError, RecordingError
-from emaphm.execution.revision import revision_of
+from emaphm.errors import EmaphmError, RecordingError
+from emaphm.execution.revision import check_revision, revision_of
 from emaphm.fleet.settings import DiagnosisSettings
 from emaphm.fleet.sources import FileReading, recordings_in
 from emaphm.input_files import content_digest
@@ -39,11 +39,8 @@ def perform(
     ExecutionError
         The code of this worker has another revision.
     """
-    if expected and revision() != expected:
-        raise ExecutionError(
-            f"this worker runs another version of emaphm ({revision()}; the batch's is {expected}); install "
-            "the same one there"
-        )
+    if expected:
+        check_revision(revision(), expected, "batch")
     try:
         recordings = _recordings(Path(path), actuator, reading, content)
     except EmaphmError as error:

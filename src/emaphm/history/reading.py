@@ -7,9 +7,9 @@ from typing import Any
 import sqlalchemy as sa
 
 from emaphm.errors import HistoryError, nearest
-from emaphm.history.columns import diagnosis_of
 from emaphm.history.kept_diagnosis import KeptDiagnosis, KeptSettings
 from emaphm.history.records import Finding, Flight, Removal
+from emaphm.history.storage.diagnosis_row import diagnosis_of
 from emaphm.history.storage.tables import (
     DESCRIPTIONS,
     DIAGNOSES,

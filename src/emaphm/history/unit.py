@@ -15,6 +15,8 @@ from emaphm.history.storage.database import Database
 from emaphm.history.withdrawing import read_withdrawals
 
 if TYPE_CHECKING:
+    import sqlalchemy as sa
+
     from emaphm.actuator import Actuator
 
 
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
 class Unit:
     """A unit: its numbers, and methods that read its entries from the history.
 
-    Each method raises `HistoryError` if the database fails.
+    Each method raises `HistoryError` if the database fails, or if the unit was withdrawn meanwhile.
     """
 
     database: Database
@@ -41,10 +43,22 @@ class Unit:
         """The part number."""
         return self.row.part_number
 
+    def _present(self, connection: "sa.Connection") -> reading.UnitRow:
+        # Read again: after a withdrawal, its id may be that of another unit.
+        return reading.unit(connection, self.serial_number)
+
+    def _id(self, connection: "sa.Connection") -> int:
+        return self._present(connection).id
+
+    def entries(self) -> UnitEntries:
+        """Return flights, removals, findings and withdrawals, read from one state of the history."""
+        with self.database.reading() as connection:
+            return UnitEntries.read(connection, self._id(connection), self.serial_number)
+
     def flights(self) -> tuple[Flight, ...]:
         """Return the flights with a recording, by hours."""
         with self.database.reading() as connection:
-            return reading.flights(connection, self.row.id)
+            return reading.flights(connection, self._id(connection))
 
     def diagnoses(self, latest: int | None = None, earlier: int = 0) -> tuple[KeptDiagnosis, ...]:
         """Return the last diagnosis of each recording, by hours, including unexplained ones.
@@ -53,17 +67,17 @@ class Unit:
         spread.
         """
         with self.database.reading() as connection:
-            return reading.diagnoses(connection, self.row.id, latest, earlier)
+            return reading.diagnoses(connection, self._id(connection), latest, earlier)
 
     def removals(self) -> tuple[Removal, ...]:
         """Return the removals, by hours."""
         with self.database.reading() as connection:
-            return reading.removals(connection, self.row.id)
+            return reading.removals(connection, self._id(connection))
 
     def findings(self) -> tuple[Finding, ...]:
         """Return the shop findings, by hours."""
         with self.database.reading() as connection:
-            return reading.findings(connection, self.row.id)
+            return reading.findings(connection, self._id(connection))
 
     def withdrawals(self) -> tuple[Withdrawal, ...]:
         """Return the withdrawals of entries of its serial number, in their order."""
@@ -81,13 +95,12 @@ class Unit:
 
         `emaphm.history.lives.lives` defines the end of a life, and censoring.
         """
-        with self.database.reading() as connection:
-            return UnitEntries.read(connection, self.row.id, self.serial_number).lives(component)
+        return self.entries().lives(component)
 
     def description_notes(self) -> tuple[str, ...]:
         """Return a note if its description differs from those of other units of the part number, or none."""
         with self.database.reading() as connection:
-            return description_notes(connection, self.row)
+            return description_notes(connection, self._present(connection))
 
     @cached_property
     def actuator(self) -> "Actuator":
@@ -97,7 +110,7 @@ class Unit:
         from emaphm.actuator import Actuator
 
         with self.database.reading() as connection:
-            toml = reading.description(connection, self.row.id)
+            toml = reading.description(connection, self._id(connection))
         assert toml is not None  # noqa: S101 - a unit is in the history by its diagnoses
         return Actuator.from_dict(
             tomllib.loads(toml), where=f"the description kept of unit '{self.serial_number}'"

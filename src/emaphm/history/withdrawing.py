@@ -10,9 +10,9 @@ from typing import Any
 import sqlalchemy as sa
 
 from emaphm.errors import HistoryError
-from emaphm.history.columns import unpacked
 from emaphm.history.reading import UnitRow
 from emaphm.history.records import Mistake, Withdrawal
+from emaphm.history.storage.diagnosis_row import unpacked
 from emaphm.history.storage.tables import (
     DESCRIPTIONS,
     DIAGNOSES,

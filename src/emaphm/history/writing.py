@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import sqlalchemy as sa
 
 from emaphm.errors import HistoryError
-from emaphm.history.columns import columns_of
 from emaphm.history.reading import UnitRow, has_diagnosis, latest_entry, unit_or_none
 from emaphm.history.records import Entry, Finding, Removal
+from emaphm.history.storage.diagnosis_row import row_of
 from emaphm.history.storage.tables import (
     DESCRIPTIONS,
     DIAGNOSES,
@@ -26,6 +26,12 @@ if TYPE_CHECKING:
     from emaphm.diagnosis import Diagnosis
     from emaphm.history.kept_diagnosis import KeptSettings
     from emaphm.recording import Recording
+
+WRONG_FLIGHT = (
+    "if the history is wrong, withdraw all recordings of those hours with 'emaphm history withdraw' and add "
+    "them again"
+)
+"""Remedy for a value of a flight, which stays as long as the flight has a recording."""
 
 
 def check_entry(connection: sa.Connection, entry: Entry, recording_hash: str) -> None:
@@ -123,7 +129,7 @@ def _check_cycles(connection: sa.Connection, unit: UnitRow, entry: Entry) -> Non
     if row is not None:
         raise HistoryError(
             f"unit '{entry.unit}' had {row.cycles} cycles at {row.hours:.9g} h, so {entry.cycles} at "
-            f"{entry.hours:.9g} h cannot be; check --cycles and --hours"
+            f"{entry.hours:.9g} h cannot be; check --cycles and --hours; {WRONG_FLIGHT}"
         )
 
 
@@ -143,7 +149,7 @@ def _check_stress(connection: sa.Connection, unit: UnitRow, entry: Entry) -> Non
         if None not in (known, given) and known != given:
             raise HistoryError(
                 f"unit '{entry.unit}' has the {name} {known:.9g} at {entry.hours:.9g} h already, not "
-                f"{given:.9g}; check --{name} and --hours"
+                f"{given:.9g}; check --{name} and --hours; {WRONG_FLIGHT}"
             )
 
 
@@ -197,7 +203,7 @@ def add_diagnosis(
     )
     description_id = _id_of(connection, DESCRIPTIONS, {"hash": settings.description}, {"toml": toml})
     row = {"recording_id": recording_id, "description_id": description_id, "added_at": now}
-    connection.execute(DIAGNOSES.insert().values(row | columns_of(diagnosis)))
+    connection.execute(DIAGNOSES.insert().values(row | row_of(diagnosis)))
     return True
 
 

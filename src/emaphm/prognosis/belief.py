@@ -48,7 +48,8 @@ class Belief:
         Log-likelihood of all diagnoses so far, for each component, (8,), except for a constant that is the
         same for all priors.
     surprise
-        Probability that the last diagnosis of each component was an outlier or followed a jump, (8,).
+        Probability that the last diagnosis of each component was an outlier or followed a jump, (8,); 0 for a
+        component that was replaced since.
     shared
         Covariance of the error that all diagnoses of the unit have in common, (8, 8).
     seed, steps

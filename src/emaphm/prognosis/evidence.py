@@ -89,7 +89,8 @@ class Evidence:
         from emaphm.history.lives import latest_hours, lives, not_replaced, open_removal, unrepaired
         from emaphm.history.notes.contradictions import contradictions
 
-        flights, removals, findings = unit.flights(), unit.removals(), unit.findings()
+        entries = unit.entries()
+        flights, removals, findings = entries.flights, entries.removals, entries.findings
         replacements = tuple((finding.hours, finding.component) for finding in findings if finding.replaced)
         failure = unrepaired(flights, removals, findings)
         return cls(

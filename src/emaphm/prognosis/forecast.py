@@ -9,9 +9,19 @@ from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.bounds import BEYOND, bounds, within_bounds
 from emaphm.prognosis.filter.degradation import LARGEST_RATE
 from emaphm.prognosis.filter.resampling import drawn_rows, recombined, systematic
-from emaphm.prognosis.laws import Numbers, breaks, in_common, is_moving, noise_rates, transition
-from emaphm.prognosis.prior import Prior, is_waiting, replace_law_fields, with_rows
-from emaphm.prognosis.settings import AS_ANOTHER, FORECAST, ForecastSettings
+from emaphm.prognosis.laws import (
+    Numbers,
+    breaks,
+    in_common,
+    is_moving,
+    is_waiting,
+    keeps_rate,
+    noise_rates,
+    onsets,
+    transition,
+)
+from emaphm.prognosis.prior import Prior, replace_law_fields, with_rows
+from emaphm.prognosis.settings import FORECAST, ForecastSettings
 from emaphm.random_streams import stream
 
 SINGULAR = (1e-9, 1e-6, 1e-3)
@@ -105,9 +115,7 @@ def paths(
         state = _with_law_changes(state, flown, prior, random)
         step = _uneven(state, pace * flown, random)
         state = replace(state, rate=state.rate * breaks(state.law, state.life_scale, step, s, random))
-        sets_in = is_waiting(state.law) & (
-            in_common(random.random(state.law.shape)) < -np.expm1(-step / state.life_scale)
-        )
+        sets_in = onsets(state.law, state.life_scale, step, random)
         remaining_share = np.where(sets_in, in_common(random.random(state.law.shape)), 1.0)
         if sets_in.any():
             rows = np.flatnonzero(sets_in.any(axis=1))
@@ -163,8 +171,7 @@ def _with_law_changes(state: UnitDraws, step: float, prior: Prior, random: np.ra
     changes, law = changes[rows], state.law[rows]
     drawn = prior.general(state.aged[rows], random)
     rate = drawn.rate + drawn.rate_deviation * random.standard_normal(law.shape)
-    keeps_rate = is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
-    rate = with_rows(state.rate, rows, changes & ~keeps_rate, rate)
+    rate = with_rows(state.rate, rows, changes & ~keeps_rate(law, drawn.law), rate)
     return replace(state, **replace_law_fields(state, rows, changes, drawn), rate=rate)
 
 

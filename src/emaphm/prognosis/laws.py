@@ -25,6 +25,9 @@ LARGEST_EXPONENT = 7.0
 LEAST_LEFT = 1e-3
 """Smallest remaining share of a growing crack's life scale: from there, it leaves its bounds in one step."""
 
+SOON_INFINITE = 1e-200
+"""Remaining time [h] of a crack that becomes infinite within a step: no life divided by it overflows."""
+
 Numbers = NDArray[np.int8]
 
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
@@ -115,9 +118,8 @@ def transition(
     rows, (step, a, scale, q) = rows_and_arguments(CRACK_GROWTH)
     if rows.size:
         remaining = np.maximum(scale - a, LEAST_LEFT * scale)
-        ratio = np.minimum(
-            remaining / np.maximum(remaining - step, 1e-300), np.exp(LARGEST_EXPONENT / (q + 1))
-        )
+        end = np.maximum(remaining - step, SOON_INFINITE)
+        ratio = np.minimum(remaining / end, np.exp(LARGEST_EXPONENT / (q + 1)))
         reach[rows], growth[rows] = remaining / q * (ratio**q - 1), ratio ** (q + 1)
     if trajectories is not None:
         rows, (step, a, scale, number) = rows_and_arguments(AS_ANOTHER)
@@ -132,6 +134,19 @@ def is_moving(law: Numbers) -> Mask:
     return np.asarray((law != CONSTANT) & (law != SUDDEN_ONSET))
 
 
+def is_waiting(law: Numbers) -> Mask:
+    """Return a mask of the components with a sudden onset that has not occurred yet."""
+    return np.asarray(law == SUDDEN_ONSET)
+
+
+def keeps_rate(before: Numbers, after: Numbers) -> Mask:
+    """Return a mask of the components that keep their rate when their law changes, of the shape of the laws.
+
+    Both laws must have a rate of the component itself: along the trajectory of another unit, it is a pace.
+    """
+    return np.asarray(is_moving(before) & (before != AS_ANOTHER) & is_moving(after))
+
+
 def rate_scale(
     law: Numbers, life_scale: Array, shape: Array, age: Array, settings: DegradationSettings
 ) -> Array:
@@ -142,6 +157,14 @@ def rate_scale(
     """
     reach, _ = transition(law, life_scale, shape, age, life_scale, settings)
     return np.where(is_moving(law), 1 / np.maximum(reach, life_scale * 1e-3), 0.0)
+
+
+def onsets(law: Numbers, life_scale: Array, hours: Array, random: np.random.Generator) -> Mask:
+    """Return a mask (n, components) of the sudden onsets within `hours` [h], of probability 1 - exp(-h/T).
+
+    Parameters and shapes are those of `transition`.
+    """
+    return is_waiting(law) & (in_common(random.random(law.shape)) < -np.expm1(-hours / life_scale))
 
 
 def breaks(

@@ -16,7 +16,7 @@ from emaphm.prognosis.columns import ECCENTRICITY
 from emaphm.prognosis.from_fleet.fleet_pace import FleetPaceModel
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.reference_trajectories import ReferenceTrajectories
-from emaphm.prognosis.laws import AnyArray, Mask, Numbers, in_common, rate_scale, transition
+from emaphm.prognosis.laws import AnyArray, Mask, Numbers, in_common, rate_scale
 from emaphm.prognosis.settings import (
     AS_ANOTHER,
     CRACK_GROWTH,
@@ -24,7 +24,6 @@ from emaphm.prognosis.settings import (
     EXPONENTIAL,
     LINEAR,
     POWER_LAW,
-    SUDDEN_ONSET,
     DegradationSettings,
 )
 from emaphm.prognosis.stress import NO_FLIGHTS, STRESSES, StressReference
@@ -214,22 +213,3 @@ def replace_law_fields(before: Any, rows: Rows, where: Mask, drawn: Hypotheses) 
     """Return the law fields of a filter state or `UnitDraws`, replaced by `drawn` as in `with_rows`."""
     names = ("law", "life_scale", "shape", "roughness", "unevenness")
     return {name: with_rows(getattr(before, name), rows, where, getattr(drawn, name)) for name in names}
-
-
-def rate_when_new(hypotheses: Hypotheses, age: Array, settings: DegradationSettings) -> Array:
-    """Return the ratio of the rate at `age` [h] to the rate of the new component, in the shape of `age`."""
-    start = np.full_like(age, settings.first_hours)
-    _, growth = transition(
-        hypotheses.law,
-        hypotheses.life_scale,
-        hypotheses.shape,
-        start,
-        np.maximum(age - start, 0.0),
-        settings,
-    )
-    return growth
-
-
-def is_waiting(law: Numbers) -> Mask:
-    """Return a mask of the components with a sudden onset that has not occurred yet."""
-    return np.asarray(law == SUDDEN_ONSET)

@@ -181,7 +181,7 @@ def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
     )
 
 
-def past_lives(prognosis: Prognosis) -> list[tuple[float, np.ndarray]]:
+def past_rul_forecasts(prognosis: Prognosis) -> list[tuple[float, Array]]:
     """Return the RUL forecast at the diagnoses whose filter states were kept: pairs of hours, samples [h].
 
     If a requirement is a measure, fewer paths are used, because each value needs a run of the model.
@@ -189,7 +189,7 @@ def past_lives(prognosis: Prognosis) -> list[tuple[float, np.ndarray]]:
     settings = _reaching(FORECAST, prognosis.horizon)
     if any(limit.component is None for limit in prognosis.times.limits):
         settings = replace(settings, paths=PAST_PATHS)
-    return lives(prognosis.past, prognosis.evidence, prognosis.actuator, prognosis.ahead, settings)
+    return rul_forecasts(prognosis.past, prognosis.evidence, prognosis.actuator, prognosis.ahead, settings)
 
 
 def _reaching(settings: ForecastSettings, horizon: float) -> ForecastSettings:
@@ -203,13 +203,13 @@ def _plotted_diagnoses(evidence: Evidence) -> set[int]:
     return set(np.linspace(0, count - 1, min(MOST_PAST, count)).astype(int).tolist())
 
 
-def lives(
+def rul_forecasts(
     beliefs: Sequence[Belief],
     evidence: Evidence,
     actuator: Actuator,
     ahead: Stress | None = None,
     settings: ForecastSettings | None = None,
-) -> list[tuple[float, np.ndarray]]:
+) -> list[tuple[float, Array]]:
     """Return the RUL forecast from each of the filter states `beliefs`: pairs of hours, samples [h].
 
     `ahead` is the future stress and `settings` are those of the forecast, as in `prognose`.

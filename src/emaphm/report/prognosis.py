@@ -7,7 +7,7 @@ from emaphm.plotting.prognosis import draw_fan, draw_health, draw_life
 from emaphm.plotting.svg import plain_style, svg
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.keeping.curves import Curves, fan_row
-from emaphm.prognosis.prognose import past_lives
+from emaphm.prognosis.prognose import past_rul_forecasts
 from emaphm.prognosis.result import Prognosis
 from emaphm.prognosis.wording.sentences import advice_text
 from emaphm.prognosis.wording.tables import level_table, requirement_table
@@ -32,7 +32,7 @@ def document(prognosis: Prognosis) -> Document:
     """Return the report as a document."""
     evidence = prognosis.evidence
     longest = float(prognosis.paths.hours[-1])
-    past = [fan_row(hours, sample, longest) for hours, sample in past_lives(prognosis)]
+    past = [fan_row(hours, sample, longest) for hours, sample in past_rul_forecasts(prognosis)]
     curves = Curves.of(prognosis, past)
     with plain_style():
         health, life = svg(draw_health(curves)), svg(draw_life(curves))

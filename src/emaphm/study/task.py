@@ -15,6 +15,7 @@ from emaphm.diagnosis.posing import objective_for
 from emaphm.errors import StudyError
 from emaphm.estimation.search import search
 from emaphm.estimation.search_settings import SearchSettings
+from emaphm.execution.revision import check_revision
 from emaphm.recording import Recording, acquire
 from emaphm.simulated_recording import simulate
 from emaphm.simulation import model_named
@@ -57,11 +58,7 @@ def perform(
     StudyError
         The code of this process differs from that of revision `expected`.
     """
-    if revision() != expected:
-        raise StudyError(
-            f"this worker runs another version of the models ({revision()}; the study's is {expected}); "
-            "install the same emaphm there"
-        )
+    check_revision(revision(), expected, "study", StudyError)
     # Otherwise the time of a worker's first trial would include the preparation.
     trial.contestant.chosen().prepare()
     if trial.rig is None:

@@ -5,6 +5,7 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from emaphm.actuator.quantity import quantity
+from emaphm.actuator.requirements import component_of
 from emaphm.actuator.section import Section
 from emaphm.actuator.sensors import OF_THE_CHANNEL
 
@@ -87,7 +88,7 @@ class ApparentFaults(Section):
 
     def of(self, coordinate: str) -> float:
         """Return the apparent fault of an estimator coordinate; both of the eccentricity have the same."""
-        name = coordinate.removesuffix("_x").removesuffix("_y")
+        name = component_of(coordinate)
         return float(getattr(self, name, 0.0)) if name in ApparentFaults.model_fields else 0.0
 
 

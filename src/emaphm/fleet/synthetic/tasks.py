@@ -4,7 +4,8 @@ from pathlib import Path
 
 from emaphm.actuator import Actuator
 from emaphm.diagnosis import Diagnosis, diagnose
-from emaphm.errors import ExecutionError, RecordingError
+from emaphm.errors import RecordingError
+from emaphm.execution.revision import check_revision
 from emaphm.fleet.synthetic.folder import CheckFlight, FleetFolder, revision
 from emaphm.fleet.synthetic.plan import FleetPlan
 from emaphm.fleet.synthetic.recordings import check_flight
@@ -24,7 +25,7 @@ def record_unit(folder: str, plan: FleetPlan, number: int, actuator: Actuator, e
     OutputError
         A file cannot be written.
     """
-    _check(expected)
+    check_revision(revision(), expected, "fleet")
     place, unit, written = FleetFolder(Path(folder)), drawn_unit(plan, number), 0
     make_folder(place.path / "recordings" / unit.serial_number)
     for flight in place.flights(unit, plan):
@@ -39,17 +40,9 @@ def diagnose_flight(
     flight: CheckFlight, actuator: Actuator, seed: int, expected: str
 ) -> tuple[Recording, Diagnosis]:
     """Return the recording of a check flight and its diagnosis; errors as in `record_unit` and `diagnose`."""
-    _check(expected)
+    check_revision(revision(), expected, "fleet")
     try:
         recording = read_recording(flight.path, actuator)
     except RecordingError as error:
         raise RecordingError(f"{error}; or remove it: the same command makes it again") from None
     return recording, diagnose(recording, actuator, seed=seed, workers=1)
-
-
-def _check(expected: str) -> None:
-    if revision() != expected:
-        raise ExecutionError(
-            f"this worker runs another version of emaphm ({revision()}; the fleet's is {expected}); install "
-            "the same one there"
-        )

@@ -7,9 +7,9 @@ from typing import Any
 import sqlalchemy as sa
 
 from emaphm.actuator.faults import degraded_in, health_in
-from emaphm.history.columns import diagnosis_of
 from emaphm.history.kept_diagnosis import KeptDiagnosis
 from emaphm.history.reading import UnitRow, flights
+from emaphm.history.storage.diagnosis_row import diagnosis_of
 from emaphm.history.storage.tables import DESCRIPTIONS, DIAGNOSES, FLIGHTS, RECORDINGS, UNITS
 
 
@@ -65,12 +65,6 @@ def diagnosis_lines(
     limit
         Largest number of diagnoses.
     """
-    diagnoses_of_recording = DIAGNOSES.alias()
-    newest = (
-        sa.select(sa.func.max(diagnoses_of_recording.c.id))
-        .where(diagnoses_of_recording.c.recording_id == RECORDINGS.c.id)
-        .scalar_subquery()
-    )
     query = _joined(
         DIAGNOSES.c.id,
         DIAGNOSES.c.explained,
@@ -85,7 +79,7 @@ def diagnosis_lines(
         RECORDINGS.c.hash,
         RECORDINGS.c.samples,
         RECORDINGS.c.sample_rate_hz,
-    ).where(DIAGNOSES.c.id == newest)
+    ).where(DIAGNOSES.c.id == last_of_recording())
     if unit_id is not None:
         query = query.where(UNITS.c.id == unit_id)
     if explained is not None:
@@ -94,6 +88,16 @@ def diagnosis_lines(
         query = query.where(DIAGNOSES.c.id < before)
     rows = connection.execute(query.order_by(DIAGNOSES.c.id.desc()).offset(offset).limit(limit))
     return tuple(_line(row) for row in rows)
+
+
+def last_of_recording() -> sa.ScalarSelect[int]:
+    """Return the subquery of the id of the last diagnosis of the recording in the query around it."""
+    of_recording = DIAGNOSES.alias()
+    return (
+        sa.select(sa.func.max(of_recording.c.id))
+        .where(of_recording.c.recording_id == RECORDINGS.c.id)
+        .scalar_subquery()
+    )
 
 
 def diagnosis(connection: sa.Connection, diagnosis_id: int) -> tuple[UnitRow, KeptDiagnosis, str] | None:

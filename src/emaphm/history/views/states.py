@@ -20,6 +20,7 @@ from emaphm.history.storage.tables import (
     UNITS,
     WITHDRAWALS,
 )
+from emaphm.history.views.diagnoses import last_of_recording
 
 MOST_ASKED = 500
 """Largest number of units in one query: databases accept no more than some thousand parameters."""
@@ -193,12 +194,6 @@ def _last(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
 
 def _counts(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
     """Return the query of the numbers of recordings of units, and of explained recordings."""
-    diagnoses_of_recording = DIAGNOSES.alias()
-    newest = (
-        sa.select(sa.func.max(diagnoses_of_recording.c.id))
-        .where(diagnoses_of_recording.c.recording_id == RECORDINGS.c.id)
-        .scalar_subquery()
-    )
     return (
         sa.select(
             FLIGHTS.c.unit_id,
@@ -209,7 +204,10 @@ def _counts(chosen: sa.ColumnElement[bool]) -> sa.Select[Any]:
         .select_from(FLIGHTS)
         .join(UNITS, UNITS.c.id == FLIGHTS.c.unit_id)
         .join(RECORDINGS, RECORDINGS.c.flight_id == FLIGHTS.c.id)
-        .join(DIAGNOSES, sa.and_(DIAGNOSES.c.recording_id == RECORDINGS.c.id, DIAGNOSES.c.id == newest))
+        .join(
+            DIAGNOSES,
+            sa.and_(DIAGNOSES.c.recording_id == RECORDINGS.c.id, DIAGNOSES.c.id == last_of_recording()),
+        )
         .where(chosen)
         .group_by(FLIGHTS.c.unit_id)
     )

@@ -9,9 +9,8 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
-from emaphm.prognosis.laws import Mask, breaks, in_common, is_moving
+from emaphm.prognosis.laws import Mask, breaks, in_common, keeps_rate
 from emaphm.prognosis.prior import Hypotheses, Rows, replace_law_fields
-from emaphm.prognosis.settings import AS_ANOTHER
 from emaphm.random_streams import stream
 
 
@@ -28,9 +27,9 @@ def with_changed_laws(belief: Belief, step: float) -> Belief:
     rows = np.flatnonzero(changes.any(axis=1))
     drawn = belief.prior.general(belief.aged[rows], random)
     changes, law = changes[rows], belief.law[rows]
-    keeps_rate = changes & is_moving(law) & (law != AS_ANOTHER) & is_moving(drawn.law)
-    after = with_hypotheses(belief, rows, changes & ~keeps_rate, _of_same_stress(drawn, belief, rows))
-    return replace(after, **replace_law_fields(after, rows, keeps_rate, drawn))
+    kept = changes & keeps_rate(law, drawn.law)
+    after = with_hypotheses(belief, rows, changes & ~kept, _of_same_stress(drawn, belief, rows))
+    return replace(after, **replace_law_fields(after, rows, kept, drawn))
 
 
 def after_onset(belief: Belief, sets_in: Mask, random: np.random.Generator) -> Belief:

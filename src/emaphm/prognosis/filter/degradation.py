@@ -44,10 +44,12 @@ from emaphm.prognosis.laws import (
     Mask,
     has_plane,
     in_common,
+    is_waiting,
     noises,
+    onsets,
     transition,
 )
-from emaphm.prognosis.prior import EVERY_ROW, NEW, is_waiting
+from emaphm.prognosis.prior import EVERY_ROW, NEW
 from emaphm.prognosis.settings import AS_ANOTHER, CRACK_GROWTH, EXPONENTIAL, FILTER, POWER_LAW, FilterSettings
 from emaphm.prognosis.stress import Exposure
 from emaphm.random_streams import stream
@@ -76,40 +78,23 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
         return belief
     belief = with_changed_laws(belief, flown)
     step = np.full(belief.law.shape, flown) if exposed is None else exposed.aged(belief.exponents)
-    random = stream(belief.seed, "degradation", belief.steps, "onset")
-    s = belief.prior.settings
     belief = with_broken_rates(belief, step)
-    sets_in = is_waiting(belief.law) & (
-        in_common(random.random(belief.law.shape)) < -np.expm1(-step / belief.life_scale)
-    )
-    reach, growth = transition(
-        belief.law, belief.life_scale, belief.shape, belief.aged, step, s, belief.prior.trajectories
-    )
-    reach = np.where(is_waiting(belief.law), 0.0, reach)
-    if sets_in.any():
-        belief = after_onset(belief, sets_in, random)
-        reach = np.where(sets_in, step * in_common(random.random(reach.shape)), reach)
+    belief, reach, growth = _with_onsets(belief, step)
     # x⁺ = x + d v, v⁺ = g v: F = [[I, diag d], [0, diag g]], so that P⁺ = F P Fᵀ + Q needs no matrix product.
     across = belief.mixed * reach[:, np.newaxis, :]
     by_rates = belief.rates * reach[:, :, np.newaxis]
     levels = belief.levels + across + np.swapaxes(across, 1, 2) + by_rates * reach[:, np.newaxis, :]
     mixed = (belief.mixed + by_rates) * growth[:, np.newaxis, :]
     rates = belief.rates * growth[:, :, np.newaxis] * growth[:, np.newaxis, :]
-    own = np.einsum("nii->ni", belief.rates)
     of_age = belief.unevenness**2 * belief.life_scale * step
     by_level, by_rate = reach / step, (growth - 1) / step
-    uneven = of_age * (belief.rate**2 + own)
-    wiener = noises(belief.law, belief.life_scale, belief.roughness, step, s)
     for part, variance, factor in zip(
-        (levels, mixed, rates), wiener, (by_level**2, by_level * by_rate, by_rate**2), strict=True
+        (levels, mixed, rates),
+        noises(belief.law, belief.life_scale, belief.roughness, step, belief.prior.settings),
+        (by_level**2, by_level * by_rate, by_rate**2),
+        strict=True,
     ):
-        np.einsum("nii->ni", part)[...] += variance + factor * uneven
-        if has_plane(step.shape[1]):
-            x, y = ECCENTRICITY
-            expected_product = belief.rate[:, x] * belief.rate[:, y] + belief.rates[:, x, y]
-            common = (factor * of_age)[:, x] * expected_product
-            part[:, x, y] += common
-            part[:, y, x] += common
+        _add_process_noise(part, variance, factor, belief, of_age)
     after = replace(
         belief,
         hours=hours,
@@ -123,6 +108,41 @@ def predicted(belief: Belief, hours: float, exposed: Exposure | None = None) -> 
         steps=belief.steps + 1,
     )
     return _limited(after)
+
+
+def _with_onsets(belief: Belief, step: Array) -> tuple[Belief, Array, Array]:
+    """Return the filter state with the onsets within `step` (n, 8) [h], and the coefficients of `transition`.
+
+    An onset is at a uniformly distributed time, from which on the level changes.
+    """
+    random = stream(belief.seed, "degradation", belief.steps, "onset")
+    sets_in = onsets(belief.law, belief.life_scale, step, random)
+    prior = belief.prior
+    reach, growth = transition(
+        belief.law, belief.life_scale, belief.shape, belief.aged, step, prior.settings, prior.trajectories
+    )
+    reach = np.where(is_waiting(belief.law), 0.0, reach)
+    if sets_in.any():
+        belief = after_onset(belief, sets_in, random)
+        reach = np.where(sets_in, step * in_common(random.random(reach.shape)), reach)
+    return belief, reach, growth
+
+
+def _add_process_noise(part: Array, variance: Array, factor: Array, belief: Belief, of_age: Array) -> None:
+    """Add to a `part` (n, 8, 8) of the covariance the `variance` (n, 8), and the effect of uneven ageing.
+
+    The latter is the `factor` (n, 8) times the variance of the ageing, `of_age` (n, 8) [h²], and the mean
+    square of the rate. The coordinates of an eccentricity age together, so that it is also in their
+    covariance.
+    """
+    uneven = of_age * (belief.rate**2 + np.einsum("nii->ni", belief.rates))
+    np.einsum("nii->ni", part)[...] += variance + factor * uneven
+    if has_plane(of_age.shape[1]):
+        x, y = ECCENTRICITY
+        expected_product = belief.rate[:, x] * belief.rate[:, y] + belief.rates[:, x, y]
+        common = (factor * of_age)[:, x] * expected_product
+        part[:, x, y] += common
+        part[:, y, x] += common
 
 
 def updated(belief: Belief, estimate: Array, covariance: Array, settings: FilterSettings = FILTER) -> Belief:
@@ -261,9 +281,19 @@ def _finished_crack_likelihood(belief: Belief, estimate: Array, covariance: Arra
     """Return the log-likelihood (n, 8) of an estimate for cracks that have become infinite before.
 
     Such a component is at the end of its scale, independent of the level of its Kalman filter: the error of
-    an estimate (8,) is its distance from the end. The result is 0 for all other components.
+    an estimate (8,) is its distance from the end. Both coordinates of an eccentricity have the distance of
+    its magnitude, with the variance of the magnitude. The result is 0 for all other components.
     """
-    log_likelihood = -0.5 * to_the_end(estimate, belief.prior.least_friction) ** 2 / np.diag(covariance)
+    variance = np.diag(covariance).copy()
+    if has_plane(variance.size):
+        plane = list(ECCENTRICITY)
+        of_plane, magnitude = covariance[np.ix_(plane, plane)], float(np.hypot(*estimate[plane]))
+        if magnitude > 0:
+            direction = estimate[plane] / magnitude
+            variance[plane] = direction @ of_plane @ direction
+        else:  # no direction: the mean over all directions
+            variance[plane] = np.trace(of_plane) / 2
+    log_likelihood = -0.5 * to_the_end(estimate, belief.prior.least_friction) ** 2 / variance
     return np.where((belief.law == CRACK_GROWTH) & (belief.life_scale <= belief.aged), log_likelihood, 0.0)
 
 
@@ -301,6 +331,7 @@ def replaced(belief: Belief, components: Mask) -> Belief:
         level=np.where(components, NEW[:count], belief.level),
         levels=levels,
         mixed=mixed,
+        surprise=np.where(components, 0.0, belief.surprise),
         steps=belief.steps + 1,
     )
 

@@ -20,9 +20,9 @@ from emaphm.prognosis.from_fleet.stress_exponents import (
     exponents_of_new_unit,
     exponents_of_unit,
 )
-from emaphm.prognosis.laws import Mask, is_moving
-from emaphm.prognosis.prior import NEW, Hypotheses, Prior, rate_when_new
-from emaphm.prognosis.settings import FILTER
+from emaphm.prognosis.laws import Mask, is_moving, transition
+from emaphm.prognosis.prior import NEW, Hypotheses, Prior
+from emaphm.prognosis.settings import FILTER, DegradationSettings
 from emaphm.random_streams import stream
 
 FOLLOWED_BY = replace(FILTER, trust=1.0)
@@ -152,10 +152,24 @@ def _hypotheses(belief: Belief, random: np.random.Generator) -> Hypotheses:
     rows = drawn_rows(belief, DRAWN, random)
     units = recombined(belief, rows)
     posterior = units.hypotheses()
-    factor = rate_when_new(posterior, units.aged, belief.prior.settings)
+    factor = _rate_when_new(posterior, units.aged, belief.prior.settings)
     rate = np.where(is_moving(posterior.law), posterior.rate / factor, 0.0)
     deviation = np.hypot(posterior.rate_deviation / factor, SPREAD * np.abs(rate))
     # The direction of an eccentricity differs from unit to unit.
     plane = np.sqrt(np.mean(rate[:, ECCENTRICITY] ** 2 + deviation[:, ECCENTRICITY] ** 2, axis=1))
     rate[:, ECCENTRICITY], deviation[:, ECCENTRICITY] = 0.0, plane[:, np.newaxis]
     return posterior._replace(rate=rate, rate_deviation=np.where(is_moving(posterior.law), deviation, 0.0))
+
+
+def _rate_when_new(hypotheses: Hypotheses, age: Array, settings: DegradationSettings) -> Array:
+    """Return the ratio of the rate at `age` [h] to the rate of the new component, in the shape of `age`."""
+    start = np.full_like(age, settings.first_hours)
+    _, growth = transition(
+        hypotheses.law,
+        hypotheses.life_scale,
+        hypotheses.shape,
+        start,
+        np.maximum(age - start, 0.0),
+        settings,
+    )
+    return growth

@@ -138,7 +138,8 @@ def _changes_and_spans(trajectory: Trajectory) -> tuple[Array, Array]:
         rows = (trajectory.hours > new_at) & (trajectory.hours <= until)
         if rows.sum() < FEWEST:
             continue
-        ages = np.concatenate([[0.0], trajectory.age[rows, c]])
+        # Two recordings of one flight may change the estimated age in either direction.
+        ages = np.maximum.accumulate(np.concatenate([[0.0], trajectory.age[rows, c]]))
         values = np.concatenate([[0.0], change[rows, c]])
         span[c] = ages[-1]
         changes[c] = np.interp(np.linspace(0, span[c], POINTS), ages, values)

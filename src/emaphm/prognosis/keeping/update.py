@@ -11,7 +11,7 @@ from emaphm.history.views import read_curves
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.from_fleet.fleet import learnt_prior
 from emaphm.prognosis.keeping.curves import Curves, fan_row
-from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, past_lives, prognose
+from emaphm.prognosis.prognose import DEFAULT_QUESTION, Question, past_rul_forecasts, prognose
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -93,15 +93,16 @@ def keep_with_curves(
         The database fails, or the unit was withdrawn meanwhile.
     """
     with history.database.reading() as connection:
-        stored = read_curves(connection, unit.row.id) or {"fan": []}
+        # Read again, here and below: after a withdrawal, its id may be that of another unit.
+        row = reading.unit(connection, unit.serial_number)
+        stored = read_curves(connection, row.id) or {"fan": []}
     rows = [tuple(row) for row in stored["fan"] if row[0] < curves.now]
     # Older versions did not keep the labels.
-    is_same_life = stored.get("requirements", list(curves.requirements)) == list(curves.requirements)
-    if len(rows) < ENOUGH or not is_same_life:
+    has_same_requirements = stored.get("requirements", list(curves.requirements)) == list(curves.requirements)
+    if len(rows) < ENOUGH or not has_same_requirements:
         rows = earlier()
     curves_with_fan = replace(curves, fan=(*rows, *curves.fan))
     with history.writing() as connection:
-        # Read again: after a withdrawal, its id may be that of another unit.
         row = reading.unit(connection, unit.serial_number)
         keep_prognosis(connection, row, prognosis, curves_with_fan.to_dict())
         add_events(connection, events)
@@ -111,4 +112,4 @@ def keep_with_curves(
 def earlier_rows(prognosis: "Prognosis") -> list[tuple[float, ...]]:
     """Return earlier rows of a fan: forecasts recomputed from the kept earlier filter states."""
     now, longest = prognosis.evidence.hours, float(prognosis.paths.hours[-1])
-    return [fan_row(hours, sample, longest) for hours, sample in past_lives(prognosis) if hours < now]
+    return [fan_row(hours, sample, longest) for hours, sample in past_rul_forecasts(prognosis) if hours < now]

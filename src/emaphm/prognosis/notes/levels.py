@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES
-from emaphm.actuator.requirements import LOWEST_FRICTION
+from emaphm.actuator.requirements import LOWEST_FRICTION, component_of
 from emaphm.arrays import Array
 from emaphm.prognosis.bounds import to_the_end
 from emaphm.prognosis.columns import ECCENTRICITY
@@ -34,7 +34,7 @@ def level_notes(evidence: "Evidence", level: Array, least_friction: float = LOWE
     """Return notes on samples (n, 8) of the present levels, and on the diagnoses."""
     notes = []
     at_end = np.mean(to_the_end(level, least_friction) == 0, axis=0) >= AT_THE_END
-    names = dict.fromkeys(name.removesuffix("_x").removesuffix("_y") for name in _names(at_end))
+    names = dict.fromkeys(component_of(name) for name in _names(at_end))
     if names:
         notes.append(
             "may be at the end of its scale, so that a limit at that end has failed, or beyond the end, "

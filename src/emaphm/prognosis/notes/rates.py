@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.actuator.requirements import component_of
 from emaphm.prognosis.filter.degradation import LARGEST_RATE
 from emaphm.prognosis.notes.trend import Trend
 
@@ -23,8 +24,8 @@ def rate_notes(evidence: "Evidence") -> list[str]:
     rates: dict[str, float] = {}
     for column, name in enumerate(CARTESIAN_NAMES):
         rate = abs(_rate(evidence, column))
-        component = name.removesuffix("_x").removesuffix("_y")
         if rate > LARGEST_RATE:
+            component = component_of(name)
             rates[component] = max(rate, rates.get(component, 0.0))
     if not rates:
         return []

@@ -40,10 +40,11 @@ class Limit:
 
     @property
     def holds_always(self) -> bool:
-        """Whether no level violates it: it is below the least level, or 0 for a component healthy at 0."""
+        """Whether no level violates it: it is below the least level, or at it where that is healthy."""
         if self.component is None or self.upper:
             return False
-        return self.bound < self.least or bool(self.bound == HEALTHY.vector[NAMES.index(self.component)] == 0)
+        healthy = HEALTHY.vector[NAMES.index(self.component)]
+        return self.bound < self.least or bool(self.bound == self.least == healthy)
 
     def margin(self, value: Array) -> Array:
         """Return the margin of `value`, any shape, to the bound, in its unit; negative if violated."""

@@ -18,7 +18,7 @@ from emaphm.prognosis.metrics import (
     crps,
     probability_integral_transform,
 )
-from emaphm.prognosis.prognose import lives
+from emaphm.prognosis.prognose import rul_forecasts
 from emaphm.prognosis.settings import FORECAST
 from emaphm.study.fleet.baselines import LONGEST_H, fleet_lives, last_slope, mean_life, one_filter_a_component
 from emaphm.study.fleet.clairvoyant import clairvoyant
@@ -84,9 +84,9 @@ def judged(
         if prior is None:
             continue
         past = follow(case.evidence, prior, seed=seed).past
-        ways[name] = _scored(lives([past[i] for i in chosen], case.evidence, actuator), failure)
+        ways[name] = _scored(rul_forecasts([past[i] for i in chosen], case.evidence, actuator), failure)
         if tracked:
-            at_all_flights = lives(past, case.evidence, actuator, settings=TRACKED)
+            at_all_flights = rul_forecasts(past, case.evidence, actuator, settings=TRACKED)
             tracks[name] = track(at_all_flights, failure, plan.interval)
     for name, samples in _reference_samples(case, plan, actuator, at, seed).items():
         predicted = {i: (float(hours[i]), sample) for i, sample in zip(at, samples, strict=True)}

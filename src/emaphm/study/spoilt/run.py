@@ -9,6 +9,7 @@ from emaphm.actuator import Actuator, Faults
 from emaphm.diagnosis import diagnose
 from emaphm.errors import EmaphmError, StudyError, nearest
 from emaphm.execution import OnTask, Task, run_tasks
+from emaphm.execution.revision import check_revision
 from emaphm.execution.store import ResultStore
 from emaphm.output_files import make_folder
 from emaphm.random_streams import stream
@@ -92,8 +93,7 @@ def perform(case: SpoiltCase, expected: str) -> dict[str, Any]:
     StudyError
         The code of this process differs from that of revision `expected`.
     """
-    if revision() != expected:
-        raise StudyError(f"this worker runs another version of the models; install {expected} there")
+    check_revision(revision(), expected, "study", StudyError)
     try:
         recording, actuator, truth = spoilt(case)
         return judged(diagnose(recording, actuator, seed=case.seed, workers=1), truth)

@@ -1,4 +1,4 @@
-"""Conversion of a diagnosis to the columns of a row, and back."""
+"""Conversion of a diagnosis to a row of the table of diagnoses, and back."""
 
 import json
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ NUMBER = "<f8"
 """Format of arrays in the database: little-endian double precision, on any machine."""
 
 
-def columns_of(diagnosis: "Diagnosis") -> dict[str, Any]:
+def row_of(diagnosis: "Diagnosis") -> dict[str, Any]:
     """Return the values of a diagnosis in a row of `DIAGNOSES`."""
     document = finite(diagnosis.to_dict())
     del document["covariance"]  # stored in separate columns, in a quarter of the space
