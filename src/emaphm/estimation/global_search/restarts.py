@@ -94,27 +94,34 @@ def _from_starts(
 ) -> SearchResult:
     """Return the result of corrections from `points` (n, d).
 
-    From a single point, corrected steps lead to the optimum. A correction with the settings of a global
-    search follows if they do not converge, or if the shaft may rest. Several points mean that the optimum is
-    uncertain by more than a few percent: descents from all points come first, then such a correction from the
-    best. If the residual exceeds noise and switching, a second correction and steps by the reference model
-    itself follow.
+    Several points mean that the optimum is uncertain by more than a few percent: descents from all points
+    come first. If the residual of the first correction exceeds noise and switching, a second correction and
+    steps by the reference model itself follow.
     """
-    progress = subprogress(on_progress, 0.0, 0.9)
-    most, seed = settings.max_corrections, settings.seed
-    result = None
-    if len(points) == 1 and not command_stands(objective.problem):
-        result = correct_by_steps(objective, points[0], most, seed)
-    elif len(points) > 1:
+    if len(points) > 1:
         descents = descend_from(objective, points)
         points = descents.points[np.argsort(descents.costs, kind="stable")[:MOST_STARTS]]
-    if result is None or not result.converged:
-        result = correct_bias(objective, points, most, seed, progress)
+    result = _corrected(objective, points, settings, subprogress(on_progress, 0.0, 0.9))
     if not result.down_to_noise:
-        child = child_seed(seed, "on from the starts")
-        continued = correct_bias(objective, result.point[np.newaxis], most, child)
+        child = child_seed(settings.seed, "on from the starts")
+        continued = correct_bias(objective, result.point[np.newaxis], settings.max_corrections, child)
         result = refine_by_reference(_best([result, continued]), child)
     return replace(result, started=True)
+
+
+def _corrected(
+    objective: MapObjective, points: Array, settings: SearchSettings, on_progress: Progress | None
+) -> SearchResult:
+    """Return the result of a correction from `points` (n, d), the best first.
+
+    Steps from the best point lead to the optimum faster than iterations over candidates do. These follow if
+    the steps do not converge, or to more than noise and switching, or if the shaft may rest.
+    """
+    if not command_stands(objective.problem):
+        result = correct_by_steps(objective, points[0], settings.max_corrections, settings.seed)
+        if result.converged and result.down_to_noise:
+            return result
+    return correct_bias(objective, points, settings.max_corrections, settings.seed, on_progress)
 
 
 def _heavy_from_starts(
@@ -140,7 +147,8 @@ def _search(objective: MapObjective, settings: SearchSettings, on_progress: Prog
     most, seed, optimizer = settings.max_corrections, settings.seed, settings.method.optimizer
     refined = multistart(objective, seed, optimizer, subprogress(on_progress, 0.0, searched))
     progress = subprogress(on_progress, searched, corrected)
-    result = correct_bias(objective, refined.points, most, seed, progress)
     if not heavy:
-        return result
+        points = refined.points[np.argsort(refined.costs, kind="stable")]
+        return _corrected(objective, points, settings, progress)
+    result = correct_bias(objective, refined.points, most, seed, progress)
     return refine_by_ensemble(result, seed, subprogress(on_progress, corrected, 1.0))

@@ -23,12 +23,12 @@ class CorrectedStepSettings:
     """Settings of the steps; `python -m emaphm.study.estimators` measures their effect.
 
     A step is `longest` at most. After a step longer than `short`, the models are compared again, `most` times
-    in total. Of 40 random vectors, the error was 0.52 % (rms) with a single comparison.
+    in total. Of 40 random vectors, the error was 0.52 % (rms) with one comparison, 0.43 % until a short step.
     """
 
     longest: float = 0.1
     short: float = 0.01
-    most: int = 4
+    most: int = 8
 
 
 CORRECTED_STEPS = CorrectedStepSettings()
@@ -43,21 +43,36 @@ def correct_by_steps(
 ) -> SearchResult:
     """Return the estimate after corrected steps from `point` (d,), at most `most`, until a step is short.
 
-    Its discrepancy and its Jacobians are those at the last comparison, one step away. It has converged if
-    that step is short.
+    The estimate is the mean of the end of the last step and of one further step under the same correction,
+    from Jacobians about that end: errors of the Jacobians at kinks average out. Its discrepancy is that of
+    the last comparison, a short step away. It has converged if the last step is short.
     """
     reference = reference_problem(objective)
     for number in range(min(most, settings.most)):
         rng = stream(seed, "reference runs of a corrected step", number)
         (comparison,) = compared(objective, point[np.newaxis], reference, rng)
         comparison = comparison.reweighted()
-        objective = comparison.objective
-        jacobians = jacobians_at(objective, point, stream(seed, "Jacobians of a corrected step", number))
-        step = gauss_newton(objective, point, comparison.residual, jacobians)
-        step *= settings.longest / max(float(np.linalg.norm(step)), settings.longest)
+        objective, correction = comparison.objective, comparison.outputs_correction
+        _, step = _step(objective, point, comparison.residual, seed, number, settings)
         point = objective.space.project(point + step)
-        if np.linalg.norm(step) <= settings.short:
+        converged = bool(np.linalg.norm(step) <= settings.short)
+        if converged:
             break
-    correction = comparison.outputs_correction
-    result = SearchResult.at(objective, point, correction=correction, discrepancy=comparison.discrepancy)
-    return replace(result, jacobians=jacobians, converged=bool(np.linalg.norm(step) <= settings.short))
+    jacobians, step = _step(objective, point, objective.residual(point, correction), seed, "last", settings)
+    end = objective.space.project(point + step / 2)
+    result = SearchResult.at(objective, end, correction=correction, discrepancy=comparison.discrepancy)
+    return replace(result, jacobians=jacobians, converged=converged)
+
+
+def _step(
+    objective: MapObjective,
+    point: Array,
+    residual: Array,
+    seed: int,
+    name: int | str,
+    settings: CorrectedStepSettings,
+) -> tuple[Array, Array]:
+    """Return Jacobians (n, d, channel rows) about `point` (d,), and the step (d,) that they give."""
+    jacobians = jacobians_at(objective, point, stream(seed, "Jacobians of a corrected step", name))
+    step = gauss_newton(objective, point, residual, jacobians)
+    return jacobians, step * (settings.longest / max(float(np.linalg.norm(step)), settings.longest))
