@@ -90,6 +90,15 @@ def smoothed_command(recording: Recording, actuator: Actuator) -> tuple[Array, S
     return values, SensorFinding(COMMAND, "noise", noise, unit, sentence)
 
 
+def with_smoothed_command(recording: Recording, actuator: Actuator) -> Recording:
+    """Return `recording` with `smoothed_command` and a note on it, or unchanged."""
+    smooth = smoothed_command(recording, actuator)
+    if smooth is None:
+        return recording
+    values, finding = smooth
+    return recording.with_channels({**recording.channels, COMMAND: values}, (finding.sentence,))
+
+
 def _current_per_command(recording: Recording, actuator: Actuator) -> float | None:
     """Return the current per jump of the command [A/rad; A/m]; None if the current does not follow it."""
     if actuator.drive_kind == "voltage":
