@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cases import THESIS
-from emaphm.actuator import Chirp, Step
+from emaphm.actuator import Actuator, Chirp, Step
 from emaphm.arrays import Array
 from emaphm.recording import Recording
 from emaphm.recording.sensor_checks import check_sensors
@@ -51,6 +51,12 @@ def test_noise_that_the_drive_received_is_kept(late: int) -> None:
     recording = simulate(THESIS, command, noise=0.05)
     shifted = Recording({**dict(recording.channels), "current_A": np.roll(recording["current_A"], late)})
     assert smoothed_command(shifted, THESIS) is None
+
+
+@pytest.mark.parametrize("actuator", [Actuator.six_step(), Actuator.pmsm()])
+def test_noise_is_kept_where_the_current_control_is_slow(actuator: Actuator, clean: Recording) -> None:
+    spoilt = recorded(clean, clean["command_rad"] + noise(5e-5))
+    assert smoothed_command(spoilt, actuator) is None
 
 
 def test_a_command_without_noise_is_kept(clean: Recording) -> None:
