@@ -1,10 +1,11 @@
-"""A command in a wrong unit requires speeds beyond any motor; a step requires them only in single rows."""
+"""A command in a wrong unit requires speeds beyond any motor; a step requires them only at its jumps."""
 
 import numpy as np
 import pytest
 
 from cases import THESIS
 from emaphm.actuator import Chirp, Command, Ramp, Step
+from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.command_speed import notes_on_command, with_command
 from emaphm.estimation.posing import problem_of
 from emaphm.estimation.problem import Problem
@@ -12,7 +13,12 @@ from emaphm.recording import Recording
 from emaphm.simulated_recording import simulate
 
 
-@pytest.mark.parametrize("command", [Chirp(), Step(), Ramp()])
+def staircase(t: Array) -> Array:
+    """Return steps of 8 mrad, forth and back, whose times are within a row [rad]."""
+    return np.where(np.floor(t / 0.05003) % 2 == 1, 8e-3, 0.0)
+
+
+@pytest.mark.parametrize("command", [Chirp(), Step(start=0.1), staircase, Ramp()])
 def test_a_possible_command_has_no_note(command: Command) -> None:
     assert notes_on_command(problem(command, 1.0)) == ()
 

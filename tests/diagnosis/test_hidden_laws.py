@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cases import THESIS, on_a_rig
-from emaphm.actuator import Actuator, Faults
+from emaphm.actuator import Actuator, Faults, Step
 from emaphm.actuator.laws import LAWS, typical_speed
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.diagnosis import diagnose
@@ -15,7 +15,13 @@ from emaphm.diagnosis.law_parameters import shown_laws
 from emaphm.diagnosis.nuisance_estimate import NuisanceEstimate
 from emaphm.diagnosis.selection import deviations
 from emaphm.diagnosis.selection.laws import hidden_laws, law_selection
-from emaphm.diagnosis.selection.laws.hidden_laws import Score, hidden_scores, suspected_laws
+from emaphm.diagnosis.selection.laws.hidden_laws import (
+    HIDDEN,
+    Score,
+    answered_scores,
+    hidden_scores,
+    suspected_laws,
+)
 from emaphm.diagnosis.selection.laws.law_fit import with_free_law
 from emaphm.diagnosis.selection.residual_share import notes_on_alternatives
 from emaphm.diagnosis.selection.selection import Selection
@@ -26,6 +32,7 @@ from emaphm.estimation.posing import problem_of
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 from emaphm.recording import Recording
+from emaphm.simulated_recording import simulate
 
 pytestmark = pytest.mark.usefixtures("one_search", "unrefined")
 
@@ -48,6 +55,14 @@ def near_the_truth(recording: Recording, actuator: Actuator = THESIS) -> SearchR
 def estimate_as_described() -> SearchResult:
     """Return the estimate for a unit as described."""
     return near_the_truth(on_a_rig(THESIS, FAULTS, 0.15))
+
+
+def test_a_law_without_effect_alone_has_no_score_by_the_reference_model() -> None:
+    # The command of a step has a rate only in its jump, where the speed demand is at its limit.
+    step = simulate(THESIS, Step(start=0.02), duration=0.08, noise=0.05)
+    result = near_the_truth(Recording({name: step[name] for name in ("time_s", "command_rad", "current_A")}))
+    feedforward = [law for law in HIDDEN if law.name == "feedforward"]
+    assert answered_scores(result, feedforward, seed=0) == {}
 
 
 @pytest.mark.parametrize("value", [0.01, -0.01])

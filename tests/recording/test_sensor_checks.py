@@ -213,6 +213,17 @@ def test_lost_samples_of_a_smooth_signal_in_counts_are_found() -> None:
     assert not held_rows(true).any()
 
 
+def test_an_exact_position_held_by_backlash_at_reversals_has_lost_no_samples() -> None:
+    # A sine of 63 rows a period, behind a backlash that the motor crosses in 1.7 rows.
+    motor, half = np.sin(0.1 * np.arange(4000)), (1 - np.cos(0.17)) / 2
+    user = np.empty_like(motor)
+    last = 0.0
+    for row, angle in enumerate(motor):
+        last = user[row] = np.clip(last, angle - half, angle + half)
+    assert np.count_nonzero(np.diff(user) == 0) > 50
+    assert not held_rows(user).any()
+
+
 def test_a_drive_that_switches_cyclically_raises_no_alarm() -> None:
     # Six voltages in turn, two of them adjacent and equal: they repeat, and return to the largest.
     voltage = np.tile([-0.3, 4.8, 1.4, 1.4, 5.5, 0.5], 300)

@@ -53,6 +53,7 @@ from emaphm.estimation.space.parameter_variation import sizes
 from emaphm.progress import Progress, subprogress
 from emaphm.recording import check_plausible
 from emaphm.recording.content import check_each_once
+from emaphm.recording.sensor_checks.command_noise import with_smoothed_command
 
 CALIBRATED = ", calibrated"
 """Suffix of the name of a calibrated actuator."""
@@ -133,6 +134,7 @@ def calibrate(
     names = None if free is None else tuple(dict.fromkeys(free))
     bare = actuator.model_copy(update={"baseline": None, "model_error": NOT_LEARNED})
     _check(rows, bare, names, nuisances)
+    rows = tuple(replace(row, recording=with_smoothed_command(row.recording, bare)) for row in rows)
     known = actuator.tolerances.deviations if actuator.tolerances else {}
     settings = FitSettings(nuisances, max_corrections, seed, workers, known=known)
     choice = chosen_loop(loop, rows, bare, names or ())

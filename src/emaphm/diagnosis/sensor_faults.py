@@ -67,7 +67,8 @@ class SensorFault:
     channel
         The column; several columns are joined by " and "; "all channels" for a common delay.
     kind
-        "bias", "scale", "reversed", "drift", "delay", "frozen", "held", "clipped" or "swapped".
+        "bias", "scale", "reversed", "drift", "delay", "frozen", "held", "clipped", "swapped"
+        or "noise".
     size, unit
         Bias, drift: in the channel's unit. Scale: relative error. Delay [s], positive if the channel is
         late. Frozen: duration [s]; held: number of rows; clipped: the level; swapped: number of channels.

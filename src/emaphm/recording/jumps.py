@@ -64,6 +64,13 @@ class Jumps:
         before = np.flatnonzero(large)
         return cls(before, before + rows)
 
+    def changes_between(self, values: Array) -> Array:
+        """Return the changes from row to row of `values` (samples,), 0 at the jumps, (samples - 1,)."""
+        changes = np.diff(values)
+        for before, after in zip(self.before, self.after, strict=True):
+            changes[before:after] = 0.0
+        return changes
+
 
 def with_jumps(
     values: Array, interval: float, curve_of: Callable[[Array, float], Curve], *, means: bool

@@ -4,19 +4,22 @@ import numpy as np
 
 from emaphm.actuator.laws import largest_speed
 from emaphm.estimation.problem import Problem
+from emaphm.recording.jumps import Jumps
 
 BEYOND = 3.0
-"""Multiple of the motor's largest speed that commands do not require, except in steps."""
+"""Multiple of the motor's largest speed that commands do not require, except in jumps."""
 
 LEAST_SHARE = 0.25
-"""Smallest share of moving rows above that speed: a step has one such row, a command in degrees most."""
+"""Smallest share of moving rows above that speed, without jumps: a command in degrees has mostly such."""
 
 
 def notes_on_command(problem: Problem) -> tuple[str, ...]:
     """Return a sentence on a command that the motor cannot follow by far; else nothing."""
     actuator = problem.actuator
     largest = largest_speed(actuator)
-    rates = np.abs(np.diff(problem.measured["command_rad"])) / problem.inputs.interval
+    command = problem.measured["command_rad"]
+    jumps = Jumps.of(command, means=problem.driving.sampling == "mean")
+    rates = np.abs(jumps.changes_between(command)) / problem.inputs.interval
     speeds = rates[rates > 0] / actuator.mechanics.gear_ratio
     if not speeds.size or float(np.mean(speeds > BEYOND * largest)) < LEAST_SHARE:
         return ()

@@ -114,10 +114,7 @@ def _jumps_of(problem: Problem) -> Jumps:
 
 def _usual_rate(problem: Problem, jumps: Jumps) -> float:
     """Return the rms rate [rad/s] of the command outside its jumps."""
-    rates = np.diff(problem.measured["command_rad"]) / problem.inputs.interval
-    for before, after in zip(jumps.before, jumps.after, strict=True):
-        rates[before:after] = 0.0
-    return rms(rates)
+    return rms(jumps.changes_between(problem.measured["command_rad"]) / problem.inputs.interval)
 
 
 def first_motion(problem: Problem) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from emaphm.recording.equivalent_current import MADE_OF, without_equivalent_curr
 from emaphm.recording.recording import Recording
 from emaphm.recording.schema import CURRENTS, SCHEMA
 from emaphm.recording.sensor_checks.clipping import clipped_rows
+from emaphm.recording.sensor_checks.command_noise import COMMAND, smoothed_command
 from emaphm.recording.sensor_checks.finding import SensorFinding
 from emaphm.recording.sensor_checks.freezing import frozen_rows
 from emaphm.recording.sensor_checks.held_samples import held_rows, interpolated
@@ -44,8 +45,9 @@ def check_sensors(recording: Recording, actuator: Actuator) -> CheckedRecording:
 
     Single held rows are interpolated. Frozen and clipped rows are marked as unusable; a channel with more
     than `MOST_UNUSABLE` of them is left out. A phase current with a wrong scale is computed from the other
-    two, swapped phases are exchanged. A `current_A` that was computed from the phases is not checked; after
-    any finding it is left out, so that it is computed again from the corrected channels.
+    two, swapped phases are exchanged. A command with noise that the drive did not receive is smoothed. A
+    `current_A` that was computed from the phases is not checked; after any finding it is left out, so that
+    it is computed again from the corrected channels.
 
     Raises
     ------
@@ -69,6 +71,10 @@ def check_sensors(recording: Recording, actuator: Actuator) -> CheckedRecording:
         if held.any():
             columns[name] = interpolated(columns[name], held)
             findings.append(_held_finding(name, held))
+    smooth = smoothed_command(original, actuator)
+    if smooth is not None:
+        columns[COMMAND], finding = smooth
+        findings.append(finding)
     if not findings:
         return CheckedRecording(original, {}, ())
     left_out = [name for name, rows in unusable.items() if rows.mean() > MOST_UNUSABLE]

@@ -12,9 +12,10 @@ class SensorFinding:
     channel
         The column, or several columns joined by " and ".
     kind
-        "frozen", "held", "clipped", "scale", "reversed" or "swapped".
+        "frozen", "held", "clipped", "scale", "reversed", "swapped" or "noise".
     size, unit
-        Size of the fault: number of held rows, time frozen, level of clipping, relative error of a scale.
+        Size of the fault: number of held rows, time frozen, level of clipping, relative error of a scale,
+        rms of the noise.
     sentence
         Sentence on the fault, with sensor, size and place.
     """

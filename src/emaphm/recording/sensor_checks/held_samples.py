@@ -28,7 +28,8 @@ class HeldSettings:
     other differences repeat as often. There are at least `least_repeats` repeats, and `least_repeated` of all
     rows. A value that occurs again within `near` rows is not counted: a drive whose cycle is synchronous with
     the rows, for a part of a recording, has the same few values, while the value of a lost sample does not
-    return.
+    return. Nor are repeats at smooth reversals counted: there, backlash or dry friction may hold an exact
+    position for a row.
     """
 
     moves: float = 5.0
@@ -101,7 +102,7 @@ def _held_in_noise(values: Array) -> Mask:
     between = (np.abs(steps[:-2]) > least) & (np.abs(steps[2:]) > least)
     is_unique = ~_occurs_again(values, max(count, HELD.same * noise) / 2)
     repeated = between & (steps[1:-1] == 0) & is_unique[1:-2] & is_unique[2:-1]
-    repeats = int(np.count_nonzero(repeated))
+    repeats = int(np.count_nonzero(repeated & ~_within_smooth_reversal(steps)[1:-1]))
     if repeats < max(HELD.least_repeats, HELD.least_repeated * values.size):
         return held
     nonzero = steps[1:-1][between & (steps[1:-1] != 0)]
@@ -110,6 +111,17 @@ def _held_in_noise(values: Array) -> Mask:
     if repeats >= HELD.least_excess * max(near, int(frequencies.max(initial=0))):
         held[2:-1] = repeated
     return held
+
+
+def _within_smooth_reversal(steps: Array) -> Mask:
+    """Return whether the five steps about each of `steps` (n,) rise or fall throughout, and change sign."""
+    reversals = np.zeros(steps.size, bool)
+    rising = np.diff(steps) > 0
+    falling = np.diff(steps) < 0
+    for one_way in (rising, falling):
+        throughout = one_way[:-3] & one_way[1:-2] & one_way[2:-1] & one_way[3:]
+        reversals[2:-2] |= throughout & (steps[1:-3] * steps[3:-1] < 0)
+    return reversals
 
 
 def _occurs_again(values: Array, tolerance: float) -> Mask:

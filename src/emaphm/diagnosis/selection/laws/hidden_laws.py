@@ -159,7 +159,7 @@ def suspected_laws(result: SearchResult, seed: int) -> dict[str, Score]:
     suspected = [law for law in suspected if _is_suspected(law, scores[law.name])]
     if suspected and has_reference(result.objective.problem):
         scores = answered_scores(result, suspected, seed)
-        suspected = [law for law in suspected if _is_suspected(law, scores[law.name])]
+        suspected = [law for law in suspected if law.name in scores and _is_suspected(law, scores[law.name])]
     return {law.name: scores[law.name] for law in suspected}
 
 
@@ -196,7 +196,11 @@ def hidden_scores(result: SearchResult, seed: int) -> dict[str, Score]:
 
 
 def answered_scores(result: SearchResult, laws: Sequence[HiddenLaw], seed: int) -> dict[str, Score]:
-    """Return the scores of hidden `laws` by the responses of the reference model (`answered_sizes`)."""
+    """Return the scores of hidden `laws` by the responses of the reference model (`answered_sizes`).
+
+    A law with a parameter that has no effect on the fitted model has no score. An example is a feedforward of
+    a stepped command: only a lag of the command, with which `hidden_scores` derives, gives it an effect.
+    """
     response = reference_response(result, stream(seed, "Jacobians of the response"))
     assert response is not None  # noqa: S101 - computed only where there is a reference model
     scatter = stream(seed, "responses to the hidden laws").normal(
@@ -208,6 +212,7 @@ def answered_scores(result: SearchResult, laws: Sequence[HiddenLaw], seed: int) 
     return {
         name: Score(*answered_sizes(result, (mean, fitted[name]), (response, answered[name]), errors))
         for name in fitted
+        if np.all(np.any(fitted[name], axis=1))
     }
 
 
