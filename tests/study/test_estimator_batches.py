@@ -13,7 +13,7 @@ from emaphm.errors import StudyError
 from emaphm.study.estimators.__main__ import main
 from emaphm.study.estimators.batches import answered
 from emaphm.study.estimators.cases import GROUPS, RecordingCase, of_base_setting, of_multiple, of_unlike
-from emaphm.study.estimators.tables import alarms_table
+from emaphm.study.estimators.tables import alarms_table, coverage_table
 from emaphm.study.estimators.trial import METHODS
 
 SETUP = RecordingSetup.of(Actuator.thesis(), Chirp())
@@ -77,3 +77,15 @@ def test_all_groups_have_a_name() -> None:
     channels = ("current_A",)
     cases = (*of_base_setting(channels, 0.01), *of_multiple(channels), *of_unlike(channels, 0.05))
     assert {case.group for case in cases} == set(GROUPS)
+
+
+def test_coverage_is_the_share_of_intervals_with_the_true_value_by_component() -> None:
+    case = RecordingCase("random", "random", (0.5,) * len(NAMES), None, 0)
+    outside = {"moves": True, "covered": [name != "gain" for name in NAMES]}
+    within = {"moves": True, "covered": [True] * len(NAMES)}
+    at_rest = {"moves": False, "covered": [False] * len(NAMES)}
+    results = [(case, METHODS[0], result) for result in (outside, within, at_rest)]
+    *_, row = coverage_table(results).splitlines()
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    assert cells[:2] == ["random, 2", METHODS[0]]
+    assert dict(zip(NAMES, cells[2:], strict=True)) == dict.fromkeys(NAMES, "100.0 %") | {"gain": "50.0 %"}

@@ -10,7 +10,7 @@ import numpy as np
 
 from emaphm.actuator import NAMES, Actuator, Faults
 from emaphm.amortized import Estimator
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Flags
 from emaphm.estimation.posing import problem_of
 from emaphm.random_streams import stream
 from emaphm.study.cases import SINGLE
@@ -87,7 +87,7 @@ def coverage_table(outcomes: Outcomes) -> str:
         for method in METHODS:
             covered = [r["covered"] for r in _results(outcomes, group, method) if r.get("moves")]
             if covered:
-                rows.append((f"{group}, {len(covered)}", method, *map(_percent, np.mean(covered, axis=0))))
+                rows.append((f"{group}, {len(covered)}", method, *map(_percent, zip(*covered, strict=True))))
     return markdown_table(("recordings", "method", *NAMES), rows, words=2)
 
 
@@ -161,7 +161,7 @@ def speed_table(path: Path) -> str:
     return markdown_table(header, table, words=0)
 
 
-def _percent(values: Any) -> str:
+def _percent(values: Sequence[bool] | Flags) -> str:
     """Return the share of true `values`, a dash if there are none, as for a group that was left out."""
     if not len(values):
         return NOTHING
