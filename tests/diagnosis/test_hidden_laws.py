@@ -17,8 +17,8 @@ from emaphm.diagnosis.selection import deviations
 from emaphm.diagnosis.selection.laws import hidden_laws, law_selection
 from emaphm.diagnosis.selection.laws.hidden_laws import (
     HIDDEN,
+    Answers,
     Score,
-    answered_scores,
     hidden_scores,
     suspected_laws,
 )
@@ -62,7 +62,8 @@ def test_a_law_without_effect_alone_has_no_score_by_the_reference_model() -> Non
     step = simulate(THESIS, Step(start=0.02), duration=0.08, noise=0.05)
     result = near_the_truth(Recording({name: step[name] for name in ("time_s", "command_rad", "current_A")}))
     feedforward = [law for law in HIDDEN if law.name == "feedforward"]
-    assert answered_scores(result, feedforward, seed=0) == {}
+    answers = Answers.of(result, feedforward, seed=0)
+    assert answers.scores(answers.jacobian) == {}
 
 
 @pytest.mark.parametrize("value", [0.01, -0.01])

@@ -10,6 +10,7 @@ remaining residual is no larger than noise and switching, but it has the directi
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from emaphm.estimation.uncertainty.local_covariance import (
     RESPONSE_STEP,
     by_reference,
     jacobians_of,
+    moves_slowly,
     reference_response,
 )
 from emaphm.estimation.uncertainty.partial_regression import answered_sizes, regressed
@@ -147,9 +149,10 @@ class Score:
 def suspected_laws(result: SearchResult, seed: int) -> dict[str, Score]:
     """Return the scores of the hidden laws that are significant at an estimate without them.
 
-    The scores are computed by the derivatives of the fitted model; significant laws must also be significant
-    by the derivatives of the reference model, because in slow motions these differ by factors, and an error
-    of the estimate then appears as a law.
+    The scores are computed by the derivatives of the fitted model. Significant laws must also be significant
+    by the reference model's derivatives by the law, and then by all derivatives of the reference model. In
+    slow motions the derivatives of the two models differ by factors, and an error of the estimate appears as
+    a law: the test by the law's derivatives alone is omitted there.
 
     No law is suspected of a unit whose model error was learned: its residuals may have the direction of a
     law.
@@ -157,10 +160,17 @@ def suspected_laws(result: SearchResult, seed: int) -> dict[str, Score]:
     scores = hidden_scores(result, seed)
     suspected = [law for law in HIDDEN if law.name in scores and _is_determined(law, scores[law.name])]
     suspected = [law for law in suspected if _is_suspected(law, scores[law.name])]
-    if suspected and has_reference(result.objective.problem):
-        scores = answered_scores(result, suspected, seed)
-        suspected = [law for law in suspected if law.name in scores and _is_suspected(law, scores[law.name])]
-    return {law.name: scores[law.name] for law in suspected}
+    if not (suspected and has_reference(result.objective.problem)):
+        return {law.name: scores[law.name] for law in suspected}
+    answers = Answers.of(result, suspected, seed)
+    if not moves_slowly(result.objective.problem):
+        suspected = answers.suspected(suspected, answers.jacobian)
+    if not suspected:
+        return {}
+    response = reference_response(result, stream(seed, "Jacobians of the response"))
+    assert response is not None  # noqa: S101 - computed only where there is a reference model
+    scores = answers.scores(response)
+    return {law.name: scores[law.name] for law in answers.suspected(suspected, response)}
 
 
 def _is_determined(law: HiddenLaw, score: Score) -> bool:
@@ -195,25 +205,57 @@ def hidden_scores(result: SearchResult, seed: int) -> dict[str, Score]:
     return scores
 
 
-def answered_scores(result: SearchResult, laws: Sequence[HiddenLaw], seed: int) -> dict[str, Score]:
-    """Return the scores of hidden `laws` by the responses of the reference model (`answered_sizes`).
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """Derivatives of both models by suspected laws at `result`, for `answered_sizes`.
 
-    A law with a parameter that has no effect on the fitted model has no score. An example is a feedforward of
-    a stepped command: only a lag of the command, with which `hidden_scores` derives, gives it an effect.
+    `jacobian` (d, channel rows) is the fitted model's by the estimated coordinates; `fitted` and `answered`
+    are the derivatives (p, channel rows) of the fitted and of the reference model by each law. `errors` are
+    those of the switching, from `switching_errors`.
     """
-    response = reference_response(result, stream(seed, "Jacobians of the response"))
-    assert response is not None  # noqa: S101 - computed only where there is a reference model
-    scatter = stream(seed, "responses to the hidden laws").normal(
-        0.0, RESPONSE_STEP, (RESPONSE_REPLICATES, result.point.size)
-    )
-    fitted, answered = _derivatives(result, laws), _derivatives(result, laws, scatter)
-    mean = jacobians_of(result, stream(seed, "Jacobians of the hidden laws")).mean(axis=0)
-    errors = switching_errors(result, stream(seed, "switching of the hidden laws"))
-    return {
-        name: Score(*answered_sizes(result, (mean, fitted[name]), (response, answered[name]), errors))
-        for name in fitted
-        if np.all(np.any(fitted[name], axis=1))
-    }
+
+    result: SearchResult
+    jacobian: Array
+    fitted: dict[str, Array]
+    answered: dict[str, Array]
+    errors: Array | None
+
+    @classmethod
+    def of(cls, result: SearchResult, laws: Sequence[HiddenLaw], seed: int) -> Self:
+        """Return the derivatives by `laws`; each of their parameters takes 32 runs of the reference model."""
+        scatter = stream(seed, "responses to the hidden laws").normal(
+            0.0, RESPONSE_STEP, (RESPONSE_REPLICATES, result.point.size)
+        )
+        jacobians = jacobians_of(result, stream(seed, "Jacobians of the hidden laws"))
+        return cls(
+            result,
+            jacobians.mean(axis=0),
+            _derivatives(result, laws),
+            _derivatives(result, laws, scatter),
+            switching_errors(result, stream(seed, "switching of the hidden laws")),
+        )
+
+    def suspected(self, laws: Sequence[HiddenLaw], response: Array) -> list[HiddenLaw]:
+        """Return which of `laws` are suspected by their `scores`."""
+        scores = self.scores(response)
+        return [law for law in laws if law.name in scores and _is_suspected(law, scores[law.name])]
+
+    def scores(self, response: Array) -> dict[str, Score]:
+        """Return the scores of the laws if the recording has the derivatives `response` (d, channel rows).
+
+        A law with a parameter that has no effect on the fitted model has no score. An example is a
+        feedforward of a stepped command: only a lag of the command, with which `hidden_scores` derives, gives
+        it an effect.
+        """
+        return {
+            name: Score(
+                *answered_sizes(
+                    self.result, (self.jacobian, fitted), (response, self.answered[name]), self.errors
+                )
+            )
+            for name, fitted in self.fitted.items()
+            if np.all(np.any(fitted, axis=1))
+        }
 
 
 def _derivatives(
