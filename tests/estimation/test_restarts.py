@@ -93,3 +93,16 @@ def test_an_ensemble_refines_results_with_heavy_currents(
     monkeypatch.setattr(restarts, "refine_by_reference", lambda best, _: best)
     result = restarts.search_with_restarts(objective, SETTINGS, None)
     np.testing.assert_array_equal(result.point, ends[ended].point)
+
+
+@pytest.mark.parametrize("converged", [True, False])
+def test_iterations_follow_steps_that_have_not_converged(
+    converged: bool, ends: dict[str, SearchResult], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    objective = ends["truth"].objective
+    steps = replace(ends["off"] if not converged else ends["truth"], converged=converged)
+    monkeypatch.setattr(restarts, "correct_by_steps", lambda *_: steps)
+    monkeypatch.setattr(restarts, "correct_bias", lambda *_, **__: replace(ends["truth"], converged=True))
+    result = restarts.search_with_restarts(objective, SETTINGS, None, starts=ends["off"].point[np.newaxis])
+    np.testing.assert_array_equal(result.point, ends["truth"].point)
+    assert result.started
