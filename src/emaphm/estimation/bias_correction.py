@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from emaphm.arrays import Array
-from emaphm.estimation.correction_iterations import BIAS_CORRECTION, BiasCorrectionSettings, iterate, never
+from emaphm.estimation.correction_iterations import BIAS_CORRECTION, iterate, never
 from emaphm.estimation.discrepancy import discrepancies, has_reference, reference_problem, with_all_phases
 from emaphm.estimation.finite_differences import replicated_jacobians
 from emaphm.estimation.global_search.multistart import LOCAL_SEARCH, local_search
@@ -43,7 +43,6 @@ def correct_bias(
     max_corrections: int,
     seed: int,
     on_progress: Progress | None = None,
-    settings: BiasCorrectionSettings = BIAS_CORRECTION,
     *,
     is_hopeless: Callable[[SearchResult], bool] = never,
 ) -> SearchResult:
@@ -60,9 +59,7 @@ def correct_bias(
     def outcomes_of(current: SearchResult, iteration: int, idle: int) -> list[SearchResult]:
         nonlocal jacobians
         correction = current.outputs_correction
-        candidates, jacobians = _candidates(
-            current, correction, jacobians if idle else None, iteration, seed, settings
-        )
+        candidates, jacobians = _candidates(current, correction, jacobians if idle else None, iteration, seed)
         rng = stream(seed, "reference runs", iteration)
         return compared(current.objective, candidates, reference, rng, correction)
 
@@ -73,10 +70,10 @@ def correct_bias(
         reference = with_all_phases(reference)
         rng = stream(seed, "reference runs", "start")
         (best,) = compared(resting, best.point[np.newaxis], reference, rng)
-    end = iterate(best, outcomes_of, max_corrections, settings, on_progress, is_hopeless)
+    end = iterate(best, outcomes_of, max_corrections, on_progress, is_hopeless)
     if on_progress:
         on_progress(1.0)
-    return _mean(replace(end.estimate, converged=end.converged), end.equal, settings)
+    return _mean(replace(end.estimate, converged=end.converged), end.equal)
 
 
 def with_discrepancy(result: SearchResult, seed: int) -> SearchResult:
@@ -136,7 +133,6 @@ def _candidates(
     before: _Jacobians | None,
     iteration: int,
     seed: int,
-    settings: BiasCorrectionSettings,
 ) -> tuple[Array, _Jacobians]:
     """Return candidates (n, d) under the current `correction`, and the Jacobians of the proposed steps.
 
@@ -145,21 +141,21 @@ def _candidates(
     the misfit; the candidates are therefore shares of the step.
     """
     objective, space = current.objective, current.objective.space
-    descents = LOCAL_SEARCH.descents if before is None else settings.further_descents
+    descents = LOCAL_SEARCH.descents if before is None else BIAS_CORRECTION.further_descents
     rng = stream(seed, "local search", iteration)
     point = local_search(objective, current.point, correction, rng, descents).best
     jacobians = replicated_jacobians(
         objective.outputs,
         point,
         space,
-        settings.jacobian_step,
-        settings.replicates if before is None else settings.further_replicates,
+        BIAS_CORRECTION.jacobian_step,
+        BIAS_CORRECTION.replicates if before is None else BIAS_CORRECTION.further_replicates,
         stream(seed, "Jacobians of the correction", iteration),
     )
     if before is not None:
         jacobians = np.concatenate([objective.rescaled(before.values, before.objective), jacobians])
     step = gauss_newton(objective, point, objective.residual(point, correction), jacobians)
-    return space.project(point + settings.steps_along(step)), _Jacobians(objective, jacobians)
+    return space.project(point + BIAS_CORRECTION.steps_along(step)), _Jacobians(objective, jacobians)
 
 
 def gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobians: Array) -> Array:
@@ -178,9 +174,7 @@ def gauss_newton(objective: MapObjective, point: Array, residual: Array, jacobia
     return bounded_step(normal, gradient, point, space)
 
 
-def _mean(
-    current: SearchResult, equal: Sequence[SearchResult], settings: BiasCorrectionSettings
-) -> SearchResult:
+def _mean(current: SearchResult, equal: Sequence[SearchResult]) -> SearchResult:
     """Return the mean of the estimates of `equal` misfit, if its own misfit is also equal.
 
     The covariance of these estimates is the scatter of the optimiser's end point.
@@ -200,6 +194,6 @@ def _mean(
         discrepancy=replace(current.discrepancy, mean=np.mean([term.mean for term in known], axis=0)),
         scatter=scatter / len(equal),
     )
-    if mean.misfit <= settings.equal_misfits * current.misfit:
+    if mean.misfit <= BIAS_CORRECTION.equal_misfits * current.misfit:
         return mean
     return replace(current, scatter=scatter)

@@ -34,11 +34,15 @@ class BiasCorrectionSettings:
 
     def steps_along(self, step: Array) -> Array:
         """Return the shares (n, d) of a Gauss-Newton `step` (d,), shortened to the longest length."""
-        shortened = step * min(1.0, self.longest_step / max(float(np.linalg.norm(step)), self.longest_step))
-        return np.asarray(np.array(self.step_shares)[:, np.newaxis] * shortened)
+        return np.asarray(np.array(self.step_shares)[:, np.newaxis] * shortened(step, self.longest_step))
 
 
 BIAS_CORRECTION = BiasCorrectionSettings()
+
+
+def shortened(step: Array, longest: float) -> Array:
+    """Return a `step` (d,) in its direction, with a length of `longest` at most."""
+    return np.asarray(step * (longest / max(float(np.linalg.norm(step)), longest)))
 
 
 def never(_: object) -> bool:
@@ -75,7 +79,6 @@ def iterate(
     estimate: EstimateT,
     outcomes_of: Callable[[EstimateT, int, int], Sequence[EstimateT]],
     max_corrections: int,
-    settings: BiasCorrectionSettings,
     on_progress: Progress | None,
     is_hopeless: Callable[[EstimateT], bool] = never,
 ) -> Iterated[EstimateT]:
@@ -99,12 +102,12 @@ def iterate(
         estimate = estimate.reweighted()
         outcomes = outcomes_of(estimate, iteration, idle)
         misfits = np.array([outcome.misfit for outcome in outcomes])
-        farthest = int(np.flatnonzero(misfits <= settings.equal_misfits * misfits.min())[-1])
-        idle = 0 if misfits[farthest] < settings.progress * estimate.misfit else idle + 1
-        if misfits[farthest] <= settings.equal_misfits * estimate.misfit:
+        farthest = int(np.flatnonzero(misfits <= BIAS_CORRECTION.equal_misfits * misfits.min())[-1])
+        idle = 0 if misfits[farthest] < BIAS_CORRECTION.progress * estimate.misfit else idle + 1
+        if misfits[farthest] <= BIAS_CORRECTION.equal_misfits * estimate.misfit:
             estimate = outcomes[farthest]
             equal = (*equal, estimate) if idle else ()
-        if idle == settings.patience:
+        if idle == BIAS_CORRECTION.patience:
             return Iterated(estimate, equal, converged=True)
         if idle and is_hopeless(estimate):
             break

@@ -110,7 +110,7 @@ def corrected_estimate(
 
     joint = _with_rests(joint, point, seed)
     (start,) = compared(joint, point[np.newaxis], seed, "start")
-    end = iterate(start, outcomes_of, max_corrections, BIAS_CORRECTION, on_progress)
+    end = iterate(start, outcomes_of, max_corrections, on_progress)
     return _mean(end.estimate, end.equal)
 
 

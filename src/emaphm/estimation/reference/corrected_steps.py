@@ -14,6 +14,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.estimation.bias_correction import compared, gauss_newton
+from emaphm.estimation.correction_iterations import shortened
 from emaphm.estimation.discrepancy import reference_problem
 from emaphm.estimation.objective import MapObjective
 from emaphm.estimation.search_result import SearchResult
@@ -37,29 +38,23 @@ class CorrectedStepSettings:
 CORRECTED_STEPS = CorrectedStepSettings()
 
 
-def correct_by_steps(
-    objective: MapObjective,
-    point: Array,
-    most: int,
-    seed: int,
-    settings: CorrectedStepSettings = CORRECTED_STEPS,
-) -> SearchResult:
+def correct_by_steps(objective: MapObjective, point: Array, most: int, seed: int) -> SearchResult:
     """Return the estimate after corrected steps from `point` (d,), at most `most`, until a step is short.
 
     Its discrepancy and its Jacobians are those of the last comparison, one step away. It has converged if
     that step is short.
     """
     reference = reference_problem(objective)
-    for number in range(min(most, settings.most)):
+    for number in range(min(most, CORRECTED_STEPS.most)):
         rng = stream(seed, "reference runs of a corrected step", number)
         (comparison,) = compared(objective, point[np.newaxis], reference, rng)
         comparison = comparison.reweighted()
         objective = comparison.objective
         jacobians = jacobians_at(objective, point, stream(seed, "Jacobians of a corrected step", number))
         step = gauss_newton(objective, point, comparison.residual, jacobians)
-        step *= settings.longest / max(float(np.linalg.norm(step)), settings.longest)
+        step = shortened(step, CORRECTED_STEPS.longest)
         point = objective.space.project(point + step)
-        converged = bool(np.linalg.norm(step) <= settings.short)
+        converged = bool(np.linalg.norm(step) <= CORRECTED_STEPS.short)
         if converged:
             break
     correction = comparison.outputs_correction
