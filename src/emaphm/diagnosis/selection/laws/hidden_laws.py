@@ -8,7 +8,7 @@ remaining residual is no larger than noise and switching, but it has the directi
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -158,19 +158,23 @@ def suspected_laws(result: SearchResult, seed: int) -> dict[str, Score]:
     law.
     """
     scores = hidden_scores(result, seed)
-    suspected = [law for law in HIDDEN if law.name in scores and _is_determined(law, scores[law.name])]
-    suspected = [law for law in suspected if _is_suspected(law, scores[law.name])]
-    if not (suspected and has_reference(result.objective.problem)):
-        return {law.name: scores[law.name] for law in suspected}
-    answers = Answers.of(result, suspected, seed)
-    if not moves_slowly(result.objective.problem):
-        suspected = answers.suspected(suspected, answers.jacobian)
-    if not suspected:
-        return {}
-    response = reference_response(result, stream(seed, "Jacobians of the response"))
-    assert response is not None  # noqa: S101 - computed only where there is a reference model
-    scores = answers.scores(response)
-    return {law.name: scores[law.name] for law in answers.suspected(suspected, response)}
+    determined = [law for law in HIDDEN if law.name in scores and _is_determined(law, scores[law.name])]
+    suspected = _suspected(determined, scores)
+    if suspected and has_reference(result.objective.problem):
+        answers = Answers.of(result, suspected, seed)
+        if not moves_slowly(result.objective.problem):
+            suspected = _suspected(suspected, answers.scores(answers.jacobian))
+        if suspected:
+            response = reference_response(result, stream(seed, "Jacobians of the response"))
+            assert response is not None  # noqa: S101 - computed only where there is a reference model
+            scores = answers.scores(response)
+            suspected = _suspected(suspected, scores)
+    return {law.name: scores[law.name] for law in suspected}
+
+
+def _suspected(laws: Sequence[HiddenLaw], scores: Mapping[str, Score]) -> list[HiddenLaw]:
+    """Return which of `laws` are suspected by their `scores`; a law without a score is not."""
+    return [law for law in laws if law.name in scores and _is_suspected(law, scores[law.name])]
 
 
 def _is_determined(law: HiddenLaw, score: Score) -> bool:
@@ -234,11 +238,6 @@ class Answers:
             _derivatives(result, laws, scatter),
             switching_errors(result, stream(seed, "switching of the hidden laws")),
         )
-
-    def suspected(self, laws: Sequence[HiddenLaw], response: Array) -> list[HiddenLaw]:
-        """Return which of `laws` are suspected by their `scores`."""
-        scores = self.scores(response)
-        return [law for law in laws if law.name in scores and _is_suspected(law, scores[law.name])]
 
     def scores(self, response: Array) -> dict[str, Score]:
         """Return the scores of the laws if the recording has the derivatives `response` (d, channel rows).
