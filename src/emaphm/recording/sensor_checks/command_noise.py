@@ -67,18 +67,17 @@ def smoothed_command(recording: Recording, actuator: Actuator) -> tuple[Array, S
     None if it has no such noise, or too little to matter.
     """
     gain = _current_per_command(recording, actuator)
-    command = recording[COMMAND]
-    noise = robust_noise_level(command, COMMAND_NOISE.order)
-    if CURRENT not in recording or gain is None or noise == 0:
+    if CURRENT not in recording or gain is None:
         return None
-    current = recording[CURRENT]
+    command, current = recording[COMMAND], recording[CURRENT]
+    noise = robust_noise_level(command, COMMAND_NOISE.order)
     ratio = noise / max(robust_noise_level(command, COMMAND_NOISE.higher), np.finfo(float).tiny)
     is_white = 1 / COMMAND_NOISE.white < ratio < COMMAND_NOISE.white
     least = COMMAND_NOISE.effect * robust_noise_level(current, COMMAND_NOISE.order)
-    pieces = list(_pieces_without_jumps(recording))
-    if not is_white or gain * noise < least or not pieces:
+    if noise == 0 or not is_white or gain * noise < least:
         return None
-    if _followed_share(command, current, pieces, gain) > COMMAND_NOISE.followed:
+    pieces = list(_pieces_without_jumps(recording))
+    if not pieces or _followed_share(command, current, pieces, gain) > COMMAND_NOISE.followed:
         return None
     values = command.copy()
     for piece in pieces:
