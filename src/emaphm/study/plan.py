@@ -193,9 +193,8 @@ class Plan(Section):
             )
         values = read_toml(path, "plan file", StudyError)
         actuator = values.get("actuator")
-        if isinstance(actuator, str) and is_file(
-            path.parent / actuator, StudyError
-        ):  # preferred: next to the plan
+        # A description next to the plan is preferred.
+        if isinstance(actuator, str) and is_file(path.parent / actuator, StudyError):
             values["actuator"] = str(path.parent / actuator)
         return cls._of(values, str(path))
 
