@@ -25,7 +25,7 @@ from emaphm.prognosis.notes.stress import stress_notes
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.prognose import rul_forecasts
 from emaphm.prognosis.settings import FilterSettings
-from emaphm.prognosis.stress import ageing_ahead, exposure, reference_weight
+from emaphm.prognosis.stress import ageing_ahead, exposure
 
 WORN = Actuator.thesis().model_copy(
     update={"requirements": (Requirement(component="friction", at_most=0.6),)}
@@ -127,32 +127,6 @@ def test_a_mean_over_few_intervals_is_shrunk_towards_the_reference() -> None:
     # The weight of six intervals leaves a quarter of the mean.
     assert ahead(6.0) == pytest.approx(2 ** (-2 * 0.75 * 1.5) * (2**2 + 4**2) / 2)
     assert ahead(6.0, Stress(load=3.0)) == pytest.approx(3**2)
-
-
-def test_the_weight_of_the_reference_is_the_ratio_of_variances_in_and_between_units() -> None:
-    random, reference, fleet = np.random.default_rng(4), StressReference(load=1.0, temperature=290.0), []
-    for _ in range(300):
-        loads = np.exp(0.1 * random.standard_normal() + 0.2 * random.standard_normal(12))
-        pieces = [
-            StressPiece(10.0 * i, 10.0 * (i + 1), Stress(x, 290 + random.standard_normal()))
-            for i, x in enumerate(loads.tolist())
-        ]
-        fleet.append(pieces)
-    load, temperature, cycles = reference_weight(fleet, reference)
-    assert load == pytest.approx(0.2**2 / 0.1**2, rel=0.3)
-    # All units have the same mean temperature; no cycles were recorded.
-    assert temperature > 20
-    assert cycles == 0
-    assert reference_weight(fleet[:4], reference) == (0, 0, 0)
-
-
-@pytest.mark.parametrize("count", [7, 10, 13])
-def test_a_stress_that_never_changes_is_not_shrunk_by_rounding_errors(count: int) -> None:
-    constant = Stress(load=123.4, temperature=293.15)
-    fleet = [
-        [StressPiece(100.0 * i, 100.0 * (i + 1), constant) for i in range(count + k % 3)] for k in range(8)
-    ]
-    assert reference_weight(fleet, StressReference(load=120.0, temperature=293.0)) == (0, 0, 0)
 
 
 @pytest.mark.usefixtures("few_steps")

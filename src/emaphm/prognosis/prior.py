@@ -14,6 +14,7 @@ from emaphm.arrays import Array
 from emaphm.prognosis.bounds import COORDINATES
 from emaphm.prognosis.columns import ECCENTRICITY
 from emaphm.prognosis.from_fleet.fleet_pace import FleetPaceModel
+from emaphm.prognosis.from_fleet.missions import UNKNOWN, Missions
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.reference_trajectories import ReferenceTrajectories
 from emaphm.prognosis.laws import AnyArray, Mask, Numbers, in_common, rate_scale
@@ -26,7 +27,7 @@ from emaphm.prognosis.settings import (
     POWER_LAW,
     DegradationSettings,
 )
-from emaphm.prognosis.stress import NO_FLIGHTS, STRESSES, StressReference
+from emaphm.prognosis.stress import STRESSES, StressReference
 
 NEW = to_cartesian(HEALTHY.vector)
 """Levels of a healthy unit, shape (8,), in the order of `CARTESIAN_NAMES`."""
@@ -84,7 +85,7 @@ class Prior:
     shape (k, 8); otherwise it is drawn from the settings, because a fleet of few units covers few courses of
     degradation. A share of the fleet's hypotheses are the `trajectories` of its units. `reference` is the
     stress to which hours and rates refer; if it is None, no stress was recorded and hours are not converted.
-    `reference_weight` is its weight in the future stress of a unit, in recorded intervals.
+    `missions` is the variation of the stress between units and intervals.
     `recalibration` contains the errors of predictions of the fleet's own failures, `fleet_pace` the pace of
     its units, `units` the number of units used for any of these. `least_friction` is the lower bound of the
     actuator's friction.
@@ -95,7 +96,7 @@ class Prior:
     fleet_share: float = 0.0
     units: int = 0
     reference: StressReference | None = None
-    reference_weight: tuple[float, ...] = NO_FLIGHTS
+    missions: Missions = UNKNOWN
     trajectories: ReferenceTrajectories | None = None
     recalibration: Recalibration | None = None
     fleet_pace: FleetPaceModel | None = None

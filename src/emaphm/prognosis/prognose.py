@@ -290,5 +290,5 @@ def pace_ahead(state: UnitDraws, belief: Belief, evidence: Evidence, ahead: Stre
     """
     prior, stresses = belief.prior, evidence.stresses
     return ageing_ahead(
-        stresses, prior.reference, belief.hours, state.exponents, ahead, prior.reference_weight
+        stresses, prior.reference, belief.hours, state.exponents, ahead, prior.missions.reference_weight
     )

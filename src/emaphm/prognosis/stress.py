@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from emaphm.actuator.quantity import COLDEST, HOTTEST
 from emaphm.arrays import Array
@@ -29,14 +30,6 @@ TEN_KELVINS = 10.0
 
 NO_FLIGHTS = (0.0, 0.0, 0.0)
 """Weight of the reference in a unit's future stress without a fleet."""
-
-FEWEST_UNITS, MOST_FLIGHTS = 5, 100.0
-"""Least number of units from which the differences between missions are estimated, and the largest weight of
-the reference, in intervals."""
-
-LEAST_VARIANCE = 1e-12
-"""Variance of a covariate between the intervals of a unit below which it is constant: the rest is rounding
-error."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +137,10 @@ class StressReference:
                 clauses.append(f"{name} is taken as {factor:g} × {reference:.3g}")
         return clauses
 
+    def stated(self, stress: Stress) -> NDArray[np.bool_]:
+        """Return which covariates `stress` gives and the reference contains, shape (3,)."""
+        return np.array([None not in pair for pair in zip(stress.values, self.values, strict=True)])
+
     def covariates(self, stress: Stress) -> Array:
         """Return ln(L / L_0), (θ - θ_0) / 10 K and ln(c / c_0), shape (3,)."""
         result = np.zeros(len(STRESSES))
@@ -163,6 +160,11 @@ class Exposure(NamedTuple):
 
     hours: Array
     covariates: Array
+
+    @property
+    def mean(self) -> Array:
+        """Mean covariates, (3,)."""
+        return np.asarray(self.hours @ self.covariates / self.hours.sum())
 
     def aged(self, exponents: Array) -> Array:
         """Return the hours [h] of ageing (…) for exponents β (…, 3) of components: Σ h exp(β·z)."""
@@ -215,48 +217,24 @@ def ageing_ahead(
 
     A covariate continues as in the past if `ahead` leaves it out, or if it was never recorded. Its mean over
     n recorded intervals is shrunk towards the reference by w = k / (n + k), where k is its
-    `weight_of_reference` in intervals (`reference_weight`): a few intervals determine a mission badly.
+    `weight_of_reference` in intervals (`Missions`): a few intervals determine a mission badly.
     """
     if reference is None:
         return 1.0
     flown = exposure(pieces, reference, 0.0, hours) if hours > 0 else AT_REFERENCE
     weight = np.array(weight_of_reference)
-    share = weight / np.maximum(sum(piece.start < hours for piece in pieces) + weight, 1e-9)
-    mean = flown.hours @ flown.covariates / flown.hours.sum()
-    flown = Exposure(flown.hours, flown.covariates - share * mean)
+    share = weight / np.maximum(intervals_before(pieces, hours) + weight, 1e-9)
+    flown = Exposure(flown.hours, flown.covariates - share * flown.mean)
     if ahead is not None:
-        stated = [None not in pair for pair in zip(ahead.values, reference.values, strict=True)]
-        flown = Exposure(flown.hours, np.where(stated, reference.covariates(ahead), flown.covariates))
+        flown = Exposure(
+            flown.hours, np.where(reference.stated(ahead), reference.covariates(ahead), flown.covariates)
+        )
     return np.asarray(flown.aged(exponents) / flown.hours.sum())
 
 
-def reference_weight(units: Sequence[Sequence[StressPiece]], reference: StressReference) -> tuple[float, ...]:
-    """Return the numbers of intervals as which the reference counts in the mean stress of a unit, (3,).
-
-    They are the ratios of the variance between the intervals of a unit to that between the means of units,
-    by analysis of variance, with one digit. With this weight, the mean of a unit's intervals becomes the best
-    linear prediction of its mission. The weight is 0 with fewer than five units of two recorded intervals.
-    """
-    recorded = [[(one.stress.values, reference.covariates(one.stress)) for one in pieces] for pieces in units]
-    return tuple(
-        _reference_weight(
-            [np.array([z[i] for values, z in pieces if values[i] is not None]) for pieces in recorded]
-        )
-        for i in range(len(STRESSES))
-    )
-
-
-def _reference_weight(units: Sequence[Array]) -> float:
-    """Return the weight for one covariate, from its values in the recorded intervals (n,) of each unit."""
-    several = [values for values in units if values.size > 1]
-    if len(several) < FEWEST_UNITS:
-        return 0.0
-    counts = np.array([values.size for values in several])
-    within = sum(values.size * values.var() for values in several) / (counts - 1).sum()
-    if within <= LEAST_VARIANCE:
-        return 0.0
-    between = np.var([values.mean() for values in several], ddof=1) - within * np.mean(1 / counts)
-    return float(f"{within / max(between, within / MOST_FLIGHTS):.1g}")
+def intervals_before(pieces: Sequence[StressPiece], hours: float) -> int:
+    """Return the number of recorded intervals that began before flight `hours` [h]."""
+    return sum(piece.start < hours for piece in pieces)
 
 
 def stress_dict(reference: StressReference | None, ahead: Stress | None) -> dict[str, Any]:

@@ -15,10 +15,11 @@ from emaphm.prognosis.from_fleet.learning import (
     hypotheses_of_unit,
     with_fleet_pace,
 )
+from emaphm.prognosis.from_fleet.missions import Missions
 from emaphm.prognosis.from_fleet.recalibration import Recalibration
 from emaphm.prognosis.from_fleet.record import record_of
 from emaphm.prognosis.prior import Prior
-from emaphm.prognosis.stress import StressReference, reference_weight
+from emaphm.prognosis.stress import StressReference
 
 if TYPE_CHECKING:
     from emaphm.actuator import Actuator
@@ -94,7 +95,7 @@ class Fleet:
         if reference is None:
             return Prior()
         rounded = reference.rounded()
-        return Prior(reference=rounded, reference_weight=reference_weight(stresses, rounded))
+        return Prior(reference=rounded, missions=Missions.of(stresses, rounded))
 
     def prior_of(self, unit: str, actuator: "Actuator | None" = None) -> Prior:
         """Return the prior of a unit from the other units; the general prior if none of them is usable.
@@ -137,7 +138,7 @@ class Fleet:
             return fleet_mixture([*parts[:i], *parts[i + 1 :]], self.general, self.seed)
 
         general = self.general
-        about = general.settings, general.reference, general.reference_weight
+        about = general.settings, general.reference, general.missions.reference_weight
         record = record_of(failed, by_others, about, actuator, self.seed)
         return None if record is None else replace(record, failed_share=len(failed) / len(self._usable))
 

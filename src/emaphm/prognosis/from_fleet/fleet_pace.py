@@ -13,10 +13,11 @@ from emaphm.memory import Memory
 from emaphm.prognosis.columns import columns_of, level_of
 from emaphm.prognosis.evidence import Evidence, Observation
 from emaphm.prognosis.from_fleet.fingerprint import fingerprint
+from emaphm.prognosis.from_fleet.missions import UNKNOWN, FutureStress, Missions
 from emaphm.prognosis.from_fleet.pace_population import PopulationDraws, sampled_population
 from emaphm.prognosis.from_fleet.passages import Passages, least_hours
 from emaphm.prognosis.requirements.margins import Limit
-from emaphm.prognosis.stress import NO_FLIGHTS, Stress, StressReference, ageing_ahead, exposure
+from emaphm.prognosis.stress import Stress, StressReference, exposure
 from emaphm.random_streams import stream
 
 
@@ -73,14 +74,14 @@ class FleetPaceModel:
     """Pace of `units` towards limits, from their diagnoses; `new` is the level of a new unit, (8,).
 
     The consumed share of a margin is 0 at the level of a new unit and 1 at the limit. Hours are those at the
-    stress `reference`, with `exponents` (8, 3) for each component; `reference_weight` is as in `Prior`.
+    stress `reference`, with `exponents` (8, 3) for each component; `missions` is as in `Prior`.
     """
 
     units: Sequence[Evidence]
     new: Array
     reference: StressReference | None
     exponents: Array
-    reference_weight: tuple[float, ...] = NO_FLIGHTS
+    missions: Missions = UNKNOWN
 
     @cached_property
     def shown_share(self) -> float:
@@ -179,10 +180,11 @@ class FleetPaceModel:
         """Return the hours of ageing [h] from `new_at`, when the component was new, to flight `hours`."""
         return float(exposure(unit.stresses, self.reference, new_at, hours).aged(self.exponents[column]))
 
-    def ageing_rate(self, unit: Evidence, column: int, hours: float, ahead: Stress | None) -> float:
-        """Return the hours of ageing per future flight hour: see `ageing_ahead`."""
-        exponents, weight = self.exponents[column], self.reference_weight
-        return float(ageing_ahead(unit.stresses, self.reference, hours, exponents, ahead, weight))
+    def stress_ahead(
+        self, unit: Evidence, hours: float, ahead: Stress | None, count: int, random: np.random.Generator
+    ) -> FutureStress:
+        """Return `count` draws of a unit's stress after flight `hours` [h]: see `FutureStress.drawn`."""
+        return FutureStress.drawn(self.missions, unit.stresses, self.reference, hours, ahead, count, random)
 
 
 def columns_of_limit(limit: Limit) -> list[int]:

@@ -86,6 +86,9 @@ def mixed_with_pace(
     # The name of the stream is kept, so that forecasts stay the same.
     random = stream(belief.seed, "fellows' pace", evidence.unit, belief.steps)
     chosen = _paths_by_pace(times, pace, random)
+    stress = pace.stress_ahead(
+        evidence, belief.hours, ahead, chosen.size, stream(belief.seed, "stress ahead", evidence.unit)
+    )
     hours = times.hours.copy()
     for i, (limit, life) in enumerate(zip(times.limits, lives, strict=True)):
         lives_ahead = population.passed_counts[i, int(life.passages.passed) :]
@@ -96,8 +99,7 @@ def mixed_with_pace(
         consumed = pace.consumed_share(limit, level[chosen])
         waiting = life.passages.waiting_until(life.age, least[i])
         ageing = remaining_hours(population, i, waiting, consumed, random)
-        rate = pace.ageing_rate(evidence, columns_of_limit(limit)[0], belief.hours, ahead)
-        hours[i, chosen] = ageing / rate
+        hours[i, chosen] = stress.flight_hours(ageing, pace.exponents[columns_of_limit(limit)[0]])
     for side in times.sides:
         rows = np.array(side)[:, np.newaxis]
         hours[rows, chosen] = _ordered_by_limit(hours[rows, chosen])

@@ -143,7 +143,7 @@ def with_fleet_pace(prior: Prior, followed: Sequence[str], others: Sequence[Evid
     """
     assert prior.fleet is not None  # noqa: S101 - it is a mixture
     exponents = prior.fleet.exponents.mean(axis=0)
-    model = FleetPaceModel(others, NEW, prior.reference, exponents, prior.reference_weight)
+    model = FleetPaceModel(others, NEW, prior.reference, exponents, prior.missions)
     return replace(prior, units=len({*followed, *(other.unit for other in others)}), fleet_pace=model)
 
 

@@ -68,7 +68,7 @@ class PacePopulationSettings:
     step_deviation: float = 0.15
     correlation_steps: float = 3.0
     first_step_deviation: float = 0.3
-    covariance_units: float = 12.0
+    covariance_units: float = 3.0
     mean_units: float = 0.5
     resting_deviation: float = 0.02
     sweeps: int = 150
