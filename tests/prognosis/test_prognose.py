@@ -99,6 +99,9 @@ def test_a_violated_requirement_leaves_no_remaining_life() -> None:
     assert prognosis.probability_of_failure == 1
     assert "violated already: friction at most 0.6" in prognosis.notes
     assert prognosis.advice.action == "replace before"
+    # The level that a requirement limits has one value and one interval in all parts of the answer.
+    required, level = prognosis.requirements()["friction at most 0.6"], prognosis.levels()["friction"]
+    assert (required["value"], required["interval90"]) == (level["median"], level["interval90"])
 
 
 def test_a_requirement_that_a_new_actuator_violates_is_refused() -> None:
