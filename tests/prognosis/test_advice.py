@@ -58,7 +58,11 @@ def test_the_reason_states_the_probability_of_a_violation_that_is_not_certain() 
     for failed, action, stated in (
         (960, "replace before", "a requirement is violated already"),
         (600, "replace before", "a requirement is violated already with a probability of 60 %"),
-        (300, "inspect by", "the risk exceeds 5 % now: a requirement is violated already with a probability of"),
+        (
+            300,
+            "inspect by",
+            "the risk exceeds 5 % now: a requirement is violated already with a probability of",
+        ),
     ):
         advised = advice(np.where(sample <= failed, 0.0, sample), 900.0, risk=0.05)
         assert (advised.action, advised.hours) == (action, 0.0)

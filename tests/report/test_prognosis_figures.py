@@ -95,7 +95,8 @@ def falling(now: float, flown: float = 800.0) -> Curves:
     forecast["friction"] = tuple((-0.16, end) for end in (-0.4, -0.35, -0.3, -0.25, -0.2))
     at = dict.fromkeys(COMPONENTS, 0.0)
     levels = tuple(
-        Seen(now - (1 - share) * flown, True, at | {"friction": -0.16 * share}, at) for share in (0.0, 0.5, 1.0)
+        Seen(now - (1 - share) * flown, True, at | {"friction": -0.16 * share}, at)
+        for share in (0.0, 0.5, 1.0)
     )
     hours = (now, now + 200.0)
     limits = (("friction", -0.3), ("friction", 0.5))

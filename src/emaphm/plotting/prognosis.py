@@ -48,7 +48,7 @@ SHORT = 10.0
 """RUL [h] down to which the axis is then logarithmic; below, down to 0, it is linear if needed."""
 
 MOST_VECTORS = 500
-"""Diagnoses above which their marks are pixels: as vectors, 5,000 diagnoses of seven components take 12 MB."""
+"""Diagnoses above which their marks are pixels: as vectors, those of 5,000 diagnoses take 12 MB."""
 
 LONGEST_NAME = 40
 

@@ -226,8 +226,8 @@ def _interpretation(
 
     Each of the three cases is drawn with its probability given the innovation, and the particle's likelihood
     is the sum over the cases: the optimal proposal of a particle filter [4]. An outlier adds the variance
-    `surprise`² to the diagnosis, a jump adds it to the level. After a jump, a changing level keeps its law and
-    rate with the probability `law_kept`; otherwise degradation starts as after a sudden onset.
+    `surprise`² to the diagnosis, a jump adds it to the level. After a jump, a changing level keeps its law
+    and rate with the probability `law_kept`; otherwise degradation starts as after a sudden onset.
     """
     total = belief.levels + covariance
     stated = _own_likelihood(innovation, total)
