@@ -220,6 +220,9 @@ def test_a_unit_is_replaced_now_only_if_a_diagnosis_shows_a_violation() -> None:
     assert blind.interval90[0] == blind.median == 0
     assert (blind.advice.action, blind.advice.hours) == ("inspect by", 0.0)
     assert "according to the prior alone" in blind.advice.reason
+    unexplained = observation(20_000.0, explained=False)
+    blind = prognose(Evidence("S1", "P1", 20_000.0, (unexplained,)), many)
+    assert "the forecast, from the prior alone, does not include" in blind.advice.reason
     # A violation that a diagnosis shows remains one until its component is replaced.
     worn = replace(wearing(4, start=0.6), hours=250.0)
     assert prognose(worn, WORN).advice.action == "replace before"

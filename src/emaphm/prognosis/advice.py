@@ -14,6 +14,9 @@ WIDE = 3.0
 """Ratio of the median RUL to the allowed hours above which the advice is an inspection and not a replacement:
 a replacement would waste most of the life because of the uncertainty alone."""
 
+PRIOR_ALONE = "the prior alone"
+"""Source of a forecast without an explained diagnosis, as text."""
+
 CERTAIN = 0.95
 """Probability from which on a violation is stated as a fact."""
 
@@ -183,7 +186,7 @@ def without_observed_violation(given: Advice, newest: float | None) -> Advice:
     is_now = given.action == "replace before" and given.hours == 0
     if not is_now or (given.risk >= CERTAIN and newest is not None):
         return given
-    source = "the prior alone" if newest is None else f"the forecast from the diagnosis of {newest:.9g} h"
+    source = PRIOR_ALONE if newest is None else f"the forecast from the diagnosis of {newest:.9g} h"
     return Advice(
         "inspect by",
         0.0,
@@ -193,7 +196,9 @@ def without_observed_violation(given: Advice, newest: float | None) -> Advice:
     )
 
 
-def without_new_diagnoses(given: Advice, unexplained: tuple[float, float], failed: float) -> Advice:
+def without_new_diagnoses(
+    given: Advice, unexplained: tuple[float, float], failed: float, *, source: str = "the earlier diagnoses"
+) -> Advice:
     """Return the advice for a unit whose newest recordings are not explained: inspect now.
 
     A forecast from older diagnoses does not include the cause that has changed the unit's recordings, so that
@@ -208,6 +213,8 @@ def without_new_diagnoses(given: Advice, unexplained: tuple[float, float], faile
         Flight hours [h] of the first and of the last recording that are not explained.
     failed
         The probability, according to the forecast, that the unit has already failed.
+    source
+        Where the forecast comes from, as text.
     """
     if given.action == "replace before" and given.hours == 0:
         return given
@@ -216,9 +223,9 @@ def without_new_diagnoses(given: Advice, unexplained: tuple[float, float], faile
     if first < last:
         recordings = f"recordings, of {first:.9g} h to {last:.9g} h, are"
     reason = (
-        f"the newest {recordings} not explained: the forecast, from the earlier diagnoses, does not include "
+        f"the newest {recordings} not explained: the forecast, from {source}, does not include "
         "what has changed; record again, and look for the cause if the new recording is not explained either"
     )
     if given.action == "replace before":
-        reason += f"; otherwise replace within {given.hours:,.0f} h, as the earlier diagnoses advise"
+        reason += f"; otherwise replace within {given.hours:,.0f} h, according to {source}"
     return Advice("inspect by", 0.0, failed, reason)

@@ -10,6 +10,7 @@ from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
 from emaphm.prognosis.advice import (
+    PRIOR_ALONE,
     Advice,
     Costs,
     advice,
@@ -192,8 +193,12 @@ def _advice(evidence: Evidence, rul: Array, question: Question, *, age: float, o
     given = advice(rul, question.horizon, risk=question.risk, age=age, costs=question.costs)
     if not observed:
         given = without_observed_violation(given, evidence.used[-1].hours if evidence.used else None)
-    newest = evidence.unexplained
-    return given if newest is None else without_new_diagnoses(given, newest, float(np.mean(rul == 0)))
+    newest, failed = evidence.unexplained, float(np.mean(rul == 0))
+    if newest is None:
+        return given
+    if not evidence.used:
+        return without_new_diagnoses(given, newest, failed, source=PRIOR_ALONE)
+    return without_new_diagnoses(given, newest, failed)
 
 
 def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:
